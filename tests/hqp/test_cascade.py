@@ -59,3 +59,18 @@ def test_a_final_cost_that_is_not_solved_is_not_called_optimal(monkeypatch, took
     assert now[0] >= took
     assert solution.status is status
     np.testing.assert_allclose(solution.x, [1.0, 0.0])
+
+
+@pytest.mark.parametrize("size", [1e-5, 1e-8, 1e-12])
+def test_rows_that_are_short_count_as_long_ones_do(size):
+    """As of a task in other units: its slack is below what a backend takes for none."""
+    cascade = CascadeSolver()
+    first = Level([[size, 0.0]], size, size)
+    solution = cascade.solve(HierarchicalProblem([first, Level(np.eye(2), 0.0, 0.0)]))
+    assert solution.status is SolveStatus.OPTIMAL
+    np.testing.assert_allclose(solution.x, [1.0, 0.0], atol=1e-8)
+    # Within a level against each other, too: x is 1 and 2 x is 0.
+    targets = [size, 0.0, 1.0]
+    mixed = Level([[size, 0.0], [2.0 * size, 0.0], [0.0, 1.0]], targets, targets)
+    solution = cascade.solve(HierarchicalProblem([mixed]))
+    np.testing.assert_allclose(solution.x, [0.2, 1.0], atol=1e-6)

@@ -124,6 +124,10 @@ class Reduction:
             self.fix(indices[equality])
 
 
+_SHORT = 1e-4
+"""A weighted row that is shorter is very short."""
+
+
 class CascadeSolver(KeepsSolution):
     """Solves level by level with any QP backend; nothing is kept from one solve to the next.
 
@@ -277,9 +281,17 @@ def _forced_rows(
 
 
 def _level_qp(space: Reduction, level: int, slop: float) -> QP:
-    """Set up a level's QP in (z, w), the slack in the user's weighted units."""
+    """Set up a level's QP in (z, w), the slack in the user's weighted units.
+
+    Where some row is very short in these the unit is its length: backends have absolute tolerances,
+    and would take its slack for none.
+    """
     indices = space.level_rows(level)
     weights = space.problem.weights[indices]
+    lengths = weights * space.norms[indices]
+    shortest = float(lengths.min(initial=1.0, where=lengths > 0.0))
+    if shortest < _SHORT:
+        weights = weights / shortest
     soft, held = space.rows(indices), space.held_rows(slop)
     d, k, h = space.freedom, len(indices), len(held.lower)
     A = np.zeros((k + h, d + k))
