@@ -107,10 +107,10 @@ def test_after_a_step_with_each_foot_the_cells_zeros_are_known(get_robot, robot_
         moment_noise=0.0,
     )
     plant = replace(TORQUE_TELEOP_PLANT, sensors=sensors)
-    up = [(0.1, 0.0), (0.5, 0.06), (1.1, 0.06), (1.5, -0.02)]
+    up = [(0.1, 0.0), (0.4, 0.06), (0.9, 0.06), (1.2, -0.02)]
     points = [WayPoint(at=at, left=(0.0, 0.0, z)) for at, z in up]
-    points += [WayPoint(at=2.0 + at, right=(0.0, 0.0, z)) for at, z in up]
-    run = run_teleop(robot, hands(*points), plant, duration=4.3, seed=4)
+    points += [WayPoint(at=1.7 + at, right=(0.0, 0.0, z)) for at, z in up]
+    run = run_teleop(robot, hands(*points), plant, duration=3.6, seed=4)
     assert not run.fell
     measured, true = run.plant.state(), run.plant.true_state()
     for sole, zero in run.teleoperator.estimator.tare.zeros.items():

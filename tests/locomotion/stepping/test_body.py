@@ -43,7 +43,7 @@ def yaw(rotation):
 @pytest.mark.parametrize("name", ["biped20", slow("g1")])
 def test_a_foot_is_turned_in_the_air_and_the_trunk_faces_as_the_feet_do(get_robot, name):
     robot = get_robot(name)
-    done = run(robot, BodySample(turns=(0.0, -0.4)), up_and_down(lift=0.3, lower=1.5), 3.4)
+    done = run(robot, BodySample(turns=(0.0, -0.4)), up_and_down(lift=0.1, lower=1.1), 2.8)
     assert not done.fell
     assert done.log.tilt.max() < 0.15
     assert len(done.log.entries(Mode.SL)) == 1

@@ -22,8 +22,8 @@ SEED = 21001
 def crossing(foot):
     """Lifts a foot, throws it far across the other one and puts it down there."""
     across = {"left": -0.4, "right": 0.4}[foot]
-    places = ((0.5, 0.0, 0.0), (0.6, 0.0, 0.03), (1.2, 0.0, 0.06), (1.4, across, 0.06),
-              (2.2, across, 0.06), (2.8, across, -0.04), (4.2, across, 0.0))  # fmt: skip
+    places = ((0.1, 0.0, 0.0), (0.2, 0.0, 0.03), (0.8, 0.0, 0.06), (1.0, across, 0.06),
+              (1.8, across, 0.06), (2.4, across, -0.04), (3.8, across, 0.0))  # fmt: skip
     return hands(*(WayPoint(at=at, **{foot: (0.0, y, z)}) for at, y, z in places))
 
 
@@ -55,12 +55,12 @@ def cross(touched, robot, foot):
     plant = replace(VELOCITY_TELEOP_PLANT.with_noise(), self_contact=True)
     # An attitude that is off by half a degree has feet where they are not taken to be.
     sensors = replace(plant.sensors, base_orientation_error=(0.0087, 0.0))
-    return touched(robot, crossing(foot), replace(plant, sensors=sensors), duration=4.5)
+    return touched(robot, crossing(foot), replace(plant, sensors=sensors), duration=3.4)
 
 
 def lead_badly(touched, robot):
     plant = changed_plant(robot, "velocity", SOLID, SEED)
-    return touched(robot, lambda t: BadOperator(t, SEED), plant, duration=4.0, seed=SEED)
+    return touched(robot, lambda t: BadOperator(t, SEED), plant, duration=3.2, seed=SEED)
 
 
 @pytest.mark.fast_cases(2)

@@ -9,13 +9,14 @@ from walker import hands, up_and_down, walk
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, VELOCITY_TELEOP_PLANT
 from poise.control import CommandStatus
 from poise.dynamics import RobotState
-from poise.locomotion import StepTeleoperator
+from poise.locomotion import Mode, StepTeleoperator
 from poise.sim import Plant, SensorConfig, rollout
 
 
 def test_soles_and_com_are_where_the_simulator_has_them(get_robot):
     robot = get_robot("biped20")
-    run = walk(robot, up_and_down(), 4.0)
+    run = walk(robot, up_and_down(lift=0.1, lower=1.0), 2.4)
+    assert run.log.when(Mode.SL).any()
     plant = run.plant
     soles = [plant.data.site(name).xpos for name in list(robot.soles)[:2]]
     estimated = run.teleoperator.status.soles
@@ -25,9 +26,9 @@ def test_soles_and_com_are_where_the_simulator_has_them(get_robot):
 
 
 def test_with_noise_the_estimate_drifts_by_millimetres(get_robot):
-    run = walk(
-        get_robot("biped20"), up_and_down(), 4.0, plant=VELOCITY_TELEOP_PLANT.with_noise(), seed=3
-    )
+    plant = VELOCITY_TELEOP_PLANT.with_noise()
+    run = walk(get_robot("biped20"), up_and_down(lift=0.1, lower=1.0), 2.4, plant=plant, seed=3)
+    assert run.log.when(Mode.SL).any()
     assert np.abs(run.plant.com - run.teleoperator.status.com).max() < 1e-2
 
 
@@ -40,7 +41,7 @@ def test_position_and_velocity_of_the_base_are_never_read(get_robot, garbage):
         teleoperator = StepTeleoperator(robot, actuation="velocity")
         teleoperator.device = hands(*up_and_down(lift=0.1))(teleoperator)
         controller = teleoperator.controller()
-        for _ in range(240):
+        for _ in range(160):
             state = plant.state()
             if spoil:
                 q, v = state.q.copy(), state.v.copy()
@@ -95,7 +96,8 @@ def test_a_state_that_cannot_be_used_is_passed_over_and_the_command_fades(get_ro
 
 def test_the_floor_may_slope_a_little(get_robot):
     plant = replace(VELOCITY_TELEOP_PLANT, floor_slope=(0.0, 0.01))
-    run = walk(get_robot("biped20"), up_and_down(), 4.0, plant=plant)
+    run = walk(get_robot("biped20"), up_and_down(lift=0.1, lower=1.0), 2.6, plant=plant)
+    assert run.log.when(Mode.SL).any()
     assert not run.fell
 
 
@@ -106,14 +108,14 @@ def test_late_sensors_are_made_up_for(get_robot):
         late = replace(TORQUE_TELEOP_PLANT, sensors=SensorConfig(delay=0.01))
         plant = Plant(robot, late)
         teleoperator = StepTeleoperator(robot, actuation="torque")
-        teleoperator.device = hands(*up_and_down(lift=0.2))(teleoperator)
+        teleoperator.device = hands(*up_and_down(lift=0.1))(teleoperator)
         estimator = teleoperator.estimator
         ticks = rollout(
             plant,
             teleoperator.controller(),
             teleoperator,
             estimator=estimator if told else estimator.update,
-            duration=1.6,
+            duration=1.0,
         )
         truth = [plant.true_state()]
         errors = []

@@ -178,9 +178,9 @@ def test_a_neck_stands_below_the_balance_of_a_walk(get_robot):
 @pytest.mark.parametrize(("name", "frame"), [("humanoid33", "head_link"), slow("g1", "torso")])
 def test_robots_look_there_and_the_run_replays(get_robot, name, frame, tmp_path):
     robot, path = get_robot(name), tmp_path / "gaze.teleop"
-    points = [WayPoint(at=0.2, head=(0.0, 0.0, 0.0)), WayPoint(at=0.7, head=(0.0, 0.0, 0.4))]
+    points = [WayPoint(at=0.1, head=(0.0, 0.0, 0.0)), WayPoint(at=0.4, head=(0.0, 0.0, 0.4))]
     plant = TORQUE_TELEOP_PLANT.with_noise()
-    run = run_teleop(robot, device_of(*points), plant, duration=1.6, seed=2, recording=path)
+    run = run_teleop(robot, device_of(*points), plant, duration=1.0, seed=2, recording=path)
     assert not run.fell
     assert run.teleoperator.status.gaze is HandStatus.LED
     dynamics = Dynamics(robot)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from walker import sample, up_and_down, walk
+from walker import hands, sample, up_and_down, walk
 
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
@@ -23,10 +23,16 @@ from poise.locomotion import (
     Mode,
     RecordingError,
     RecordingWriter,
+    StepTeleoperator,
     read_recording,
 )
 from poise.locomotion._stepping._recording_format import HEADER_BYTES, ROW
 from poise.sim import SensorConfig
+
+
+def device_of(robot, *points):
+    """A device by way-points, without a run."""
+    return hands(*points)(StepTeleoperator(robot, actuation="velocity"))
 
 
 def write(path, rows=3, robot="biped20", dt=0.005, close=True):
@@ -44,13 +50,13 @@ def write(path, rows=3, robot="biped20", dt=0.005, close=True):
 def test_a_recording_replays_bit_for_bit(get_robot, tmp_path, seed):
     robot, path = get_robot("biped20"), tmp_path / "run.teleop"
     if seed is None:
-        run = walk(robot, up_and_down(lower=1.4), 2.5, recording=path)
+        run = walk(robot, up_and_down(lift=0.1, lower=0.8), 1.8, recording=path)
     else:
         run = run_teleop(
             robot,
             lambda c: BadOperator(c, seed),
             VELOCITY_TELEOP_PLANT.with_noise(),
-            duration=5.0,
+            duration=2.0,
             seed=seed,
             recording=path,
         )
@@ -82,29 +88,32 @@ def test_nan_and_times_that_go_backwards_come_through_to_the_guard(tmp_path):
 def test_a_lost_device_brings_the_foot_down(get_robot, tmp_path):
     path = tmp_path / "lost.teleop"
     robot = get_robot("biped20")
-    walk(robot, up_and_down(), 1.6, recording=path)
+    says = device_of(robot, *up_and_down(lift=0.1))
+    with RecordingWriter(path, robot="biped20", dt=0.005) as writer:
+        for tick in range(240):
+            writer.sample(tick, says.sample(0.005 * tick))
     device = read_recording(path).device(robot="biped20", dt=0.005)
-    run = run_teleop(robot, device, VELOCITY_TELEOP_PLANT, duration=4.0)
+    run = run_teleop(robot, device, VELOCITY_TELEOP_PLANT, duration=3.0)
     assert run.log.when(Mode.SL).any()
     assert run.teleoperator.mode is Mode.D
     assert not run.fell
 
 
 def test_a_walk_with_gaps_and_times_that_go_backwards_ends_on_both_feet(get_robot, tmp_path):
-    robot, path, worse = get_robot("biped20"), tmp_path / "whole.teleop", tmp_path / "worse.teleop"
-    walk(robot, up_and_down(), 3.6, recording=path)
-    with RecordingWriter(worse, robot="biped20", dt=0.005) as writer:
-        for row in read_recording(path).rows:
-            tick, moment = int(row["tick"]), float(row["time"])
+    robot, path = get_robot("biped20"), tmp_path / "bad.teleop"
+    says = device_of(robot, *up_and_down(lift=0.1, lower=1.8))
+    with RecordingWriter(path, robot="biped20", dt=0.005) as writer:
+        for tick in range(640):
+            given = says.sample(0.005 * tick)
             # Nothing for 0.6 s while the foot is in the air, then 0.2 s of samples from the past.
-            if not 280 <= tick < 400:
-                moment -= 1.0 if 420 <= tick < 460 else 0.0
-                writer.sample(tick, DeviceSample(moment, row["left"].copy(), row["right"].copy()))
+            if not 200 <= tick < 320:
+                moment = given.time - (1.0 if 340 <= tick < 380 else 0.0)
+                writer.sample(tick, replace(given, time=moment))
     run = run_teleop(
         robot,
-        read_recording(worse).device(robot="biped20", dt=0.005),
+        read_recording(path).device(robot="biped20", dt=0.005),
         VELOCITY_TELEOP_PLANT,
-        duration=4.5,
+        duration=3.6,
     )
     seen = {tuple(DeviceStatus)[i] for i in np.unique(run.log.device)}
     assert {DeviceStatus.OK, DeviceStatus.LOST, DeviceStatus.REFUSED} <= seen
@@ -218,7 +227,7 @@ def test_a_run_with_late_sensors_replays_bit_for_bit(get_robot, tmp_path, plant)
         get_robot("biped20"),
         lambda c: BadOperator(c, 3),
         replace(plant, sensors=SensorConfig(delay=0.01)),
-        duration=1.2,
+        duration=0.6,
         recording=tmp_path / "late.teleop",
     )
     again = replay_teleop(tmp_path / "late.teleop")

@@ -219,8 +219,8 @@ def test_a_step_is_led_whichever_controller_finds_the_torques(get_robot, tmp_pat
 
 @pytest.mark.parametrize("name", [slow("biped20"), slow("humanoid33"), "g1"])
 def test_a_foot_is_lifted_and_put_down(get_robot, name):
-    points = up_and_down(lift=0.3, lower=1.5)
-    run = walk(get_robot(name), points, 3.4, plant=TORQUE_TELEOP_PLANT.with_noise())
+    points = up_and_down(lift=0.1, lower=0.9)
+    run = walk(get_robot(name), points, 2.6, plant=TORQUE_TELEOP_PLANT.with_noise())
     log = run.log
     assert not run.fell
     assert log.tilt.max() < 0.1
@@ -236,7 +236,7 @@ def test_g1_steps_on_a_floor_that_slopes_and_with_an_attitude_that_is_off(get_ro
     """3 degrees of slope and one of attitude; the velocity level falls standing still."""
     sensors = SensorConfig(base_orientation_error=(0.0175, 0.0175))
     plant = replace(TORQUE_TELEOP_PLANT, floor_slope=slope, sensors=sensors)
-    run = walk(get_robot("g1"), up_and_down(lift=0.3, lower=1.5), 3.4, plant=plant)
+    run = walk(get_robot("g1"), up_and_down(lift=0.1, lower=0.9), 2.5, plant=plant)
     assert not run.fell
     assert len(run.log.entries(Mode.SL)) == 1
     assert run.log.tilt[-1] < 0.05

@@ -78,19 +78,19 @@ class Trackers:
     def __call__(self):
         self.stamp += 0.002
         self.time += 0.002
-        up = 0.1 * min(max(self.time - 0.5, 0.0) / 0.5, 1.0)
-        ahead = 0.12 * min(max(self.time - 1.5, 0.0) / 0.5, 1.0)
-        right = at(2.0 + ahead, -1.0, 0.7 + up, clutch=0.2 < self.time < 2.3)
+        up = 0.1 * min(max(self.time - 0.3, 0.0) / 0.4, 1.0)
+        ahead = 0.12 * min(max(self.time - 1.1, 0.0) / 0.4, 1.0)
+        right = at(2.0 + ahead, -1.0, 0.7 + up, clutch=0.1 < self.time < 1.7)
         return self.stamp, at(clutch=False), right
 
 
 def test_a_foot_that_is_let_go_in_the_air_comes_down_where_it_is(get_robot):
     robot = get_robot("biped20")
     plant = TORQUE_TELEOP_PLANT
-    run = run_teleop(robot, lambda t: TrackedFeet(t, Trackers()), plant, duration=4.2)
+    run = run_teleop(robot, lambda t: TrackedFeet(t, Trackers()), plant, duration=2.9)
     log, modes = run.log, list(Mode)
     assert not run.fell
-    assert log.mode[log.time < 2.3][-1] == modes.index(Mode.SL)
+    assert log.mode[log.time < 1.7][-1] == modes.index(Mode.SL)
     assert log.mode[-1] == modes.index(Mode.D)
     assert log.device[-1] == list(DeviceStatus).index(DeviceStatus.OK)
     start, end = log.soles[0, 1], log.soles[-1, 1]

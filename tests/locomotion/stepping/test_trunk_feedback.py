@@ -71,14 +71,14 @@ def test_a_torso_that_cannot_be_bent_as_asked_is_upright_again_afterwards(get_ro
 
         class Bending(Device):
             def sample(self, time):
-                asked = (0.0, -0.4, 0.0) if 0.1 < time < 1.5 else (0.0, 0.0, 0.0)
+                asked = (0.0, -0.4, 0.0) if 0.1 < time < 0.9 else (0.0, 0.0, 0.0)
                 return DeviceSample(time, left, right, body=BodySample(torso=asked))
 
         return Bending()
 
-    log = run_teleop(robot, bends, duration=3.0).log
-    assert log.tilt[log.time < 1.5].max() > 0.1
-    assert log.tilt[log.time > 2.8].max() < 0.01
+    log = run_teleop(robot, bends, duration=2.3).log
+    assert log.tilt[log.time < 0.9].max() > 0.1
+    assert log.tilt[log.time > 2.1].max() < 0.01
 
 
 @pytest.mark.slow
