@@ -216,13 +216,19 @@ def collection_ms():
     return min(found)
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def thawed(monkeypatch):
-    """Garbage here is as it is for users, who froze none; elsewhere tests keep it frozen."""
+    """Garbage is as it is for users, who froze none; in other tests it stays frozen."""
     monkeypatch.setattr(_rollout, "garbage_frozen", garbage_frozen)
     gc.unfreeze()
     yield
     gc.freeze()
+
+
+@pytest.fixture
+def uncollected(monkeypatch):
+    """No collection goes through all that other tests have made: half a second each."""
+    monkeypatch.setattr(gc, "collect", lambda: 0)
 
 
 @pytest.fixture
@@ -233,6 +239,7 @@ def crowd():
     assert gc.get_freeze_count() == 0
 
 
+@pytest.mark.usefixtures("thawed")
 def test_no_collection_inside_a_loop_takes_a_millisecond(plant, crowd):
     outside = collection_ms()
     ticks = rollout(plant, Limp(plant.robot), observers=[Recorder()], duration=0.05)
@@ -242,6 +249,7 @@ def test_no_collection_inside_a_loop_takes_a_millisecond(plant, crowd):
 
 
 @pytest.mark.parametrize("end", ["duration", "close", "drop", "controller", "observer", "throw"])
+@pytest.mark.usefixtures("thawed", "uncollected")
 def test_garbage_is_thawed_however_the_loop_ends(plant, end):
     class Broken:
         def step(self, state):
@@ -268,6 +276,7 @@ def test_garbage_is_thawed_however_the_loop_ends(plant, end):
     assert gc.get_freeze_count() == 0
 
 
+@pytest.mark.usefixtures("thawed", "uncollected")
 def test_what_somebody_else_froze_stays_frozen(plant):
     gc.freeze()
     try:
