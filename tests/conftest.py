@@ -2,6 +2,8 @@
 
 import gc
 import math
+import subprocess
+import sys
 from collections import Counter
 from contextlib import nullcontext
 from functools import cache
@@ -13,6 +15,7 @@ import type_checks
 import yaml
 
 from poise import _progress, robots
+from poise._compiled import find_unkept
 from poise.errors import MissingExtraError
 from poise.hqp import LexicographicSolver
 from poise.robots import load_robot
@@ -32,6 +35,16 @@ def pytest_xdist_make_scheduler(config, log):
     from xdist.scheduler import WorkStealingScheduling
 
     return WorkStealingScheduling(config, log) if config.getvalue("dist") == "load" else None
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes():
+    """On a new machine all cores compile, each something else, before every worker does it all.
+
+    Where that fails, tests say why.
+    """
+    if find_unkept():
+        subprocess.run([sys.executable, "-m", "poise.cli.main", "warmup"], check=False)
 
 
 @pytest.hookimpl(tryfirst=True)
