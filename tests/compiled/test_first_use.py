@@ -42,11 +42,23 @@ print(later(1.0))
 """
 
 
+def a_folder(path):
+    (path / "source.py").write_text(SOURCE)
+    (path / "cache").mkdir()
+    return path
+
+
 @pytest.fixture
 def folder(tmp_path):
-    (tmp_path / "source.py").write_text(SOURCE)
-    (tmp_path / "cache").mkdir()
-    return tmp_path
+    """With source code, none of which is compiled."""
+    return a_folder(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    """A folder in which everything was compiled once, and what came of that."""
+    folder = a_folder(tmp_path_factory.mktemp("used"))
+    return folder, *ask(folder)
 
 
 def start(folder, before="", script=ASK, **environment):
@@ -80,8 +92,8 @@ def ask(folder, before="", **environment):
     return finish(start(folder, before, **environment))
 
 
-def test_it_is_announced_once_and_compiled_once_whatever_numbers_a_call_names(folder):
-    hits, said, signatures = ask(folder)
+def test_it_is_announced_once_and_compiled_once_whatever_numbers_a_call_names(first):
+    folder, hits, said, signatures = first
     assert hits == 0
     assert "compiling the test, once on this machine: 2 functions" in said
     assert "compiled the test in" in said
@@ -90,8 +102,8 @@ def test_it_is_announced_once_and_compiled_once_whatever_numbers_a_call_names(fo
     assert ask(folder) == (1, "", "1 0")
 
 
-def test_code_is_read_without_the_compiler_and_is_called_by_what_is_compiled_later(folder):
-    ask(folder)
+def test_code_is_read_without_the_compiler_and_is_called_by_what_is_compiled_later(first):
+    folder = first[0]
     (folder / "later.py").write_text(LATER)
     out, err = start(folder, script="import later").communicate(timeout=300)
     assert out.splitlines() == ["7.0 1 False", "10.0"], err
@@ -152,8 +164,8 @@ def test_code_of_another_version_is_never_taken_where_a_disk_was_full(folder):
         assert out.startswith("14.0 0"), err
 
 
-def test_a_damaged_file(folder):
-    ask(folder)
+def test_a_damaged_file(first):
+    folder = first[0]
     for path in (folder / "cache").rglob("source.run*"):
         path.write_bytes(path.read_bytes()[:-40])
     assert ask(folder)[0] == 0

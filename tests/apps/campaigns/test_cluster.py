@@ -55,15 +55,6 @@ def doomed_workers():
         yield workers
 
 
-def test_a_worker_that_is_killed_loses_its_own_episode_alone(doomed_workers, tmp_path):
-    notes = tmp_path / "notes"
-    jobs = episodes.jobs(12, notes=str(notes), marker=str(tmp_path / "marker"), after=KNOWN)
-    found = {job.number: row for job, row in doomed_workers.each(episodes.ending_once, jobs)}
-    assert found == {job.number: episodes.row(job) for job in jobs}
-    ran = [line.split() for line in notes.read_text().splitlines()]
-    assert Counter(number for number, _ in ran) == {str(n): 1 for n in range(12)}
-
-
 @pytest.mark.slow
 def test_one_that_ends_every_worker_is_a_result(doomed_workers):
     jobs = episodes.jobs(5, after=KNOWN)
@@ -141,6 +132,16 @@ def test_a_worker_without_poise_is_refused(cluster, monkeypatch):
         DaskWorkers(cluster.scheduler_address),
     ):
         pass
+
+
+def test_a_worker_that_is_killed_loses_its_own_episode_alone(workers, tmp_path):
+    """Last of those that share a cluster: it may have lost a worker for good."""
+    notes = tmp_path / "notes"
+    jobs = episodes.jobs(12, notes=str(notes), marker=str(tmp_path / "marker"), after=KNOWN)
+    found = {job.number: row for job, row in workers.each(episodes.ending_once, jobs)}
+    assert found == {job.number: episodes.row(job) for job in jobs}
+    ran = [line.split() for line in notes.read_text().splitlines()]
+    assert Counter(number for number, _ in ran) == {str(n): 1 for n in range(12)}
 
 
 # The process of a job may outlive submitit's own object for it.
