@@ -115,22 +115,29 @@ def test_only_the_simulator_imports_mujoco():
             assert str(path.relative_to(ROOT)).startswith(MUJOCO_USERS), path
 
 
-def loaded_by(code):
+def run_fresh(code):
+    """What Python code prints, and the modules that it has loaded at the end, in a new process."""
     script = f"import json, sys; {code}; print(json.dumps(sorted(sys.modules)))"
     done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+        [sys.executable, "-W", "error", "-c", script], capture_output=True, text=True, check=True
     )
-    return set(json.loads(done.stdout.splitlines()[-1]))
+    *said, loaded = done.stdout.splitlines()
+    return said, done.stderr, set(json.loads(loaded))
 
 
-def test_importing_poise_imports_nothing_optional():
-    loaded = loaded_by("import poise")
+@pytest.fixture(scope="module")
+def imported():
+    return run_fresh("import poise")
+
+
+def test_importing_poise_imports_nothing_optional(imported):
+    _, _, loaded = imported
     assert not loaded & set(OPTIONAL)
     assert not {m for m in loaded if m.startswith(("poise.sim", "poise.apps"))}
 
 
 def test_controlling_a_robot_imports_no_simulator_and_no_other_solver():
-    loaded = loaded_by(
+    _, _, loaded = run_fresh(
         "import poise, numpy as np; r = poise.load_robot('biped20'); "
         "c = poise.WholeBodyController(r); "
         "assert c.step(poise.RobotState(r.q_home, np.zeros(r.nv))).status.ok"
@@ -138,14 +145,9 @@ def test_controlling_a_robot_imports_no_simulator_and_no_other_solver():
     assert not loaded & set(OPTIONAL)
 
 
-def test_importing_poise_prints_nothing():
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", "import poise"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout == done.stderr == ""
+def test_importing_poise_prints_nothing(imported):
+    said, errors, _ = imported
+    assert (said, errors) == ([], "")
 
 
 LABORATORY = sorted(

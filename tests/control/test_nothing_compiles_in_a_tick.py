@@ -1,12 +1,12 @@
 """Once a controller is made all that its ticks need is machine code, whatever arrays come."""
 
-import json
-import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numba.core.caching import FunctionCache
+from unchecked import run_unchecked
 
 import poise
 from poise.dynamics import RobotState
@@ -67,16 +67,18 @@ def tick(name):
     return before, signatures()
 
 
+TICK = """
+import json, sys
+sys.path.insert(0, sys.argv[1])
+from test_nothing_compiles_in_a_tick import tick
+print(json.dumps(tick(sys.argv[2])))
+"""
+
+
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_nothing_is_compiled_in_a_tick(name):
     # In a process of its own: other tests hand over whatever arrays they like.
-    child = [sys.executable, __file__, name]
-    answer = subprocess.run(child, capture_output=True, text=True, check=True, timeout=300)
-    before, after = json.loads(answer.stdout)
+    before, after = run_unchecked(TICK, Path(__file__).parent, name)
     assert sum(before.values()) > 0
     assert {key: n for key, n in after.items() if n != before.get(key, 0)} == {}
     assert {key: n for key, n in after.items() if n > 1} == {}
-
-
-if __name__ == "__main__":
-    print(json.dumps(tick(sys.argv[1])))

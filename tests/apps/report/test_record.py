@@ -1,10 +1,9 @@
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from synthetic_run import walking_record
+from unchecked import run_unchecked
 
 from poise.apps.report import Event, Geometry, Replay, TaskTrack
 from poise.errors import ConfigurationError
@@ -17,11 +16,12 @@ def test_times_that_do_not_increase_are_refused():
 
 
 WRONG_SHAPES = """
-import sys
+import json, sys
 import numpy as np
 sys.path.insert(0, sys.argv[1])
 from synthetic_run import walking_record
 from poise.errors import ConfigurationError
+messages = {}
 for name, value in {
     "torque": np.zeros((250, 3)),
     "torque_max": np.zeros(4),
@@ -36,15 +36,14 @@ for name, value in {
     try:
         walking_record(duration=1.0, **{name: value})
     except ConfigurationError as error:
-        print(name, "|", error)
+        messages[name] = str(error)
+print(json.dumps(messages))
 """
 
 
 def test_a_field_of_the_wrong_shape_is_refused_by_name():
     # In a process of its own: here the shape checks of the tests would speak first.
-    command = [sys.executable, "-c", WRONG_SHAPES, str(Path(__file__).parent)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    messages = dict(line.split(" | ") for line in done.stdout.splitlines())
+    messages = run_unchecked(WRONG_SHAPES, Path(__file__).parent)
     assert len(messages) == 9
     assert "got (250, 3); wanted (250, 33)" in messages["torque"]
     assert "without a tick" in messages["time"]

@@ -1,11 +1,8 @@
 """Short walks in MuJoCo, in processes of their own, where nothing checks shapes."""
 
-import json
-import subprocess
-import sys
-
 import pytest
 from slow import slow
+from unchecked import run_unchecked
 
 pytest.importorskip("mujoco")
 
@@ -51,14 +48,7 @@ print(json.dumps({
 
 
 def walked(robot, push=(0.0, 0.0)):
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, robot, *map(str, push)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
-    return json.loads(done.stdout)
+    return run_unchecked(SCRIPT, robot, *push)
 
 
 @pytest.mark.parametrize("robot", [slow("humanoid33"), "g1"])
