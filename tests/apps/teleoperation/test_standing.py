@@ -16,7 +16,7 @@ AHEAD, BACK, ASIDE = (0.0, 1.0), (0.0, -1.0), (1.0, 0.0)
 """Directions of a turn: about the world's x and y axes."""
 
 
-def stand(robot, duration=5.0, **changes):
+def stand(robot, duration=4.0, **changes):
     return run_teleop(
         robot,
         lambda teleoperator: ScriptedDevice([], *teleoperator.estimator.anchors),

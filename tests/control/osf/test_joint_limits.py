@@ -36,7 +36,7 @@ def test_a_joint_driven_into_its_limit_stops_before_it(get_any, name, joint):
     controller, plant = OperationalSpaceController(robot, stack), Plant(robot)
     task.set_target([robot.q_min[index] - 0.5])
     angles, held = [], 0
-    while plant.time < 1.5:
+    while plant.time < 1.0:
         state = plant.state()
         command = controller.step(state)
         assert command.status.ok

@@ -6,7 +6,7 @@ from random_switching import PERIOD, Switching
 from poise.control import OperationalSpaceController
 from poise.sim import Plant
 
-SECONDS = 6.0
+SECONDS = 4.0
 
 
 def test_random_hierarchies_every_tenth_of_a_second_throw_nobody_and_jerk_no_torque(get_any):

@@ -27,11 +27,11 @@ STATUSES, MODES = list(DeviceStatus), list(Mode)
 PUSHED_AT, PUSH_TIME = 1.6, 0.1
 
 
-def pushed(robot, speed, degrees, points, duration):
-    """A run in which the torso is pushed: a change of speed [m/s], and where to."""
+def pushed(robot, speed, degrees, points, duration, at=PUSHED_AT):
+    """A run in which the torso is pushed: a change of speed [m/s], where to, and when [s]."""
     angle, force = math.radians(degrees), robot.mass * speed / PUSH_TIME
     push = (force * math.cos(angle), force * math.sin(angle), 0.0)
-    number = round(PUSHED_AT / TORQUE_TELEOP_PLANT.control_dt)
+    number = round(at / TORQUE_TELEOP_PLANT.control_dt)
     plant = TORQUE_TELEOP_PLANT.with_noise()
     pushes = [(number, push, PUSH_TIME)]
     return run_teleop(robot, hands(*points), plant, duration=duration, pushes=pushes)
@@ -39,7 +39,7 @@ def pushed(robot, speed, degrees, points, duration):
 
 def held(height):
     """The left foot held up, put down by the hand later, and lifted again."""
-    places = ((0.2, 0.0), (0.8, height), (2.6, height), (3.0, -0.02), (3.4, -0.02), (3.8, 0.06))
+    places = ((0.2, 0.0), (0.8, height), (2.6, height), (3.0, -0.02), (3.1, -0.02), (3.5, 0.06))
     return [WayPoint(at=at, left=(0.0, 0.0, z)) for at, z in places]
 
 
@@ -49,7 +49,7 @@ def overruled(log):
 
 def test_g1_on_one_foot_catches_itself_and_the_operator_takes_hold_anew(get_robot):
     """To the side of the foot in the air, which comes down there."""
-    run = pushed(get_robot("g1"), 0.2, 90, held(0.06), 6.0)
+    run = pushed(get_robot("g1"), 0.2, 90, held(0.06), 4.6)
     log, double = run.log, MODES.index(Mode.D)
     assert not run.fell
     own = overruled(log)
@@ -62,7 +62,7 @@ def test_g1_on_one_foot_catches_itself_and_the_operator_takes_hold_anew(get_robo
     # Down, and up again: its foot follows.
     assert log.mode[-1] == MODES.index(Mode.SR)
     assert log.soles[-1, 0, 2] > 0.03
-    assert not own[log.time > 3.4].any()
+    assert not own[log.time > 3.1].any()
     # Why the foot came down is said until it is lifted again.
     ends = run.record.notes("step_end")
     assert [end for _, end in ends] == ["", "OVERRULED", ""]
@@ -265,7 +265,7 @@ class WalksThenSteps:
 
     def sample(self, time):
         left, right = (anchor.copy() for anchor in self._anchors.anchors)
-        left[2] += 0.06 if time > 5.2 else 0.0
+        left[2] += 0.06 if time > 4.7 else 0.0
         if 0.5 < time < 1.0:
             left[2] += self._height
         velocity = (0.3, 0.0, 0.0) if 1.0 < time < 2.2 else (0.0, 0.0, 0.0)
@@ -276,7 +276,7 @@ class WalksThenSteps:
 def test_walking_by_velocity_and_stepping_by_hand_change_over(get_robot, height):
     plant = TORQUE_TELEOP_PLANT.with_noise()
     run = run_teleop(
-        get_robot("g1"), lambda t: WalksThenSteps(t, height), plant, duration=6.2, pushes=()
+        get_robot("g1"), lambda t: WalksThenSteps(t, height), plant, duration=5.6, pushes=()
     )
     log = run.log
     assert not run.fell
@@ -286,7 +286,7 @@ def test_walking_by_velocity_and_stepping_by_hand_change_over(get_robot, height)
     assert 2.5 < ended < 5.0
     assert log.com[-1, 0] - log.com[0, 0] > 0.24
     # It stands, feet side by side, and the operator's foot is led again.
-    then = np.searchsorted(log.time, 5.1)
+    then = np.searchsorted(log.time, 4.6)
     assert log.mode[then] == MODES.index(Mode.D)
     assert abs(log.soles[then, 0, 0] - log.soles[then, 1, 0]) < 0.03
     assert log.mode[-1] == MODES.index(Mode.SR)
@@ -319,7 +319,7 @@ def test_what_was_learned_in_own_steps_is_forgotten_by_a_reset(get_robot):
 
 
 def test_where_the_zmp_should_be_is_told_while_the_robot_steps_by_itself(get_robot):
-    run = pushed(get_robot("g1"), 0.45, 0, [], 2.0)
+    run = pushed(get_robot("g1"), 0.45, 0, [], 0.8, at=0.4)
     own = overruled(run.log)
     assert own.sum() > 50
     asked = run.log.cart_table_zmp[own]

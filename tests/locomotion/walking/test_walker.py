@@ -71,10 +71,10 @@ def test_it_walks_as_fast_as_it_is_told_and_stops_side_by_side(led):
 
 def test_standing_it_steps_when_it_is_pushed_and_comes_back_to_rest(led):
     run = led("g1")
-    run.until(0.8)
+    run.until(0.4)
     force = run.robot.mass * 0.4 / 0.08
     run.plant.push(run.robot.torso, (-force, 0.0, 0.0), 0.08)
-    run.until(4.2)
+    run.until(3.6)
     assert run.walker.steps_made >= 1
     assert run.walker.status is WalkStatus.STANDING
     assert np.linalg.norm(run.plant.true_state().v[:3]) < 0.05
@@ -83,7 +83,7 @@ def test_standing_it_steps_when_it_is_pushed_and_comes_back_to_rest(led):
 def test_a_foot_that_catches_the_robot_comes_down_where_it_is_led(led):
     """Joints that planned to stop softly would hold it back: it came down 38 mm short."""
     run = led("g1")
-    run.until(0.8)
+    run.until(0.4)
     force = run.robot.mass * 0.6 / 0.08
     run.plant.push(run.robot.torso, (0.0, force, 0.0), 0.08)
     short = [0.0, 0.0]
@@ -134,10 +134,10 @@ def test_where_no_step_catches_it_at_once_the_one_that_makes_room_goes_first(get
 def test_who_has_caught_itself_stands_still(led):
     """Arms that were thrown about come to rest; at their limits their torques would chatter."""
     run = led("g1")
-    run.until(0.8)
+    run.until(0.4)
     force = run.robot.mass * 0.35 / 0.08
     run.plant.push(run.robot.torso, (force, 0.0, 0.0), 0.08)
-    run.until(6.5)
+    run.until(5.0)
     assert run.walker.steps_made >= 1
     assert np.abs(run.plant.true_state().v).max() < 0.05
 
