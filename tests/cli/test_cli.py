@@ -19,6 +19,7 @@ from poise.sim import Plant, find_opengl, read_log
 
 SHORT = """
 name: short
+robot: biped20
 duration: 0.04
 checks:
   - {metric: com_error_max, at_most: 0.01}
@@ -42,8 +43,9 @@ def files(folder):
     return {p.name for p in folder.iterdir()}
 
 
-def test_a_run_writes_its_files_beside_one_another_and_says_what_held(in_folder, short, capsys):
-    assert main(["run", short, "--no-video"]) == 0
+def test_a_run_writes_its_files_beside_one_another_and_says_what_held(in_folder, capsys):
+    (in_folder / "short.yaml").write_text(SHORT.replace("robot: biped20\n", ""))
+    assert main(["run", "short.yaml", "--no-video"]) == 0
     folder = in_folder / "runs" / "short-humanoid33"
     assert files(folder) == {"report.html", "log.mcap", "summary.json"}
     out, err = capsys.readouterr()
@@ -54,20 +56,26 @@ def test_a_run_writes_its_files_beside_one_another_and_says_what_held(in_folder,
     assert "report: runs/short-humanoid33/report.html" in out
 
 
-def test_json_prints_the_summary_and_nothing_else(in_folder, short, capsys):
+def test_json_prints_the_summary_alone_and_no_earlier_video_passes_for_this_runs(
+    in_folder, short, capsys
+):
+    (in_folder / "here").mkdir()
+    for name in ("video.mp4", "video.jpg"):
+        (in_folder / "here" / name).write_bytes(b"of another run")
     assert main(["run", short, "--no-video", "--json", "--out", "here", "--seed", "7"]) == 0
     out, err = capsys.readouterr()
     assert err == ""
     assert json.loads(out) == json.loads((in_folder / "here" / "summary.json").read_text())
     assert json.loads(out)["seed"] == 7
+    assert files(in_folder / "here") == {"report.html", "log.mcap", "summary.json"}
 
 
 @pytest.mark.slow
 def test_robot_controller_and_strategy_of_the_command_line_win(in_folder, short, capsys):
-    more = ["--robot", "biped20", "--controller", "whole_body", "--strategy", "cascade"]
+    more = ["--robot", "humanoid33", "--controller", "whole_body", "--strategy", "cascade"]
     assert main(["run", short, "--no-video", "--json", *more]) in (0, 1)
-    assert json.loads(capsys.readouterr().out)["robot"] == "biped20"
-    page = (in_folder / "runs" / "short-biped20" / "report.html").read_text()
+    assert json.loads(capsys.readouterr().out)["robot"] == "humanoid33"
+    page = (in_folder / "runs" / "short-humanoid33" / "report.html").read_text()
     assert "whole_body (cascade)" in page
 
 
@@ -96,15 +104,6 @@ def test_without_opengl_the_report_comes_and_says_what_to_install(
     page = (in_folder / "o" / "report.html").read_text()
     assert "install libegl1" in page
     assert "<video" not in page
-
-
-def test_a_video_of_an_earlier_run_does_not_pass_for_this_ones(in_folder, short):
-    folder = in_folder / "o"
-    folder.mkdir()
-    for name in ("video.mp4", "video.jpg"):
-        (folder / name).write_bytes(b"of another run")
-    assert main(["run", short, "--out", "o", "--no-video"]) == 0
-    assert files(folder) == {"report.html", "log.mcap", "summary.json"}
 
 
 def test_a_run_that_is_refused_leaves_the_earlier_one_as_it_was(in_folder, short):
@@ -138,7 +137,7 @@ def test_a_check_that_fails_gives_status_one(in_folder, capsys):
     (in_folder / "s.yaml").write_text(SHORT.replace("at_most: 0.01", "at_least: 1.0"))
     assert main(["run", "s.yaml", "--no-video"]) == 1
     out = capsys.readouterr().out
-    assert "short on humanoid33: FAILED" in out
+    assert "short on biped20: FAILED" in out
     assert "  FAIL  largest distance of the COM from its reference" in out
 
 
@@ -327,7 +326,7 @@ def test_a_real_process_runs_a_file_to_its_log(tmp_path):
     assert done.returncode == 0, done.stderr
     # A machine that is busy enough gets lines of progress.
     assert all(line.startswith("simulating: ") for line in done.stderr.splitlines())
-    assert read_log(tmp_path / "runs" / "short-humanoid33" / "log.mcap").complete
+    assert read_log(tmp_path / "runs" / "short-biped20" / "log.mcap").complete
 
 
 def test_the_reader_of_a_pipe_may_go_away(tmp_path):
