@@ -4,6 +4,7 @@ import contextlib
 import re
 import time
 
+import numpy as np
 import pytest
 from operators import PATIENCE, comes, listen_to, same_commands, wait_for
 
@@ -25,6 +26,23 @@ def session(run_session, tmp_path):
         wait_for(lambda: session.loop.snapshot or session.loop.error, "the first picture")
         assert session.loop.error is None, session.loop.error
         yield session
+
+
+@pytest.fixture(scope="module")
+def _shared(run_session, tmp_path_factory):
+    with run_session(tmp_path_factory.mktemp("takes")) as session:
+        wait_for(lambda: session.loop.snapshot or session.loop.error, "the first picture")
+        yield session
+
+
+@pytest.fixture
+def standing(_shared):
+    """A session for tests in which the robot stands, with nobody in the seat; else it pauses."""
+    _shared.loop.pause(False)
+    wait_for(lambda: not _shared.front.seat.taken, "an empty seat")
+    wait_for(lambda: _shared.loop.snapshot.device is DeviceStatus.LOST, "the guard")
+    yield _shared
+    _shared.loop.pause(True)
 
 
 def hold(page, key, lifted, again="0"):
@@ -55,6 +73,19 @@ def on_screen(page, which, above, of="handles"):
                   box.top + 0.5 * box.height * (1 - point.y)];
         }})()"""
     )
+
+
+def at_rest(place):
+    """A place on the screen, once camera and robot have come to rest."""
+    seen = []
+
+    def rests():
+        time.sleep(0.1)
+        seen.append(place())
+        return len(seen) > 1 and np.abs(np.subtract(*seen[-2:])).max() < 0.5
+
+    wait_for(rests, "the camera to come to rest")
+    return seen[-1]
 
 
 def drag_a_hand_up(page, loop, height):
@@ -98,13 +129,12 @@ def test_a_dragged_handle_lifts_the_foot_letting_go_lowers_it_and_a_replay_is_th
         page.wait("view !== null", "the drawing")
         page.wait("newest.device !== 'LOST'", "the device")
         page.ask("part('help').hidden = true")
-        time.sleep(2.0)
         # The arrow of the left handle that points up.
-        x, y = on_screen(page, 0, UP_THE_ARROW)
+        x, y = at_rest(lambda: on_screen(page, 0, UP_THE_ARROW))
         _, top = on_screen(page, 0, UP_THE_ARROW + 0.12)
         mouse = page.page.mouse
         mouse.move(x, y)
-        time.sleep(0.5)
+        page.wait("view.handles[0].axis !== null", "the arrow to be found under the mouse")
         mouse.down()
         for step in range(1, 7):
             mouse.move(x, y + step / 6 * (top - y))
@@ -192,8 +222,8 @@ def test_a_closed_page_in_mid_step_brings_the_foot_down(browser, session):
         assert not session.loop.snapshot.fallen
 
 
-def test_without_the_token_one_sees_but_cannot_command(browser, session):
-    with Page(browser, session.front.watch_url) as page:
+def test_without_the_token_one_sees_but_cannot_command(browser, standing):
+    with Page(browser, standing.front.watch_url) as page:
         assert page.text("role") == "you watch"
         assert page.ask("part('controls').disabled")
         page.wait("newest.mode === 'D'", "the mode")
@@ -204,7 +234,7 @@ def test_without_the_token_one_sees_but_cannot_command(browser, session):
         page.ask("driving = true; beat(); send({do: 'pause', value: true}); 0")
         page.wait("part('said').textContent.includes('watching')", "the refusal")
         time.sleep(0.5)
-        now = session.loop.snapshot
+        now = standing.loop.snapshot
         assert (now.mode, now.paused) == (Mode.D, False)
         assert now.device is DeviceStatus.LOST
 
@@ -221,8 +251,8 @@ def test_buttons_push_pause_and_keep(browser, session):
         wait_for(lambda: session.loop.snapshot.paused, "the pause")
 
 
-def test_a_wrong_token_is_said(browser, session):
-    with Page(browser, session.front.watch_url + "?token=wrong") as page:
+def test_a_wrong_token_is_said(browser, standing):
+    with Page(browser, standing.front.watch_url + "?token=wrong") as page:
         page.wait("part('banner').textContent.includes('wrong')", "the message")
         assert page.text("role") == "you watch"
 
@@ -488,8 +518,8 @@ def test_a_tab_that_sleeps_in_mid_step_lands_and_leads_only_after_letting_go(bro
         assert not session.loop.snapshot.fallen
 
 
-def test_the_view_goes_along_and_stays_behind_the_robot(browser, session):
-    with Page(browser, session.front.drive_url) as page:
+def test_the_view_goes_along_and_stays_behind_the_robot(browser, standing):
+    with Page(browser, standing.front.drive_url) as page:
 
         def seen(x, y, heading):
             """Where the camera is and what it looks at, as the robot faces from where it is."""
@@ -518,8 +548,8 @@ def test_the_view_goes_along_and_stays_behind_the_robot(browser, session):
         assert page.ask("view.stage.camera.position.x") == before
 
 
-def test_a_key_that_walks_moves_no_slider(browser, session):
-    with Page(browser, session.front.drive_url) as page:
+def test_a_key_that_walks_moves_no_slider(browser, standing):
+    with Page(browser, standing.front.drive_url) as page:
         slider = "document.querySelector('input[type=range]')"
         page.ask(f"{slider}.focus(); 0")
         before = page.ask(f"{slider}.value")
@@ -530,8 +560,8 @@ def test_a_key_that_walks_moves_no_slider(browser, session):
         assert page.ask("keys.arrows.size") == 0
 
 
-def test_a_gamepad_of_no_known_layout_leads_nothing_and_that_is_said(browser, session):
-    with Page(browser, session.front.drive_url) as page:
+def test_a_gamepad_of_no_known_layout_leads_nothing_and_that_is_said(browser, standing):
+    with Page(browser, standing.front.drive_url) as page:
         page.ask(
             "navigator.getGamepads = () => [{connected: true, mapping: '', axes: [0, 0, -1, 0],"
             " buttons: [{pressed: true}]}]; 0"

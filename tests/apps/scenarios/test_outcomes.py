@@ -256,7 +256,7 @@ reached = []
 
 def progress(done, total):
     reached.append((time.monotonic(), done))
-    if done > 2.0 and reached[-1][0] - reached[0][0] > 2.0:
+    if done > 0.5 and reached[-1][0] - reached[0][0] > 1.3:
         a_second_ago = max(d for t, d in reached if t <= reached[-1][0] - 1.0)
         print(json.dumps([a_second_ago, done]), flush=True)
         os.kill(os.getpid(), signal.SIGKILL)
