@@ -63,7 +63,7 @@ def test_a_step_is_led_and_made():
     outcome = run_trial(
         Trial(
             robot="biped20",
-            level="torque",
+            level="velocity",
             condition="as described",
             seed=0,
             seconds=4.0,
