@@ -265,7 +265,7 @@ class WalksThenSteps:
 
     def sample(self, time):
         left, right = (anchor.copy() for anchor in self._anchors.anchors)
-        left[2] += 0.06 if time > 4.7 else 0.0
+        left[2] += 0.06 if time > 5.2 else 0.0
         if 0.5 < time < 1.0:
             left[2] += self._height
         velocity = (0.3, 0.0, 0.0) if 1.0 < time < 2.2 else (0.0, 0.0, 0.0)
@@ -276,7 +276,7 @@ class WalksThenSteps:
 def test_walking_by_velocity_and_stepping_by_hand_change_over(get_robot, height):
     plant = TORQUE_TELEOP_PLANT.with_noise()
     run = run_teleop(
-        get_robot("g1"), lambda t: WalksThenSteps(t, height), plant, duration=5.6, pushes=()
+        get_robot("g1"), lambda t: WalksThenSteps(t, height), plant, duration=6.2, pushes=()
     )
     log = run.log
     assert not run.fell
@@ -286,7 +286,7 @@ def test_walking_by_velocity_and_stepping_by_hand_change_over(get_robot, height)
     assert 2.5 < ended < 5.0
     assert log.com[-1, 0] - log.com[0, 0] > 0.24
     # It stands, feet side by side, and the operator's foot is led again.
-    then = np.searchsorted(log.time, 4.6)
+    then = np.searchsorted(log.time, 5.1)
     assert log.mode[then] == MODES.index(Mode.D)
     assert abs(log.soles[then, 0, 0] - log.soles[then, 1, 0]) < 0.03
     assert log.mode[-1] == MODES.index(Mode.SR)

@@ -220,7 +220,7 @@ def test_a_step_is_led_whichever_controller_finds_the_torques(get_robot, tmp_pat
 @pytest.mark.parametrize("name", [slow("biped20"), slow("humanoid33"), "g1"])
 def test_a_foot_is_lifted_and_put_down(get_robot, name):
     points = up_and_down(lift=0.1, lower=0.9)
-    run = walk(get_robot(name), points, 2.6, plant=TORQUE_TELEOP_PLANT.with_noise())
+    run = walk(get_robot(name), points, 3.0, plant=TORQUE_TELEOP_PLANT.with_noise())
     log = run.log
     assert not run.fell
     assert log.tilt.max() < 0.1
