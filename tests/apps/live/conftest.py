@@ -47,3 +47,22 @@ def plain_browser():
 
     with chromium(*DRAWS_NOTHING) as browser:
         yield browser
+
+
+@pytest.fixture
+def desk():
+    """Of a robot that stands still."""
+    from still import Still
+
+    return Still()
+
+
+@pytest.fixture
+def still_front(live, desk):
+    """The way in, with that robot behind it."""
+    from poise.apps.live._front import Front
+
+    made = Front(desk, port=0, shapes={})
+    made.start()
+    yield made
+    made.stop()

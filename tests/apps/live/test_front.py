@@ -458,21 +458,6 @@ def test_many_watchers_do_not_slow_the_robot_down(front, session):
         assert time.monotonic() - begin < 10.0
 
 
-def test_a_watcher_who_sends_and_sends_is_hardly_read(front):
-    with control(front, front.seat.token) as (operator, _), control(front) as (watcher, _):
-        begin, refused, answered = time.monotonic(), 0, 0
-        for _ in range(8):
-            for _ in range(100):
-                watcher.send(json.dumps({"do": "pause", "value": True}))
-            beat(operator)
-            answered += "forces" in answer(operator)
-            refused += "error" in json.loads(watcher.recv(timeout=60))
-        assert answered == 8
-        while time.monotonic() - begin < 1.0:
-            refused += "error" in json.loads(watcher.recv(timeout=60))
-        assert 1 <= refused <= (time.monotonic() - begin) / 0.05 + 1
-
-
 def test_a_page_that_does_not_keep_up_holds_up_nobody(front):
     url = f"ws://127.0.0.1:{front.port}/control"
     # It does not even say goodbye, which nobody is to wait for.

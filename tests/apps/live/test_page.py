@@ -15,51 +15,10 @@ from pages import Page
 from poise.apps.live import _seat as seats
 from poise.apps.live._front import Front
 
-STATUS = {
-    "robot": "still", "source": "browser", "kind": "feet",
-    "limits": {"height": [-0.1, 0.02], "torso": [0.2, 0.4, 0.5], "turns": [0.2, 0.6]},
-    "asked": {"height": 0.0, "torso": [0.0, 0.0, 0.0], "turns": [0.0, 0.0]},
-    "time": 1.0, "mode": "D", "modeText": "double support", "device": "OK", "deviceText": "ok",
-    "zmp": [0.0, 0.0], "zmpReference": [0.0, 0.0], "com": [0.0, 0.0, 0.7],
-    "soles": [[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]], "handles": [[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]],
-    "heading": 0.0, "hands": [[0.1, 0.3, 0.7], [0.1, -0.3, 0.7]], "handsDo": ["REST", "REST"],
-    "handTurns": [None, None], "gaze": "REST", "target": None,
-    "polygon": [[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]], "bodies": [], "turns": [],
-    "margin": 0.1, "loads": [300.0, 300.0], "tilt": 0.0, "fallen": False, "paused": False,
-    "speed": 1.0, "realTimeFactor": 1.0, "take": "take-001.teleop",
-}  # fmt: skip
-
-
-class Still:
-    """A desk of a robot that stands still; what it is told is kept."""
-
-    def __init__(self):
-        self.told, self.orders = dict(STATUS), []
-
-    def order(self, text):
-        self.orders.append(json.loads(text))
-
-    def left(self):
-        pass
-
-    def status(self):
-        return self.told
-
-    def file(self, name):
-        return None
-
 
 @pytest.fixture
-def desk():
-    return Still()
-
-
-@pytest.fixture
-def front(desk):
-    made = Front(desk, port=0, shapes={})
-    made.start()
-    yield made
-    made.stop()
+def front(still_front):
+    return still_front
 
 
 def typed(page, kind, key, code, **held):
@@ -173,7 +132,7 @@ def test_who_lost_the_connection_takes_the_seat_again_when_its_ghost_is_silent(
               const ghost = socket, lost = ghost.onclose;
               ghost.onclose = ghost.onmessage = null;
               window.haunting = setInterval(() => ghost.send('{"do": "drive"}'), 30);
-              lost();
+              lost(new CloseEvent("close"));
             })()"""
         )
         page.wait("part('banner').textContent.includes('Somebody else')", "the ghost")

@@ -9,7 +9,8 @@ Everything that a browser gets comes from one origin on 127.0.0.1, through the p
 - `/control`: a WebSocket. Out of it comes the status, with the pose of every body; into it goes
   what the operator does. A connection that shows the token gets the operator's seat if that is
   free, and has it until it closes, or until it has been silent and somebody else comes who shows
-  the token. What any other connection sends is refused and dropped.
+  the token. What any other connection sends is refused and dropped. How much is read of each, and
+  how many there may be, is bounded: nobody takes the robot's time by sending.
 - `GET /takes/NAME`: recordings, with the token.
 
 A request under a foreign host name (one of somebody else's that resolves to this machine) or from a
@@ -32,8 +33,10 @@ import msgspec
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers, MultipleValuesError
 from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
+from poise.apps.live._paced import DRIVES, WATCHES, PacedConnection
 from poise.apps.live._seat import Grant, Seat, is_local, is_same_origin
 from poise.apps.report import asset
 from poise.errors import ConfigurationError, PoiseError
@@ -63,8 +66,13 @@ _TOO_LATE = (
     "You were silent, and somebody else drives now: you can watch. Reload the page when they have "
     "left."
 )
-_DEAF_FOR = 0.05
-"""Who does not drive is heard so seldom [s]."""
+_MOST_WATCHERS = 32
+"""That there may be."""
+
+_KEPT_FREE = 8
+"""So many more there may be of those who have the token: watchers keep nobody from driving."""
+
+_FULL = f"There are {_MOST_WATCHERS} who look on already, and no more can: close another page."
 
 _NOT_YOU = {"error": "You are watching: nothing that this page sends moves the robot."}
 
@@ -129,6 +137,7 @@ class Front:
         self._ready, self._stopped = threading.Event(), asyncio.Event()
         self._told, self._told_at = "", -1.0
         self._tasks = set[asyncio.Task[None]]()
+        self._open = 0
         self._thread = threading.Thread(target=self._run, name="poise front", daemon=True)
 
     @property
@@ -167,6 +176,7 @@ class Front:
             process_request=self._requested,
             compression=None,
             max_size=_LONGEST,
+            create_connection=PacedConnection,
             close_timeout=1.0,
             ping_interval=_PING,
             ping_timeout=2.0 * _PING,
@@ -213,7 +223,20 @@ class Front:
 
     async def _connected(self, connection: ServerConnection) -> None:
         assert connection.request is not None
-        grant = self.seat.enter(_token(connection.request))
+        assert isinstance(connection, PacedConnection)
+        token = _token(connection.request)
+        kept = _KEPT_FREE if token is not None and self.seat.shows(token) else 0
+        if self._open >= _MOST_WATCHERS + kept:
+            await connection.close(CloseCode.TRY_AGAIN_LATER, _FULL)
+            return
+        self._open += 1
+        try:
+            await self._served(connection, self.seat.enter(token))
+        finally:
+            self._open -= 1
+
+    async def _served(self, connection: PacedConnection, grant: Grant) -> None:
+        connection.pace = DRIVES if grant.drives else WATCHES
         if grant.drives:
             # Whoever had the seat before, and has been silent, does not drive any more.
             self._desk.left()
@@ -236,7 +259,7 @@ class Front:
         hello = "operator" if drives else "watcher"
         return _json({"hello": hello, "reason": reason, "run": self._name})
 
-    async def _listen(self, connection: ServerConnection, grant: Grant) -> None:
+    async def _listen(self, connection: PacedConnection, grant: Grant) -> None:
         """Carries out what the operator's page says, as long as it is the operator's."""
         drives = grant.drives
         async for text in connection:
@@ -244,11 +267,9 @@ class Front:
                 reply = self._obey(lambda said=text: self._desk.order(said))
             else:
                 if drives:
-                    drives = False
+                    drives, connection.pace = False, WATCHES
                     await connection.send(self._hello(drives=False, reason=_TOO_LATE))
                 reply = _NOT_YOU
-                # What comes faster waits unread, and costs the robot's machine nothing.
-                await asyncio.sleep(_DEAF_FOR)
             if callable(reply):
                 task = asyncio.create_task(self._carry_out(connection, reply))
                 self._tasks.add(task)

@@ -23,7 +23,7 @@ function join() {
   const query = token === null ? "" : "?token=" + encodeURIComponent(token);
   socket = new WebSocket(`ws://${location.host}/control${query}`);
   socket.onmessage = (event) => take(JSON.parse(event.data));
-  socket.onclose = () => {
+  socket.onclose = ({ reason }) => {
     // What was held when the connection was lost leads nothing when it is back.
     release();
     if (driving) mineUntil = performance.now() + COMES_BACK;
@@ -32,7 +32,7 @@ function join() {
     part("controls").disabled = true;
     part("role").textContent = "no connection";
     part("role").className = "";
-    say("No connection to the robot. If it was moving, it has put its feet down. Trying again.");
+    say(`${reason || "No connection to the robot. If it was moving, it has put its feet down."} Trying again.`);
     setTimeout(join, RETRY);
   };
 }

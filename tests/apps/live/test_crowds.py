@@ -1,0 +1,167 @@
+"""Who sends without end, and those who are too many: neither takes the robot's time."""
+
+import json
+import socket
+import time
+from contextlib import ExitStack, suppress
+
+import pytest
+
+pytest.importorskip("websockets")
+
+from operators import PATIENCE, beat, control, wait_for
+from websockets.exceptions import ConnectionClosed, WebSocketException
+from websockets.frames import Opcode
+
+from poise.apps.live import _front as fronts, _paced as paced
+
+MESSAGE, PART, PING = Opcode.TEXT, Opcode.CONT, Opcode.PING
+DRIVE = b'{"do": "drive"}'
+
+
+def frame(opcode, content, last=True):
+    """One frame, as a client sends it, masked by zeros."""
+    return bytes([opcode | 0x80 * last, 0x80 | len(content)]) + bytes(4) + content
+
+
+def flood(client, frames, seconds=PATIENCE):
+    """Sends frames over and over, until the connection ends or time is up.
+
+    Past the client's own book-keeping, which is slower than whoever wants to be a nuisance.
+    """
+    end = time.monotonic() + seconds
+    client.socket.settimeout(0.1)
+    with suppress(OSError):
+        while time.monotonic() < end and client.close_code is None:
+            with suppress(TimeoutError):
+                client.socket.send(100 * frames)
+
+
+def end_of(client):
+    """The code with which the other end closes a connection, when it does."""
+    wait_for(lambda: client.close_code is not None, "the end of the connection")
+    return client.close_code
+
+
+def test_of_a_driver_who_floods_no_more_is_read_than_the_pace_says_and_the_connection_ends(
+    still_front, desk
+):
+    begin = time.monotonic()
+    with control(still_front, still_front.seat.token, close_timeout=1.0) as (client, hello):
+        assert hello["hello"] == "operator"
+        flood(client, frame(MESSAGE, DRIVE))
+        assert end_of(client) == 1008
+        took = time.monotonic() - begin
+        assert "More than 3000 messages a second" in client.close_reason
+    frames, rest, _ = paced.DRIVES
+    most = frames / rest * (took + 1.0)
+    # Closed once there were enough of them, and not before.
+    assert 1000 < len(desk.orders) <= most
+    assert took > paced.FLOODS
+    wait_for(lambda: not still_front.seat.taken, "the empty seat")
+
+
+def test_a_thousand_messages_a_second_are_read_and_answered(still_front, desk):
+    with control(still_front, still_front.seat.token) as (client, _):
+        begin, sent = time.monotonic(), 0
+        while sent < 3500:
+            for _ in range(int(1000 * (time.monotonic() - begin)) - sent):
+                client.socket.sendall(frame(MESSAGE, DRIVE))
+                sent += 1
+            time.sleep(0.002)
+        wait_for(lambda: len(desk.orders) >= sent, "the last of them")
+        assert len(desk.orders) == sent
+        assert client.close_code is None
+
+
+def test_what_has_piled_up_while_the_line_was_down_is_no_flood(still_front, desk):
+    with control(still_front, still_front.seat.token) as (client, _):
+        client.socket.sendall(3000 * frame(MESSAGE, DRIVE))
+        wait_for(lambda: len(desk.orders) == 3000, "the last of them")
+        assert client.close_code is None
+
+
+@pytest.mark.parametrize("kind", [MESSAGE, PART, PING])
+def test_a_watcher_who_floods_is_hardly_read_and_the_connection_ends(still_front, desk, kind):
+    beats, told = [], still_front._status
+
+    def tell():
+        beats.append(time.monotonic())
+        return told()
+
+    still_front._status = tell
+    with control(still_front, close_timeout=1.0) as (client, _):
+        if kind is PART:
+            client.socket.sendall(frame(MESSAGE, b"", last=False))
+        begin = time.monotonic()
+        flood(client, frame(kind, b"x", last=kind is not PART))
+        assert end_of(client) == 1008
+        took = time.monotonic() - begin
+        assert "You are watching" in client.close_reason
+        refused = 0
+        with suppress(ConnectionClosed):
+            while True:
+                refused += "error" in json.loads(client.recv(timeout=PATIENCE))
+    assert desk.orders == []
+    # In one piece with a message that may be read are a few more.
+    assert refused <= took / paced.WATCHES.beat + 10
+    assert (refused > 0) is (kind is MESSAGE)
+    # Meanwhile the page was served as ever.
+    assert sum(begin < at < begin + took for at in beats) > 2.0 / (3.0 * fronts.STATUS_PERIOD)
+
+
+def test_a_watcher_floods_and_who_drives_is_heard(still_front, desk):
+    with (
+        control(still_front, still_front.seat.token) as (operator, _),
+        control(still_front, close_timeout=1.0) as (watcher, _),
+    ):
+        flood(watcher, frame(PING, b"x"), seconds=0.5)
+        for number in range(1, 6):
+            beat(operator)
+            wait_for(lambda n=number: len(desk.orders) == n, "what the operator says")
+
+
+def test_so_many_may_look_on_and_no_more_and_who_has_the_token_comes_in(still_front):
+    with ExitStack() as crowd:
+        for _ in range(fronts._MOST_WATCHERS):
+            client, hello = crowd.enter_context(control(still_front))
+            assert hello["hello"] == "watcher"
+        with pytest.raises(ConnectionClosed, match="There are 32 who look on already") as refused:
+            crowd.enter_context(control(still_front))
+        assert refused.value.rcvd.code == 1013
+        with pytest.raises(ConnectionClosed, match="look on already"):
+            crowd.enter_context(control(still_front, "wrong"))
+        _, hello = crowd.enter_context(control(still_front, still_front.seat.token))
+        assert hello["hello"] == "operator"
+        for _ in range(fronts._KEPT_FREE - 1):
+            crowd.enter_context(control(still_front, still_front.seat.token))
+        with pytest.raises(ConnectionClosed, match="look on already"):
+            crowd.enter_context(control(still_front, still_front.seat.token))
+        # One goes, one comes.
+        client.close()
+        wait_for(lambda: still_front._open < fronts._MOST_WATCHERS + 8, "the room")
+        crowd.enter_context(control(still_front, still_front.seat.token))
+
+
+def test_connections_that_ask_for_nothing_are_bounded_too(still_front, monkeypatch, capfd, caplog):
+    monkeypatch.setattr(paced, "_MOST_SOCKETS", 20)
+    address = "127.0.0.1", still_front.port
+    with ExitStack() as crowd:
+        for _ in range(20):
+            crowd.enter_context(socket.create_connection(address, timeout=PATIENCE))
+        with socket.create_connection(address, timeout=PATIENCE) as one_more:
+            said = b""
+            while piece := one_more.recv(4096):
+                said += piece
+    assert said.startswith(b"HTTP/1.1 503 ")
+    assert said.endswith(b"Too many connections are open here: close some.")
+
+    def comes_in():
+        try:
+            with control(still_front) as (_, hello):
+                return hello["hello"] == "watcher"
+        except (OSError, WebSocketException):
+            return False
+
+    wait_for(comes_in, "the room")
+    assert "Traceback" not in capfd.readouterr().err + caplog.text
