@@ -129,6 +129,44 @@ def test_an_arm_that_is_gone_is_told_to_let_go_and_the_other_goes_on():
     assert arms[1].norms.max() == 0.0
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_an_arm_that_says_it_is_nowhere_is_told_to_let_go_at_once(bad):
+    arms = Arm(), Arm()
+    driver = HapticDriver(*arms)
+    for tick in range(325):
+        driver.feel(STANDING if tick < 150 else IN_AIR if tick < 300 else LANDING, 1e-3 * tick)
+        driver.tick(1e-3 * tick)
+    assert arms[1].norms[-1] > 0.5
+    arms[1].place = np.array([0.4, bad, 0.1])
+    driver.tick(0.325)
+    assert arms[1].norms[-1] == 0.0
+    assert driver.readings[0] is not None
+    assert driver.readings[1] is None
+    for tick in range(326, 400):
+        driver.feel(LANDING, 1e-3 * tick)
+        driver.tick(1e-3 * tick)
+    # It is back, and pushed as softly as at the beginning.
+    arms[1].place = HOME
+    driver.tick(0.4)
+    assert 0.0 < arms[1].norms[-1] < 0.3
+    assert driver.readings[1] is not None
+
+
+def test_an_arm_that_says_it_is_nowhere_leads_nothing_until_its_clutch_was_open(get_robot):
+    arms = Arm(clutch=False), Arm(clutch=False)
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
+    device = HapticFeet(HapticDriver(*arms), teleoperator)
+    device.sample(0.0)
+    arms[1].clutch = True
+    foot = device.sample(0.005).right
+    arms[1].place = np.full(3, np.nan)
+    assert device.sample(0.01) is None
+    arms[1].place = HOME + [0.0, 0.0, 0.05]
+    device.sample(0.015)
+    arms[1].place = HOME + [0.0, 0.0, 0.1]
+    assert device.sample(0.02).right == pytest.approx(foot)
+
+
 def test_rubbish_from_the_robot_is_no_news():
     driver = HapticDriver(Arm(), Arm())
     driver.feel(IN_AIR, 0.0)

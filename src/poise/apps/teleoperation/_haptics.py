@@ -35,7 +35,10 @@ class HapticArm(Protocol):
     """
 
     def read(self) -> Reading | None:
-        """Where the hand is and whether its clutch is closed; None when the arm is gone."""
+        """Where the hand is and whether its clutch is closed; None when the arm is gone.
+
+        So it is, too, for a place that is not finite.
+        """
         ...
 
     def write(self, force: Float64[np.ndarray, "3"]) -> None:
@@ -149,7 +152,8 @@ class HapticDriver:
     At the arms' rate, whatever that of the robot: in between the last force of the feet holds. The
     force on a hand is a fraction of what its foot meets in the air or lands on, smoothed, fading
     after the landing, and never more than `force_max`. It goes to zero where nothing has been heard
-    from the robot for `silence`, where the clutch is open, and where the arm is gone.
+    from the robot for `silence`, where the clutch is open, and where the arm is gone or says that
+    it is nowhere.
 
     Args:
         left: arm of the left foot.
@@ -166,7 +170,7 @@ class HapticDriver:
 
     Attributes:
         dt: period [s].
-        readings: what the arms said last, left and right; None for one that is gone.
+        readings: what the arms said last, left and right; None for one that is gone or nowhere.
     """
 
     def __init__(
@@ -224,7 +228,7 @@ class HapticDriver:
         total = float(feet[:, 2].sum())
         readings: list[Reading | None] = []
         for foot, arm in enumerate(self._arms):
-            reading = arm.read()
+            reading = _valid(arm.read())
             felt = self._touches[foot].felt(feet[foot], total, self.dt)
             holds = reading is not None and reading[1] and heard
             goal = saturate(self._most, self._gain * felt) if holds else np.zeros(3)
@@ -239,6 +243,11 @@ class HapticDriver:
         left = (goal - force) * self._smoothing / (self._smoothing + self.dt)
         # Nothing is nothing at last.
         return goal - left if math.sqrt(float(left @ left)) > _LEAST else goal
+
+
+def _valid(reading: Reading | None) -> Reading | None:
+    """A reading that says where the hand is; None for one that does not."""
+    return reading if reading is not None and np.isfinite(reading[0]).all() else None
 
 
 def foot_forces(teleoperator: StepTeleoperator) -> list[list[float]]:
