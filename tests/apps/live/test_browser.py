@@ -518,6 +518,54 @@ def test_a_tab_that_sleeps_in_mid_step_lands_and_leads_only_after_letting_go(bro
         assert not session.loop.snapshot.fallen
 
 
+HIDE = """
+  Object.defineProperty(document, "hidden", {{configurable: true, get: () => {hidden}}});
+  document.dispatchEvent(new Event("visibilitychange"));
+  0
+"""
+
+
+@pytest.mark.slow
+def test_a_tab_that_is_hidden_in_mid_step_lands_and_drives_again_when_it_is_seen(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        hold(page, "e", "newest.soles[1][2] > 0.04")
+        page.ask(HIDE.format(hidden="true"))
+        wait_for(lambda: session.loop.snapshot.device is DeviceStatus.LOST, "the loss")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "both feet on the ground")
+        # Longer than it takes for somebody else to be let in.
+        wait_for(lambda: not session.front.seat.taken, "the silence")
+        page.ask(HIDE.format(hidden="false"))
+        wait_for(lambda: session.loop.snapshot.device is not DeviceStatus.LOST, "its waking")
+        assert page.text("role") == "you drive"
+        assert page.ask("pad().lift") == [False, False]
+        page.page.keyboard.up("e")
+        hold(page, "e", "newest.mode === 'SL'")
+        page.page.keyboard.up("e")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "double support")
+        assert not session.loop.snapshot.fallen
+
+
+@pytest.mark.slow
+def test_a_gamepad_that_holds_both_feet_lifts_one_and_the_robot_stands(browser, session):
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device !== 'LOST'", "the device")
+        page.ask(
+            "window.axes = [-0.5, -1, 0.5, -1]; window.down = true;"
+            "navigator.getGamepads = () => [{connected: true, mapping: 'standard', axes,"
+            " buttons: [0, 0, 0, 0, 1, 1].map((on) => ({pressed: Boolean(on && down)}))}]; 0"
+        )
+        wait_for(lambda: session.loop.snapshot.mode in (Mode.SL, Mode.SR), "the lift")
+        lifted = 0 if session.loop.snapshot.mode is Mode.SR else 1
+        first = session.loop.snapshot.soles[lifted][0]
+        wait_for(lambda: session.loop.snapshot.soles[lifted][0] > first + 0.05, "its way")
+        assert session.loop.snapshot.soles[1 - lifted][2] < 0.01
+        page.ask("down = false; axes.fill(0); 0")
+        wait_for(lambda: session.loop.snapshot.mode is Mode.D, "double support")
+        assert not session.loop.snapshot.fallen
+        assert page.errors == []
+
+
 def test_the_view_goes_along_and_stays_behind_the_robot(browser, standing):
     with Page(browser, standing.front.drive_url) as page:
 

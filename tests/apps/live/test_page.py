@@ -10,9 +10,10 @@ import pytest
 
 pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
 
+from operators import wait_for
 from pages import Page
 
-from poise.apps.live import _seat as seats
+from poise.apps.live import _front as fronts, _seat as seats
 from poise.apps.live._front import Front
 
 
@@ -120,6 +121,66 @@ def test_no_button_moves_whatever_is_told(plain_browser, front, desk, device):
         assert [edges(page, name) for name in ("lift-left", "pause", "reset")] == before
 
 
+WATCHES = "part('role').textContent === 'you watch'"
+STALE = "document.body.dataset.stale === 'true'"
+SHINES = "getComputedStyle(document.querySelector('dl')).opacity === '1'"
+
+
+def test_what_nothing_new_has_come_of_looks_old_and_says_since_when(plain_browser, front):
+    with Page(plain_browser, front.drive_url) as page:
+        page.wait(f"!({STALE}) && {SHINES}", "the values")
+        # The connection breaks.
+        page.ask("window.back = join; join = () => {}; socket.close(); 0")
+        page.wait(f"{STALE} && !({SHINES})", "the values to look old")
+        at = page.ask("new Date(heardAt).toLocaleTimeString()")
+        assert f"What is shown is of {at}." in page.text("banner")
+        page.wait(f"part('mode-text').textContent.endsWith('since {at}.')", "the words")
+        page.ask("back(); 0")
+        page.wait(f"!({STALE}) && {SHINES} && part('banner').hidden", "the values")
+        assert page.text("mode-text") == "double support"
+        # It holds, and says nothing.
+        page.ask("window.ear = socket.onmessage; socket.onmessage = null; 0")
+        page.wait(STALE, "the values to look old")
+        page.wait("part('banner').textContent.startsWith('Nothing has come')", "the words")
+        page.ask("socket.onmessage = ear; 0")
+        page.wait(f"!({STALE}) && part('banner').hidden", "the values")
+
+
+def test_a_connection_that_is_ended_says_why(plain_browser, front, monkeypatch):
+    monkeypatch.setattr(fronts, "_MOST_WATCHERS", 1)
+    with Page(plain_browser, front.watch_url) as page:
+        assert page.text("role") == "you watch"
+        other = plain_browser.new_page()
+        other.goto(front.watch_url)
+        for there in ("part('banner').textContent.includes('look on already')", WATCHES):
+            wait_for(lambda there=there: other.evaluate(there), there)
+            page.page.goto("about:blank")
+        other.close()
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (853, 470), (683, 340), (640, 400), (400, 600)])
+def test_the_help_lies_neither_on_the_robot_nor_on_what_holds_a_foot(plain_browser, front, size):
+    """Windows of which some are what is left of others that are seen at 150 or 200%."""
+    width, height = size
+    with Page(plain_browser, front.drive_url, viewport={"width": width, "height": height}) as page:
+        box = "(({left, right, top, bottom}) => [left, right, top, bottom])"
+        view, told = (
+            page.ask(f"{box}(part('{name}').getBoundingClientRect())") for name in ("view", "help")
+        )
+        assert told[1] <= view[0] or view[1] <= told[0] or told[2] >= view[3] - 1
+        assert view[3] - view[2] > 0.35 * height
+        for name in ("lift-left", "lift-right"):
+            assert page.ask(
+                f"""(({{left, right, top, bottom}}) => part("{name}").contains(
+                  document.elementFromPoint(0.5 * (left + right), 0.5 * (top + bottom))
+                ))(part("{name}").getBoundingClientRect())"""
+            ), name
+        page.ask("part('help').scrollTop = 1e6; 0")
+        assert edges(page, "help")[1] <= height
+        last = "document.querySelector('#help div').lastElementChild"
+        assert page.ask(f"{last}.getBoundingClientRect().bottom") <= height
+
+
 def test_who_lost_the_connection_takes_the_seat_again_when_its_ghost_is_silent(
     plain_browser, front, monkeypatch
 ):
@@ -147,10 +208,12 @@ def test_who_came_second_does_not_take_a_seat_that_gets_free(plain_browser, fron
         Page(plain_browser, front.drive_url) as second,
     ):
         assert second.text("role") == "you watch"
+        second.wait("part('banner').textContent.startsWith('Somebody else')", "the reason")
         first.page.goto("about:blank")
         second.wait("!newest.driven", "the empty seat")
         time.sleep(1.5)
         assert second.text("role") == "you watch"
+        second.wait("part('banner').textContent.startsWith('Nobody drives now')", "the news")
 
 
 def test_the_page_of_an_earlier_run_is_loaded_anew(plain_browser, front, desk):

@@ -48,7 +48,7 @@ STATUS_PERIOD = 0.04
 _LONGEST = 65536
 """Longest message that a page may send [bytes]."""
 
-_FILES = ("page.html", "page.css", "page.js", "view.js")
+_FILES = ("page.html", "page.css", "page.js", "body.js", "view.js")
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "json": "text/json"}
 _HEADERS = {
     "Cache-Control": "no-store",

@@ -1,7 +1,7 @@
 "use strict";
 const part = (id) => document.getElementById(id);
 const token = new URLSearchParams(location.search).get("token");
-const BEAT = 33, QUICK = 8, RETRY = 1000, SPAN = 10, HINT = 6000, COMES_BACK = 30000;
+const BEAT = 33, QUICK = 8, RETRY = 1000, SPAN = 10, HINT = 6000, COMES_BACK = 30000, SILENT = 2000;
 
 let socket = null, driving = false;
 // Which run of the robot this page has been of, and until when it may take its seat again.
@@ -10,11 +10,6 @@ const keys = { left: false, right: false, upright: false, rest: false, arrows: n
 // Keys that do what an arrow does where the robot is driven.
 const ARROWS = { w: "ArrowUp", a: "ArrowLeft", s: "ArrowDown", d: "ArrowRight" };
 const driven = () => newest?.kind === "velocity";
-// Keys that bend the body while they are held, and where to: "turn" is of the foot that is held.
-const BENDS = { r: ["height", 1], f: ["height", -1], i: ["pitch", 1], k: ["pitch", -1],
-  j: ["yaw", 1], l: ["yaw", -1], g: ["roll", -1], h: ["roll", 1], u: ["turn", 1], o: ["turn", -1] };
-// How fast [m/s, rad/s]; a gamepad at the robot's machine is as fast.
-const RATES = { height: 0.06, roll: 0.4, pitch: 0.4, yaw: 0.4, turn: 0.4 }, LONGEST = 0.1;
 const past = [];
 
 // The channel ---------------------------------------------------------------------------------------
@@ -32,7 +27,7 @@ function join() {
     part("controls").disabled = true;
     part("role").textContent = "no connection";
     part("role").className = "";
-    say(`${reason || "No connection to the robot. If it was moving, it has put its feet down."} Trying again.`);
+    say(`${reason || "No connection to the robot. If it was moving, it has put its feet down."} Trying again. ${heardAt ? `What is shown is of ${since()}.` : ""}`);
     setTimeout(join, RETRY);
   };
 }
@@ -61,7 +56,8 @@ function welcome(message) {
   part("controls").disabled = !driving;
   part("role").textContent = driving ? "you drive" : "you watch";
   part("role").className = message.hello;
-  say(driving ? "" : message.reason || "You are watching. Only the address with the token can drive.");
+  reason = driving ? "" : message.reason || "You are watching. Only the address with the token can drive.";
+  say(reason);
   if (!driving) {
     help(false);
     straighten();
@@ -73,6 +69,14 @@ function welcome(message) {
 let grips = false;
 function allow() {
   view?.allow(driving && !driven(), driving && grips);
+}
+
+// Who came second is told when the seat gets free, and does not take it by themselves.
+let reason = "";
+function wait(taken) {
+  if (driving || !reason.includes("Reload the page")) return;
+  const now = taken ? reason : "Nobody drives now. Reload the page to drive.";
+  if (notice !== now) say(now);
 }
 
 // What the connection has to say comes before what the robot has.
@@ -119,16 +123,27 @@ function latency(now) {
   put("latency", `${smoothed.toFixed(0)} ms`, smoothed > 200);
 }
 
+// What is shown is the past, and looks like it, while nothing new comes.
+let heardAt = 0, stale = false;
+const since = () => new Date(heardAt).toLocaleTimeString();
+function age() {
+  stale = socket?.readyState !== WebSocket.OPEN || Date.now() - heardAt > SILENT;
+  if (document.body.dataset.stale !== String(stale)) document.body.dataset.stale = stale;
+}
+
 // Messages are taken in as they come, and drawn no faster than the browser can.
 let newest = null, drawnAt = 0, stepping = false;
 function show(s) {
   newest = s;
+  heardAt = Date.now();
   // A connection that broke may have left the seat to a ghost of this page, which is silent.
   if (!driving && !s.driven && performance.now() < mineUntil) socket.close();
+  else if (!stale) wait(s.driven);
   if (!("time" in s)) return;
   view?.show(s);
   // Whoever has made a step needs no more help, unless they call for it.
-  if (driving && stepping && s.mode === "D" && !called) help(false);
+  // Not while they drag the next foot, which would move with the picture.
+  if (driving && stepping && s.mode === "D" && !called && !view?.drags().some(Boolean)) help(false);
   if (document.body.dataset.kind !== s.kind || grips !== s.hands.length > 0) {
     document.body.dataset.kind = s.kind;
     grips = s.hands.length > 0;
@@ -138,7 +153,7 @@ function show(s) {
     document.body.dataset.torso = s.limits.torso[2] > 0;
     allow();
   }
-  stepping = s.mode === "SL" || s.mode === "SR";
+  stepping = s.mode === "SL" || s.mode === "SR" || (stepping && !part("help").hidden);
   const last = past.at(-1);
   if (last && s.time < last.time) past.length = 0;
   const { time, zmp, zmpReference, com } = s;
@@ -150,6 +165,7 @@ function paint(now) {
   requestAnimationFrame(paint);
   if (newest === null || now - drawnAt < 80) return;
   drawnAt = now;
+  age();
   words(newest);
   if (past.length === 0) return;
   plot(part("plot-y"), 1);
@@ -166,8 +182,9 @@ function words(s) {
   put("robot", s.robot);
   if (!("mode" in s)) return;
   for (const chip of part("modes").children) chip.classList.toggle("now", chip.dataset.mode === s.mode);
-  put("mode-text", s.fallen ? "fallen: press Reset" : s.modeText, s.fallen);
-  warn(s.fallen ? `The robot has fallen. ${driving ? "Press Reset" : "Its operator has to press Reset"}.` : "");
+  const old = `Nothing has come from the robot since ${since()}.`;
+  put("mode-text", stale ? old : s.fallen ? "fallen: press Reset" : s.modeText, stale || s.fallen);
+  warn(stale ? old : s.fallen ? `The robot has fallen. ${driving ? "Press Reset" : "Its operator has to press Reset"}.` : "");
   put("margin", `${(100 * s.margin).toFixed(1)} cm`);
   part("margin-bar").value = Math.max(0, s.margin);
   const device = s.deviceText;
@@ -253,94 +270,10 @@ function pad() {
     turn: clip((keys.left ? 1 : 0) - (keys.right ? 1 : 0) + (stick?.turn ?? 0)),
     upright: keys.upright || Boolean(stick?.upright),
     drag: view?.drags() ?? [null, null],
-    hands: view && grips ? view.hands() : [null, null],
+    hands: hands(),
     rest: keys.rest,
     body: asked(),
   };
-}
-
-// Height of the COM [m], the torso's angles, and how each foot is turned [rad]: they stay as
-// they are until they are changed.
-const body = { height: 0, roll: 0, pitch: 0, yaw: 0, left: 0, right: 0 };
-const bendable = () => driving && newest?.source === "browser" && newest.limits.height[0] < 0;
-const wrapped = (angle) => angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
-
-// What is asked of the body; nothing where all is neutral.
-function asked() {
-  const fine = (v) => Math.round(1000 * v) / 1000 || 0;
-  const torso = [body.roll, body.pitch, body.yaw].map(fine), turns = [body.left, body.right].map((v) => fine(wrapped(v)));
-  const height = fine(body.height);
-  return [height, ...torso, ...turns].some(Boolean) ? { height, torso, turns } : undefined;
-}
-
-// How far one of them goes, each foot against the other one.
-function range(name) {
-  const { height, torso: [roll, pitch, yaw], turns: [inwards, outwards] } = newest.limits;
-  if (name === "left") return [body.right - inwards, body.right + outwards];
-  if (name === "right") return [body.left - outwards, body.left + inwards];
-  return { height, roll: [-roll, roll], pitch: [-pitch, pitch], yaw: [-yaw, yaw] }[name];
-}
-
-function set(name, value) {
-  const [least, most] = range(name);
-  body[name] = Math.max(least, Math.min(most, value));
-}
-
-function straighten() {
-  for (const name in body) body[name] = 0;
-}
-
-// Bends the body by as much as its keys and the gamepad ask for since the last time.
-let bentAt = 0;
-function bend() {
-  const now = performance.now(), seconds = Math.min((now - bentAt) / 1000, LONGEST);
-  bentAt = now;
-  if (!bendable()) return;
-  const stick = gamepad(), way = { height: 0, roll: 0, pitch: 0, yaw: 0, turn: 0, ...stick?.bend };
-  if (stick?.neutral) straighten();
-  for (const key of keys.bends) way[BENDS[key][0]] += BENDS[key][1];
-  const step = (name) => seconds * RATES[name] * Math.max(-1, Math.min(1, way[name]));
-  for (const name of ["height", "roll", "pitch", "yaw"]) if (way[name]) set(name, body[name] + step(name));
-  if (!way.turn) return;
-  const drags = view?.drags() ?? [null, null];
-  ["left", "right"].forEach((side, i) => {
-    if (keys[side] || stick?.lift[i] || drags[i]) set(side, body[side] + step("turn"));
-  });
-}
-
-const degrees = (v, more, less) => {
-  const whole = Math.round((180 / Math.PI) * wrapped(v));
-  return whole ? `${Math.abs(whole)}° ${whole > 0 ? more : less}` : "0°";
-};
-const BENT = {
-  height: (v) => { const cm = (100 * v).toFixed(0); return `${cm > 0 ? "+" : ""}${Number(cm)} cm`.replace("-", "−"); },
-  roll: (v) => degrees(v, "right", "left"),
-  pitch: (v) => degrees(v, "forward", "back"),
-  yaw: (v) => degrees(v, "left", "right"),
-  left: (v) => degrees(v, "left", "right"),
-  right: (v) => degrees(v, "left", "right"),
-};
-const BENT_PART = { height: "", roll: "tilt ", pitch: "lean ", yaw: "turn ", left: "left foot ", right: "right foot " };
-// Sliders whose right is the robot's right, where more is to the left.
-const MIRRORED = new Set(["yaw", "left", "right"]);
-
-// Sliders and words say what is asked of the body, here or by whoever else leads it.
-function bends({ asked: far }) {
-  part("bends").disabled = !bendable();
-  if (!bendable()) {
-    [body.height, body.roll, body.pitch, body.yaw] = [far.height, ...far.torso];
-    [body.left, body.right] = far.turns;
-  }
-  const told = [];
-  for (const name in body) {
-    const slider = part(`bend-${name}`), sign = MIRRORED.has(name) ? -1 : 1;
-    [slider.min, slider.max] = range(name).map((v) => sign * v).sort((a, b) => a - b);
-    slider.value = sign * body[name];
-    const text = BENT[name](body[name]);
-    put(`bent-${name}`, text);
-    if (!text.startsWith("0")) told.push(BENT_PART[name] + text);
-  }
-  put("body-now", told.join(", "));
 }
 
 let said = "";
@@ -404,26 +337,17 @@ function press(event, down) {
   const letter = letterOf(event), arrow = event.key.startsWith("Arrow") ? event.key : driven() && ARROWS[letter];
   if (letter === "q") hold("left", down);
   else if (letter === "e") hold("right", down);
-  else if (arrow) {
-    if (down) {
-      keys.arrows.add(arrow);
-      if (driving && !driven() && !keys.left && !keys.right) hint("Arrows walk the robot, if it takes torques. To move a foot, hold Q or E as well.");
-    } else keys.arrows.delete(arrow);
-  } else if (letter in BENDS && !down) keys.bends.delete(letter);
+  else if (event.key.startsWith("Arrow")) point(arrow, down);
+  else if (arrow) keys.arrows[down ? "add" : "delete"](arrow);
+  else if (letter in GRIPS) grip(GRIPS[letter], down);
+  else if (letter in LIFTS) raise(letter, down);
+  else if (letter in BENDS && !down) keys.bends.delete(letter);
   else if (letter in BENDS && bendable()) tell(letter);
   else if (letter === "n" && down && bendable()) straighten();
   else return;
   if (down) taken.add(event.code);
   event.preventDefault();
   look();
-}
-
-// A key that bends the body is pressed: the body says so, or the page why it does not.
-function tell(letter) {
-  keys.bends.add(letter);
-  const [what] = BENDS[letter];
-  if (what !== "height" && newest.limits.torso[2] === 0) hint("Where velocities are commanded, only the height of the body changes.");
-  else if (what === "turn" && !pad().lift.some(Boolean) && !pad().drag.some(Boolean)) hint("A foot is turned while it is held: hold Q or E as well.");
 }
 
 function hold(side, down) {
@@ -437,6 +361,8 @@ function release() {
   keys.rest = false;
   keys.arrows.clear();
   keys.bends.clear();
+  grip(0, false);
+  grip(1, false);
   view?.release();
 }
 
@@ -458,9 +384,10 @@ for (const button of document.querySelectorAll("[data-arrow]")) {
   const { arrow, side } = button.dataset;
   holds(button, (down) => {
     if (side) hold(side, down);
-    else keys.arrows[down ? "add" : "delete"](arrow);
+    else point(arrow, down);
   });
 }
+["hand-left", "hand-right"].forEach((name, hand) => holds(part(name), (down) => grip(hand, down)));
 holds(part("rest"), (down) => { keys.rest = down; });
 for (const button of document.querySelectorAll("[data-push]"))
   button.addEventListener("click", () => send({ do: "push", value: button.dataset.push }));
