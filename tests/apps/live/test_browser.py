@@ -526,8 +526,10 @@ HIDE = """
 
 
 @pytest.mark.slow
-def test_a_tab_that_is_hidden_in_mid_step_lands_and_drives_again_when_it_is_seen(browser, session):
-    with Page(browser, session.front.drive_url) as page:
+def test_a_tab_that_is_hidden_in_mid_step_lands_and_drives_again_when_it_is_seen(
+    plain_browser, session
+):
+    with Page(plain_browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
         hold(page, "e", "newest.soles[1][2] > 0.04")
         page.ask(HIDE.format(hidden="true"))
@@ -547,8 +549,8 @@ def test_a_tab_that_is_hidden_in_mid_step_lands_and_drives_again_when_it_is_seen
 
 
 @pytest.mark.slow
-def test_a_gamepad_that_holds_both_feet_lifts_one_and_the_robot_stands(browser, session):
-    with Page(browser, session.front.drive_url) as page:
+def test_a_gamepad_that_holds_both_feet_lifts_one_and_the_robot_stands(plain_browser, session):
+    with Page(plain_browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
         page.ask(
             "window.axes = [-0.5, -1, 0.5, -1]; window.down = true;"

@@ -43,7 +43,9 @@ def test_a_hand_is_held_by_a_key_and_moved_by_arrows_and_two_letters(
         ):  # fmt: skip
             before = page.ask(f"[...moved[{which}]]")
             assert type_("keydown", name, letter)
-            wait_for(lambda b=before, a=axis, s=sign: s * (hand(desk, which)[a] - b[a]) > 0.02, name)
+            wait_for(
+                lambda b=before, a=axis, s=sign: s * (hand(desk, which)[a] - b[a]) > 0.02, name
+            )
             type_("keyup", name, letter)
             assert [v for a, v in enumerate(page.ask(f"moved[{which}]")) if a != axis] == [
                 v for a, v in enumerate(before) if a != axis
