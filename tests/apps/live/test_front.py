@@ -278,6 +278,7 @@ def test_who_was_refused_does_not_inherit_the_seat(front, session):
             beat(second, drag=HELD)
             assert "watching" in answer(second)["error"]
             beat(operator)
+            wait_for(lambda: session.inputs.read() is not None, "what the operator says")
             assert session.inputs.read().drag == (None, None)
 
 
