@@ -1,9 +1,9 @@
-"""`PacedConnection`: a connection that is read in beats, however much comes.
+"""`PacedConnection`: a connection of which so much is read in a second, however much comes.
 
 Robot and page share one interpreter: whatever is read takes its time from the robot. A message, a
-part of one, a ping: each is a frame, and of frames no more are taken in a beat than a `Pace` says.
-What comes faster waits unread, in the end with whoever sends it. Who keeps that up is told so, and
-the connection ends.
+part of one, a ping: each is a frame, and of frames no more are taken than a `Pace` says. What comes
+faster waits unread, in the end with whoever sends it. Who keeps that up is told so, and the
+connection ends.
 """
 
 import asyncio
@@ -18,24 +18,30 @@ class Pace(NamedTuple):
     """How much of a connection is read.
 
     Attributes:
-        frames: in a beat at most.
-        beat: [s].
+        rate: frames a second [1/s].
+        burst: frames at once, and so in one look, at most.
+        rest: from one look to the next [s].
         too_fast: what is told to who sends faster, in 123 bytes at most.
     """
 
-    frames: int
-    beat: float
+    rate: float
+    burst: float
+    rest: float
     too_fast: str
 
 
-DRIVES = Pace(24, 0.008, "More than 3000 messages a second, for 2 s: send 1000 at most.")
-"""For whoever drives. Devices send a thousand; after a stall there is more for a while."""
+DRIVES = Pace(3000.0, 24.0, 0.002, "More messages than can be read, for 4 s: send 1000 a second.")
+"""For whoever drives, whose newest message counts in a tick of 2 ms. Devices send a thousand a
+second; after a stall there is more for a while."""
 
-WATCHES = Pace(1, 0.05, "You are watching, and send and send: nothing of it moves the robot.")
+WATCHES = Pace(
+    20.0, 1.0, 0.05, "You are watching, and send and send: nothing of it moves the robot."
+)
 """For anybody else, who has nothing to say."""
 
-FLOODS = 2.0
-"""Who has sent faster for so long [s] is told so."""
+FLOODS = 4.0
+"""Who has sent faster for so long [s] is told so; to read what piled up while a line was down takes
+a second or two."""
 
 _PIECE = 256
 """So much is read before frames are counted anew [bytes]: some forty at most."""
@@ -47,7 +53,7 @@ _TOO_MANY = b"Too many connections are open here: close some."
 
 
 class PacedConnection(ServerConnection):
-    """A connection that reads in beats.
+    """A connection that is read at a pace.
 
     Attributes:
         pace: how much of it is read.
@@ -56,8 +62,9 @@ class PacedConnection(ServerConnection):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self.pace = DRIVES
-        self._unread, self._frames = bytearray(), 0
-        self._crowded, self._rested_at = 0.0, -math.inf
+        self._unread = bytearray()
+        self._allowed, self._read_at = 0.0, -math.inf
+        self._crowded = 0.0
         self._resting: asyncio.TimerHandle | None = None
         self._ending: asyncio.Task[None] | None = None
 
@@ -82,41 +89,44 @@ class PacedConnection(ServerConnection):
         """Takes what has come, as much of it as the pace lets."""
         self._unread += data
         if self._resting is None:
-            self._read()
+            self._read(waited=False)
 
     def process_event(self, event: Any) -> None:
         """Counts what is read, and hands it on."""
-        self._frames += 1
+        self._allowed -= 1.0
         super().process_event(event)
 
-    def _read(self) -> None:
-        """Reads for a beat, and then rests until the next one."""
-        pace, before = self.pace, self._frames
-        while self._unread and self._frames - before < pace.frames and not self._valve.full:
+    def _read(self, *, waited: bool) -> None:
+        """Reads what may be read by now, and then rests.
+
+        Args:
+            waited: whether there was more to read since the last time than was read.
+        """
+        pace, now = self.pace, self.loop.time()
+        self._reckon(now - self._read_at if waited else self._read_at - now)
+        self._allowed = min(self._allowed + pace.rate * (now - self._read_at), pace.burst)
+        self._read_at = now
+        while self._unread and self._allowed > 0.0 and not self._valve.full:
             piece = bytes(self._unread[:_PIECE])
             del self._unread[:_PIECE]
             super().data_received(piece)
-        # What came in one piece with the last frame that there was room for takes beats of its own.
-        beats = (self._frames - before) / pace.frames
-        rest = math.ceil(max(1.0, beats)) * pace.beat
-        self._reckon(rest if beats >= 1.0 else -rest)
+        # In one piece there may be more than was allowed: that takes its time afterwards.
+        rest = max(pace.rest, (1.0 - self._allowed) / pace.rate)
         self._valve.hold(True)
-        self._rested_at = self.loop.time() + rest
-        self._resting = self.loop.call_at(self._rested_at, self._go_on)
+        self._resting = self.loop.call_at(now + rest, self._go_on)
 
-    def _reckon(self, crowded: float) -> None:
-        """For how long there has been too much to read; whoever floods is told so."""
-        idle = max(0.0, self.loop.time() - self._rested_at)
-        self._crowded = max(0.0, self._crowded - idle) + crowded
+    def _reckon(self, longer: float) -> None:
+        """For how long there has been too much to read [s]; whoever floods is told so."""
+        self._crowded = max(0.0, self._crowded + longer)
         if self._crowded > FLOODS and self._ending is None:
             ending = self.close(CloseCode.POLICY_VIOLATION, self.pace.too_fast)
             self._ending = self.loop.create_task(ending)
 
     def _go_on(self) -> None:
-        """The next beat."""
+        """After a rest."""
         self._resting = None
         if self._unread:
-            self._read()
+            self._read(waited=True)
         else:
             self._valve.hold(False)
 
