@@ -10,7 +10,7 @@ Everything that a browser gets comes from one origin on 127.0.0.1, through the p
   what the operator does. A connection that shows the token gets the operator's seat if that is
   free, and has it until it closes, or until it has been silent and somebody else comes who shows
   the token. What any other connection sends is refused and dropped. How much is read of each, and
-  how many there may be, is bounded: nobody takes the robot's time by sending.
+  how many there may be, is bounded: by sending nobody takes more than a part of the robot's time.
 - `GET /takes/NAME`: recordings, with the token.
 
 A request under a foreign host name (one of somebody else's that resolves to this machine) or from a
