@@ -65,7 +65,7 @@ def outcome(scenario: str, robot: str) -> dict[str, Any]:
     """Whether a scenario passes on a robot, and if not, why in one line."""
     with tempfile.TemporaryDirectory() as folder:
         words = [scenario, "--robot", robot, "--no-video", "--json", "--out", folder]
-        command = [sys.executable, "-m", "poise.cli.main", "run", *words]
+        command = [sys.executable, "-m", "poise", "run", *words]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode == 2:
         return {"ok": False, "reason": done.stderr.strip().removeprefix("poise: ")}

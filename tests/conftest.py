@@ -44,7 +44,7 @@ def pytest_xdist_setupnodes():
     Where that fails, tests say why.
     """
     if find_unkept():
-        subprocess.run([sys.executable, "-m", "poise.cli.main", "warmup"], check=False)
+        subprocess.run([sys.executable, "-m", "poise", "warmup"], check=False)
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -202,7 +202,7 @@ def test_a_real_process_stops_at_ctrl_c_and_goes_on(tmp_path):
     """Ctrl-C reaches the workers too, as in a terminal, and they leave it to the parent."""
     (tmp_path / "tiny.yaml").write_text(TINY)
     (tmp_path / "trial.yaml").write_text(CAMPAIGN.replace("episodes: 2", "episodes: 40"))
-    command = [sys.executable, "-m", "poise.cli.main", "campaign", "trial.yaml", "--out", "o"]
+    command = [sys.executable, "-m", "poise", "campaign", "trial.yaml", "--out", "o"]
     with subprocess.Popen(
         [*command, "--workers", "1"],
         cwd=tmp_path,

@@ -304,7 +304,7 @@ def test_a_folder_where_a_file_should_be_written_is_one_line(in_folder, short, c
 
 
 def poise(*arguments, cwd):
-    command = [sys.executable, "-m", "poise.cli.main", *arguments]
+    command = [sys.executable, "-m", "poise", *arguments]
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     return subprocess.run(
         command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=60, check=False
@@ -330,7 +330,7 @@ def test_a_real_process_runs_a_file_to_its_log(tmp_path):
 
 
 def test_the_reader_of_a_pipe_may_go_away(tmp_path):
-    command = f"{sys.executable} -m poise.cli.main robots | true"
+    command = f"{sys.executable} -m poise robots | true"
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, timeout=60,
         check=False,

@@ -259,7 +259,7 @@ def test_a_run_that_is_terminated_leaves_a_finished_recording_that_plays(in_fold
 
     from poise.locomotion import read_recording
 
-    command = [sys.executable, "-m", "poise.cli.main", "teleop", "--no-open", "--port", "0"]
+    command = [sys.executable, "-m", "poise", "teleop", "--no-open", "--port", "0"]
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     with subprocess.Popen(
         [*command, "--out", "out"], stdout=subprocess.PIPE, text=True, env=environment

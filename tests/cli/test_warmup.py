@@ -89,7 +89,7 @@ def run(cache, *command):
 
 
 def warmup(cache, *options):
-    return run(cache, "-m", "poise.cli.main", "warmup", *options)
+    return run(cache, "-m", "poise", "warmup", *options)
 
 
 # Whoever comes first compiles everything, for as long as a busy machine takes.
@@ -184,7 +184,7 @@ def test_one_process_does_it_where_no_other_can(partly, script):
 
 @pytest.mark.slow
 def test_two_at_once(partly):
-    command = [sys.executable, "-m", "poise.cli.main", "warmup", "--controller", "differential_ik"]
+    command = [sys.executable, "-m", "poise", "warmup", "--controller", "differential_ik"]
     both = [
         subprocess.Popen(command, env=environment(partly), stdout=subprocess.PIPE) for _ in range(2)
     ]

@@ -355,4 +355,4 @@ def test_left_is_left_by_name_and_ahead_follows_from_it(save):
     source = load_robot(path, describe(path).facts)
     limbs = find_limbs(source.model, np.eye(3), (), "walker.urdf")
     assert source.model.names[limbs.legs[0][0]] == "left_hip_z"
-    np.testing.assert_allclose(limbs.forward, [-1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(limbs.arms.forward, [-1.0, 0.0, 0.0], atol=1e-12)

@@ -1,7 +1,6 @@
 """The `poise` command: few verbs, each with `--help` and an example in it."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 from poise import __version__
@@ -28,7 +27,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for verb in (_run, _scorecard, _campaign, _robots, _describe, _teleop, _drive, _warmup):
         verb.add_parser(verbs)
     return run_command(parser, arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -202,12 +202,14 @@ class _Describer:
         data = self._model.createData()
         pin.framesForwardKinematics(self._model, data, q)
         finder = FeetFinder(
-            self._model, self._source, self._where, self._lost_meshes, data, limbs.forward
+            self._model, self._source, self._where, self._lost_meshes, data, limbs.arms.forward
         )
         feet = [finder.find(leg) for leg in limbs.legs]
         soles = self._soles(feet, data)
         legs, beyond = part_legs(limbs.legs, feet)
-        apart = abs(float((feet[0].fit.position - feet[1].fit.position) @ _left(limbs.forward)))
+        apart = abs(
+            float((feet[0].fit.position - feet[1].fit.position) @ _left(limbs.arms.forward))
+        )
         tall = float(data.oMi[limbs.legs[0][0]].translation[2] - feet[0].fit.position[2])
         apart = max(min(apart, _WIDEST * tall), 1.15 * max(foot.fit.width for foot in feet))
         back = finder.ankle_relief(feet, legs)
@@ -219,7 +221,7 @@ class _Describer:
             soles,
             legs,
             self._upright,
-            limbs.forward,
+            limbs.arms.forward,
             apart,
             start or bent,
             ahead=-back,

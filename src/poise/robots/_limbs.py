@@ -55,13 +55,11 @@ class Limbs:
     Attributes:
         legs: two legs.
         arms: two arms, or none.
-        forward: horizontal direction of the robot at zero, in the root link's axes turned upright.
         asymmetries: where left and right are not mirror images, as sentences.
     """
 
     legs: Pair
     arms: Arms
-    forward: Float64[np.ndarray, "3"]
     asymmetries: tuple[str, ...]
 
 
@@ -99,11 +97,9 @@ def find_limbs(
             wanted="two; or a description that says what it stands on "
             "(poise.robots.description_template gives one to fill in)",
         )
-    forward = tree.forward(legs)
     return Limbs(
         legs=legs,
-        arms=tree.arms(others, grips, forward),
-        forward=forward,
+        arms=tree.arms(others, grips, tree.forward(legs)),
         asymmetries=_asymmetries(model, *legs),
     )
 

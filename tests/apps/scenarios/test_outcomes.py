@@ -221,7 +221,7 @@ def test_ctrl_c_at_the_first_tick_still_gives_a_run():
 
 def running(folder, *arguments):
     """A `poise run` in a process of its own that has got to half a second of its log."""
-    command = [sys.executable, "-m", "poise.cli.main", "run", *arguments, "--no-video"]
+    command = [sys.executable, "-m", "poise", "run", *arguments, "--no-video"]
     process = subprocess.Popen(
         [*command, "--out", str(folder)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
