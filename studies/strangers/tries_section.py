@@ -1,22 +1,17 @@
 """Each model below a folder: what it does of what is asked of it, and what went wrong."""
 
-import importlib.metadata
 import time
 import warnings
-import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from poise.apps.scenarios import Run, load_scenario, run_scenario
 from poise.apps.strangers import try_out
-from poise.errors import ConfigurationError, PoiseError
+from poise.errors import PoiseError
 from poise.robots import describe, load_robot
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
-
-_FEWEST_JOINTS = 10
-"""Files with fewer joints are hands, arms and scenery."""
+from studies.strangers.model_files import model_files
 
 _TRIED = ("stand", "squat", "reach")
 """What `poise describe` tries."""
@@ -66,12 +61,7 @@ class Outcome:
 
 def tries_section(options: StudyOptions, progress: Progress) -> Section:
     """The table of all models, and how many did each thing."""
-    folder = _folder(options)
-    paths = list(_models(folder))
-    if not paths:
-        raise ConfigurationError(
-            "no model of a robot stands below the folder", got=str(folder), wanted="URDF or MJCF"
-        )
+    folder, paths = model_files(options)
     outcomes: list[Outcome] = []
     for number, path in enumerate(paths):
         progress(number, len(paths))
@@ -106,43 +96,6 @@ def _share(thing: str, good: int, of: int) -> Finding:
         ok=good >= part * of,
         note=f"{good} of {of}; wanted are {10 * part:.0f} of ten",
     )
-
-
-def _folder(options: StudyOptions) -> Path:
-    """Where the models are.
-
-    Raises:
-        ConfigurationError: no such folder, or none is named and example-robot-data is missing.
-    """
-    if options.directory is not None:
-        folder = Path(options.directory)
-        if not folder.is_dir():
-            raise ConfigurationError("no such folder", got=str(folder), wanted="--dir DIR")
-        return folder
-    try:
-        data = importlib.metadata.distribution("example-robot-data")
-    except importlib.metadata.PackageNotFoundError:
-        raise ConfigurationError(
-            "no models to try", got="no --dir", wanted="--dir DIR, or example-robot-data"
-        ) from None
-    return Path(str(data.locate_file("cmeel.prefix/share/example-robot-data/robots")))
-
-
-def _models(folder: Path) -> Iterator[Path]:
-    """Files with a robot of some size in them; scenes that include one are left out."""
-    for path in sorted([*folder.rglob("*.urdf"), *folder.rglob("*.xml")]):
-        try:
-            root = ET.parse(path).getroot()
-        except (ET.ParseError, OSError, UnicodeDecodeError):
-            continue
-        if root.tag == "robot":
-            joints = [j for j in root.findall("joint") if j.get("type") != "fixed"]
-        elif root.tag == "mujoco":
-            joints = [j for world in root.findall("worldbody") for j in world.iter("joint")]
-        else:
-            continue
-        if len(joints) >= _FEWEST_JOINTS:
-            yield path
 
 
 def _outcome(path: Path, folder: Path, *, simulate: bool) -> Outcome:

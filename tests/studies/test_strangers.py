@@ -1,5 +1,6 @@
 """The study of strangers: which files it takes, and what it says of them."""
 
+import importlib
 import re
 
 import pytest
@@ -8,12 +9,19 @@ pytest.importorskip("mujoco")
 
 from poise.errors import ConfigurationError
 from poise.robots._catalog import find_entry, open_entry
+from studies.bad_operator.conditions import DESCRIBED, MIXED
 from studies.plan import StudyOptions
+from studies.strangers.led_section import led_section
 from studies.strangers.tries_section import tries_section
 
 
 def silent(done, whole):
     """No progress."""
+
+
+def one_after_another(run, kind, trials, progress, options):
+    """As `run_each`, in this process."""
+    return {trial: run(trial) for trial in trials}
 
 
 def test_every_model_below_a_folder_has_a_row_and_failures_their_words(tmp_path):
@@ -37,7 +45,27 @@ def test_every_model_below_a_folder_has_a_row_and_failures_their_words(tmp_path)
     assert finding.name == "models that load"
 
 
+@pytest.mark.parametrize("section", [tries_section, led_section])
 @pytest.mark.parametrize("name", ["nowhere", "."])
-def test_a_folder_without_models_is_refused(tmp_path, name):
+def test_a_folder_without_models_is_refused(tmp_path, name, section):
     with pytest.raises(ConfigurationError, match="folder"):
-        tries_section(StudyOptions(directory=str(tmp_path / name)), silent)
+        section(StudyOptions(directory=str(tmp_path / name)), silent)
+
+
+def test_who_can_be_led_is_and_the_others_say_why_not(tmp_path, monkeypatch):
+    led = importlib.import_module("studies.strangers.led_section")
+    monkeypatch.setattr(led, "run_each", one_after_another)
+    monkeypatch.setattr(led, "_SECONDS", (1.0, 1.0))
+    text = open_entry(find_entry("biped20"))[0]
+    (tmp_path / "good.urdf").write_text(text)
+    bare = re.sub(r"<(box|mesh|cylinder|sphere|capsule)", "<none", text)
+    (tmp_path / "bare.urdf").write_text(bare)
+    section = led_section(StudyOptions(quick=True, directory=str(tmp_path)), silent)
+    rows = {(row[0], row[1]): row for row in section.tables[0].rows}
+    assert len(rows) == 4
+    for condition in (DESCRIBED, MIXED):
+        assert rows["good.urdf", condition][2:4] == ("stood", pytest.approx(1.0))
+        assert rows["bare.urdf", condition][2] is None
+        assert rows["bare.urdf", condition][-1]
+    assert [f.ours for f in section.findings] == [0, 0]
+    assert all("1 seeds" in f.name for f in section.findings)
