@@ -15,6 +15,7 @@ from poise.locomotion._stepping._footing import Footing, mean_angle, wrapped
 from poise.locomotion._stepping._lean import TrunkPose
 from poise.locomotion._stepping._righting import SoleRighting
 from poise.locomotion._stepping._trunk_feedback import TrunkFeedback
+from poise.locomotion._stepping._twist import twist_ranges
 from poise.locomotion._walking import swing_braking
 from poise.stack import (
     SMOOTH_RATE,
@@ -141,7 +142,10 @@ class TorqueTasks:
             contacts=self._contacts,
             levels=[[self._com, *self._feet, *self._trunk, *limbs, posture]],
             # A straight leg gets no shorter whatever its knee does: the trunk would bow for it.
-            joint_limit=JointLimit(position_range=biped.knees, braking_of=swing_braking(robot)),
+            joint_limit=JointLimit(
+                position_range={**twist_ranges(biped), **biped.knees},
+                braking_of=swing_braking(robot),
+            ),
             torque_limit=TorqueLimit(rate=SMOOTH_RATE),
             self_collision_limit=SelfCollisionLimit(),
         )
