@@ -87,8 +87,8 @@ def led_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Models under the bad operator",
-                header="model | condition | outcome | after [s] | feet lifted | lean, greatest [rad] | "
-                "words",
+                header="model | condition | outcome | after [s] | feet lifted | "
+                "lean, greatest [rad] | words",
                 rows=tuple(led.row(folder) for led in found),
             ),
         ),
