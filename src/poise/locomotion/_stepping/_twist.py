@@ -8,10 +8,10 @@ from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._stepping._biped import Biped
 
 _FARTHEST = 1.2
-"""From home [rad]. Waists and hips of some robots turn by 2.6: pushed on one foot, G1 wound up by
-2.6 at its waist and 2.3 at its hips within a second. Then the shorter way for torso and pelvis to
-face ahead again is on into the stops, and its trunk leaned on them by 0.6 for nine seconds, until
-it fell."""
+"""From home [rad]. Waists and hips of some robots turn by 2.6: pushed on one foot, G1 turned its
+waist by 2.6 and its pelvis by 1.8 over the feet within two seconds. Then the shorter way for torso
+and pelvis to face ahead again is on into the stops, and its trunk leaned on them by half a radian
+and more until it fell, eight seconds later."""
 
 _UPRIGHT = 0.7
 """A joint is about the vertical whose axis has this vertical part at home."""
