@@ -30,7 +30,8 @@ class JointLimit:
     harder braking than a velocity limit would have, both become the one that brakes.
 
     Torque controllers leave out of v what joints beside a contact do only because that still moves,
-    and ask those joints for no more than `braking`, nor for `braking_of`: see `bound_settling`.
+    and ask those joints for no more than `braking`, nor for `braking_of`, and near their limits for
+    no more than it takes to stop within the margin: see `bound_settling`.
 
     What it is made of is for reading: another limit makes another controller.
 
@@ -181,6 +182,7 @@ class JointLimit:
             a_max=self._acceleration_max,
             dt=self._horizon,
             braking=braking,
+            margin=self._position_margin,
             gentle=np.minimum(braking, self._braking),
         )
         self._lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)

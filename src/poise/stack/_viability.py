@@ -17,6 +17,9 @@ and all tasks below give way for that tick. The price is that a joint may pass i
 `a_max (fraction dt)^2 / 2`, 10 mrad with the defaults, where it came in need of full braking, and
 by a fortieth of that where it came as planned. The position margin is there for it."""
 
+_RETURN = 10.0
+"""In how many horizons a joint beside a contact comes back from beyond its limit."""
+
 _TINY = 1e-12
 """Keeps a joint at rest on its limit from dividing by zero [rad]."""
 
@@ -32,6 +35,7 @@ class Viability(NamedTuple):
         gentle: the same of joints beside contacts, and the most that these are asked for [rad/s^2].
         a_max: acceleration limit [rad/s^2].
         dt: horizon [s].
+        margin: what is left beyond the position limits until a joint's own stops [rad].
     """
 
     q_min: Float64[np.ndarray, " nj"]
@@ -41,6 +45,7 @@ class Viability(NamedTuple):
     gentle: Float64[np.ndarray, " nj"]
     a_max: float
     dt: float
+    margin: float
 
 
 class ViableAcceleration:
@@ -64,7 +69,8 @@ class ViableAcceleration:
         a_max: acceleration limit [rad/s^2].
         dt: horizon [s].
         braking: b, the decelerations that stopping is planned with [rad/s^2].
-        gentle: the same beside contacts, see `bound_settling`; as elsewhere when None [rad/s^2].
+        margin: what is left beyond the position limits until a joint's own stops [rad].
+        gentle: b beside contacts, see `bound_settling`; as elsewhere when None [rad/s^2].
 
     Attributes:
         viability: all of them.
@@ -79,10 +85,13 @@ class ViableAcceleration:
         a_max: float,
         dt: float,
         braking: Float64[np.ndarray, " nj"],
+        margin: float = 0.0,
         gentle: Float64[np.ndarray, " nj"] | None = None,
     ) -> None:
         gentle = braking if gentle is None else gentle
-        self.viability = Viability(q_min, q_max, v_max, braking, gentle, float(a_max), float(dt))
+        self.viability = Viability(
+            q_min, q_max, v_max, braking, gentle, float(a_max), float(dt), float(margin)
+        )
 
     def bounds(
         self,
@@ -140,6 +149,30 @@ def bound_joint(
     lower[i] = -largest_acceleration(q - viability.q_min[i], -v, v_max, settings)
     if lower[i] > upper[i]:
         lower[i] = upper[i] = upper[i] if v > 0.0 else lower[i]
+
+
+@part
+def braking_asked(s: float, v: float, b: float, viability: Viability) -> float:
+    """The most that a joint beside a contact is asked to brake by, or to come back from a limit.
+
+    What such a joint brakes, the body does. It stops within what is left to the limit, or within
+    the margin if that is less,
+
+        min(b, v^2 / 2 max(s, m) + 2 max(-s, 0) / (10 dt)^2),
+
+    and comes back slowly: at 0.05 rad/s, which noise shows, it is asked for 0.13 rad/s^2 and not
+    for 5, and 2 mrad beyond the limit for 0.1 and not for 8, with the defaults.
+
+    Args:
+        s: distance to the limit [rad].
+        v: velocity towards it [rad/s].
+        b: braking [rad/s^2].
+        viability: of all joints.
+    """
+    approach = max(v, 0.0)
+    distance = max(s, viability.margin, 0.5 * _STOP_FRACTION * viability.dt * approach, _TINY)
+    back = _RETURN * viability.dt
+    return min(b, 0.5 * approach * approach / distance + 2.0 / (back * back) * max(-s, 0.0))
 
 
 @compiled
