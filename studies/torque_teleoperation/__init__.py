@@ -14,6 +14,7 @@ from studies.torque_teleoperation.operators_section import (
     operators_section,
     plants_section,
 )
+from studies.torque_teleoperation.ridges_section import ridges_section
 from studies.torque_teleoperation.scenarios_section import scenarios_section
 from studies.torque_teleoperation.standing_section import standing_section
 
@@ -40,9 +41,10 @@ PLAN = StudyPlan(
         Part("held", "Pushed with one foot held up", held_section),
         Part("again", "Pushed again while it catches itself", again_section),
         Part("edges", "On the edge of a bump", edges_section),
+        Part("ridges", "One edge on a ridge", ridges_section),
         Part("cuts", "Connections cut in mid-step", cuts_section),
         Part("hands", "Hands at random", hands_section),
         Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: thirteen parts."""
+"""The study: fourteen parts."""

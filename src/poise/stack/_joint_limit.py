@@ -122,12 +122,18 @@ class JointLimit:
 
     @property
     def q_min(self) -> Float64[np.ndarray, " nj"]:
-        """Lower position limits, margin included; known once bound to a robot [rad]."""
+        """Lower position limits, margin included; known once bound to a robot [rad].
+
+        Minus infinity where a joint is left to its own stop.
+        """
         return self._q_min
 
     @property
     def q_max(self) -> Float64[np.ndarray, " nj"]:
-        """Upper position limits, margin included; known once bound to a robot [rad]."""
+        """Upper position limits, margin included; known once bound to a robot [rad].
+
+        Infinity where a joint is left to its own stop.
+        """
         return self._q_max
 
     @property
@@ -162,6 +168,7 @@ class JointLimit:
             q_min[i], q_max[i] = max(q_min[i], lower), min(q_max[i], upper)
         self._q_min: Float64[np.ndarray, " nj"] = q_min
         self._q_max: Float64[np.ndarray, " nj"] = q_max
+        self._least, self._most = q_min.copy(), q_max.copy()
         crossed = np.flatnonzero(q_min >= q_max)
         if crossed.size:
             raise ConfigurationError(
@@ -188,6 +195,22 @@ class JointLimit:
         self._lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
         self._upper: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
         self._robot = robot
+
+    def leave_to_stop(self, joint: int, *, at_lower: bool, at_upper: bool) -> None:
+        """Has a position limit of a joint hold no more, or hold again; from the next tick on.
+
+        For a joint that something else holds at the end of its range, as the ground does an ankle
+        whose sole stands on an edge: the mechanical stop is there, and a limit that cannot be met
+        would take it out on the rest of the robot. Limits of velocity and acceleration hold all the
+        same.
+
+        Args:
+            joint: index among the robot's joints.
+            at_lower: whether its lower limit is left to the stop.
+            at_upper: whether its upper limit is.
+        """
+        self._q_min[joint] = -np.inf if at_lower else self._least[joint]
+        self._q_max[joint] = np.inf if at_upper else self._most[joint]
 
     def evaluate(self, dynamics: Dynamics) -> None:
         """Fills `lower` and `upper` for one state.

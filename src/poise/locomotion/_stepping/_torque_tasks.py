@@ -9,6 +9,7 @@ from jaxtyping import Float64
 
 from poise.control import Controller, ControllerPlan, make_controller
 from poise.dynamics import Dynamics
+from poise.locomotion._stepping._ankle_stops import AnkleStops
 from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._stepping._desired import DesiredMotion
 from poise.locomotion._stepping._footing import Footing, mean_angle, wrapped
@@ -156,6 +157,7 @@ class TorqueTasks:
         self._pose = TrunkPose(biped.relief, dt)
         self._lasting = [TrunkFeedback(dt) for _ in trunk]
         self._righting = SoleRighting(self._contacts, biped.weight)
+        self._stops = AnkleStops(robot, self._contacts, self.stack.joint_limit)
         self.reset()
 
     def reset(self) -> None:
@@ -164,6 +166,7 @@ class TorqueTasks:
         for feedback in self._lasting:
             feedback.reset()
         self._righting.reset()
+        self._stops.reset()
         self._keep_inside(_MARGIN)
         self._yaws = [0.0, 0.0]
         self._swing: int | None = None
@@ -201,6 +204,7 @@ class TorqueTasks:
         self._announce(footing)
         self._stand(footing)
         self._righting.update(footing)
+        self._stops.update(footing)
         # Where soles have turned on the ground hips at their limits would hold no balance.
         for foot in (0, 1):
             if foot != self._swing:
@@ -224,6 +228,7 @@ class TorqueTasks:
         """
         self._keep_inside(_CAUGHT_MARGIN)
         self._righting.update(footing)
+        self._stops.update(footing)
         self._yaws = [footing.yaw(foot) for foot in (0, 1)]
         self._swing, self._height, self._eased = None, None, 0.0
         self._com.set_weight(_CATCHING)
