@@ -4,12 +4,9 @@ import math
 
 from poise.locomotion._stepping._biped import KNEE, leg_joints
 from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._righting import GROUND
 from poise.robots import Robot
 from poise.stack import JointLimit, SurfaceContact
-
-_TILTED = 0.1
-"""Sine of how far off level a sole lies that is tilted by what is under it: more than a slope of 3
-degrees with an attitude off by 1."""
 
 _NEAR, _BACK = 0.005, 0.03
 """How near to a limit an ankle is left to its stop, and how far it has to come back from there
@@ -55,7 +52,7 @@ class AnkleStops:
         for foot, contact in enumerate(self._contacts):
             _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
             up_x, up_y, _ = rotation[2].tolist()
-            tilted = math.hypot(up_x, up_y) > _TILTED
+            tilted = math.hypot(up_x, up_y) > GROUND
             for ankle in self._ankles[foot]:
                 angle = float(footing.dynamics.q[self._first + ankle])
                 below, above = angle - self._least[ankle], self._most[ankle] - angle

@@ -9,7 +9,7 @@ _STIFFNESS, _MOST = 400.0, 60.0
 """How hard a sole is turned back [1/s^2], and the largest angular acceleration of that
 [rad/s^2]."""
 
-_GROUND = 0.1
+GROUND = 0.1
 """Sine of how far a sole may be off level, and lie as the ground does, as far as anyone knows: a
 slope of 3 degrees with an attitude off by 1, or a bump."""
 
@@ -55,7 +55,7 @@ class SoleRighting:
             # The sine of the angle to the vertical, about the sole's own axes.
             up_x, up_y, _ = rotation[2].tolist()
             off = math.hypot(up_x, up_y)
-            beyond = share * _STIFFNESS * max(0.0, 1.0 - _GROUND / max(off, _GROUND))
+            beyond = share * _STIFFNESS * max(0.0, 1.0 - GROUND / max(off, GROUND))
             most = share * _MOST
             x, y = -beyond * up_y, beyond * up_x
             self._turn(foot, max(-most, min(most, x)), max(-most, min(most, y)))
