@@ -128,15 +128,16 @@ _IN_FULL = 1e9
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One number beside what a paper says of it.
+    """One number beside what a paper says of it, or what is asked for.
 
     Attributes:
         name: what was found, unique within its study.
-        paper: the paper's number, in `unit`; None where the paper has none.
+        paper: the paper's number, in `unit`; where it has none the bound that is asked for, and
+            None where there is neither.
         ours: our number, in `unit`; None where it could not be computed.
         unit: unit of both; empty for a pure number.
-        ok: whether what the paper claims (a value, a ratio, an order, a bound) holds. It never
-            compares with an earlier run of ours.
+        ok: whether what the paper claims (a value, a ratio, an order, a bound) holds, or what is
+            asked for where it says nothing. It never compares with an earlier run of ours.
         note: which claim that is, and where the numbers differ, why.
     """
 

@@ -34,7 +34,7 @@ def page_html(study: Study) -> str:
         *(_section(section) for section in study.sections),
         "</main>",
         '<footer class="wide">Made by Poise. The numbers under “paper” are those of '
-        f"{escape(study.plan.source)}</footer>",
+        f"{escape(study.plan.source)} Where it has none they are what is asked for.</footer>",
     ]
     return html_document(study.plan.title, body)
 

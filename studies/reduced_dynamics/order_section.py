@@ -273,14 +273,14 @@ def _energy_findings(energy: dict[str, _Tally]) -> list[Finding]:
                 "enough",
             ),
             Finding(
-                name=f"{stance} support, energy above hands: change of a contact force, most",
-                ours=worst["force"],
-                unit="N, N m",
+                name=f"{stance} support, energy above hands: miss of the COM, most",
+                paper=0.0,
+                ours=worst["com"],
+                unit="m/s²",
                 ok=worst["com"] <= _SAME,
-                note="The order matters: base and wrenches are others "
-                f"({worst['base']:.2g} m/s², rad/s² of the base, {worst['torque']:.2g} N m of a "
-                "joint). It holds when the COM is nevertheless where it should be: "
-                f"{worst['com']:.1e} m/s².",
+                note="The order matters for all else: base and wrenches are others (a contact "
+                f"force by {worst['force']:.2g} N or N m, the base by {worst['base']:.2g} m/s² or "
+                f"rad/s², a joint's torque by {worst['torque']:.2g} N m).",
             ),
         ]
     return findings

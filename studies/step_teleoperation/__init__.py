@@ -34,7 +34,7 @@ PLAN = StudyPlan(
         ),
         Part("scenario-4", "Scenario 4: a fast swing, Figures 13 and 14", swing_section),
         Part("g1", "Beyond the paper: scenarios 1 to 3 on G1", g1_section),
-        Part("rules", "Beyond the paper: each departure taken back", rules_section),
+        Part("rules", "Beyond the paper: its rules alone, and ours without some", rules_section),
     ),
 )
 """The study: its parts in order. A part is a function in a file of its own."""

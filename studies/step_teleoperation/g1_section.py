@@ -3,22 +3,18 @@
 from dataclasses import fields
 
 from poise.apps.teleoperation import SCRIPTS
-from poise.locomotion import Mode, TeleopParameters
+from poise.locomotion import TeleopParameters
 from poise.robots import catalog, load_robot
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.runs import (
-    beyond,
     fall_note,
-    first,
     least_margin,
+    left_undone,
     run_script,
     script_parameters,
 )
 from studies.step_teleoperation.switch_section import AFTER
-
-_LIFTED = {"right": Mode.SL, "left": Mode.SR}
-"""A foot, and the mode in which it is in the air."""
 
 
 def g1_section(options: StudyOptions, progress: Progress) -> Section:
@@ -36,21 +32,14 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
         steps.next()
         run = run_script(robot, script)
         touched = bool(run.log.touched.any())
-        lifted = [name for name, mode in _LIFTED.items() if first(run.log, mode) is not None]
-        wanted = list(_LIFTED)[: 1 if script.name == "scenario 2" else 2]
-        done = not run.fell and not touched and lifted == wanted
-        asked = ["no fall", *(f"{foot} foot in the air" for foot in wanted)]
-        if script.blocks:
-            ahead = 1e3 * beyond(robot, run.log, script)
-            done = done and ahead > 0.0
-            asked += ["no touch", f"both feet beyond the blocks, which they are by {ahead:.0f} mm"]
+        undone = left_undone(robot, run, script)
         findings.append(
             Finding(
                 name=f"G1, {script.name}: largest angle of the torso",
                 ours=float(run.log.tilt.max()),
                 unit="rad",
-                ok=done,
-                note="asked: " + ", ".join(asked),
+                ok=not undone,
+                note=", ".join(undone) or "all was done that was led",
             )
         )
         rows.append((script.name, fall_note(run), "yes" if touched else "no", least_margin(run)))

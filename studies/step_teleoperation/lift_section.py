@@ -1,6 +1,7 @@
 """Scenario 2: from the lifted device to the lifted foot, by COM shifter and by preview control."""
 
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -10,7 +11,7 @@ from poise.locomotion import Mode, PreviewControl
 from poise.robots import load_robot
 from studies.finding import Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
-from studies.step_teleoperation.literal import LiteralTeleoperator
+from studies.step_teleoperation.literal import AS_MEASURED, LiteralTeleoperator
 from studies.step_teleoperation.pictures import films, paint_sideways, snapshots
 from studies.step_teleoperation.runs import (
     fall_note,
@@ -78,12 +79,15 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     robot = load_robot("biped20")
     script = SCRIPTS["lift_one_foot"](robot)
+    parameters = script_parameters(robot, script)
+    dt = parameters.dt
     steps = Steps(progress, 2 + len(_LENGTHS))
-    dt = script_parameters(robot, script).dt
     steps.next()
     runs = {"COM shifter": run_script(robot, script)}
     steps.next()
-    literal = run_script(robot, script, leader=LiteralTeleoperator)
+    literal = run_script(
+        robot, script, leader=LiteralTeleoperator, parameters=replace(parameters, **AS_MEASURED)
+    )
     gains = {}
     for length in _LENGTHS:
         steps.next()
@@ -126,8 +130,9 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
         ]  # fmt: skip
     findings.append(
         Finding(name="the paper's rules and no others: how long the robot stands",
-                ours=float(literal.log.time[-1]), unit="s", ok=literal.fell,
-                note=f"of {script.duration:.1f} s; asked: that it be told. See the part rules")
+                paper=script.duration, ours=float(literal.log.time[-1]), unit="s",
+                ok=not literal.fell,
+                note="the paper's robot lifts its foot and stands. See the part rules")
     )  # fmt: skip
     rows = tuple(
         (name, fall_note(run), _since(first(run.log, Mode.SL)),

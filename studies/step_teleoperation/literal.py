@@ -25,6 +25,9 @@ from poise.locomotion import (
 _K1, _K2, _W_S2 = 4500.0, 7000.0, 100.0
 """k_1 and k_2 of (39c) and w_S2, as the paper has them."""
 
+AS_MEASURED = {"zmp_time": 1e-9}
+"""Parameters for `LiteralTeleoperator`: the paper's ZMP is as measured, not smoothed."""
+
 
 def momentum_weights(error: Sequence[float], least: float) -> list[float]:
     """Eq. (39c): W_A of the angular momentum about x and y.
@@ -68,8 +71,9 @@ def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarr
 class LiteralTeleoperator(StepTeleoperator):
     """Leads the same stack on the same estimate, by the paper's rules and no others.
 
-    What differs from `StepTeleoperator` is what `DEPARTURES` lists. Samples that are no numbers are
-    passed over, which the paper leaves open.
+    What differs from `StepTeleoperator` is what `DEPARTURES` lists, with the parameters
+    `AS_MEASURED`. The bounds of joints it keeps. Samples that are no numbers are passed over, which
+    the paper leaves open.
 
     Attributes:
         feeds_back_measured: whether the velocity of the COM in (37) is the measured one, which is

@@ -89,6 +89,30 @@ def beyond(robot: Robot, log: TeleopLog, script: Script) -> float:
     return min(float(log.soles[-1, i, 0]) - half for i, half in enumerate(halves)) - end
 
 
+_IN_THE_AIR = {"right": Mode.SL, "left": Mode.SR}
+"""A foot, and the mode in which it is in the air."""
+
+
+def left_undone(robot: Robot, run: TeleopRun, script: Script) -> list[str]:
+    """What a robot has not done of what its operator led it through; empty when all was done.
+
+    Args:
+        robot: that was led.
+        run: what became of it.
+        script: of the operator.
+    """
+    undone = ["fell"] if run.fell else []
+    for foot, mode in _IN_THE_AIR.items():
+        led = [point for at in script.points if (point := getattr(at, foot)) is not None]
+        if any(up > 0.0 for _, _, up in led) and first(run.log, mode) is None:
+            undone.append(f"{foot} foot never in the air")
+    if run.log.touched.any():
+        undone.append("touched a block")
+    if script.blocks and beyond(robot, run.log, script) <= 0.0:
+        undone.append("a foot not beyond the blocks")
+    return undone
+
+
 def fall_note(run: TeleopRun) -> str:
     """What became of the robot, for a table."""
     return f"fell at {run.log.time[-1]:.2f} s" if run.fell else "stood"

@@ -16,6 +16,7 @@ from poise.locomotion import Mode
 from poise.robots import Robot, load_robot
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
+from studies.step_teleoperation.runs import left_undone
 
 ROBOTS = ("biped20", "humanoid33", "g1", "talos")
 
@@ -41,14 +42,16 @@ def scenarios_section(options: StudyOptions, progress: Progress) -> Section:
     for k, (name, script) in enumerate(jobs):
         robot = load_robot(name)
         runs = {level: _run(robot, script, level) for level in _LEVELS}
-        findings.append(_finding(name, script, runs["torque"]))
+        findings.append(_finding(robot, script, runs["torque"]))
         rows += [_row(name, script, level, run) for level, run in runs.items()]
         progress(k + 1.0, float(len(jobs)))
     return Section(
         prose=(
-            "The bound is on the lean of the trunk at torque level, and a fall fails it. From the "
-            "beginning of a shift, which moves the reference of the ZMP to one foot, the next two "
-            "columns of times count: until the other foot is lifted, and until the measured ZMP "
+            "The bound is on the lean of the trunk at torque level. A fall fails it, and so do a "
+            "foot that is led up and never is in the air, a block that is touched, and feet that "
+            "do not get beyond the blocks. From the beginning of a shift, which moves the "
+            "reference of the ZMP to one foot, the next two columns of times count: until the "
+            "other foot is lifted, and until the measured ZMP "
             f"has stayed within {1e3 * _NEAR:g} mm of its reference for {_STAYS:g} s. Both are "
             'medians of all shifts; the paper says "around 0.5 s" of the former in scenario 2, '
             "and no number of the rest. The error of the ZMP is that of the measured one while "
@@ -78,15 +81,16 @@ def _run(robot: Robot, script: str, level: str) -> TeleopRun:
     )
 
 
-def _finding(robot: str, script: str, run: TeleopRun) -> Finding:
+def _finding(robot: Robot, script: str, run: TeleopRun) -> Finding:
     tilt = float(run.log.tilt.max())
+    undone = left_undone(robot, run, SCRIPTS[script](robot))
     return Finding(
-        name=f"{script} on {robot}: largest lean of the trunk",
+        name=f"{script} on {robot.name}: largest lean of the trunk",
         paper=TRUNK,
         ours=tilt,
         unit="rad",
-        ok=not run.fell and tilt <= TRUNK,
-        note="the robot fell" if run.fell else "no fall",
+        ok=not undone and tilt <= TRUNK,
+        note=", ".join(undone) or "no fall, and all was done that was led",
     )
 
 

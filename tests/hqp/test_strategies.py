@@ -179,11 +179,10 @@ def test_multipliers_balance_the_final_cost_whether_or_not_something_gave():
             problem = random_problem(seed, feasible=feasible)
             solution = solve(problem)
             force = problem.H @ solution.x + problem.g
-            if solution.multipliers is not None:
-                n = problem.n
-                force += solution.multipliers[:n] + problem.A.T @ solution.multipliers[n:]
-                size = 1 + np.abs(solution.multipliers).max()
-                assert np.abs(force).max() < 1e-8 * size
+            n = problem.n
+            force += solution.multipliers[:n] + problem.A.T @ solution.multipliers[n:]
+            size = 1 + np.abs(solution.multipliers).max()
+            assert np.abs(force).max() < 1e-8 * size
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])

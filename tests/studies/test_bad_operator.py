@@ -16,7 +16,7 @@ from poise.apps.teleoperation import (
 )
 from poise.locomotion import ScriptedDevice, read_recording
 from studies.bad_operator import conditions, led_trial
-from studies.bad_operator.conditions_section import _finding, _row
+from studies.bad_operator.conditions_section import _findings, _row
 from studies.bad_operator.falls_section import Outcome, Trial, _finding as falls_finding, run_trial
 from studies.trials import run_each
 
@@ -181,14 +181,15 @@ def test_legs_of_a_robot_that_stands_are_apart(outcome):
     assert 0.0 < outcome.apart < 0.1
 
 
-def test_falls_fail_what_is_asked_for_and_are_told_where_nothing_is(outcome):
-    assert _finding([outcome]).ok
+def test_falls_fail_what_is_asked_for_and_are_no_finding_where_nothing_is(outcome):
+    assert [finding.ok for finding in _findings([[outcome]])] == [True]
     assert _row([outcome])[:4] == ("biped20", "velocity", "as described", 0)
     fallen = replace(outcome, fell=True)
-    assert not _finding([fallen]).ok
-    for robot, level, ok in (("g1", "velocity", True), ("g1", "torque", False)):
-        trial = replace(outcome.trial, robot=robot, level=level)
-        assert _finding([replace(fallen, trial=trial)]).ok is ok
+    assert [finding.ok for finding in _findings([[fallen]])] == [False]
+    for level, asked in (("velocity", []), ("torque", [False])):
+        trial = replace(outcome.trial, robot="g1", level=level)
+        found = _findings([[replace(fallen, trial=trial)]])
+        assert [finding.ok for finding in found] == asked
 
 
 def test_pushes_of_a_run_are_recorded_and_come_again(get_robot, tmp_path):

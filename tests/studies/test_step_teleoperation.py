@@ -34,6 +34,24 @@ print(json.dumps({
 """
 
 
+BY_PEAK = "ZMP peak to peak without over with rotator"
+BY_DEVIATION = "standard deviation of the ZMP without over with rotator"
+
+FAIL = {
+    "lift_section": ["the paper's rules and no others: how long the robot stands"],
+    "swing_section": [
+        f"swing {way}, {weights}: {what}"
+        for way in ("forward", "sideways")
+        for weights, what in (
+            ("(39c), (39d) without rotator", BY_PEAK),
+            ("(39c) always", BY_PEAK),
+            ("(39c) always", BY_DEVIATION),
+        )
+    ],
+}
+"""Claims that do not come out with the paper's own rules and weights."""
+
+
 @cache
 def computed(section):
     """What a section comes to, in a process whose loops are not type-checked."""
@@ -50,9 +68,9 @@ def computed(section):
         slow("swing_section", "figure-14-forward"),
     ],
 )
-def test_every_claim_of_the_paper_holds(section, figure):
+def test_every_claim_of_the_paper_holds_but_those_that_need_poises_rules(section, figure):
     result = computed(section)
-    assert result["failed"] == []
+    assert result["failed"] == FAIL.get(section, [])
     assert figure in result["figures"]
     assert len(set(result["names"])) == len(result["names"]) > 0
     assert result["last"][0] == result["last"][1]
@@ -70,17 +88,19 @@ def test_the_swings_claim_is_told_with_both_sets_of_weights():
     for way in ("forward", "sideways"):
         for which in ("constant, on", "constant, off", "(39c), on", "(39d), off"):
             assert (way, which) in weights
-        ours = result["ours"][f"swing {way}: ZMP peak to peak without over with rotator"]
-        name = f"swing {way}, paper's weights: ZMP peak to peak without over with rotator"
-        assert result["ours"][name] < 2.0 < ours
+        ours = result["ours"][f"swing {way}, constant weights: {BY_PEAK}"]
+        paper = result["ours"][f"swing {way}, (39c), (39d) without rotator: {BY_PEAK}"]
+        assert paper < 2.0 < ours
 
 
 @pytest.mark.slow
 def test_the_papers_rules_alone_fall_in_scenarios_1_2_and_3_and_poises_in_none():
-    rows = {row[0]: row[1:] for row in computed("rules_section")["rows"]}
+    result = computed("rules_section")
+    rows = {row[0]: row[1:] for row in result["rows"]}
     assert rows["all departures"] == ["stood"] * 4
     paper = rows["none: the paper's rules"]
     assert all(cell.startswith("fell") for cell in paper)
+    assert result["failed"] == ["falls in 4 runs under the paper's rules taken literally"]
 
 
 def test_the_page_lists_every_departure():

@@ -19,20 +19,6 @@ _LETTERS = {"x": 0, "y": 1, "z": 2}
 _NUMBER = np.dtype(np.float64)
 
 
-Rows = slice | Int64[np.ndarray, " m"]
-"""Which rows of a quantity count: a slice where they are neighbours, which copies nothing."""
-
-
-def as_rows(index: Int64[np.ndarray, " m"]) -> Rows:
-    """The quickest selection of rows.
-
-    Args:
-        index: row indices, ascending.
-    """
-    first, last = int(index[0]), int(index[-1])
-    return slice(first, last + 1) if last - first + 1 == len(index) else index
-
-
 def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, " m"]:
     """Turns an axis mask into row indices.
 

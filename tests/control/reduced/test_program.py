@@ -342,8 +342,9 @@ def test_a_fixed_base_is_solved_too(get_robot, name):
     both = Both(robot, (), [[FrameTask(robot.hands[0])]])
     answer = both.at(random_state(robot, 0, speed=0.2))
     whole = both.solve_whole()
-    if both.program.second_solution is None and not whole.relaxed:
-        assert relative(answer.acceleration, whole.x) < TOLERANCE
+    assert both.program.second_solution is None
+    assert not whole.relaxed
+    assert relative(answer.acceleration, whole.x) < TOLERANCE
 
 
 def test_a_state_without_inertia_or_numbers_gives_a_solution_that_failed(get_robot):

@@ -53,8 +53,8 @@ def test_no_other_method_meets_a_level_better(family):
     for seed in range(300, 303 if family is humanoid else 315):
         problem = family(seed)
         SOLVER.reset()
-        if SOLVER.run(problem).ok:
-            assert not beaten_by(problem, SOLVER.relative_residuals, others), seed
+        assert SOLVER.run(problem).ok, seed
+        assert not beaten_by(problem, SOLVER.relative_residuals, others), seed
 
 
 def test_the_compiled_search_takes_the_steps_of_the_reference():

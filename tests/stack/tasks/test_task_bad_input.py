@@ -3,7 +3,7 @@ import pytest
 
 from poise.errors import ConfigurationError, PoiseError, TargetError, UnknownNameError
 from poise.stack import ComTask, FrameTask, JointTask, MomentumTask, PostureTask, RelativeFrameTask
-from poise.stack._axes import as_rows, parse_axes
+from poise.stack._axes import parse_axes
 
 GROUPS = {"position": 0, "orientation": 3}
 NAN, INF = float("nan"), float("inf")
@@ -33,12 +33,6 @@ def test_masks_are_read(axes, rows):
 @pytest.mark.parametrize(("axes", "rows"), [("xy", [0, 1]), ("z", [2]), ("angular_x", [0])])
 def test_a_lone_group_may_be_left_out(axes, rows):
     assert parse_axes(axes, {"angular": 0}).tolist() == rows
-
-
-def test_neighbouring_rows_are_a_slice_and_others_their_indices():
-    assert as_rows(np.array([3, 4, 5])) == slice(3, 6)
-    assert as_rows(np.array([0])) == slice(0, 1)
-    np.testing.assert_array_equal(as_rows(np.array([3, 5])), [3, 5])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,75 @@
+"""Runs the quick version of the study of step teleoperation and puts its tables into studies.md.
+
+    python docs/update_step_teleoperation.py
+
+Takes some minutes. What is written: every finding, and the tables of the swing and of the rules.
+"""
+
+import re
+from pathlib import Path
+
+from studies.finding import Cell, Finding, Section, Table, number_text
+from studies.plan import StudyOptions
+from studies.step_teleoperation import PLAN
+
+PAGE = Path(__file__).with_name("studies.md")
+
+FINDINGS, SWING, RULES = "step-teleoperation findings", "fast swing", "rules"
+"""Of the marks between which a table stands."""
+
+PARTS = ("cart-table", "scenario-1", "scenario-2", "scenario-3", "scenario-4", "rules")
+
+
+def main() -> None:
+    """Computes the parts, then replaces what stands between the marks."""
+    parts = {part.name: part for part in PLAN.parts}
+    sections: dict[str, Section] = {}
+    for name in PARTS:
+        print(parts[name].title, flush=True)
+        sections[name] = parts[name].compute(StudyOptions(quick=True), _told)
+    found = [finding for section in sections.values() for finding in section.findings]
+    page = PAGE.read_text(encoding="utf-8")
+    for mark, made in (
+        (FINDINGS, findings_table(found)),
+        (SWING, table(sections["scenario-4"].tables[0])),
+        (RULES, table(sections["rules"].tables[0])),
+    ):
+        page = between_marks(page, mark, made)
+    PAGE.write_text(page, encoding="utf-8")
+
+
+def _told(done: float, total: float) -> None:
+    print(f"\r  {done:.0f} of {total:.0f}", end="" if done < total else "\n", flush=True)
+
+
+def between_marks(page: str, mark: str, made: str) -> str:
+    """The page with another text between `<!-- begin: MARK -->` and `<!-- end: MARK -->`."""
+    begin, end = f"<!-- begin: {mark} -->\n", f"\n<!-- end: {mark} -->"
+    place = re.compile(f"({re.escape(begin)}).*({re.escape(end)})", re.DOTALL)
+    if not place.search(page):
+        raise SystemExit(f"{PAGE.name} has no marks of {mark!r}")
+    return place.sub(lambda m: f"{m[1]}{made}{m[2]}", page)
+
+
+def findings_table(findings: list[Finding]) -> str:
+    """A row a finding."""
+    rows = [(f.name, f.paper, f.ours, f.unit or "–", "yes" if f.ok else "**no**") for f in findings]
+    return markdown(["finding", "paper", "ours", "unit", "holds"], rows)
+
+
+def table(made: Table) -> str:
+    """A table of the study."""
+    return markdown(made.columns, list(made.rows))
+
+
+def markdown(header: list[str], rows: list[tuple[Cell, ...]]) -> str:
+    """A Markdown table."""
+    lines = ["| " + " | ".join(header) + " |", "| --- " * len(header) + "|"]
+    for row in rows:
+        cells = [cell if isinstance(cell, str) else number_text(cell) for cell in row]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()
