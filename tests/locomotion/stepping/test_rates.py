@@ -20,6 +20,7 @@ from poise.locomotion._stepping import DeviceGuard
 from poise.locomotion._stepping._arms import ArmMotion
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._hands import HandGrip
+from poise.locomotion._stepping._pursuit import DeviceRate
 from poise.locomotion._stepping._reach import FootRange
 
 DT = 0.002
@@ -48,6 +49,41 @@ def test_a_velocity_counts_for_a_tenth_of_a_second():
 @pytest.mark.parametrize("bad", [(np.nan, 0.0, 0.0), (3.0, 0.0, 0.0), (0.0, np.inf, 0.0)], ids=str)
 def test_what_no_hand_does_is_no_velocity_and_the_place_counts(bad):
     assert rates_after(np.array(bad)) == (None, None)
+
+
+def told(claims, moves, period=DT, seconds=1.0):
+    """The velocities that count of a device that claims one velocity and moves by another."""
+    rate, found, place = DeviceRate(2.5), [], np.zeros(3)
+    for k in range(round(seconds / period)):
+        rate.tell(claims(k * period), place.tolist(), k * period)
+        found.append(rate.at(k * period))
+        place = place + period * moves((k + 0.5) * period)
+    return found
+
+
+FAST = np.array([1.6, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("moves", [np.zeros(3), -FAST, FAST[[1, 0, 2]]], ids=str)
+def test_a_velocity_with_which_the_device_does_not_move_counts_no_further_than_5_cm(moves):
+    found = told(lambda time: FAST, lambda time: moves)
+    counted = sum(rate is not None for rate in found)
+    assert 0.0 < counted * DT * np.linalg.norm(FAST - moves) <= 0.06
+    assert not any(rate is not None for rate in found[counted:])
+
+
+@pytest.mark.parametrize("period", [DT, 1.0 / 30.0])
+def test_a_velocity_with_which_it_moves_counts_also_as_it_turns_round(period):
+    def moving(time):
+        return FAST * math.sin(2.0 * math.pi * time)
+
+    assert all(rate is not None for rate in told(moving, moving, period, 5.0))
+
+
+def test_one_that_tells_the_truth_again_counts_again():
+    found = told(lambda time: FAST if time < 0.3 else 0.0 * FAST, lambda time: 0.0 * FAST)
+    assert found[100] is None
+    assert found[-1] is not None
 
 
 def sent(robot, lifted, where):
@@ -165,6 +201,27 @@ def foot_lag(robot, *, told):
     log, late = run.log, run.log.time > 2.5
     asked = np.array([made[0].place(time)[0] for time in log.time[late]])
     return float(np.sqrt(np.mean((log.soles[late, 1, 0] - asked) ** 2)))
+
+
+class Claiming:
+    """A right foot that is held up ahead, and claims to go on."""
+
+    def __init__(self, teleoperator):
+        self._start = teleoperator.resting_sample
+
+    def sample(self, time):
+        up, ahead = min(max(2.0 * (time - 0.5), 0.0), 1.0), min(max(time - 1.8, 0.0), 1.0)
+        place = self._start.right + [0.2 * ahead, 0.0, 0.1 * up]
+        rate = np.array([2.4, 0.0, 0.0]) if time > 3.0 else None
+        return DeviceSample(time, self._start.left, place, rates=(None, rate))
+
+
+def test_a_foot_stays_where_its_device_is_whatever_that_claims(get_robot):
+    run = run_teleop(get_robot("biped20"), Claiming, TORQUE_TELEOP_PLANT, duration=4.0)
+    assert not run.fell
+    log = run.log
+    off = log.soles[:, 1, 0] - log.target[:, 0]
+    assert np.abs(off[(log.time > 3.0) & log.when(Mode.SL)]).max() < 0.07
 
 
 @pytest.mark.slow

@@ -191,7 +191,7 @@ class HandGrip:
         self._turning.lead(rotation, rotation)
         self._goal = point
         self._clutch.good(time)
-        self.rate.tell(sample.velocity, time)
+        self.rate.tell(sample.velocity, point, time)
 
     def _is_near(self, point: list[float], rotation: Float64[np.ndarray, "3 3"] | None) -> bool:
         if math.dist(point, self._place) > _JUMP:

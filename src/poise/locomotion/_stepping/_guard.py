@@ -227,7 +227,7 @@ class _Grip:
             return False
         good = is_point(point) and self._holds(point.tolist(), time, sole, ground)
         if good:
-            self._rate.tell(rate, time)
+            self._rate.tell(rate, self._goal, time)
         if self.place is not None:
             self.place = self._pursuit.follow(self.place, self._goal)
         return good

@@ -61,9 +61,17 @@ class Pursuit:
 _RATE_HOLDS = 0.1
 """For how long a velocity counts that is not told anew [s]."""
 
+_FORGETS, _APART = 0.2, 0.05
+"""Within which time and by how much the way that is said, and that which the device has gone, may
+differ [s, m]. A device that reads its velocity late is apart by its speed times that time."""
+
 
 class DeviceRate:
     """How fast a device says that it moves, for a moment from when it does.
+
+    It counts for as long as the device goes the way that it says: one whose velocity has other axes
+    or another scale than its place, or that stays where it is, would lead what follows it away from
+    where it is itself, and beyond where that may go.
 
     Args:
         fastest: no hand is faster: such a velocity is none [m/s].
@@ -73,17 +81,36 @@ class DeviceRate:
         self._fastest = fastest
         self._rate: Float64[np.ndarray, "3"] | None = None
         self._told_at = -math.inf
+        self._said: list[float] = [0.0] * 3
+        self._place: list[float] = [0.0] * 3
+        self._apart: list[float] = [0.0] * 3
 
-    def tell(self, rate: object, time: float) -> None:
+    def tell(self, rate: object, place: list[float], time: float) -> None:
         """Takes what came with a good sample.
 
         Args:
             rate: anything [m/s]; None where the device does not say.
+            place: where the device is [m].
             time: of the robot [s].
         """
-        good = is_point(rate) and math.hypot(*rate.tolist()) <= self._fastest
-        # A copy: devices write over what they have given.
-        self._rate, self._told_at = np.array(rate) if good else None, time
+        self._rate = None
+        if not (is_point(rate) and math.hypot(*rate.tolist()) <= self._fastest):
+            return
+        said, since = rate.tolist(), time - self._told_at
+        if 0.0 <= since <= _RATE_HOLDS:
+            left = 1.0 - since / _FORGETS
+            self._apart = [
+                left * (apart + 0.5 * since * (old + new) - (now - before))
+                for apart, old, new, now, before in zip(
+                    self._apart, self._said, said, place, self._place, strict=True
+                )
+            ]
+        else:
+            self._apart = [0.0] * 3
+        self._said, self._place, self._told_at = said, place, time
+        if math.hypot(*self._apart) <= _APART:
+            # A copy: devices write over what they have given.
+            self._rate = np.array(rate)
 
     def at(self, time: float) -> Float64[np.ndarray, "3"] | None:
         """The velocity at a time of the robot [m/s]; None where nothing is known."""
