@@ -3,14 +3,19 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from slow import slow
+from standing import footing
 from walker import hands, sample, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion import BodySample, Mode, StepTeleoperator
+from poise.locomotion import BodySample, Mode, StepTeleoperator, teleop_parameters
+from poise.locomotion._stepping._biped import biped_of
 from poise.locomotion._stepping._guard import DeviceGuard
+from poise.locomotion._stepping._lean import TrunkPose
+from poise.locomotion._stepping._waist import waist_ranges
 
 
 class Asks:
@@ -85,6 +90,29 @@ def test_the_body_comes_down_and_the_torso_bows_and_turns(get_robot, name):
     (torso,) = frames(robot, log.q[-1], robot.torso)
     assert yaw(torso) == pytest.approx(-0.3, abs=0.04)
     assert -torso[2, 0] == pytest.approx(np.sin(0.2), abs=0.03)
+
+
+@pytest.mark.parametrize("name", ["talos", "humanoid33"])
+def test_the_pelvis_does_what_the_waist_cannot(get_robot, name):
+    robot, now = get_robot(name), footing(get_robot("biped20"))
+    waist = waist_ranges(biped_of(robot, teleop_parameters(robot)))
+    pose, asked = TrunkPose((0.0, 0.0), 1.0, waist), (0.2, -0.4, 0.3)
+    pelvis, torso = pose.rotations(now, 0.1, asked)
+    turned = pin.rpy.rpyToMatrix(0.0, 0.0, 0.1) @ pin.rpy.rpyToMatrix(*asked)
+    np.testing.assert_allclose(torso, turned, atol=1e-12)
+    roll, pitch, heading = pin.rpy.matrixToRpy(pelvis.T @ torso).tolist()
+    # TALOS' waist turns and bows, by 0.26 rad backwards; the other bends about all axes.
+    wanted = (0.0, -0.26, 0.3) if name == "talos" else asked
+    assert (roll, pitch, heading) == pytest.approx(wanted, abs=0.01)
+
+
+@pytest.mark.slow
+def test_a_torso_leans_as_told_on_a_waist_that_does_not(get_robot):
+    robot = get_robot("talos")
+    done = run(robot, BodySample(torso=(0.2, 0.0, 0.0)), [], 3.0)
+    assert not done.fell
+    (torso,) = frames(robot, done.log.q[-1], robot.torso)
+    assert torso[2, 1] == pytest.approx(np.sin(0.2), abs=0.01)
 
 
 @pytest.mark.slow

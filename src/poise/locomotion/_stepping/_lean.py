@@ -60,10 +60,14 @@ class TrunkPose:
     Args:
         relief: how far it leans over the left and over the right foot, see `Biped` [rad].
         dt: length of a tick [s].
+        waist: least and largest roll, pitch and yaw of the torso against the pelvis [rad].
     """
 
-    def __init__(self, relief: tuple[float, float], dt: float) -> None:
+    def __init__(
+        self, relief: tuple[float, float], dt: float, waist: Float64[np.ndarray, "3 2"]
+    ) -> None:
         self._lean, self._dt = TrunkLean(relief, dt), dt
+        self._waist: list[list[float]] = waist.tolist()
         self.reset()
 
     def reset(self) -> None:
@@ -106,7 +110,14 @@ class TrunkPose:
             pelvis = turn if pelvis is _LEVEL else pelvis.dot(turn)
         if self.upright:
             return pelvis, pelvis
-        return pelvis, pelvis @ pin.rpy.rpyToMatrix(np.array(self._torso))
+        turned = pelvis @ pin.rpy.rpyToMatrix(np.array(self._torso))
+        pairs = zip(self._torso, self._waist, strict=True)
+        bent = tuple(max(least, min(most, angle)) for angle, (least, most) in pairs)
+        if bent != self._torso:
+            # What the waist cannot do the pelvis does: asked to stay upright beneath a torso that
+            # is asked to bend, both would go half the way.
+            pelvis = turned @ pin.rpy.rpyToMatrix(np.array(bent)).T
+        return pelvis, turned
 
 
 def _moved(before: float, goal: float, most: float) -> float:

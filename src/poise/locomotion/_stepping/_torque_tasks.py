@@ -17,6 +17,7 @@ from poise.locomotion._stepping._lean import TrunkPose
 from poise.locomotion._stepping._righting import SoleRighting
 from poise.locomotion._stepping._trunk_feedback import TrunkFeedback
 from poise.locomotion._stepping._twist import twist_ranges
+from poise.locomotion._stepping._waist import waist_ranges
 from poise.locomotion._walking import swing_braking
 from poise.stack import (
     SMOOTH_RATE,
@@ -154,7 +155,7 @@ class TorqueTasks:
         posture.set_target(
             robot.q_home[[robot.nq - robot.nj + robot.joint_index(name) for name in others]]
         )
-        self._pose = TrunkPose(biped.relief, dt)
+        self._pose = TrunkPose(biped.relief, dt, waist_ranges(biped))
         self._lasting = [TrunkFeedback(dt) for _ in trunk]
         self._righting = SoleRighting(self._contacts, biped.weight)
         self._stops = AnkleStops(robot, self._contacts, self.stack.joint_limit)
