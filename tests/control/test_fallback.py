@@ -9,12 +9,19 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 from oracles import near_home
 
-from poise.control import CommandStatus, ReducedController, WholeBodyController
+from poise.control import (
+    CommandStatus,
+    DifferentialIK,
+    OperationalSpaceController,
+    ReducedController,
+    WholeBodyController,
+)
 from poise.control._fallback import DAMPING_RATIO, DECAY_TIME
 from poise.control._whole_body import FullProgram
 from poise.dynamics import RobotState
+from poise.errors import ConfigurationError
 from poise.hqp import SolveStatus
-from poise.stack import ComTask, PostureTask, Stack, SurfaceContact, TorqueLimit
+from poise.stack import ComTask, PostureTask, Stack, SurfaceContact, Task, TorqueLimit
 
 
 @pytest.fixture
@@ -112,6 +119,77 @@ def test_the_last_torque_fades_into_damping_whatever_the_clock_does(robot, contr
     assert sizes[-1] < 1e-3 * np.abs(good.torque).max()
     expected = sizes[0] * np.exp(-0.1 / DECAY_TIME)
     assert sizes[100] == pytest.approx(expected, rel=0.05)
+
+
+class Elbow(Task):
+    """A task of a user's own, on one joint, that does what it is told to do wrong."""
+
+    def __init__(self, wrong=""):
+        super().__init__("elbow", kp=100.0, kd=None, weight=1.0)
+        self.wrong = wrong
+
+    def _resolve(self, robot):
+        self.column = robot.nv - 1
+        return 1
+
+    def _evaluate(self, dynamics):
+        nv = dynamics.robot.nv
+        self.jacobian = np.zeros((1, nv if self.wrong != "columns" else nv - 6))
+        self.jacobian[0, -1] = 1.0
+        self.drift, self.error = np.zeros(1), np.zeros(3 if self.wrong == "rows" else 1)
+        self.error_rate = np.zeros(1)
+        if self.wrong == "raises":
+            raise KeyError("no such thing")
+        return None if self.wrong == "returns nothing" else np.zeros(1)
+
+
+WRONG = {
+    "raises": "KeyError",
+    "columns": "jacobian",
+    "rows": "error",
+    "returns nothing": "return the target's acceleration",
+}
+
+OWN = pytest.mark.parametrize(
+    "kind",
+    [WholeBodyController, ReducedController, OperationalSpaceController, DifferentialIK],
+)
+
+
+def with_elbow(robot, kind, wrong=""):
+    elbow = Elbow(wrong)
+    stack = Stack(
+        contacts=[SurfaceContact(sole) for sole in robot.soles],
+        levels=[[ComTask()], [elbow], [PostureTask()]],
+    )
+    more = {"dt": 1e-3} if kind is DifferentialIK else {}
+    return kind(robot, stack, **more), elbow
+
+
+@OWN
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_task_of_ones_own_that_fails_in_the_loop_gives_a_status_that_says_why(robot, kind, wrong):
+    controller, elbow = with_elbow(robot, kind)
+    assert controller.step(at_home(robot)).status.ok
+    elbow.wrong = wrong
+    command = controller.step(at_home(robot, time=1e-3))
+    assert command.status is CommandStatus.SOLVER_FAILED
+    joints = command.velocity if kind is DifferentialIK else command.torque
+    assert np.isfinite(joints).all()
+    said = controller.status()
+    assert "elbow" in said.reason
+    assert WRONG[wrong] in said.reason
+    elbow.wrong = ""
+    assert controller.step(at_home(robot, time=2e-3)).status.ok
+    assert controller.status().reason == ""
+
+
+@OWN
+@pytest.mark.parametrize("wrong", WRONG)
+def test_one_that_fails_at_once_is_refused_by_name(robot, kind, wrong):
+    with pytest.raises(ConfigurationError, match="elbow") as refused:
+        with_elbow(robot, kind, wrong)
+    assert WRONG[wrong] in str(refused.value)
 
 
 def force(controller, solution):

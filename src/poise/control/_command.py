@@ -18,7 +18,8 @@ class CommandStatus(Enum):
     OK = "ok"
     """Every level was solved; what could not be met stands in the residuals."""
     SOLVER_FAILED = "solver_failed"
-    """The solver returned nothing usable: the last good command, decayed towards damping."""
+    """The solver returned nothing usable, or a task of a user's own could not be evaluated: the
+    last good command, decayed towards damping."""
     TIME_LIMIT = "time_limit"
     """The solve reached its time cap before its last level: decayed towards damping."""
     BAD_STATE = "bad_state"

@@ -18,15 +18,16 @@ from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer, Strategy
 from poise.dynamics import Dynamics, RobotState
 from poise.hqp import SolveStatus
 from poise.robots import Robot
-from poise.stack import Stack, Task
+from poise.stack import Stack, Task, TaskFaultError
 
 
 class Controller:
     """Checks the state, has a strategy solve the stack, and falls back where there is no answer.
 
-    `step` never raises. On a solver failure, a state that is not finite, a robot that has fallen,
-    or a solve cut short by the time cap it returns the last good command, torques decayed towards
-    damping or velocities to a stop, and says so in the command's status.
+    `step` never raises. On a solver failure, a task of a user's own that raises, a state that is
+    not finite, a robot that has fallen, or a solve cut short by the time cap it returns the last
+    good command, torques decayed towards damping or velocities to a stop, and says so in the
+    command's status.
 
     `WholeBodyController`, `ReducedController`, `OperationalSpaceController` and `DifferentialIK`
     are controllers of one strategy each. What one can set while running is a member of theirs;
@@ -125,7 +126,12 @@ class Controller:
         """
         self._reason = ""
         if is_usable(state, self.robot):
-            command = self._tick(state)
+            try:
+                command = self._tick(state)
+            except TaskFaultError as fault:
+                self._reason = str(fault)
+                self._pause(state)
+                command = self._fall_back(CommandStatus.SOLVER_FAILED, state)
         else:
             self._reason = fault_of(state, self.robot)
             self._pause(state)

@@ -40,8 +40,9 @@ class ControllerStatus:
 
     Attributes:
         command: status of the last command.
-        reason: why the last state was of no use, or how the robot was seen to have fallen; "" for
-            other commands. Why a solver failed, `explanation` says.
+        reason: why the last state was of no use, which task of a user's own could not be evaluated
+            and why, or how the robot was seen to have fallen; "" for other commands. Why a solver
+            failed, `explanation` says.
         held_back: whether the balance limit holds the motion back; the tasks' residuals then say
             how much of what each asks for it misses, and `explanation` against which rows.
         tasks: each task, most important first.

@@ -29,7 +29,7 @@ from poise.stack._settling import (
 )
 from poise.stack._stack import Stack, default_stack, is_held as is_held
 from poise.stack._tables import Owners as Owners, Rows as Rows
-from poise.stack._task import Task
+from poise.stack._task import Task, TaskFaultError as TaskFaultError
 from poise.stack._torque_limit import SMOOTH_RATE as SMOOTH_RATE, TorqueLimit
 from poise.stack._viability import Viability as Viability
 

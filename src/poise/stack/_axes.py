@@ -71,8 +71,16 @@ _ORTHOGONALITY_TOLERANCE = 1e-6
 """How far R^T R may be from the identity before R was hardly meant to be a rotation."""
 
 
-def checked_gain(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:
+def checked_gain(
+    value: Numbers, dim: int, what: str, *, positive: bool = False
+) -> Float64[np.ndarray, " m"]:
     """A gain or weight per axis, from a scalar or a vector; a copy.
+
+    Args:
+        value: one number, or one a row.
+        dim: number of rows.
+        what: what it is, for messages.
+        positive: whether zero is refused, too.
 
     Raises:
         ConfigurationError: wrong length, not a number, negative or not finite.
@@ -82,9 +90,11 @@ def checked_gain(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m
         raise ConfigurationError(
             f"{what} has the wrong shape", got=array.shape, wanted=f"a number or {dim} numbers"
         )
-    if not np.all(np.isfinite(array)) or np.any(array < 0.0):
+    if not np.all(np.isfinite(array)) or np.any(array <= 0.0 if positive else array < 0.0):
         raise ConfigurationError(
-            f"{what} must not be negative or infinite", got=value, wanted="finite numbers >= 0"
+            f"{what} is out of range",
+            got=value,
+            wanted=f"finite numbers {'>' if positive else '>='} 0",
         )
     return np.array(np.broadcast_to(array, (dim,)), dtype=np.float64, order="C")
 

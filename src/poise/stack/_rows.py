@@ -19,7 +19,7 @@ from poise.stack._settling import bound_settling, settling_room
 from poise.stack._shipped import ShippedTask
 from poise.stack._stack import Stack, is_held
 from poise.stack._tables import Rows
-from poise.stack._task import Task
+from poise.stack._task import Task, evaluate_own
 
 _AT_BOUND = 1e-6
 """Acceleration that a row of the balance limit may lack to its bound and still be at it [m/s^2]."""
@@ -225,7 +225,7 @@ class StackRows:
             dynamics: the state, up to date.
         """
         for task, J, target, upper, weight in self._own_views:
-            task.evaluate(dynamics)
+            evaluate_own(task, dynamics)
             J[:] = task.jacobian
             np.subtract(task.reference, task.drift, out=target)
             upper[:], weight[:] = target, task.weight
@@ -243,7 +243,7 @@ class StackRows:
             self._stance.evaluate(dynamics)
         self.evaluation.update(dynamics, velocities=True)
         for task, J, target, upper, weight in self._own_views:
-            task.evaluate(dynamics)
+            evaluate_own(task, dynamics)
             J[:] = task.jacobian
             if task.given_velocity is not None:
                 target[:] = task.given_velocity
@@ -371,7 +371,10 @@ def home_jacobians(
     """
     found: dict[Contact | Task, Float64[np.ndarray, "m nv"]] = {}
     for owner in owners:
-        owner.evaluate(home)
+        if isinstance(owner, Task):
+            evaluate_own(owner, home)
+        else:
+            owner.evaluate(home)
         found[owner] = owner.jacobian.copy()
         if isinstance(owner, Task):
             owner.reset()

@@ -258,17 +258,13 @@ class Task(ABC):
         return stiffness, self._checked_gain(kd, "kd", " [1/s]")
 
     def _checked_weight(self, weight: Numbers) -> Float64[np.ndarray, " m"]:
-        found = self._checked_gain(weight, "weight")
-        if not np.all(found > 0.0):
-            raise ConfigurationError(
-                f"weight of task {self.name!r} must be positive", got=weight, wanted="> 0"
-            )
-        return found
+        return self._checked_gain(weight, "weight", positive=True)
 
-    def _checked_gain(self, value: Numbers, what: str, unit: str = "") -> Float64[np.ndarray, " m"]:
-        return checked_gain(
-            value, self.dim or np.size(value), f"{what} of task {self.name!r}{unit}"
-        )
+    def _checked_gain(
+        self, value: Numbers, what: str, unit: str = "", *, positive: bool = False
+    ) -> Float64[np.ndarray, " m"]:
+        what = f"{what} of task {self.name!r}{unit}"
+        return checked_gain(value, self.dim or np.size(value), what, positive=positive)
 
     @property
     def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
@@ -309,6 +305,47 @@ class Task(ABC):
     @abstractmethod
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
         """Fills everything but `reference`; returns the target's acceleration, masked."""
+
+
+class TaskFaultError(ConfigurationError):
+    """A task of a user's own that cannot be evaluated, or leaves arrays of a wrong shape."""
+
+
+def evaluate_own(task: Task, dynamics: Dynamics) -> None:
+    """Evaluates a task that may be a user's own.
+
+    Args:
+        task: bound to the robot.
+        dynamics: the state, up to date.
+
+    Raises:
+        TaskFaultError: it raised, or its arrays do not fit its number of rows.
+    """
+    try:
+        task.evaluate(dynamics)
+        m, nv = task.dim, dynamics.robot.nv
+        for what, shape in (
+            ("jacobian", (m, nv)),
+            ("drift", (m,)),
+            ("error", (m,)),
+            ("error_rate", (m,)),
+            ("reference", (m,)),
+        ):
+            # One that fits by being repeated would not be noticed.
+            found = np.shape(getattr(task, what))
+            if found != shape:
+                raise TaskFaultError(
+                    f"{what} of task {task.name!r} has a wrong shape", got=found, wanted=f"{shape}"
+                )
+    except TaskFaultError:
+        raise
+    except Exception as error:
+        raise TaskFaultError(
+            f"task {task.name!r} cannot be evaluated",
+            got=f"{type(error).__name__}: {error}",
+            wanted="`_evaluate` to fill `jacobian` (m, nv), `drift`, `error` and `error_rate` (m) "
+            "and to return the target's acceleration (m)",
+        ) from error
 
 
 def _are_weights(row: tuple[object, ...]) -> TypeGuard[tuple[float, ...]]:
