@@ -610,6 +610,19 @@ def test_a_key_that_walks_moves_no_slider(browser, standing):
         assert page.ask("keys.arrows.size") == 0
 
 
+def test_a_hands_handle_that_is_dragged_to_the_horizon_lets_go_of_nothing_else(browser, standing):
+    with Page(browser, standing.front.drive_url) as page:
+        page.wait("view !== null && newest.device !== 'LOST'", "the device")
+        page.ask("keys.left = view.grips[1].dragging = true; 0")
+        page.ask("view.grips[1].object.position.set(-3e5, 2e4, 0.5); 0")
+        x, y, z = page.ask("view.hands()[1].position")
+        assert (x, y) == (-10.0, 10.0)
+        assert abs(z) < 2.0
+        wait_for(lambda: (pad := standing.inputs.read()) and pad.lift[0], "the key")
+        assert page.text("said").strip() == ""
+        assert page.errors == []
+
+
 def test_a_gamepad_of_no_known_layout_leads_nothing_and_that_is_said(browser, standing):
     with Page(browser, standing.front.drive_url) as page:
         page.ask(

@@ -654,6 +654,18 @@ def test_a_tracked_hand_says_how_fast_it_is(made):
     assert sample.hands[1].velocity is None
 
 
+def test_a_hand_that_is_nowhere_is_lost_and_leads_on_when_it_is_back(made):
+    operator, _, device = made
+    near = Tracked((0.1, 0.0, 0.0), clutch=True)
+    run(operator, device, 1, Pad(hands=(replace(near, clutch=False), near)))
+    for nowhere in (Tracked((1e9, 0.0, 0.0), True), replace(near, velocity=(0.0, -100.0, 0.0))):
+        sample = run(operator, device, 1, Pad(lift=(False, True), hands=(nowhere, None)))
+        assert sample.hands == (None, None)
+        assert operator.read().lift == (False, True)
+        sample = run(operator, device, 1, Pad(lift=(False, True), hands=(near, None)))
+        assert sample.hands[0].clutch
+
+
 def test_a_velocity_that_is_not_told_anew_counts_for_a_moment(made, monkeypatch):
     operator, _, _ = made
     now = 100.0

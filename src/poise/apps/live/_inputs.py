@@ -24,18 +24,19 @@ LATE = 0.5
 _MOVES_FOR = 0.1
 """For how long a velocity counts that is not told anew [s]."""
 
+_NOWHERE = 100.0
+"""What is so far away [m], or as fast [m/s], is no hand or foot: it is lost."""
+
 Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
-Coordinate = Annotated[float, Meta(gt=-100.0, lt=100.0)]
-"""A tracker further away than this [m] is none."""
-Place = tuple[Coordinate, Coordinate, Coordinate]
+Height = Annotated[float, Meta(gt=-100.0, lt=100.0)]
+Place = tuple[float, float, float]
+"""Any: what is beyond all reach does not cost the rest of its message."""
 
 Far = Annotated[float, Meta(gt=-1e6, lt=1e6)]
 """A handle stands in the drawn world, in which a robot may walk far [m]."""
 HandlePlace = tuple[Far, Far, Far]
 
-
-Component = Annotated[float, Meta(ge=-1.01, le=1.01)]
-Quaternion = tuple[Component, Component, Component, Component]
+Quaternion = tuple[float, float, float, float]
 """Of a rotation, (x, y, z, w); its length is checked by what follows it."""
 
 
@@ -43,12 +44,14 @@ class Tracked(Struct, frozen=True, forbid_unknown_fields=True):
     """Where a tracker sees a hand or foot of the operator that leads one of the robot's.
 
     Attributes:
-        position: forward, left and up, from anywhere that stays where it is [m].
+        position: forward, left and up, from anywhere that stays where it is [m]. One that is 100 m
+            away along an axis counts as lost.
         clutch: whether it leads. Only its motion while it does counts: whoever wants to reach
             further lets go, moves back, and takes hold anew.
         orientation: how it is turned against those axes, if the tracker says so. A foot is turned
             about the vertical alone, in place of what `Body` says of it.
         velocity: along those axes, if the tracker says so: what it leads lags less behind it [m/s].
+            One of 100 m/s counts as lost.
     """
 
     position: Place
@@ -82,7 +85,7 @@ class Body(Struct, frozen=True, forbid_unknown_fields=True):
             (`StepTeleoperator.ahead`) [rad].
     """
 
-    height: Coordinate = 0.0
+    height: Height = 0.0
     torso: tuple[Turn, Turn, Turn] = (0.0, 0.0, 0.0)
     turns: tuple[Turn, Turn] = (0.0, 0.0)
 
@@ -178,6 +181,7 @@ class OperatorInputs:
 
     def pad(self, pad: Pad) -> None:
         """Takes the state of keys, sticks and handles: a sign of life."""
+        pad = _within_reach(pad)
         with self._lock:
             alive, now = self._alive, clock.monotonic()
             if alive and 0.0 < pad.beat < self._pad.beat:
@@ -235,6 +239,24 @@ class OperatorInputs:
     @property
     def _alive(self) -> bool:
         return self._alive_at is not None and clock.monotonic() - self._alive_at <= FRESH_FOR
+
+
+def _within_reach(pad: Pad) -> Pad:
+    """A message in which hands and feet that are nowhere are lost."""
+    if not any(map(_is_nowhere, (*pad.tracked, *pad.hands))):
+        return pad
+    tracked, hands = ((_reached(left), _reached(right)) for left, right in (pad.tracked, pad.hands))
+    return replace(pad, tracked=tracked, hands=hands)
+
+
+def _reached(tracked: Tracked | None) -> Tracked | None:
+    return None if _is_nowhere(tracked) else tracked
+
+
+def _is_nowhere(tracked: Tracked | None) -> bool:
+    return tracked is not None and any(
+        abs(part) >= _NOWHERE for part in (*tracked.position, *(tracked.velocity or ()))
+    )
 
 
 _Clutched = TypeVar("_Clutched", Tracked, Head)

@@ -104,6 +104,7 @@ function tell(letter) {
 const GRIPS = { c: 0, v: 1 }, LIFTS = { t: "Up", b: "Down" };
 const WAYS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, 1], ArrowRight: [1, -1], Up: [2, 1], Down: [2, -1] };
 const HAND_SPEED = 0.15, FARTHEST = 10; // [m/s], [m]
+const near = (v) => Math.max(-FARTHEST, Math.min(FARTHEST, v));
 const held = [false, false], ways = new Set(), moved = [[0, 0, 0], [0, 0, 0]];
 
 function grip(hand, down) {
@@ -121,8 +122,7 @@ function reach(seconds) {
   for (const way of ways) {
     const [axis, sign] = WAYS[way];
     held.forEach((on, hand) => {
-      const there = moved[hand][axis] + sign * seconds * HAND_SPEED;
-      if (on) moved[hand][axis] = Math.max(-FARTHEST, Math.min(FARTHEST, there));
+      if (on) moved[hand][axis] = near(moved[hand][axis] + sign * seconds * HAND_SPEED);
     });
   }
 }
