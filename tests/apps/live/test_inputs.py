@@ -70,7 +70,9 @@ def test_a_mouse_that_jumps_moves_the_device_smoothly_to_where_it_is(made):
     for tick in range(200):
         operator.pad(Pad(drag=(tuple(goal), None)))
         sample = device.sample(tick * DT)
-        assert np.abs(sample.left - before).max() <= 0.6 * DT + 1e-12
+        assert np.linalg.norm(sample.left - before) <= 0.6 * DT + 1e-12
+        # Straight towards it.
+        assert np.linalg.norm(np.cross(sample.left - before, goal - before)) < 1e-12
         before = sample.left
     np.testing.assert_allclose(sample.left, goal, atol=1e-12)
 
@@ -129,8 +131,11 @@ def test_a_handle_that_was_far_away_is_back_within_a_second(made):
     operator, controller, device = made
     foot = controller.estimator.anchors[1]
     operator.pad(Pad())
+    # Straight away from the foot, at the height at which it is held.
+    sample = run(operator, device, 400, Pad(drag=(None, (3e4, -4e4, foot[2] + 0.32))))
+    np.testing.assert_allclose(sample.right - foot, [0.144, -0.192, 0.32], atol=1e-5)
     sample = run(operator, device, 400, Pad(drag=(None, (999.0, -999.0, 999.0))))
-    assert np.abs(sample.right - foot).max() < 0.5
+    assert np.linalg.norm(sample.right - foot) == pytest.approx(0.4)
     sample = run(operator, device, 200, Pad(drag=(None, tuple(foot))))
     np.testing.assert_allclose(sample.right, foot, atol=1e-12)
 
@@ -600,9 +605,10 @@ def test_a_tracked_foot_does_not_jump(made):
     run(operator, device, 2, tracked(0.0, 0.0, clutch=False))
     run(operator, device, 2, tracked(0.0, 0.0))
     before = device.places[0].copy()
-    for tick in range(50):
-        sample = run(operator, device, 1, tracked(0.005 * tick, 0.005 * tick))
-        assert np.abs(sample.left - before).max() <= 1.5 * DT + 1e-12
+    for tick in range(40):
+        sample = run(operator, device, 1, tracked(0.008 * tick, 0.004 * tick))
+        assert np.linalg.norm(way := sample.left - before) <= 1.5 * DT + 1e-12
+        assert way[2] == pytest.approx(0.5 * way[0])
         before = sample.left
 
 

@@ -34,14 +34,14 @@ _DOWN_SPEED = 0.15
 _STICK_SPEED = 0.25
 """Speed of a lifted foot with the stick all the way over [m/s]."""
 _TRACKED_SPEED = 1.5
-"""A device follows a tracked hand or foot no faster than this, along an axis [m/s]."""
+"""A device follows a tracked hand or foot no faster than this [m/s]."""
 _STICK_LEAD = 0.06
 """The stick moves a device no further than this ahead of its foot, along an axis [m]."""
 _THERE = 1e-6
 """A device that is no farther from where it is led follows it [m]."""
 _HANDLE_LEAD = 0.4
-"""A handle, hand or foot is followed no further than this away from the robot's foot, along an axis
-[m]: further than a leg reaches, and near enough to be back within a second."""
+"""A handle, hand or foot is followed no further than this away from the robot's foot [m]: further
+than a leg reaches, and near enough to be back within a second."""
 
 
 class _Turned:
@@ -131,10 +131,12 @@ class LiveFeet:
                 tracker, self.places[foot], self._teleoperator.ahead, time
             )
             goal, speed, down = self._goal(foot, pad, led)
-            most = self._dt * speed
-            step = np.clip(goal - self.places[foot], -most, most)
-            if down:
-                step[2] = max(step[2], -self._dt * _DOWN_SPEED)
+            way, most = goal - self.places[foot], self._dt * speed
+            if down is None:
+                step = _no_longer(way, most)
+            else:
+                up = np.clip(way[2], -self._dt * down, most)
+                step = np.array([*_no_longer(way[:2], most), up])
             self.places[foot] = self.places[foot] + step
             if math.dist(self.places[foot], goal) < _THERE:
                 rates[foot] = self._clutches[foot].rate(tracker)
@@ -177,8 +179,10 @@ class LiveFeet:
 
     def _goal(
         self, foot: int, pad: Pad, tracked: Float64[np.ndarray, "3"] | None
-    ) -> tuple[Float64[np.ndarray, "3"], float, bool]:
-        """Where a device goes [m], how fast [m/s], and whether because it was let go.
+    ) -> tuple[Float64[np.ndarray, "3"], float, float | None]:
+        """Where a device goes [m], and how fast [m/s]: straight, or across and down by themselves.
+
+        A foot that is let go, or led by a stick, does not wait for one with the other.
 
         Args:
             foot: 0 left, 1 right.
@@ -191,23 +195,23 @@ class LiveFeet:
         if tracked is not None:
             seen = pad.tracked[foot]
             turned.follow(None if seen is None else seen.orientation, self._turns(pad)[foot])
-            return _near(tracked, sole), _TRACKED_SPEED, False
+            return _near(tracked, sole), _TRACKED_SPEED, None
         turned.let_go()
         if drag is not None or pad.lift[foot]:
             turned.angle = None
         if drag is not None:
-            return _near(np.array(drag) - self.offset, sole), _SPEED, False
+            return _near(np.array(drag) - self.offset, sole), _SPEED, None
         mode = self._teleoperator.mode
         in_air = mode.single and mode.support != foot
         if pad.lift[foot]:
             height = anchor[2] + HOLD_HEIGHT
             if not in_air:
-                return np.array([anchor[0], anchor[1], height]), _SPEED, False
+                return np.array([anchor[0], anchor[1], height]), _SPEED, None
             along = along_ahead((*_stick(pad, foot), 0.0), self._teleoperator.ahead)[:2]
             moved = place[:2] + self._dt * _STICK_SPEED * along
             moved = np.clip(moved, sole[:2] - _STICK_LEAD, sole[:2] + _STICK_LEAD)
-            return np.array([*moved, height]), _SPEED, False
-        return rest_place(self._teleoperator, foot), _SPEED, in_air
+            return np.array([*moved, height]), _SPEED, _SPEED
+        return rest_place(self._teleoperator, foot), _SPEED, _DOWN_SPEED if in_air else None
 
 
 def _yaw_of(orientation: Quaternion) -> float | None:
@@ -265,8 +269,20 @@ def head_of(pad: Pad) -> HeadSample | None:
 
 
 def _near(goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"]) -> np.ndarray:
-    """A place, no further from a sole than anything may lead it."""
-    return np.clip(goal, sole - _HANDLE_LEAD, sole + _HANDLE_LEAD)
+    """A place, no further from a sole than anything may lead it.
+
+    At the same height, where that is near enough: a foot whose handle is far away stays up.
+    """
+    way = goal - sole
+    up = max(-_HANDLE_LEAD, min(_HANDLE_LEAD, way[2]))
+    across = _no_longer(way[:2], math.sqrt(_HANDLE_LEAD**2 - up**2))
+    return sole + np.array([*across, up])
+
+
+def _no_longer(way: Float64[np.ndarray, " n"], most: float) -> Float64[np.ndarray, " n"]:
+    """A way, along itself no longer than a length [m]: limits on its axes would bend it."""
+    length = math.hypot(*way)
+    return way if length <= most else most / length * way
 
 
 def _stick(pad: Pad, foot: int) -> Float64[np.ndarray, "2"]:
