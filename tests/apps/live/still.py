@@ -21,10 +21,11 @@ class Still:
     """A desk of a robot that stands still; what it is told is kept."""
 
     def __init__(self):
-        self.told, self.orders = dict(STATUS), []
+        self.told, self.orders, self.answer = dict(STATUS), [], None
 
     def order(self, text):
         self.orders.append(json.loads(text))
+        return self.answer
 
     def left(self):
         pass

@@ -160,6 +160,17 @@ def test_every_message_is_answered_with_what_the_feet_feel(front, session):
             assert np.abs([*left[:2], *right[:2]]).max() < 0.2 * weight
 
 
+def test_who_sends_what_does_not_count_is_told_why(front, monkeypatch):
+    monkeypatch.setattr(inputs, "FRESH_FOR", 60.0)
+    with control(front, front.seat.token) as (operator, _):
+        for sent, told in ((2000.0, {}), (1990.0, {"old": 0.01}), (1000.0, {"old": 1.0})):
+            operator.send(json.dumps({"do": "drive", "beat": sent}))
+            found = answer(operator)
+            assert found.pop("echo") == sent
+            assert found.pop("forces") is not None
+            assert found == pytest.approx(told)
+
+
 def test_when_the_operator_leaves_the_seat_is_free(front):
     with control(front, front.seat.token):
         pass

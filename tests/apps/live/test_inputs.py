@@ -688,9 +688,9 @@ def test_a_velocity_that_is_not_told_anew_counts_for_a_moment(made, monkeypatch)
 
 def test_messages_that_others_have_overtaken_are_dropped(made):
     operator, _, _ = made
-    operator.pad(Pad(beat=1000.0, turn=0.1))
-    operator.pad(Pad(beat=1030.0, turn=0.2))
-    operator.pad(Pad(beat=1010.0, turn=0.3))
+    assert operator.pad(Pad(beat=1000.0, turn=0.1)) == {}
+    assert operator.pad(Pad(beat=1030.0, turn=0.2)) == {}
+    assert operator.pad(Pad(beat=1010.0, turn=0.3)) == {"old": pytest.approx(0.02)}
     assert operator.read().turn == 0.2
     operator.pad(Pad(turn=0.4))
     assert operator.read().turn == 0.4
@@ -709,6 +709,20 @@ def test_a_senders_clock_that_jumps_locks_nobody_out(made, monkeypatch, jump):
     operator.pad(Pad(beat=2e6 + 33.0 * 61 + min(jump, 0.0)))
     operator.pad(Pad(beat=2e6 + 33.0 * 62 + min(jump, 0.0), turn=0.9))
     assert operator.read().turn == 0.9
+
+
+@pytest.mark.parametrize("beat", [lambda s: 5.0 + s, lambda s: 1.0 + s / 0.033, lambda s: 7.0])
+def test_a_beat_that_is_none_in_milliseconds_is_told_of(made, monkeypatch, beat):
+    operator, _, _ = made
+    now = 100.0
+    monkeypatch.setattr(inputs.clock, "monotonic", lambda: now)
+    told = []
+    for tick in range(60):
+        now = 100.0 + 0.033 * tick
+        told.append(operator.pad(Pad(beat=beat(0.033 * tick))))
+    late = [answer["late"] for answer in told if answer]
+    assert min(late) > inputs.LATE
+    assert operator.pad(Pad()) == {}
 
 
 @pytest.mark.parametrize("slower", [1e-4, 0.02, 0.5])

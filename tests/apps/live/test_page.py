@@ -229,3 +229,13 @@ def test_the_page_of_an_earlier_run_is_loaded_anew(plain_browser, front, desk):
             assert "earlier run" in page.text("banner")
         finally:
             later.stop()
+
+
+def test_who_comes_too_late_over_a_slow_connection_reads_why(plain_browser, front, desk):
+    with Page(plain_browser, front.drive_url) as page:
+        desk.answer = {"echo": 0.0, "forces": None, "old": 0.02}
+        page.wait("part('latency').textContent.endsWith('ms')", "an answer")
+        assert page.text("said").strip() == ""
+        desk.answer = {"echo": 0.0, "forces": None, "late": 0.7351}
+        page.wait("part('said').textContent.includes('comes 0.7 s late')", "the words")
+        assert page.errors == []

@@ -179,26 +179,33 @@ class OperatorInputs:
         self._unread: tuple[float, float] | None = None
         self._sampled: tuple[float, float, float] | None = None
 
-    def pad(self, pad: Pad) -> None:
-        """Takes the state of keys, sticks and handles: a sign of life."""
+    def pad(self, pad: Pad) -> dict[str, float]:
+        """Takes the state of keys, sticks and handles: a sign of life.
+
+        Returns:
+            Nothing where it counts. Else "old", by how much a newer one came before it by their
+            `beat`, or "late", by how much later than the soonest it came by it [s].
+        """
         pad = _within_reach(pad)
         with self._lock:
             alive, now = self._alive, clock.monotonic()
             if alive and 0.0 < pad.beat < self._pad.beat:
-                return
+                return {"old": 1e-3 * (self._pad.beat - pad.beat)}
             if not alive:
                 self._lateness.restart()
                 # Who has only just come may press keys at once; a handle has a place, which is an
                 # old one until it is let go.
                 silent = self._alive_at is not None
                 self._stale = pad if silent else _held_somewhere(pad)
-            if pad.beat > 0.0 and self._lateness.of(1e-3 * pad.beat, now) > LATE:
-                return
+            late = self._lateness.of(1e-3 * pad.beat, now) if pad.beat > 0.0 else 0.0
+            if late > LATE:
+                return {"late": late}
             self._stale = _still_held(self._stale, pad)
             fresh = _without(pad, self._stale)
             self._unseen = fresh if self._unseen is None else _reopened(fresh, self._unseen)
             self._pad, self._alive_at = fresh, now
             self._unread = (1e-3 * pad.beat, self._alive_at)
+            return {}
 
     def clear(self) -> None:
         """Nobody is at the controls; whoever comes back is as after a silence."""

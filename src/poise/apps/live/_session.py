@@ -166,11 +166,12 @@ class _Session(ABC):
             raise ConfigurationError(f"no such order: {error}") from None
         match message:
             case Pad():
-                if self._source == "browser":
-                    self.inputs.pad(message)
-                    self._asked = message.body
                 # As often as a device asks: what the feet feel is no use to it later.
-                return {"echo": message.beat, "forces": self.loop.forces}
+                answer = {"echo": message.beat, "forces": self.loop.forces}
+                if self._source == "browser":
+                    answer |= self.inputs.pad(message)
+                    self._asked = message.body
+                return answer
             case PushOrder():
                 self.loop.push(message.value)
             case Pause():

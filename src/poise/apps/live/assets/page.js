@@ -41,6 +41,7 @@ function take(message) {
   else if ("echo" in message) {
     latency(performance.now() - message.echo);
     if (message.forces) feel(message.forces);
+    if ("late" in message) hint(`What you do comes ${message.late.toFixed(1)} s late, and does not count: the connection is too slow.`);
   }
   else if ("kept" in message) kept(message.kept);
   else if ("error" in message) hint(message.error);
