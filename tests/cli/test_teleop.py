@@ -9,9 +9,11 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from importlib.resources import files
 from importlib.util import find_spec
 
 import pytest
+import yaml
 
 from poise.cli import _teleop as teleop
 from poise.cli.main import main
@@ -134,6 +136,32 @@ def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun)
     assert main(line) == 0
     ((name, plant),) = begun
     assert (name, plant.actuation, plant.self_contact) == ("humanoid33", "velocity", False)
+
+
+@needs_page
+def test_a_recording_of_a_robot_from_a_file_is_played_with_that(in_folder, capsys, begun):
+    from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
+    from poise.locomotion import ScriptedDevice
+    from poise.robots import load_robot
+    from poise.robots._parametric import generate
+
+    (in_folder / "mona.urdf").write_text(generate("biped", 20), encoding="utf-8")
+    facts = yaml.safe_load((files("poise.robots") / "descriptions" / "biped20.yaml").read_bytes())
+    del facts["catalog"]
+    (in_folder / "mona.poise.yaml").write_text(yaml.safe_dump(facts), encoding="utf-8")
+    run_teleop(
+        load_robot("mona.urdf"),
+        lambda c: ScriptedDevice([], c.resting_sample.left, c.resting_sample.right),
+        VELOCITY_TELEOP_PLANT,
+        duration=0.1,
+        recording=in_folder / "x.teleop",
+    )
+    line = refused(capsys, "--device", "x.teleop")
+    assert "x.teleop was made with a robot that is not in the catalog; got 'mona'" in line
+    assert "--robot FILE" in line
+    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
+    assert main([*line, "--robot", "mona.urdf"]) == 0
+    assert [name for name, _ in begun] == ["mona"]
 
 
 @needs_page

@@ -29,7 +29,8 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--robot",
         metavar="R",
-        help=f"a biped (default: {_ROBOT}; with a recording, its own)",
+        help=f"a biped, by name or file (default: {_ROBOT}; with a recording, its own, unless that "
+        "came from a file)",
     )
     parser.add_argument(
         "--device",
@@ -72,11 +73,15 @@ def act(options: argparse.Namespace) -> int:
     """Runs until somebody ends it."""
     check_seconds(options)
     from poise.apps.live import LiveSession
+    from poise.apps.teleoperation import recorded_robot
     from poise.robots import load_robot
 
     recording = _recording(options.device)
-    own = _ROBOT if recording is None else recording.robot
-    robot = load_robot(options.robot or own)
+    if recording is None or options.robot is not None:
+        robot = load_robot(options.robot or _ROBOT)
+    else:
+        what = f"the recording {recording.path.name}"
+        robot = recorded_robot(recording.robot, what, option="--robot FILE")
     plant = _plant(options, robot, recording)
     if recording is not None and robot.name != recording.robot:
         _check_made_with("robot", options.robot, recording.robot)

@@ -1,7 +1,11 @@
 """Robots: what a robot is, how one is loaded, and the catalog of names."""
 
 from poise.robots._capsules import LinkCapsules as LinkCapsules, capsules_of as capsules_of
-from poise.robots._catalog import CatalogEntry as CatalogEntry, catalog
+from poise.robots._catalog import (
+    CatalogEntry as CatalogEntry,
+    catalog,
+    find_entry as find_entry,
+)
 from poise.robots._describe import describe
 from poise.robots._files_digest import files_digest as files_digest
 from poise.robots._geometry import load_mesh as load_mesh

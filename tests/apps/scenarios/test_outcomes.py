@@ -300,6 +300,18 @@ def test_a_scenario_is_run_by_its_name_or_file_and_paths_are_texts(scenario_file
         run_scenario("stnad")
 
 
+def test_a_record_of_a_robot_from_a_file_says_how_to_give_it(scenario_file, tmp_path):
+    page = tmp_path / "page"
+    done = run_scenario(scenario_file(stand(0.05)))
+    # As a robot from mona.urdf is called.
+    done.record.metadata["robot"] = "mona"
+    wanted = r"was made with a robot that is not in the catalog; got 'mona'.*robot=load_robot\(\"F"
+    with pytest.raises(UnknownNameError, match="the record " + wanted):
+        report(done.record, page)
+    assert not page.exists()
+    assert report(done.record, page, done.robot).is_file()
+
+
 def test_a_record_of_no_rollout_is_not_reported(get_robot, tmp_path):
     record = RunRecord()
     record.add(0.0, {"hand_error": np.zeros(3)})

@@ -16,7 +16,7 @@ from poise.apps.teleoperation import (
     replay_teleop,
     run_teleop,
 )
-from poise.errors import ConfigurationError, PoiseError
+from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.locomotion import (
     DeviceSample,
     DeviceStatus,
@@ -265,6 +265,27 @@ def test_a_robot_that_carries_something_is_another_one(get_robot, tmp_path):
         replay_teleop(path)
     again = replay_teleop(path, loaded)
     np.testing.assert_array_equal(run.log.command, again.log.command)
+
+
+@pytest.mark.parametrize("name", ["mona", "mona.urdf", "humanoid99"])
+def test_a_recording_of_a_robot_from_a_file_says_how_to_give_it(
+    get_robot, tmp_path, monkeypatch, name
+):
+    robot, path = replace(get_robot("biped20"), name=name), tmp_path / "x.teleop"
+    run = walk(robot, up_and_down(), 0.1, recording=path)
+    # No file is opened by a name that a stranger may have written.
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_text(robot.source.text)
+    with pytest.raises(UnknownNameError, match="not in the catalog") as refused:
+        replay_teleop(path)
+    for words in (
+        "recording x.teleop",
+        f"got {name!r}",
+        'robot=load_robot("FILE")',
+        "--robot FILE",
+    ):
+        assert words in str(refused.value)
+    np.testing.assert_array_equal(run.log.command, replay_teleop(path, robot).log.command)
 
 
 def test_a_recording_that_is_played_is_not_written_over(get_robot, tmp_path):

@@ -14,10 +14,10 @@ from poise.apps.scenarios._checks import CheckResult, missed_ticks
 from poise.apps.scenarios._replay import make_replay
 from poise.apps.scenarios._run import Progress, Run
 from poise.apps.scenarios._signals import RunSignals, collect_signals
-from poise.apps.teleoperation import plant_from_json
+from poise.apps.teleoperation import plant_from_json, recorded_robot
 from poise.control import PHYSICS_LEVELS
 from poise.errors import ConfigurationError, MissingExtraError
-from poise.robots import Robot, load_robot
+from poise.robots import Robot
 from poise.sim import Plant, Push, RunRecord, read_log, render_video
 
 SUMMARY, REPORT, LOG = "summary.json", "report.html", "log.mcap"
@@ -144,14 +144,14 @@ def report(
     Args:
         run: of a scenario; or a record as a `Recorder` made it, or the file of its log.
         directory: where the page goes; made if it does not exist.
-        robot: of the record; loaded by the name in the record when None.
+        robot: of the record; that of the catalog with the name in the record when None.
 
     Returns:
         Path of the page.
 
     Raises:
-        PoiseError: the file is no log, the record is of no rollout, the robot cannot be loaded, or
-            the directory is a file.
+        PoiseError: the file is no log, the record is of no rollout, the catalog has no robot of the
+            name in it, as where that came from a file, or the directory is a file.
     """
     directory = Path(directory)
     if directory.exists() and not directory.is_dir():
@@ -172,7 +172,9 @@ def report(
             got=sorted(record.metadata),
             wanted="one that a Recorder made of a rollout",
         )
-    robot = load_robot(record.metadata["robot"]) if robot is None else robot
+    if robot is None:
+        what = "the record" if isinstance(run, RunRecord) else f"the log {Path(run).name}"
+        robot = recorded_robot(record.metadata["robot"], what)
     return write_report(make_view(record, robot), directory)
 
 

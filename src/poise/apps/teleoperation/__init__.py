@@ -26,6 +26,7 @@ from poise.apps.teleoperation._scripts import (
 )
 from poise.apps.teleoperation._setup import (
     plant_from_json as plant_from_json,
+    recorded_robot as recorded_robot,
     recorded_setup as recorded_setup,
     teleop_setup as teleop_setup,
 )

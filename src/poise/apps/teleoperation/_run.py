@@ -16,7 +16,7 @@ from jaxtyping import Float64
 
 from poise._checks import checked_count, checked_kind, checked_number
 from poise.apps.teleoperation._log import TeleopLog
-from poise.apps.teleoperation._setup import recorded_setup, teleop_setup
+from poise.apps.teleoperation._setup import recorded_robot, recorded_setup, teleop_setup
 from poise.errors import ConfigurationError
 from poise.locomotion import (
     ComDriver,
@@ -28,7 +28,7 @@ from poise.locomotion import (
     TeleopParameters,
     read_recording,
 )
-from poise.robots import Robot, load_robot
+from poise.robots import Robot
 from poise.sim import (
     Observer,
     Plant,
@@ -256,15 +256,19 @@ def replay_teleop(recording: Recording | str | Path, robot: Robot | None = None)
 
     Args:
         recording: opened, or its file.
-        robot: of the recording; loaded by its name when None.
+        robot: of the recording; that of the catalog with its name when None.
 
     Raises:
+        UnknownNameError: the catalog has no robot of that name, as where it came from a file.
         RecordingError: it cannot be read, is from another robot, also one of the same name that
             carries something else, or lacks the set-up of a run.
     """
     if not isinstance(recording, Recording):
         recording = read_recording(recording)
-    robot = load_robot(recording.robot) if robot is None else robot
+    if robot is None:
+        robot = recorded_robot(
+            recording.robot, f"the recording {recording.path.name}", option="--robot FILE"
+        )
     device = recording.device(robot=robot.name, dt=recording.dt)
     setup = recorded_setup(recording, robot)
     return run_teleop(

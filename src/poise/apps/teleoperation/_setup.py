@@ -1,4 +1,7 @@
-"""`RecordedSetup`: what a recording was made with, beside its robot, so that it can run again."""
+"""`RecordedSetup`: what a recording was made with, beside its robot, so that it can run again.
+
+`recorded_robot`: the robot, where it is known by name alone.
+"""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -8,8 +11,9 @@ from jaxtyping import Float64
 
 from poise._schema import read
 from poise.apps.teleoperation._digest import robot_digest
+from poise.errors import RobotError, UnknownNameError
 from poise.locomotion import Recording, RecordingError, StepTeleoperator, TeleopParameters
-from poise.robots import Robot
+from poise.robots import Robot, find_entry, load_robot
 from poise.sim import PlantConfig
 
 
@@ -25,6 +29,34 @@ def plant_from_json(data: dict[str, Any]) -> PlantConfig:
         RecordingError: it is none: a key is unknown, or a value cannot be.
     """
     return read(PlantConfig, data, "the plant of the recording", error=RecordingError)
+
+
+def recorded_robot(name: str, what: str, *, option: str = "") -> Robot:
+    """The robot with which something was recorded, from the catalog.
+
+    No file is opened by its name: what was recorded may come from a stranger.
+
+    Args:
+        name: that was recorded.
+        what: was recorded with it, for the message.
+        option: of the command line that gives another robot; "" for none.
+
+    Raises:
+        UnknownNameError: it is not in the catalog; the message says how to give it.
+        MissingExtraError: its files come with an extra that is not installed.
+    """
+    try:
+        known = find_entry(name) is not None
+    except RobotError:
+        known = False
+    if not known:
+        by_option = f", or {option} on the command line" if option else ""
+        raise UnknownNameError(
+            f"{what} was made with a robot that is not in the catalog",
+            got=name,
+            wanted=f'its file, by robot=load_robot("FILE"){by_option}',
+        )
+    return load_robot(name)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
