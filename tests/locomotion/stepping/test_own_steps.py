@@ -176,7 +176,7 @@ def test_where_the_only_sole_that_carries_tips_it_acts_though_it_holds_the_robot
         dynamics.update(state)
         footing = replace(teleoperator._footing(), mode=Mode.SL, stance=0)
         footing.capture_depth = 0.01
-        return own.takes_over(footing, state)
+        return own.takes_over(footing, state, footing.dynamics.com[:2])
 
     assert not takes_over(0.0)
     assert takes_over(turn) == acts == own.acting
@@ -325,3 +325,27 @@ def test_where_the_zmp_should_be_is_told_while_the_robot_steps_by_itself(get_rob
     asked = run.log.cart_table_zmp[own]
     np.testing.assert_allclose(asked, run.log.zmp_reference[own], atol=1e-12)
     assert np.linalg.norm(np.diff(asked, axis=0), axis=1).max() > 1e-3
+
+
+class StickInMidStep:
+    """The right foot is held up, and a stick is pushed ahead meanwhile."""
+
+    def __init__(self, teleoperator):
+        self._start = teleoperator.resting_sample
+
+    def sample(self, time):
+        up = np.array([0.0, 0.0, min(max(0.2 * (time - 0.6), 0.0), 0.06)])
+        velocity = (0.3 if time >= PUSHED_AT else 0.0, 0.0, 0.0)
+        return replace(self._start, time=time, right=self._start.right + up, velocity=velocity)
+
+
+def test_a_stick_in_mid_step_makes_no_jump_of_the_zmp(get_robot):
+    """At once, the walk would have it at an edge of the sole that stands, 7 cm away."""
+    run = run_teleop(get_robot("biped20"), StickInMidStep, TORQUE_TELEOP_PLANT, duration=1.8)
+    log = run.log
+    assert not run.fell
+    assert MODES[log.mode[log.time < PUSHED_AT][-1]] is Mode.SL
+    driven = log.device == STATUSES.index(DeviceStatus.WALKING)
+    assert driven[-1]
+    steps = np.linalg.norm(np.diff(log.zmp_reference, axis=0), axis=1)
+    assert steps[log.time[1:] > PUSHED_AT - 0.1].max() < 0.01

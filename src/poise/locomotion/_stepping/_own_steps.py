@@ -157,12 +157,15 @@ class OwnSteps:
         """What of each sole carries, left then right; None for all of it."""
         return self._walker.parts
 
-    def takes_over(self, footing: Footing, state: RobotState) -> bool:
+    def takes_over(
+        self, footing: Footing, state: RobotState, zmp: Float64[np.ndarray, "2"]
+    ) -> bool:
         """Begins to act if it shall walk, or the feet do not hold the robot as they are.
 
         Args:
             footing: of the tick.
             state: of the robot.
+            zmp: as the operator's side has asked for last [m].
         """
         held = footing.capture_depth >= 0.0 and not self._tipping.update(footing)
         airborne = footing.other if footing.mode.single else self._walker.hanging
@@ -170,7 +173,8 @@ class OwnSteps:
         hangs = airborne is not None and footing.mode.support in (None, airborne)
         if held and not any(self._velocity) and not hangs:
             return False
-        self._walker.take_over(state, airborne)
+        # A robot that falls has no time to go on from there.
+        self._walker.take_over(state, airborne, zmp if held and not hangs else None)
         self.acting, self._rested, self._held, self._closing = True, 0.0, 0.0, None
         self.drive(self._velocity)
         return True

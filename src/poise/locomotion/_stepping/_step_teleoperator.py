@@ -312,7 +312,8 @@ class StepTeleoperator:
             # At once, its ZMP would be at the outer edge of the sole that stood, and the one that
             # has landed would lose its load again.
             self._com.take_over(self._com.cart_table_zmp(dynamics.com[:2]), footing)
-        if self._own is not None and self._own.takes_over(footing, state):
+        asked = self._com.cart_table_zmp(dynamics.com[:2])
+        if self._own is not None and self._own.takes_over(footing, state, asked):
             self._follow_own(self._own, state, sample)
             return
         if command is not None:

@@ -13,6 +13,10 @@ from poise.locomotion._support import Point
 
 Vector2 = Float64[np.ndarray, "2"]
 
+_FADE = 0.05
+"""How long a ZMP that somebody else has asked for goes on counting [s]: for longer, the divergent
+component would leave its way meanwhile, which grows by a fifth in that time."""
+
 
 @runtime_checkable
 class ZmpRegion(Protocol):
@@ -48,6 +52,20 @@ class DcmFeedback:
         self.omega, self._gain = omega, 1.0 + gain / omega
         self.error: Vector2 = np.zeros(2)
         self.zmp: Vector2 = np.zeros(2)
+        self._goes_on_from: Point | None = None
+        self._offset = (0.0, 0.0)
+
+    def begin(self) -> None:
+        """Forgets the error."""
+        self.error, self._offset, self._goes_on_from = np.zeros(2), (0.0, 0.0), None
+
+    def go_on_from(self, zmp: Point) -> None:
+        """Begins the next tick where somebody else has led the ZMP, and fades into its own.
+
+        Args:
+            zmp: as asked for last [m].
+        """
+        self._goes_on_from = zmp
 
     def acceleration(
         self,
@@ -55,6 +73,7 @@ class DcmFeedback:
         velocity: Vector2,
         reference: Float64[np.ndarray, "3 2"],
         support: ZmpRegion,
+        dt: float = 0.0,
     ) -> Vector2:
         """The COM's horizontal acceleration [m/s^2].
 
@@ -63,6 +82,7 @@ class DcmFeedback:
             velocity: as measured [m/s].
             reference: position [m], velocity [m/s] and acceleration [m/s^2] of the COM, a row each.
             support: where the ZMP can be.
+            dt: length of the tick, by which what it goes on from fades [s].
         """
         w = self.omega
         (px, py), (rx, ry), (sx, sy) = reference.tolist()
@@ -71,5 +91,13 @@ class DcmFeedback:
         x, y = support.nearest(
             (px - sx / (w * w) + self._gain * ex, py - sy / (w * w) + self._gain * ey)
         )
+        if self._goes_on_from is not None:
+            from_x, from_y = self._goes_on_from
+            self._goes_on_from, self._offset = None, (from_x - x, from_y - y)
+        if any(self._offset):
+            off_x, off_y = self._offset
+            x, y = support.nearest((x + off_x, y + off_y))
+            left = max(0.0, 1.0 - dt / _FADE)
+            self._offset = left * off_x, left * off_y
         self.error, self.zmp = np.array((ex, ey)), np.array((x, y))
         return np.array((w * w * (cx - x), w * w * (cy - y)))

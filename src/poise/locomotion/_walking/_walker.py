@@ -129,7 +129,12 @@ class Walker:
         """
         self.commands.set_velocity(_double(ahead), _double(sideways), _double(turn))
 
-    def take_over(self, state: RobotState, airborne: int | None = None) -> None:
+    def take_over(
+        self,
+        state: RobotState,
+        airborne: int | None = None,
+        zmp: Float64[np.ndarray, "2"] | None = None,
+    ) -> None:
         """Begins anew from what somebody else has led the robot to, who may take it back at rest.
 
         It makes no step but those that the robot needs in order not to fall: feet stay where they
@@ -139,6 +144,8 @@ class Walker:
             state: of the robot; one that is not finite, its time included, is passed over.
             airborne: the foot that is in the air, which comes down where that helps; 0 for the left
                 one, None for none.
+            zmp: as asked for last, from which it goes on without a jump [m]; None where there is no
+                time for that.
         """
         if not _is_finite(state):
             return
@@ -152,6 +159,9 @@ class Walker:
         self._begin()
         if airborne is not None:
             self._steps.put_down(airborne)
+        if zmp is not None:
+            feet, _, _ = self._parts.pendulum.feet(self._steps.flight)
+            self._feedback.go_on_from(self._parts.legs.joined((zmp[0], zmp[1]), feet))
 
     def close(self, closes: bool) -> None:
         """Brings the feet side by side, as after a walk, or leaves them where they are.
@@ -370,7 +380,7 @@ class Walker:
     def _begin(self) -> None:
         parts = self._parts
         self.status = WalkStatus.STANDING
-        self._feedback.error = np.zeros(2)
+        self._feedback.begin()
         self._steps.begin()
         mass, _ = parts.pendulum.mass(self._steps.flight)
         parts.body.begin(mass, float(parts.sense.com[2]), parts.stance.heading)
@@ -389,6 +399,7 @@ class Walker:
             np.array(velocity),
             com,
             JoinedSupport(parts.legs, parts.stance.support, feet),
+            dt,
         ).tolist()
         rows = zip(com.tolist(), (feet, velocities, accelerations), parts.body.rise, strict=True)
         com = np.array([(*parts.legs.parted((a, b), f), z) for (a, b), f, z in rows])
