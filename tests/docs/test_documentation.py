@@ -3,7 +3,9 @@
 import dataclasses
 import re
 import shutil
+import threading
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -80,6 +82,20 @@ def test_python_blocks_run_one_after_the_other(page, tmp_path, monkeypatch):
     names = {"__name__": "page"}
     for text in texts:
         exec(compile(text, name_of(page), "exec"), names)
+
+
+def test_the_thread_of_the_arms_lets_go_of_both_although_one_fails(capsys):
+    texts = (text for _, text in blocks(ROOT / "docs" / "teleop.md", "python"))
+    recipe = next(text for text in texts if "def serve(" in text).partition("\ndriver, ")[0]
+    names = {"np": np}
+    exec(compile(recipe, "teleop.md", "exec"), names)
+    failing, other, driver = Mock(), Mock(), Mock()
+    failing.write.side_effect = OSError("the cable is out")
+    driver.tick.side_effect = RuntimeError("whatever ends the thread")
+    with pytest.raises(RuntimeError, match="whatever"):
+        names["serve"](driver, (failing, other), threading.Event())
+    np.testing.assert_array_equal(other.write.call_args.args[0], np.zeros(3))
+    assert "the cable is out" in capsys.readouterr().out
 
 
 def test_the_quickstart_shows_what_it_says(monkeypatch, tmp_path):

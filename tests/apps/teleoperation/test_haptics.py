@@ -1,5 +1,7 @@
 """Arms with force feedback: what a hand feels of a foot, and what it never feels."""
 
+import threading
+import time as clock
 from dataclasses import replace
 
 import numpy as np
@@ -127,6 +129,94 @@ def test_an_arm_that_is_gone_is_told_to_let_go_and_the_other_goes_on():
     assert driver.readings[0] is not None
     assert driver.readings[1] is None
     assert arms[1].norms.max() == 0.0
+
+
+class Fails(Arm):
+    """One whose driver raises in a call while it is named."""
+
+    def __init__(self, call=""):
+        super().__init__()
+        self.call = call
+
+    def read(self):
+        if self.call == "read":
+            raise OSError("the cable is out")
+        return super().read()
+
+    def write(self, force):
+        super().write(force)
+        if self.call == "write":
+            raise OSError("the cable is out")
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("call", ["read", "write"])
+def test_an_arm_that_raises_is_gone_and_the_other_goes_on(call, side, caplog):
+    fails, other = Fails(), Arm()
+    driver = HapticDriver(*((fails, other) if side == 0 else (other, fails)))
+    air, landing = (feet if side == 0 else feet[::-1] for feet in (IN_AIR, LANDING))
+    for tick in range(350):
+        driver.feel(air if tick < 200 else landing, 1e-3 * tick)
+        fails.call = call if tick >= 100 else ""
+        driver.tick(1e-3 * tick)
+        assert (driver.readings[side] is None) == (tick >= 100)
+        assert driver.readings[1 - side] is not None
+    assert str(driver.errors[side]) == "the cable is out"
+    assert driver.errors[1 - side] is None
+    (said,) = (record.getMessage() for record in caplog.records)
+    assert said == f"the {('left', 'right')[side]} arm failed, and counts as gone"
+    assert other.norms[-1] > 0.5
+    # It is back.
+    fails.call = ""
+    driver.tick(0.35)
+    assert None not in driver.readings
+    assert driver.errors == (None, None)
+
+
+def test_the_foot_of_an_arm_that_does_not_take_its_force_is_felt_softly_when_it_is_back():
+    arms = Arm(), Fails()
+    driver = HapticDriver(*arms)
+    for tick in range(350):
+        driver.feel(IN_AIR if tick < 200 else LANDING, 1e-3 * tick)
+        arms[1].call = "write" if tick >= 200 else ""
+        driver.tick(1e-3 * tick)
+    assert arms[1].norms.max() < 0.3
+
+
+def test_hands_that_no_thread_reads_any_more_lead_nothing():
+    driver, ended = HapticDriver(Arm(), Arm()), threading.Event()
+
+    def serve():
+        while not ended.wait(1e-3):
+            driver.tick(clock.monotonic())
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    while driver.readings[0] is None:
+        clock.sleep(1e-3)
+    ended.set()
+    thread.join()
+    clock.sleep(0.15)
+    assert driver.readings == (None, None)
+    driver.tick(clock.monotonic())
+    assert None not in driver.readings
+
+
+def test_arms_slower_than_ten_a_second_are_read():
+    driver = HapticDriver(Arm(), Arm(), dt=0.2)
+    driver.tick(0.0)
+    clock.sleep(0.15)
+    assert None not in driver.readings
+
+
+def test_a_simulated_robot_on_a_slow_computer_keeps_its_hands(get_robot):
+    arms = Arm(clutch=False), Arm(clutch=False)
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
+    device = HapticFeet(HapticDriver(*arms, dt=0.1), teleoperator)
+    device.sample(0.0)
+    clock.sleep(0.25)
+    assert device.driver.readings == (None, None)
+    assert device.sample(0.005) is not None
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

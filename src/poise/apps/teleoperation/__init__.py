@@ -1,10 +1,9 @@
 """Step teleoperation in simulation: scripted and recorded foot devices, and everything noted."""
 
+from poise.apps.teleoperation._haptic_arms import HapticArm, SimulatedArm
 from poise.apps.teleoperation._haptics import (
-    HapticArm,
     HapticDriver,
     HapticFeet,
-    SimulatedArm,
     foot_forces as foot_forces,
 )
 from poise.apps.teleoperation._log import (

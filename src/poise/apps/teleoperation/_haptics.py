@@ -1,17 +1,17 @@
 """Two arms with force feedback: one for each foot, read and driven at their own rate.
 
-`HapticArm`: what a driver of a device has to have. `SimulatedArm`: one in a simulated hand.
 `HapticDriver`: from what feet feel to what hands feel. `HapticFeet`: the arms as a `Device`.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Protocol, runtime_checkable
+import time as clock
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise.apps.teleoperation._haptic_arms import GuardedArm, HapticArm, Reading
 from poise.dynamics import saturate
 from poise.errors import ConfigurationError
 from poise.locomotion import (
@@ -23,83 +23,8 @@ from poise.locomotion import (
     rest_place,
 )
 
-Reading = tuple[Float64[np.ndarray, "3"], bool]
-"""Where the end of an arm is, forward, left and up from anywhere [m], and whether it leads."""
-
-
-@runtime_checkable
-class HapticArm(Protocol):
-    """A device of three degrees of freedom that one hand holds, such as a Novint Falcon.
-
-    Neither call may wait: both are made once a period of the device, a thousand times a second.
-    """
-
-    def read(self) -> Reading | None:
-        """Where the hand is and whether its clutch is closed; None when the arm is gone.
-
-        So it is, too, for a place that is not finite.
-        """
-        ...
-
-    def write(self, force: Float64[np.ndarray, "3"]) -> None:
-        """Pushes the hand until the next call.
-
-        Args:
-            force: forward, left and up [N].
-        """
-        ...
-
-
-class SimulatedArm:
-    """An arm in a hand that holds it like a spring and goes where a person wants it to.
-
-    m x'' = f + k (x_hand - x) - d x' with the force f of the device; each `read` is a period later.
-
-    Args:
-        hand: where the person wants the hand at a time [s], and whether the clutch is closed.
-        dt: period [s].
-        mass: of arm and hand m [kg].
-        stiffness: of a relaxed hand k [N/m].
-        damping: of hand and arm d [N s/m].
-
-    Attributes:
-        force: of the device on the hand now [N].
-        connected: whether it can be read; a test may pull it out.
-    """
-
-    def __init__(
-        self,
-        hand: Callable[[float], Reading],
-        *,
-        dt: float = 1e-3,
-        mass: float = 0.4,
-        stiffness: float = 250.0,
-        damping: float = 12.0,
-    ) -> None:
-        self._dt = checked_number(dt, "period of the arm [s]", above=0.0)
-        self._mass = checked_number(mass, "mass of the arm [kg]", above=0.0)
-        self._stiffness = checked_number(stiffness, "stiffness of the hand [N/m]", above=0.0)
-        self._damping = checked_number(damping, "damping of the hand [N s/m]", above=0.0)
-        self._hand, self._periods = hand, 0
-        self._position = hand(0.0)[0].copy()
-        self._velocity = np.zeros(3)
-        self.force: Float64[np.ndarray, "3"] = np.zeros(3)
-        self.connected = True
-
-    def read(self) -> Reading | None:
-        """Where the hand is, a period after the last call."""
-        wanted, clutch = self._hand(self._periods * self._dt)
-        pull = self._stiffness * (wanted - self._position) - self._damping * self._velocity
-        # The velocity first: with the old one the spring would gain energy.
-        self._velocity = self._velocity + self._dt / self._mass * (self.force + pull)
-        self._position = self._position + self._dt * self._velocity
-        self._periods += 1
-        return (self._position.copy(), clutch) if self.connected else None
-
-    def write(self, force: Float64[np.ndarray, "3"]) -> None:
-        """Pushes the hand until the next call [N]."""
-        self.force = force.copy()
-
+Readings = tuple[Reading | None, Reading | None]
+"""What the left and the right arm said; None for one that is gone, fails or is nowhere."""
 
 _UNLOADED, _LIFTED = 0.05, 0.05
 """A foot with less than this part of both feet's load for so long [s] is in the air: as the weight
@@ -146,14 +71,18 @@ class _Touch:
         return force - self._slow
 
 
+_ENDED = 0.1
+"""Whoever ticks no more for so long has ended [s]: hands that nobody reads lead nothing."""
+
+
 class HapticDriver:
     """Reads two arms and lets each hand feel what its foot meets.
 
     At the arms' rate, whatever that of the robot: in between the last force of the feet holds. The
     force on a hand is a fraction of what its foot meets in the air or lands on, smoothed, fading
     after the landing, and never more than `force_max`. It goes to zero where nothing has been heard
-    from the robot for `silence`, where the clutch is open, and where the arm is gone or says that
-    it is nowhere.
+    from the robot for `silence`, where the clutch is open, and where the arm is gone, fails or says
+    that it is nowhere. An arm that fails takes nothing from the other one.
 
     Args:
         left: arm of the left foot.
@@ -170,7 +99,7 @@ class HapticDriver:
 
     Attributes:
         dt: period [s].
-        readings: what the arms said last, left and right; None for one that is gone or nowhere.
+        errors: what the left and the right arm raised in the last period; None if all was well.
     """
 
     def __init__(
@@ -185,7 +114,7 @@ class HapticDriver:
         washout: float = 0.4,
         silence: float = 0.1,
     ) -> None:
-        self._arms = (left, right)
+        self._arms = (GuardedArm(left, "left"), GuardedArm(right, "right"))
         self.dt = checked_number(dt, "period of the arms [s]", above=0.0)
         self._gain = checked_number(gain, "gain of the forces", above=0.0)
         self._most = checked_number(force_max, "force_max of the arms [N]", above=0.0)
@@ -197,7 +126,20 @@ class HapticDriver:
         # In one object, which another thread replaces as a whole.
         self._news: tuple[float, Float64[np.ndarray, "2 3"]] = (-math.inf, np.zeros((2, 3)))
         self._known, self._unheard = self._news, 0
-        self.readings: tuple[Reading | None, Reading | None] = (None, None)
+        self.errors: tuple[Exception | None, Exception | None] = (None, None)
+        # Likewise; with when they were read, on the clock of this machine.
+        self._read: tuple[float, Readings] = (-math.inf, (None, None))
+
+    @property
+    def readings(self) -> Readings:
+        """What the arms said last, left and right; None for one that is gone, fails or is nowhere.
+
+        None for both where no `tick` has come for 0.1 s, or for two periods if those are longer: a
+        thread that has ended holds no foot up.
+        """
+        read_at, readings = self._read
+        patience = max(_ENDED, 2.0 * self.dt)
+        return readings if clock.monotonic() - read_at <= patience else (None, None)
 
     def feel(self, forces: Sequence[Sequence[float]], now: float) -> None:
         """News from the robot; what is not finite is none.
@@ -214,11 +156,14 @@ class HapticDriver:
         if np.isfinite(array).all():
             self._news = (now, array)
 
-    def tick(self, now: float) -> None:
-        """One period of the arms.
+    def tick(self, now: float) -> Readings:
+        """One period of the arms; an arm that raises counts as gone.
 
         Args:
             now: on any clock [s].
+
+        Returns:
+            What `readings` gives now.
         """
         news = heard_at, feet = self._news
         # Periods are counted, too: by a clock that stands still or has gone back nobody is silent.
@@ -228,14 +173,19 @@ class HapticDriver:
         total = float(feet[:, 2].sum())
         readings: list[Reading | None] = []
         for foot, arm in enumerate(self._arms):
-            reading = _valid(arm.read())
+            reading = arm.read()
             felt = self._touches[foot].felt(feet[foot], total, self.dt)
             holds = reading is not None and reading[1] and heard
             goal = saturate(self._most, self._gain * felt) if holds else np.zeros(3)
             self._forces[foot] = self._smoothed(self._forces[foot], goal)
-            arm.write(self._forces[foot] if reading is not None else np.zeros(3))
+            if not arm.write(self._forces[foot] if reading is not None else np.zeros(3)):
+                # It is back as softly as at the beginning.
+                reading, self._forces[foot] = None, np.zeros(3)
             readings.append(reading)
-        self.readings = (readings[0], readings[1])
+        self.errors = (self._arms[0].error, self._arms[1].error)
+        said = (readings[0], readings[1])
+        self._read = (clock.monotonic(), said)
+        return said
 
     def _smoothed(
         self, force: Float64[np.ndarray, "3"], goal: Float64[np.ndarray, "3"]
@@ -243,11 +193,6 @@ class HapticDriver:
         left = (goal - force) * self._smoothing / (self._smoothing + self.dt)
         # Nothing is nothing at last.
         return goal - left if math.sqrt(float(left @ left)) > _LEAST else goal
-
-
-def _valid(reading: Reading | None) -> Reading | None:
-    """A reading that says where the hand is; None for one that does not."""
-    return reading if reading is not None and np.isfinite(reading[0]).all() else None
 
 
 def foot_forces(teleoperator: StepTeleoperator) -> list[list[float]]:
@@ -290,6 +235,7 @@ class HapticFeet:
         self._clutches = (FootClutch(scale), FootClutch(scale))
         self._places = [rest_place(teleoperator, foot) for foot in (0, 1)]
         self._begin, self._periods = 0.0, 0
+        self._readings: Readings = (None, None)
 
     def sample(self, time: float) -> DeviceSample | None:
         """Where the hands lead the feet; None while an arm is gone.
@@ -302,9 +248,10 @@ class HapticFeet:
         if abs(time - self._next) > _PAUSE:
             self._begin, self._periods = time, 0
         while self._next <= time:
-            driver.tick(self._next)
+            # Not `driver.readings`: a slow computer would let go of a simulated robot's feet.
+            self._readings = driver.tick(self._next)
             self._periods += 1
-        left, right = driver.readings
+        left, right = self._readings
         if left is None or right is None:
             for foot, clutch in enumerate(self._clutches):
                 clutch.follow(None, self._places[foot], 0.0, time)
