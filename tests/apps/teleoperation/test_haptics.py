@@ -250,7 +250,7 @@ def test_an_arm_that_says_it_is_nowhere_leads_nothing_until_its_clutch_was_open(
     arms[1].clutch = True
     foot = device.sample(0.005).right
     arms[1].place = np.full(3, np.nan)
-    assert device.sample(0.01) is None
+    assert device.sample(0.01).right == pytest.approx(foot)
     arms[1].place = HOME + [0.0, 0.0, 0.05]
     device.sample(0.015)
     arms[1].place = HOME + [0.0, 0.0, 0.1]
@@ -353,10 +353,34 @@ def test_a_clutch_that_was_not_seen_open_leads_nothing(get_robot):
     assert moved(0.08, True) == 0.03
     # Gone and back, closed as it was.
     arms[1].there = False
-    now += 0.005
-    assert device.sample(now) is None
+    assert moved(0.08, True) == 0.0
     arms[1].there = True
     assert [moved(0.08, True), moved(0.12, True)] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("gone", [0, 1])
+def test_an_arm_that_is_gone_lets_go_of_its_own_foot_alone(get_robot, gone):
+    arms = Arm(clutch=False), Arm(clutch=False)
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
+    device = HapticFeet(HapticDriver(*arms), teleoperator)
+    device.sample(0.0)
+    for arm in arms:
+        arm.clutch = True
+    device.sample(0.005)
+
+    def heights(time, by):
+        for arm in arms:
+            arm.place = HOME + [0.0, 0.0, by]
+        sample = device.sample(time)
+        places = zip((sample.left, sample.right), teleoperator.estimator.anchors, strict=True)
+        return [round(float(place[2] - anchor[2]), 9) for place, anchor in places]
+
+    assert heights(0.01, 0.05) == [0.05, 0.05]
+    arms[gone].there = False
+    # The other one is led on, without being let go in between.
+    assert heights(0.015, 0.08) == ([0.0, 0.08] if gone == 0 else [0.08, 0.0])
+    arms[1 - gone].there = False
+    assert device.sample(0.02) is None
 
 
 @pytest.mark.parametrize("to", [0.0, 1.7e9])

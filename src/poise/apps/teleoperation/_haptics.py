@@ -238,10 +238,13 @@ class HapticFeet:
         self._readings: Readings = (None, None)
 
     def sample(self, time: float) -> DeviceSample | None:
-        """Where the hands lead the feet; None while an arm is gone.
+        """Where the hands lead the feet; the foot of an arm that is gone comes down where it is.
 
         Args:
             time: of the robot [s].
+
+        Returns:
+            None while both arms are gone.
         """
         driver = self.driver
         driver.feel(foot_forces(self._teleoperator), time)
@@ -251,21 +254,16 @@ class HapticFeet:
             # Not `driver.readings`: a slow computer would let go of a simulated robot's feet.
             self._readings = driver.tick(self._next)
             self._periods += 1
-        left, right = self._readings
-        if left is None or right is None:
-            for foot, clutch in enumerate(self._clutches):
-                clutch.follow(None, self._places[foot], 0.0, time)
+        teleoperator, places = self._teleoperator, self._places
+        for foot, (clutch, reading) in enumerate(zip(self._clutches, self._readings, strict=True)):
+            tracker = None if reading is None else HandSample(*reading)
+            led = clutch.follow(tracker, places[foot], teleoperator.ahead, time)
+            places[foot] = rest_place(teleoperator, foot) if led is None else led
+        if self._readings == (None, None):
             return None
-        return DeviceSample(time, self._led(0, left, time), self._led(1, right, time))
+        return DeviceSample(time, places[0].copy(), places[1].copy())
 
     @property
     def _next(self) -> float:
         """When the arms' next period begins [s]."""
         return self._begin + self._periods * self.driver.dt
-
-    def _led(self, foot: int, reading: Reading, time: float) -> Float64[np.ndarray, "3"]:
-        teleoperator, place = self._teleoperator, self._places[foot]
-        sample, ahead = HandSample(*reading), teleoperator.ahead
-        led = self._clutches[foot].follow(sample, place, ahead, time)
-        self._places[foot] = rest_place(teleoperator, foot) if led is None else led
-        return self._places[foot].copy()
