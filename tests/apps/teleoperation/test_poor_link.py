@@ -14,7 +14,7 @@ from poise.apps.teleoperation import (
     run_teleop,
 )
 from poise.errors import ConfigurationError
-from poise.locomotion import DeviceSample, DeviceStatus, Mode, ScriptedDevice, WayPoint
+from poise.locomotion import DeviceSample, DeviceStatus, HandSample, Mode, ScriptedDevice, WayPoint
 
 LIFT, LOWER = 0.5, 1.6
 PLACES = ((LIFT, 0.0, 0.0), (1.1, 0.08, 0.08), (LOWER, 0.08, 0.08), (2.1, 0.08, -0.02))
@@ -58,6 +58,32 @@ def test_a_link_that_cannot_be_is_refused(link, words):
     still = ScriptedDevice([], np.zeros(3), np.zeros(3))
     with pytest.raises(ConfigurationError, match=words):
         PoorLink(still, **{"latency": 0.0, "loss": 0.0, "seed": 3} | link)
+
+
+class Reuses:
+    """Hands that are always written into the same arrays."""
+
+    def __init__(self):
+        self._places = np.zeros((3, 3))
+
+    def sample(self, time):
+        self._places[:] = time
+        left, right, hand = self._places
+        return DeviceSample(time, left, right, hands=(HandSample(hand), None))
+
+
+def test_a_device_that_reuses_its_arrays_is_late_all_the_same():
+    link = PoorLink(Reuses(), latency=0.1, loss=0.0, seed=3)
+    for tick in range(40):
+        time = 0.01 * tick
+        arrived = link.sample(time)
+        if tick < 10:
+            assert arrived is None
+            continue
+        sent = pytest.approx(np.full(3, time - 0.1))
+        assert arrived.left == sent
+        assert arrived.right == sent
+        assert arrived.hands[0].position == sent
 
 
 def last(run):

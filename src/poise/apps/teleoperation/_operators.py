@@ -6,6 +6,7 @@
 import math
 from bisect import insort
 from collections.abc import Callable
+from copy import deepcopy
 from operator import itemgetter
 
 import numpy as np
@@ -194,7 +195,9 @@ class PoorLink:
         if time >= self._cut:
             return None
         if sent is not None and not lost:
-            insort(self._under_way, (time + self._latency + late, sent), key=itemgetter(0))
+            # A copy: the device may write its next sample into the same arrays.
+            arrives = time + self._latency + late
+            insort(self._under_way, (arrives, deepcopy(sent)), key=itemgetter(0))
         newest = None
         while self._under_way and self._under_way[0][0] <= time + _ROUNDING:
             newest = self._under_way.pop(0)[1]
