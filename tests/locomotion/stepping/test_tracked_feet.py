@@ -161,5 +161,5 @@ def test_a_velocity_that_is_none_is_left_out():
 
 def test_a_tracker_that_is_something_else_is_said(get_robot):
     device = TrackedFeet(StepTeleoperator(get_robot("biped20")), lambda: (0.0, None, (1.0, 2.0)))
-    with pytest.raises(TypeError, match="tuple is no HandSample"):
+    with pytest.raises(TypeError, match=r"right tracker is \(1.0, 2.0\), no HandSample"):
         device.sample(0.0)

@@ -10,8 +10,15 @@ from enum import Enum
 import numpy as np
 from jaxtyping import Float64
 
-_REAL, _TRUTH = float | int | np.floating | np.integer, bool | int | np.bool_ | np.integer
-"""Kinds of numbers that a device may give, made once."""
+from poise.locomotion._stepping._fields import (
+    FieldError,
+    Vectors,
+    flag,
+    number,
+    numbers,
+    of_kind,
+    pair,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +120,7 @@ class DeviceSample:
         return self.left if foot == 0 else self.right
 
 
-def checked_sample(sample: object) -> tuple[DeviceSample | None, str]:
+def checked_sample(sample: object) -> tuple[DeviceSample | None, FieldError | None]:
     """What a device has given, which may be anything; all of its numbers as float64.
 
     A place or an orientation that is none becomes NaN, and the rest counts: a device that is out
@@ -124,132 +131,68 @@ def checked_sample(sample: object) -> tuple[DeviceSample | None, str]:
         sample: as given; None for nothing new.
 
     Returns:
-        The sample, and what in it is no place or orientation; "" for nothing.
+        The sample, and what in it is no place or orientation; None for nothing.
 
     Raises:
-        TypeError: it is no sample, or something else in it is of another kind.
+        FieldError: it is no sample, or something else in it is of another kind.
         OverflowError: a whole number in it that is too large for a float.
     """
     if sample is None:
-        return None, ""
-    if not isinstance(sample, DeviceSample):
-        raise TypeError(f"a {type(sample).__name__} is no DeviceSample")
-    body, head = _anything(sample.body), _anything(sample.head)
-    if not isinstance(body, BodySample):
-        raise TypeError(f"a {type(body).__name__} is no BodySample")
-    (time,) = _numbers("time", (sample.time,), 1)
-    # Arrays do here, too.
-    ahead, aside, turning = _numbers("velocity", tuple(sample.velocity), 3)
-    (height,) = _numbers("height", (body.height,), 1)
-    roll, pitch, yaw = _numbers("torso", body.torso, 3)
-    left_turn, right_turn = _numbers("turns", body.turns, 2)
-    _check_pair("hands", sample.hands, HandSample)
-    _check_pair("rates", sample.rates, object)
-    if not (head is None or isinstance(head, HeadSample)):
-        raise TypeError(f"a {type(head).__name__} is no HeadSample")
-    read = _Vectors()
+        return None, None
+    sample = of_kind("sample", sample, DeviceSample)
+    body = of_kind("body", sample.body, BodySample)
+    time = number("time", sample.time)
+    ahead, aside, turning = numbers("velocity", sample.velocity, 3)
+    height = number("height", body.height)
+    roll, pitch, yaw = numbers("torso", body.torso, 3)
+    left_turn, right_turn = numbers("turns", body.turns, 2)
+    left_hand, right_hand = pair("hands", sample.hands)
+    left_rate, right_rate = pair("rates", sample.rates)
+    read = Vectors()
+    head = sample.head
     if head is not None:
+        head = of_kind("head", head, HeadSample)
         turned = read.vector("orientation of head", head.orientation, 4)
-        head = HeadSample(turned, _flag("clutch of head", head.clutch))
-    left_hand, right_hand = sample.hands
-    left_rate, right_rate = sample.rates
+        head = HeadSample(turned, flag("clutch of head", head.clutch))
     good = DeviceSample(
         time,
         left=read.vector("left", sample.left, 3),
         right=read.vector("right", sample.right, 3),
-        upright=_flag("upright", sample.upright),
-        hands=(read.hand("left", left_hand), read.hand("right", right_hand)),
-        rest=_flag("rest", sample.rest),
+        upright=flag("upright", sample.upright),
+        hands=(_hand(read, "left hand", left_hand), _hand(read, "right hand", right_hand)),
+        rest=flag("rest", sample.rest),
         body=BodySample(height, (roll, pitch, yaw), (left_turn, right_turn)),
         velocity=(ahead, aside, turning),
         head=head,
         rates=(read.maybe("rates", left_rate, 3), read.maybe("rates", right_rate, 3)),
     )
-    return good, "; ".join(read.faults)
+    return good, read.error
 
 
-def checked_tracker(tracker: object) -> HandSample | None:
+def checked_tracker(side: str, tracker: object) -> HandSample | None:
     """What a tracker says, its numbers as float64; NaN in the place of what are none.
 
     Args:
-        tracker: of a foot; None where it is gone.
+        side: whose foot it leads: "left" or "right".
+        tracker: of the foot; None where it is gone.
 
     Raises:
-        TypeError: what came is something else.
+        FieldError: what came is something else.
     """
-    if tracker is None:
+    return _hand(Vectors(), f"{side} tracker", tracker)
+
+
+def _hand(read: Vectors, field: str, value: object) -> HandSample | None:
+    """What is commanded of a hand; None for nothing."""
+    if value is None:
         return None
-    if not isinstance(tracker, HandSample):
-        raise TypeError(f"a {type(tracker).__name__} is no HandSample")
-    return _Vectors().hand("tracked", tracker)
-
-
-class _Vectors:
-    """Reads vectors of a sample as float64: a headset's are of float32, a message's are lists.
-
-    Attributes:
-        faults: what was none.
-    """
-
-    def __init__(self) -> None:
-        self.faults: list[str] = []
-
-    def vector(self, name: str, value: object, count: int) -> Float64[np.ndarray, " n"]:
-        """So many numbers, as they are now; NaN where there are others, or none."""
-        if isinstance(value, np.ndarray) and value.dtype == np.float64 and value.shape == (count,):
-            return value.copy()
-        try:
-            numbers = np.asarray(value)
-        except ValueError:
-            numbers = np.array(None)
-        if numbers.shape == (count,) and numbers.dtype.kind in "fiu":
-            return numbers.astype(np.float64)
-        if value is not None:
-            self.faults.append(f"{name} is {value!r}, not {count} numbers")
-        return np.full(count, np.nan)
-
-    def maybe(self, name: str, value: object, count: int) -> Float64[np.ndarray, " n"] | None:
-        """Likewise of what need not be there."""
-        return None if value is None else self.vector(name, value, count)
-
-    def hand(self, side: str, hand: HandSample | None) -> HandSample | None:
-        """A hand; None for none."""
-        if hand is None:
-            return None
-        return HandSample(
-            position=self.vector(f"position of {side} hand", hand.position, 3),
-            clutch=_flag(f"clutch of {side} hand", hand.clutch),
-            orientation=self.maybe(f"orientation of {side} hand", hand.orientation, 4),
-            velocity=self.maybe(f"velocity of {side} hand", hand.velocity, 3),
-        )
-
-
-def _anything(value: object) -> object:
-    """What a field holds, whatever is said of it."""
-    return value
-
-
-def _numbers(name: str, values: object, count: int) -> list[float]:
-    if not (isinstance(values, tuple | list) and len(values) == count):
-        raise TypeError(f"{name} of a DeviceSample is {values!r}, not {count} numbers")
-    for value in values:
-        if not isinstance(value, _REAL):
-            raise TypeError(f"{name} of a DeviceSample is {values!r}, not of numbers")
-    return [float(value) for value in values]
-
-
-def _flag(name: str, value: object) -> bool:
-    if not isinstance(value, _TRUTH):
-        raise TypeError(f"{name} of a DeviceSample is {value!r}, not true or false")
-    return bool(value)
-
-
-def _check_pair(name: str, values: object, kind: type) -> None:
-    if not (isinstance(values, tuple | list) and len(values) == 2):
-        raise TypeError(f"{name} of a DeviceSample is {values!r}, not a tuple of two")
-    for value in values:
-        if not (value is None or isinstance(value, kind)):
-            raise TypeError(f"a {type(value).__name__} is no {kind.__name__}")
+    hand = of_kind(field, value, HandSample)
+    return HandSample(
+        position=read.vector(f"position of {field}", hand.position, 3),
+        clutch=flag(f"clutch of {field}", hand.clutch),
+        orientation=read.maybe(f"orientation of {field}", hand.orientation, 4),
+        velocity=read.maybe(f"velocity of {field}", hand.velocity, 3),
+    )
 
 
 class DeviceStatus(Enum):

@@ -341,8 +341,8 @@ class StepTeleoperator:
         except Exception as error:
             self._device_failed(error, "the device failed, and counts as silent")
             return None
-        if fault:
-            self._device_failed(TypeError(fault), "part of what the device gives is ignored")
+        if fault is not None:
+            self._device_failed(fault, "part of what the device gives is ignored")
         else:
             self.device_error = None
         return sample

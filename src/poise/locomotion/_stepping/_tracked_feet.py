@@ -16,6 +16,7 @@ from poise.locomotion._stepping._pursuit import is_point
 from poise.locomotion._stepping._samples import DeviceSample, HandSample, checked_tracker
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
 
+_SIDES = ("left", "right")
 _STRAY = 0.3
 """A tracker that is further away from one message to the next is another thing [m]."""
 
@@ -126,7 +127,8 @@ class TrackedFeet:
         if came is None:
             return None
         teleoperator, places = self._teleoperator, self._places
-        stamp, *trackers = came[0], *map(checked_tracker, came[1:])
+        stamp, *said = came
+        trackers = [checked_tracker(side, each) for side, each in zip(_SIDES, said, strict=True)]
         for foot, (clutch, tracker) in enumerate(zip(self._clutches, trackers, strict=True)):
             led = clutch.follow(tracker, places[foot], teleoperator.ahead, time)
             places[foot] = rest_place(teleoperator, foot) if led is None else led
