@@ -316,6 +316,31 @@ def test_a_device_that_fails_counts_as_silent_and_is_said_once(get_robot, what, 
     assert said.exc_info[1] is errors[0]
 
 
+def test_each_way_in_which_a_device_fails_is_said_once_until_reset(get_robot, caplog):
+    teleoperator = StepTeleoperator(get_robot("biped20"))
+    rest, device = teleoperator.resting_sample, Mock()
+    teleoperator.device = device
+    state = RobotState(teleoperator.robot.q_home, np.zeros(teleoperator.robot.nv))
+    failures = [
+        OSError("the cable is out"), ValueError("no number"), odd(rest, left="up"),
+        odd(rest, right="up"), odd(rest, left="down", right="down"), odd(rest, velocity=0.0), rest,
+    ]  # fmt: skip
+    for _ in range(2):
+        caplog.clear()
+        for tick in range(4 * len(failures)):
+            device.sample.side_effect = [failures[tick % len(failures)]]
+            teleoperator.lead(teleoperator.estimator.update(state))
+        assert [str(record.exc_info[1]) for record in caplog.records] == [
+            "the cable is out",
+            "no number",
+            "left is 'up', not 3 numbers",
+            "right is 'up', not 3 numbers",
+            "velocity is 0.0, not 3 numbers",
+        ]
+        assert teleoperator.device_error is None
+        teleoperator.reset()
+
+
 WHOLE = DeviceSample(0.0, np.zeros(3), np.zeros(3))
 HAND, HEAD = HandSample(np.zeros(3)), HeadSample(np.zeros(4))
 

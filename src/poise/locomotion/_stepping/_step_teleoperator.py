@@ -23,6 +23,7 @@ from poise.locomotion._stepping._com import (
 from poise.locomotion._stepping._desired import DesiredMotion, StepTasks
 from poise.locomotion._stepping._device import Device
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._fields import FieldError
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._footing import Footing, StanceChoice, mean_angle, yaw_of
 from poise.locomotion._stepping._gaze import GazeLeader
@@ -118,7 +119,7 @@ class StepTeleoperator:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         self.device = None if device is None else checked_kind(device, Device, "the device")
         self.device_error: Exception | None = None
-        self._said: type[Exception] | None = None
+        self._said = set[tuple[type[Exception], str]]()
         self.soles = two_soles(robot)
         q_start = checked_start(robot, q_start)
         self.actuation = checked_actuation(actuation, driver)
@@ -179,7 +180,8 @@ class StepTeleoperator:
         self.zmp_sensor = sensor = ZmpSensor(
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
-        self._said = self.device_error = None
+        self.device_error = None
+        self._said.clear()
         self._tasks.reset()
         self.hands.reset()
         self.gaze.reset()
@@ -350,8 +352,10 @@ class StepTeleoperator:
     def _device_failed(self, error: Exception, what: str) -> None:
         self.device_error = error
         # Each kind once, also where it fails now and then: a tick has no time for a line.
-        if type(error) is not self._said:
-            self._said = type(error)
+        fields = error.fields if isinstance(error, FieldError) else ("",)
+        kinds = {(type(error), field) for field in fields}
+        if not kinds <= self._said:
+            self._said |= kinds
             _LOG.error(what, exc_info=error)
 
     def _follow_own(self, own: OwnSteps, state: RobotState, sample: DeviceSample | None) -> None:
