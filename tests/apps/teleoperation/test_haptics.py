@@ -17,7 +17,7 @@ from poise.apps.teleoperation import (
     SimulatedArm,
     run_teleop,
 )
-from poise.dynamics import least_jerk
+from poise.dynamics import RobotState, least_jerk
 from poise.errors import ConfigurationError
 from poise.locomotion import Mode, StepTeleoperator
 from poise.sim import Block
@@ -356,6 +356,63 @@ def test_a_clutch_that_was_not_seen_open_leads_nothing(get_robot):
     assert moved(0.08, True) == 0.0
     arms[1].there = True
     assert [moved(0.08, True), moved(0.12, True)] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("kind", ["list", "tuple", "float32", "int64", "strided"])
+def test_arms_may_speak_in_lists_and_other_numbers(get_robot, kind):
+    def given(*place):
+        if kind == "strided":
+            return np.array([place, place]).T[:, 0]
+        named = {"list": list, "tuple": tuple}.get(kind)
+        return named(place) if named else np.array(place).astype(kind)
+
+    arms = Arm(clutch=np.bool_(False)), Arm(clutch=0)
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
+    device = HapticFeet(HapticDriver(*arms), teleoperator)
+    for arm in arms:
+        arm.place = given(1.0, 0.0, 0.0)
+    device.sample(0.0)
+    arms[1].clutch = 1
+    before = device.sample(0.005).right
+    arms[1].place = given(1.0, 0.0, 0.25) if kind != "int64" else given(1, 0, 0)
+    risen = device.sample(0.01).right - before
+    np.testing.assert_allclose(risen, [0.0, 0.0, 0.0 if kind == "int64" else 0.25], atol=1e-12)
+    place, clutch = device.driver.readings[1]
+    assert place.dtype == np.float64
+    assert clutch is True
+    assert device.driver.errors == (None, None)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ((np.zeros(2), True), "position of {} arm is array([0., 0.]), not 3 numbers"),
+        ((np.zeros((3, 1)), True), "position of {} arm is array([[0.],\n       [0.],"),
+        (("up!", True), "position of {} arm is 'up!', not 3 numbers"),
+        ((0.5, True), "position of {} arm is 0.5, not 3 numbers"),
+        ((HOME, None), "clutch of {} arm is None, not true or false"),
+        ((HOME, "closed"), "clutch of {} arm is 'closed', not true or false"),
+        (HOME, "reading of {} arm is array([0.4, 0. , 0.1]), not a tuple of two"),
+        (1, "reading of {} arm is 1, not a tuple of two"),
+    ],
+)
+def test_what_is_no_reading_is_said_by_the_device(get_robot, answer, words, side):
+    arms = Arm(clutch=False), Arm(clutch=False)
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
+    device = teleoperator.device = HapticFeet(HapticDriver(*arms), teleoperator)
+    state = RobotState(teleoperator.robot.q_home, np.zeros(teleoperator.robot.nv))
+    teleoperator.lead(teleoperator.estimator.update(state))
+    assert teleoperator.device_error is None
+    arms[side].read = lambda: answer
+    teleoperator.lead(teleoperator.estimator.update(replace(state, time=0.005)))
+    error = teleoperator.device_error
+    assert isinstance(error, TypeError)
+    assert str(error).startswith(words.format(("left", "right")[side]))
+    assert device.driver.readings[side] is None
+    assert device.driver.readings[1 - side] is not None
+    # It is told to let go.
+    assert arms[side].norms[-1] == 0.0
 
 
 @pytest.mark.parametrize("gone", [0, 1])

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise.locomotion import checked_reading
 
 _LOG = logging.getLogger("poise")
 
@@ -28,7 +29,8 @@ class HapticArm(Protocol):
     def read(self) -> Reading | None:
         """Where the hand is and whether its clutch is closed; None when the arm is gone.
 
-        So it is, too, for a place that is not finite, and where either call raises.
+        So it is, too, for a place that is not finite, where either call raises, and for what is no
+        reading. A place may be a list or of float32 as well.
         """
         ...
 
@@ -100,7 +102,8 @@ class GuardedArm:
         side: whose foot it leads: "left" or "right".
 
     Attributes:
-        error: what the last `read` raised, or a `write` since; None if all was well.
+        error: what the last `read` raised, or a `write` since, or a `FieldError` of an answer that
+            is no reading; None if all was well.
     """
 
     def __init__(self, arm: HapticArm, side: str) -> None:
@@ -112,12 +115,11 @@ class GuardedArm:
         """Where the hand is; None for an arm that is gone, nowhere or fails."""
         self.error = None
         try:
-            reading = self._arm.read()
-            good = reading is not None and bool(np.isfinite(reading[0]).all())
+            reading = checked_reading(f"{self._side} arm", self._arm.read())
         except Exception as error:
             self._failed(error)
             return None
-        return reading if good else None
+        return reading if reading is not None and np.isfinite(reading[0]).all() else None
 
     def write(self, force: Float64[np.ndarray, "3"]) -> bool:
         """Pushes the hand until the next call.

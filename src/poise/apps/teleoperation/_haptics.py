@@ -16,6 +16,7 @@ from poise.dynamics import saturate
 from poise.errors import ConfigurationError
 from poise.locomotion import (
     DeviceSample,
+    FieldError,
     FootClutch,
     HandSample,
     StepTeleoperator,
@@ -99,7 +100,8 @@ class HapticDriver:
 
     Attributes:
         dt: period [s].
-        errors: what the left and the right arm raised in the last period; None if all was well.
+        errors: what the left and the right arm raised in the last period, or a `TypeError` of what
+            was no place and clutch; None if all was well.
     """
 
     def __init__(
@@ -245,6 +247,9 @@ class HapticFeet:
 
         Returns:
             None while both arms are gone.
+
+        Raises:
+            TypeError: what an arm said in its last period is no place and clutch.
         """
         driver = self.driver
         driver.feel(foot_forces(self._teleoperator), time)
@@ -259,6 +264,9 @@ class HapticFeet:
             tracker = None if reading is None else HandSample(*reading)
             led = clutch.follow(tracker, places[foot], teleoperator.ahead, time)
             places[foot] = rest_place(teleoperator, foot) if led is None else led
+        for error in driver.errors:
+            if isinstance(error, FieldError):
+                raise error
         if self._readings == (None, None):
             return None
         return DeviceSample(time, places[0].copy(), places[1].copy())

@@ -2,6 +2,7 @@
 
 from poise.locomotion._stepping._com import ComDriver, ShifterDriver
 from poise.locomotion._stepping._device import Device, ScriptedDevice, WayPoint
+from poise.locomotion._stepping._fields import FieldError
 from poise.locomotion._stepping._footing import yaw_of
 from poise.locomotion._stepping._gaze import GazeLeader
 from poise.locomotion._stepping._grips import rotation_of
@@ -25,6 +26,7 @@ from poise.locomotion._stepping._samples import (
     DeviceStatus,
     HandSample,
     HeadSample,
+    checked_reading,
 )
 from poise.locomotion._stepping._scaling import teleop_parameters
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
@@ -46,6 +48,7 @@ __all__ = [
     "DeviceGuard",
     "DeviceSample",
     "DeviceStatus",
+    "FieldError",
     "FootClutch",
     "GazeLeader",
     "HandLeader",
@@ -69,6 +72,7 @@ __all__ = [
     "TrackedFeet",
     "WayPoint",
     "along_ahead",
+    "checked_reading",
     "draw_modes",
     "read_recording",
     "rest_place",

@@ -182,6 +182,26 @@ def checked_tracker(side: str, tracker: object) -> HandSample | None:
     return _hand(Vectors(), f"{side} tracker", tracker)
 
 
+def checked_reading(arm: str, reading: object) -> tuple[Float64[np.ndarray, "3"], bool] | None:
+    """What an arm of a foot says: its place as float64, and whether its clutch is closed.
+
+    Args:
+        arm: its name.
+        reading: as given; None where it is gone. A place of None becomes NaN.
+
+    Raises:
+        FieldError: what came is something else.
+    """
+    if reading is None:
+        return None
+    place, clutch = pair(f"reading of {arm}", reading)
+    read = Vectors()
+    position = read.vector(f"position of {arm}", place, 3)
+    if read.error is not None:
+        raise read.error
+    return position, flag(f"clutch of {arm}", clutch)
+
+
 def _hand(read: Vectors, field: str, value: object) -> HandSample | None:
     """What is commanded of a hand; None for nothing."""
     if value is None:
