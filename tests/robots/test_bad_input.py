@@ -83,6 +83,103 @@ def test_a_wrong_description_is_refused_with_what_would_be_right(load, urdf, fac
     assert "\n" not in str(error.value)
 
 
+def turned(*rpy):
+    return {"rpy": list(rpy)}
+
+
+def on(link):
+    return {"link": link}
+
+
+MIXED_UP = {
+    "soles swapped": (
+        {"left_sole": on("right_foot"), "right_sole": on("left_foot")},
+        "'left_sole' on 'right_foot', 0.2 m to the right of 'right_sole' on 'left_foot'.*wanted",
+    ),
+    "soles back to front": (
+        {"left_sole": turned(0, 0, 3.14159), "right_sole": turned(0, 0, 3.14159)},
+        "'left_sole' and 'right_sole' .*wrong sides.*x of the soles towards the toes",
+    ),
+    "one sole back to front": (
+        {"left_sole": turned(0, 0, 3.14159)},
+        "'left_sole' and 'right_sole' .*against each other.*180 degrees.*rpy",
+    ),
+    "soles upside down": (
+        {"left_sole": turned(3.14159, 0, 0), "right_sole": turned(3.14159, 0, 0)},
+        r"upside down on its soles \(left_sole, right_sole\).*pelvis -0.\d+ m above.*z points up",
+    ),
+    "soles on one link": (
+        {"right_sole": on("left_foot")},
+        "'left_sole' and 'right_sole' .*on one link; got 'left_foot'; wanted .*two legs",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", MIXED_UP)
+def test_soles_that_are_mixed_up_are_refused_by_name(load, urdf, facts, case):
+    changes, message = MIXED_UP[case]
+    for sole, change in changes.items():
+        facts["soles"][sole].update(change)
+    with pytest.raises(RobotError, match=message):
+        load(urdf, facts)
+
+
+def test_the_left_sole_is_listed_first_whatever_its_name(load, urdf, facts):
+    left, right = facts["soles"].values()
+    facts["soles"] = {"right_sole": right, "left_sole": left}
+    with pytest.raises(RobotError, match="'right_sole' is listed first.*wanted .*left sole listed"):
+        load(urdf, facts)
+    facts["soles"] = {"a": left, "b": right}
+    assert list(load(urdf, facts).soles) == ["a", "b"]
+    facts["soles"] = {"right_sole": left, "left_sole": right}
+    with pytest.raises(RobotError, match="their names say left and right"):
+        load(urdf, facts)
+
+
+ARM = """
+  <joint name="{side}_{name}" type="revolute"><origin xyz="0 {y} {z}"/><parent link="{parent}"/>
+    <child link="{side}_{name}_arm"/><axis xyz="1 0 0"/>
+    <limit lower="-3" upper="3" effort="30" velocity="8"/></joint>
+  <link name="{side}_{name}_arm"><inertial><mass value="1"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>"""
+
+
+def with_arms(urdf):
+    """Two arms of three joints about x, shoulders 0.3 m apart, that hang by 0.5 m."""
+    arms = "".join(
+        ARM.format(side=side, name=name, y=0.15 * sign if z > 0.0 else 0.0, z=z, parent=parent)
+        for side, sign in (("left", 1), ("right", -1))
+        for name, z, parent in (
+            ("shoulder", 0.4, "trunk"),
+            ("elbow", -0.3, f"{side}_shoulder_arm"),
+            ("wrist", -0.2, f"{side}_elbow_arm"),
+        )
+    )
+    return urdf.replace("</robot>", f"{arms}</robot>")
+
+
+def test_hands_are_on_the_side_that_their_names_say(load, urdf, facts):
+    facts["hands"] = {"left_hand": "right_wrist_arm", "right_hand": "left_wrist_arm"}
+    message = "'left_hand' on 'right_wrist_arm', 0.3 m to the right of 'right_hand'"
+    with pytest.raises(RobotError, match=message):
+        load(with_arms(urdf), facts)
+    facts["hands"] = {"left_hand": "left_wrist_arm"}
+    assert load(with_arms(urdf), facts).hands == ("left_hand",)
+
+
+def test_limbs_may_cross_and_legs_may_be_locked(load, urdf, facts):
+    facts["hands"] = {"left_hand": "left_wrist_arm", "right_hand": "right_wrist_arm"}
+    facts["home"] |= {"left_shoulder": -0.5, "right_shoulder": 0.5}
+    robot = load(with_arms(urdf), facts)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.q_home)
+    left, right = (data.oMf[robot.frame_id(hand)].translation[1] for hand in robot.hands)
+    assert left < right - 0.1
+    for key in ("home", "hands"):
+        del facts[key]
+    assert load(urdf, facts | {"locked": [".*_hip", ".*_ankle"]}).nj == 0
+
+
 DOCUMENTS = {
     "not XML": ("<robot", "not valid XML"),
     "empty": ("", "not valid XML"),

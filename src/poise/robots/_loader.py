@@ -32,6 +32,7 @@ from poise.robots._mjcf_facts import MjcfFacts, read_facts
 from poise.robots._mjcf_world import free_site_names
 from poise.robots._posture import home_configuration
 from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
+from poise.robots._role_check import check_roles
 from poise.robots._sole_check import soles_off_their_feet
 from poise.robots._sole_freedom import with_controlled_soles
 
@@ -199,6 +200,7 @@ def _assemble(
         licence=facts.licence,
         source=source,
     )
+    check_roles(robot)
     return with_controlled_soles(robot), [*(f"assumed are {a}" for a in assumed), *notes]
 
 
