@@ -200,6 +200,11 @@ EDITS = {
     "no inertials": (r"(?s)<inertial>.*?</inertial>", "", "without mass.*left_hip"),
     "no limits at all": (r"<limit [^>]*/>", "", "limits.position.*left_hip"),
     "joints without end": (r'type="revolute"', 'type="continuous"', "limits.position.*left_hip"),
+    "crossed limits": (
+        'lower="-1" upper="1"',
+        'lower="1" upper="-0.5"',
+        "lower limit is above.*left_ankle: lower 1, upper -0.5; right_ankle.*wanted lower below",
+    ),
     "a joint of no link": ('link="left_foot"', 'link="foot"', "no link.*'foot'.*left_foot"),
     "a loop": (r'<child link="left_shin"/>', '<child link="trunk"/>', "not a tree.*trunk"),
     "a link with two parents": ('link="right_foot"', 'link="left_foot"', "single root.*right_foot"),

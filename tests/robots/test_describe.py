@@ -260,6 +260,9 @@ REFUSED = {
     "a foot without a flat face": (walker(shape=WHEEL), "foot 'left_ankle_x_link' of walker.urdf.*"
                                    "no flat face.*cm\\^2.*measured"),
     "a foot without a shape": (walker(shape=" "), "left_ankle_x_link' of walker.urdf.*no shape"),
+    "limits that cross": (
+        walker().replace(LIMIT, LIMIT.replace('"-1.6"', '"2"'), 1),
+        "walker.urdf has joints whose lower.*got 'left_hip_z: lower 2, upper 1.6'"),
     "a robot without feet": (
         walker(joints=SIX[:2]), "no feet are found in walker.urdf.*description_template"),
     "a robot on four legs": (

@@ -166,6 +166,14 @@ def test_limits_of_the_description_replace_those_of_the_file(load, urdf, facts):
     assert 'lower="-0.5"' in robot.source.text
 
 
+def test_limits_that_cross_are_mended_by_the_description_or_by_locking(load, urdf, facts):
+    text = urdf.replace('lower="-1" upper="1"', 'lower="1" upper="-1"')
+    locked = load(text, {**facts, "home": {}, "locked": [".*_ankle"]})
+    assert locked.joint_names == ("left_hip", "right_hip")
+    facts["limits"] = {"position": {".*_ankle": [-1.0, 1.0]}}
+    assert load(text, facts).q_max.tolist() == [1.5, 1.0, 1.5, 1.0]
+
+
 def test_a_joint_without_end_becomes_a_hinge_with_the_limits_given(load, urdf, facts):
     text = urdf.replace('"left_hip" type="revolute"', '"left_hip" type="continuous"')
     robot = load(text, facts | {"limits": {"position": {"left_hip": [-3.0, 3.0]}}})

@@ -91,17 +91,38 @@ def check_positions(model: pin.Model, *, floating: bool, where: str) -> None:
         RobotError: limits are missing, zero, infinite or crossed; the message says whose.
     """
     lacking: list[str] = []
+    crossed: dict[str, tuple[float, float]] = {}
     for name, joint in _joints(model, floating):
         low = float(model.lowerPositionLimit[joint.idx_q])
         high = float(model.upperPositionLimit[joint.idx_q])
-        if not (low < high and _is_size(high - low)):
+        if low > high:
+            crossed[name] = low, high
+        elif not _is_size(high - low):
             lacking.append(name)
+    if crossed:
+        raise crossed_limits(where, crossed)
     if lacking:
         raise RobotError(
             f"{where} has joints whose limits are zero or missing",
             got={"limits.position": lacking},
             wanted="these limits in the model file, or under `limits` in its description",
         )
+
+
+def crossed_limits(where: str, crossed: Mapping[str, tuple[float, float]]) -> RobotError:
+    """What is said of lower limits above upper ones.
+
+    Args:
+        where: the file or the robot's name, for messages.
+        crossed: the limits by joint [rad or m].
+    """
+    said = (f"{name}: lower {low:g}, upper {high:g}" for name, (low, high) in crossed.items())
+    return RobotError(
+        f"{where} has joints whose lower limit is above the upper one",
+        got="; ".join(said),
+        wanted="lower below upper in the model file, or [lower, upper] under `limits.position` in "
+        "its description",
+    )
 
 
 def _is_size(value: float) -> bool:

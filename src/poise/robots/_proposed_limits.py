@@ -9,7 +9,7 @@ from jaxtyping import Float64
 
 from poise.robots._document import Document
 from poise.robots._kinematics import hinges
-from poise.robots._limits import apply_limits, assume_limits
+from poise.robots._limits import apply_limits, assume_limits, crossed_limits
 from poise.robots._proposal import Draft
 
 _RUN_UP = 0.004
@@ -24,7 +24,11 @@ _MOST_ROTOR = 0.01
 
 
 def find_stuck(document: Document) -> list[str]:
-    """Hinges of a URDF whose limits leave no room: they are meant to be fixed."""
+    """Joints of a URDF whose limits are equal: they are meant to be fixed.
+
+    Raises:
+        RobotError: a lower limit is above the upper one, which is no way to fix a joint.
+    """
     if document.kind != "urdf":
         return []
     stuck: list[str] = []
@@ -33,8 +37,11 @@ def find_stuck(document: Document) -> list[str]:
         if joint.get("type") not in ("revolute", "prismatic") or limit is None:
             continue
         low, high = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
-        if not low < high:
-            stuck.append(joint.get("name", ""))
+        name = joint.get("name", "")
+        if low > high:
+            raise crossed_limits(document.where, {name: (low, high)})
+        if low == high:
+            stuck.append(name)
     return stuck
 
 
