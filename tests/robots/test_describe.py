@@ -1,5 +1,7 @@
 """Descriptions proposed for files that nobody has described, beside those that people wrote."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -288,6 +290,70 @@ def test_a_symmetrical_robot_that_is_not_is_remarked_on(save):
                              '<mass value="1.0"/>', '<link name="left_knee_link"><inertial>'
                              '<origin xyz="0 0 -0.1"/><mass value="3.0"/>')  # fmt: skip
     assert any("left_knee are 3.00 kg" in said for said in describe(save(heavy)).remarks)
+
+
+def with_arms(legs, names=("left_", "right_")):
+    """A walker with two arms, whose left one is on the side of +y."""
+    arms = "".join(
+        chain(n, "trunk", f"0 {y} 0.4", ARM) for n, y in zip(names, (0.2, -0.2), strict=True)
+    )
+    return legs.replace("</robot>", f"{arms}</robot>")
+
+
+def exchanged(text):
+    return text.replace("left_", "tmp_").replace("right_", "left_").replace("tmp_", "right_")
+
+
+def knee(inertial):
+    """A walker with arms whose left shank has another <inertial>."""
+    mass = '<inertial><origin xyz="0 0 -0.1"/><mass value="1.0"/>'
+    return with_arms(walker()).replace(
+        f'<link name="left_knee_link">{mass}', f'<link name="left_knee_link">{inertial}'
+    )
+
+
+COM_UP = '<inertial><origin xyz="0 0 0.1"/><mass value="1.0"/>'
+ODD = {
+    "a COM of the wrong sign": (
+        knee(COM_UP), "left and right differ: centres of mass.*behind left_knee by 200 mm"),
+    "an inertia of other units": (
+        walker().replace('ixx="0.02"', 'ixx="20"', 2).replace('iyy="0.02"', 'iyy="20"', 2),
+        "left and right differ: inertias.*behind left_hip_z \\(a factor of 1e\\+03\\)"),
+    "arms of the other side": (
+        with_arms(exchanged(walker())),
+        "left arm \\(left_shoulder_y.*is on the side of the right leg \\(right_hip_z"),
+    "names that are exchanged": (
+        exchanged(with_arms(walker())), "taken to face along -x of its root link"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_what_looks_like_a_mistake_is_remarked_on(save, case):
+    text, message = ODD[case]
+    assert any(re.search(message, remark) for remark in describe(save(text)).remarks)
+
+
+def test_a_mirrored_robot_is_not_remarked_on(save):
+    assert not describe(save(with_arms(walker()))).remarks
+
+
+def test_remarks_stand_in_the_warning_of_a_load(save):
+    path = save(knee(COM_UP))
+    (remark,) = describe(path).remarks
+    with pytest.warns(UserWarning, match="guessed") as said:
+        load_robot(path)
+    assert str(said[0].message).endswith(f"; {remark}")
+    path = save(walker().replace('izz="0.01"', 'izz="0.1"', 1))
+    with pytest.warns(UserWarning, match="guessed") as said:
+        load_robot(path)
+    assert str(said[0].message).count("made possible: trunk") == 1
+
+
+def test_arms_without_sides_in_their_names_have_those_of_the_legs(save):
+    path = save(with_arms(exchanged(walker()), names=("one_", "two_")))
+    hands = describe(path).facts["hands"]
+    assert hands["left_hand"]["link"] == "two_wrist_link"
+    assert load_robot(path, describe(path).facts).hands == ("left_hand", "right_hand")
 
 
 @pytest.mark.parametrize("name", ["axis(1)", "axis[1]", "axis+", "(x", "a.b", "axis 1", "ä-/_1"])

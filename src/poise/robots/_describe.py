@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._show import few
 from poise._yaml import read_text
 from poise.errors import RobotError
 from poise.robots._base import followers_of, leaders_of, settle_base
@@ -44,6 +45,9 @@ apart has to sway faster than ankles brake."""
 
 _FAR_ROOT = 0.5
 """A root link whose origin is this far from the hips is no pelvis: some stand on the ground [m]."""
+
+_BACKWARDS = 0.9
+"""Cosine of the angle to -x of a robot that faces that way."""
 
 _MARGIN = 0.02
 """Distance that a home posture keeps from position limits [rad]."""
@@ -91,7 +95,7 @@ class _Describer:
         mended = mend_inertias(document)
         if mended:
             self._draft.remarks.append(
-                f"inertias that no body has, made possible: {', '.join(mended)}"
+                f"inertias that no body has are made possible: {few(mended)}"
             )
         followers = followers_of(document, self._mjcf)
         self._grips = leaders_of(document, self._mjcf)
@@ -163,6 +167,7 @@ class _Describer:
             )
         self._draft.say("base", "fixed", reason)
         self._draft.remarks += [f"left and right differ: {a}" for a in arms.asymmetries]
+        self._remark_on_facing(arms)
         q, start = self._neutral(), self._start()
         for name, joint in hinges(self._model):
             k = joint.idx_q
@@ -184,6 +189,14 @@ class _Describer:
         propose_armature(self._draft, self._model, q)
         self._lock(arms.fingers)
 
+    def _remark_on_facing(self, arms: Arms) -> None:
+        """Few robots face backwards; exchanged names are a mistake that looks the same."""
+        if float(arms.forward @ self._upright[:, 0]) < -_BACKWARDS:
+            self._draft.remarks.append(
+                "the robot is taken to face along -x of its root link, as the limbs that are left "
+                "by the names of their joints are on the right of +x"
+            )
+
     def _neutral(self) -> Float64[np.ndarray, " nq"]:
         """The robot upright with all joints at zero."""
         q = pin.neutral(self._model)
@@ -198,6 +211,7 @@ class _Describer:
         self._draft.remarks += [
             f"left and right differ: {a}" for a in (*limbs.asymmetries, *limbs.arms.asymmetries)
         ]
+        self._remark_on_facing(limbs.arms)
         q = self._neutral()
         data = self._model.createData()
         pin.framesForwardKinematics(self._model, data, q)

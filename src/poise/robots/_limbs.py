@@ -8,6 +8,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.errors import RobotError
+from poise.robots._asymmetries import asymmetries
 
 _FEWEST = 3
 """A leg or an arm has at least so many joints."""
@@ -24,6 +25,9 @@ _DOWN = 0.15
 
 _LEVEL = 0.05
 """What carries legs, such as a waist, begins no further below them than this part of the height."""
+
+_AHEAD = np.array([1.0, 0.0, 0.0])
+"""Where a robot faces whose names do not say."""
 
 Chain = tuple[int, ...]
 Pair = tuple[Chain, Chain]
@@ -97,11 +101,9 @@ def find_limbs(
             wanted="two; or a description that says what it stands on "
             "(poise.robots.description_template gives one to fill in)",
         )
-    return Limbs(
-        legs=legs,
-        arms=tree.arms(others, grips, tree.forward(legs)),
-        asymmetries=_asymmetries(model, *legs),
-    )
+    arms = tree.arms(others, grips, tree.forward(legs))
+    crossed = tree.crossed(legs, arms)
+    return Limbs(legs=legs, arms=arms, asymmetries=(*asymmetries(model, upright, *legs), *crossed))
 
 
 def find_arms(
@@ -115,7 +117,7 @@ def find_arms(
         grips: joints that drive others, as those of grippers do.
     """
     tree = _Tree(model, upright)
-    forward = np.array([1.0, 0.0, 0.0])
+    forward = _AHEAD
     if tree.pairs:
         forward = tree.forward(tree.left_first(_longest(tree.pairs)))
     return tree.arms(tree.pairs, grips, forward)
@@ -144,7 +146,7 @@ class _Tree:
     def __init__(self, model: pin.Model, upright: Float64[np.ndarray, "3 3"]) -> None:
         data = model.createData()
         pin.forwardKinematics(model, data, pin.neutral(model))
-        self._model = model
+        self._model, self._upright = model, upright
         self._places = np.array([upright @ data.oMi[j].translation for j in range(model.njoints)])
         self._height = float(np.ptp(self._places[1:, 2])) if model.njoints > 2 else 0.0
         self.branches = _branches(model)
@@ -170,9 +172,10 @@ class _Tree:
         low = float(self._places[1, 2]) + self.part(_DOWN)
         return self.reach(pair) <= min(hip - self.part(_DOWN), low) and not carried
 
-    def left_first(self, pair: Pair) -> Pair:
-        """By the names of the joints; where these do not say, y points left."""
-        return _left_first(self._model, pair, self._places)
+    def left_first(self, pair: Pair, forward: Float64[np.ndarray, "3"] = _AHEAD) -> Pair:
+        """By the names of the joints; where these do not say, as seen along `forward`."""
+        left = np.cross([0.0, 0.0, 1.0], forward)
+        return _left_first(self._model, pair, self._places @ left)
 
     def forward(self, pair: Pair) -> Float64[np.ndarray, "3"]:
         """The horizontal direction across from a left and a right chain."""
@@ -186,14 +189,27 @@ class _Tree:
         """The longest pair; a single chain where that is all there is."""
         model, chains = self._model, tuple(self.branches) if len(self.branches) == 1 else ()
         if pairs:
-            chains = self.left_first(_longest(pairs))
+            chains = self.left_first(_longest(pairs), forward)
         hands = tuple(_without_fingers(model, chain, grips) for chain in chains)
         return Arms(
             chains=hands,
             trunk=int(model.parents[hands[0][0]]) if hands else 1,
             fingers=tuple(j for hand in hands for j in _beyond(model, hand[-1])),
             forward=forward,
-            asymmetries=_asymmetries(model, *hands) if len(hands) == 2 else (),
+            asymmetries=asymmetries(model, self._upright, *hands) if len(hands) == 2 else (),
+        )
+
+    def crossed(self, legs: Pair, arms: Arms) -> tuple[str, ...]:
+        """Whether the arms' left is the legs' right, as a sentence."""
+        if len(arms.chains) != 2:
+            return ()
+        left, right = arms.chains
+        if float(self.forward((left, right)) @ self.forward(legs)) >= 0.0:
+            return ()
+        names = self._model.names
+        return (
+            f"the left arm ({names[left[0]]}, ...) is on the side of the right leg "
+            f"({names[legs[1][0]]}, ...), the right one on that of the left leg",
         )
 
 
@@ -269,17 +285,13 @@ def _mirrored_pairs(
     return pairs
 
 
-def _left_first(
-    model: pin.Model,
-    pair: Pair,
-    places: Float64[np.ndarray, "n 3"],
-) -> Pair:
-    """By the names of the joints; where these do not say, y points left."""
+def _left_first(model: pin.Model, pair: Pair, lefts: Float64[np.ndarray, " n"]) -> Pair:
+    """By the names of the joints; where these do not say, by how far left each joint is."""
     one, other = pair
     names = ((model.names[a], model.names[b]) for a, b in zip(one, other, strict=True))
     votes = float(sum(_side(*pair) for pair in names))
     if votes == 0.0:
-        votes = float(places[one[0], 1] - places[other[0], 1])
+        votes = float(lefts[one[0]] - lefts[other[0]])
     return (one, other) if votes > 0 else (other, one)
 
 
@@ -311,27 +323,3 @@ def _without_fingers(model: pin.Model, arm: Chain, grips: Collection[str]) -> Ch
 
 def _beyond(model: pin.Model, joint: int) -> list[int]:
     return [j for j in _subtree(model, joint) if j != joint]
-
-
-_UNEQUAL = 0.03
-"""Left and right links may differ by this part of their mass before it is said."""
-
-_ASKEW = 0.01
-"""And the sizes of their joints' offsets by this much [m]."""
-
-
-def _asymmetries(model: pin.Model, left: Sequence[int], right: Sequence[int]) -> tuple[str, ...]:
-    said: list[str] = []
-    for a, b in zip(left, right, strict=True):
-        one, other = float(model.inertias[a].mass), float(model.inertias[b].mass)
-        if abs(one - other) > _UNEQUAL * max(one, other, 0.1):
-            said.append(
-                f"behind {model.names[a]} are {one:.2f} kg, behind {model.names[b]} {other:.2f} kg"
-            )
-        lengths = [float(np.linalg.norm(model.jointPlacements[j].translation)) for j in (a, b)]
-        if abs(lengths[0] - lengths[1]) > _ASKEW:
-            said.append(
-                f"{model.names[a]} is {1e3 * lengths[0]:.0f} mm from the joint before it, "
-                f"{model.names[b]} {1e3 * lengths[1]:.0f} mm"
-            )
-    return tuple(said)

@@ -46,7 +46,7 @@ def load_robot(
         name_or_path: a name that `poise robots` lists, `humanoid20` to `humanoid60`, or a file.
         description: for a file, the YAML file (or its content) with the facts that the model file
             does not hold; by default `<stem>.poise.yaml` beside it. Without either the facts are
-            guessed, as `describe` does, and a warning lists the guesses.
+            guessed, as `describe` does, and a warning lists the guesses and `describe`'s remarks.
 
     Returns:
         The robot.
@@ -72,7 +72,8 @@ def load_robot(
     if shown and not guessed:
         notes += soles_off_their_feet(robot)
     if guessed or notes:
-        notes = [*guessed, *notes]
+        # A proposal's remarks and the notes of its load may say the same.
+        notes = list(dict.fromkeys([*guessed, *notes]))
         warnings.warn(f"{path.name}: {'; '.join(notes)}", stacklevel=2)
     return robot
 
@@ -117,7 +118,7 @@ licence: not stated
 def _find_description(
     path: Path, given: str | Path | Mapping[str, object] | None
 ) -> tuple[Description, list[str]]:
-    """The description of a file, and where there is none what was guessed, as sentences."""
+    """The description of a file; where there is none, what was guessed and seen, as sentences."""
     if isinstance(given, Mapping):
         return parse_description(dict(given), f"description of {path.name}"), []
     file = Path(given) if given is not None else path.with_name(path.stem + DESCRIPTION_SUFFIX)
@@ -125,7 +126,8 @@ def _find_description(
         proposal = describe(path)
         facts = parse_description(proposal.facts, f"description guessed for {path.name}")
         where_from = f"guessed, as there is no {file.name}: {proposal.summary}"
-        return facts, [f"{where_from} (`poise describe {path}` shows and writes it)"]
+        shown = f"{where_from} (`poise describe {path}` shows and writes it)"
+        return facts, [shown, *proposal.remarks]
     data = read_yaml(read_text(file, error=RobotError), file.name, error=RobotError)
     return parse_description(data, file.name), []
 
