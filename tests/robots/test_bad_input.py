@@ -205,6 +205,21 @@ EDITS = {
         'lower="1" upper="-0.5"',
         "lower limit is above.*left_ankle: lower 1, upper -0.5; right_ankle.*wanted lower below",
     ),
+    "an axis of zeros": (
+        '<axis xyz="0 1 0"/>',
+        '<axis xyz="0 0 0"/>',
+        "^tiny.urdf: the axis of joint 'left_hip' has no direction; got '0 0 0'; wanted three",
+    ),
+    "a mass without inertia": (
+        r"(?s)(<mass value=.2./>)\s*<inertia [^>]*/>",
+        r"\1",
+        "^tiny.urdf: the <inertial> of link 'left_shin' has no <inertia>.*got '<origin>, <mass>'",
+    ),
+    "an inertia without mass": (
+        '<mass value="2"/>',
+        "",
+        "^tiny.urdf: the <inertial> of link 'left_shin' has no <mass>.*wanted both",
+    ),
     "a joint of no link": ('link="left_foot"', 'link="foot"', "no link.*'foot'.*left_foot"),
     "a loop": (r'<child link="left_shin"/>', '<child link="trunk"/>', "not a tree.*trunk"),
     "a link with two parents": ('link="right_foot"', 'link="left_foot"', "single root.*right_foot"),
@@ -246,6 +261,12 @@ def test_a_document_with_something_missing_is_refused_by_name(load, urdf, facts,
         load(text, facts)
     assert "\n" not in str(error.value)
     assert capfd.readouterr().err == ""
+
+
+def test_a_joint_that_is_fixed_needs_no_axis(load, urdf, facts):
+    weld = '<joint name="weld" type="fixed"><parent link="trunk"/><child link="tag"/>'
+    text = f'{weld}<axis xyz="0 0 0"/></joint><link name="tag"/></robot>'
+    assert load(urdf.replace("</robot>", text), facts).nj == 4
 
 
 SHAPES = {

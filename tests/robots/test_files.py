@@ -103,7 +103,8 @@ def test_a_robot_that_floats_is_taken_off_the_link_called_world(load, urdf, fact
     assert robot.nv == 10
     assert 'name="world"' not in robot.source.text
     assert load(text, {"base": "fixed"}).nv == 4
-    heavy = text.replace('<link name="world"/>', '<link name="world"><inertial/></link>')
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    heavy = text.replace('<link name="world"/>', f'<link name="world">{inertial}</link>')
     with pytest.raises(RobotError, match="root link 'world'.*weld"):
         load(heavy, facts)
 

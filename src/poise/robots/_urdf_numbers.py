@@ -1,4 +1,4 @@
-"""The numbers of a URDF document: `check_numbers` finds what is none before anybody reads it."""
+"""The numbers of a URDF document: `check_numbers` finds what is wrong before anybody reads it."""
 
 import math
 import xml.etree.ElementTree as ET
@@ -22,18 +22,26 @@ _COUNTS = {
 }
 """How many numbers the attributes of URDF elements hold."""
 
+_MOVING = ("revolute", "continuous", "prismatic", "planar")
+"""Types of joints that have an axis; exporters write one of zeros for joints that are fixed."""
+
+_NO_AXIS = 1e-12
+"""An axis this short has no direction."""
+
 
 def check_numbers(root: ET.Element, where: str) -> None:
-    """Check that each attribute which holds numbers has as many as it needs.
+    """Check that each attribute which holds numbers has as many as it needs, and what needs some.
 
     Pinocchio's parser prints its own complaint of some, and leaves out a link's mass for others.
+    It takes an axis of zeros and a mass without inertia, which MuJoCo refuses.
 
     Args:
         root: a URDF document's root element.
         where: the file, for messages.
 
     Raises:
-        RobotError: an attribute has too few or too many, or something that is no number.
+        RobotError: an attribute has too few or too many, or something that is no number; the axis
+            of a joint is zero; an <inertial> lacks its <mass> or its <inertia>.
     """
     for element in (*root.findall("link"), *root.findall("joint")):
         for inner in element.iter():
@@ -47,6 +55,37 @@ def check_numbers(root: ET.Element, where: str) -> None:
                     got=text,
                     wanted="a finite number" if count == 1 else f"{count} finite numbers",
                 )
+    for link in root.findall("link"):
+        _check_inertial(link, where)
+    for joint in root.findall("joint"):
+        _check_axis(joint, where)
+
+
+def _check_inertial(link: ET.Element, where: str) -> None:
+    inertial = link.find("inertial")
+    if inertial is None:
+        return
+    tags = [part.tag for part in inertial]
+    for tag in ("mass", "inertia"):
+        if tag not in tags:
+            raise RobotError(
+                f"{where}: the <inertial> of link {link.get('name')!r} has no <{tag}>",
+                got=", ".join(f"<{t}>" for t in tags) or "nothing in it",
+                wanted="both <mass> and <inertia>, or no <inertial>",
+            )
+
+
+def _check_axis(joint: ET.Element, where: str) -> None:
+    axis = joint.find("axis")
+    text = None if axis is None else axis.get("xyz")
+    if joint.get("type") not in _MOVING or text is None:
+        return
+    if math.hypot(*map(float, text.split())) < _NO_AXIS:
+        raise RobotError(
+            f"{where}: the axis of joint {joint.get('name')!r} has no direction",
+            got=text,
+            wanted='three numbers that are not all zero, such as "0 1 0"',
+        )
 
 
 def _holds(text: str, count: int) -> bool:
