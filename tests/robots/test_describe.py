@@ -318,10 +318,18 @@ ODD = {
         knee(COM_UP), "left and right differ: centres of mass.*behind left_knee by 200 mm"),
     "an inertia of other units": (
         walker().replace('ixx="0.02"', 'ixx="20"', 2).replace('iyy="0.02"', 'iyy="20"', 2),
-        "left and right differ: inertias.*behind left_hip_z \\(a factor of 1e\\+03\\)"),
+        "left and right differ: largest.*left_hip_z \\(20 and 0.02 kg m.2"),
     "arms of the other side": (
         with_arms(exchanged(walker())),
         "left arm \\(left_shoulder_y.*is on the side of the right leg \\(right_hip_z"),
+    "limits in degrees": (
+        walker().replace('"-1.6" upper="1.6"', '"-92" upper="92"'),
+        "two turns.*degrees.*left_hip_z \\(-92 to 92\\).* more$"),
+    "masses in grams": (
+        walker().replace('mass value="1', 'mass value="1000'), "kg on legs of 0.6.*in grams"),
+    "torques in another unit": (
+        walker().replace('effort="60"', 'effort="0.06"'),
+        "legs has 0.06 N m under 24 kg on legs of 0.6.*far too little"),
     "names that are exchanged": (
         exchanged(with_arms(walker())), "taken to face along -x of its root link"),
 }  # fmt: skip
@@ -335,6 +343,13 @@ def test_what_looks_like_a_mistake_is_remarked_on(save, case):
 
 def test_a_mirrored_robot_is_not_remarked_on(save):
     assert not describe(save(with_arms(walker()))).remarks
+
+
+def test_torques_that_are_not_given_and_joints_without_end_are_no_mistake_of_units(save):
+    text = walker().replace('effort="60"', 'effort="0.06"', 8).replace('effort="60"', 'effort="0"')
+    assert not describe(save(text)).remarks
+    endless = with_arms(walker()).replace(LIMIT, LIMIT.replace("1.6", "1e4"), 1)
+    assert not describe(save(endless)).remarks
 
 
 def test_remarks_stand_in_the_warning_of_a_load(save):

@@ -50,8 +50,9 @@ def asymmetries(
         else:
             if apart > _OFF:
                 off.append(f"{names[0]} by {1e3 * apart:.0f} mm")
-            if (ratio := _inertia_ratio(model, a, b)) > _TIMES:
-                heavier.append(f"{names[0]} (a factor of {ratio:.3g})")
+            largest = [_largest_inertia(model, j) for j in (a, b)]
+            if max(largest) > _TIMES * min(largest):
+                heavier.append(f"{names[0]} ({largest[0]:.2g} and {largest[1]:.2g} kg m^2)")
         lengths = [float(np.linalg.norm(model.jointPlacements[j].translation)) for j in (a, b)]
         if abs(lengths[0] - lengths[1]) > _ASKEW:
             said.append(
@@ -61,7 +62,7 @@ def asymmetries(
     if off:
         said.append(f"centres of mass are not mirrored behind {few(off)}")
     if heavier:
-        said.append(f"inertias are not those of the other side behind {few(heavier)}")
+        said.append(f"largest principal inertias behind {few(heavier)}")
     return tuple(said)
 
 
@@ -84,7 +85,6 @@ def _com_distances(
     return found
 
 
-def _inertia_ratio(model: pin.Model, a: int, b: int) -> float:
-    """How many times the smaller of two links' largest principal inertias the larger one is."""
-    largest = [float(np.linalg.eigvalsh(model.inertias[j].inertia)[2]) for j in (a, b)]
-    return max(largest) / min(largest) if min(largest) > 0.0 else float(max(largest) > 0.0) * np.inf
+def _largest_inertia(model: pin.Model, joint: int) -> float:
+    """The largest principal inertia of what a joint moves [kg m^2]."""
+    return float(np.linalg.eigvalsh(model.inertias[joint].inertia)[2])

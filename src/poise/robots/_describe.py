@@ -30,6 +30,7 @@ from poise.robots._proposed_limits import (
 )
 from poise.robots._robot import ModelSource
 from poise.robots._stance import Stance, find_stance
+from poise.robots._unit_remarks import remark_on_angles, remark_on_weight
 
 SIDES = ("left", "right")
 
@@ -127,6 +128,7 @@ class _Describer:
             )
         if self._mjcf is not None:
             tighten_torques(self._model, self._mjcf.torque)
+        self._draft.remarks += remark_on_angles(self._model)
         propose_positions(self._draft, self._model, endless, self._source.locked_joints)
         self._upright = self._mjcf.upright if self._mjcf is not None else np.eye(3)
 
@@ -225,6 +227,9 @@ class _Describer:
             float((feet[0].fit.position - feet[1].fit.position) @ _left(limbs.arms.forward))
         )
         tall = float(data.oMi[limbs.legs[0][0]].translation[2] - feet[0].fit.position[2])
+        self._draft.remarks += remark_on_weight(
+            self._model, [j for leg in limbs.legs for j in leg], tall
+        )
         apart = max(min(apart, _WIDEST * tall), 1.15 * max(foot.fit.width for foot in feet))
         back = finder.ankle_relief(feet, legs)
         hands = self._find_hands(limbs.arms)

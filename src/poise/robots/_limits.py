@@ -159,25 +159,27 @@ def assume_limits(model: pin.Model, soles: Iterable[str], *, floating: bool) -> 
     joints = _joints(model, floating)
     slow = [j for _, j in joints if not _is_size(float(model.velocityLimit[j.idx_v]))]
     for joint in slow:
-        model.velocityLimit[joint.idx_v] = _SPEED[_kind(joint)]
+        model.velocityLimit[joint.idx_v] = _SPEED[joint_kind(joint)]
     if slow:
         speeds = {j.id: float(model.velocityLimit[j.idx_v]) for j in slow}
-        said.append(f"velocity limits of {_by_kind(model, speeds, turns='rad/s', slides='m/s')}")
+        said.append(
+            f"velocity limits of {_byjoint_kind(model, speeds, turns='rad/s', slides='m/s')}"
+        )
     weak = [j for _, j in joints if not _is_size(float(model.effortLimit[j.idx_v]))]
     if weak:
         torques = _assumed_torques(model, [model.frames[model.getFrameId(s)] for s in soles])
         for joint in weak:
             model.effortLimit[joint.idx_v] = torques[joint.id]
-        spread = _by_kind(model, {j.id: torques[j.id] for j in weak}, turns="N m", slides="N")
+        spread = _byjoint_kind(model, {j.id: torques[j.id] for j in weak}, turns="N m", slides="N")
         said.append(f"torque limits of {spread}, from the weights they carry")
     return said
 
 
-def _by_kind(model: pin.Model, limits: Mapping[int, float], *, turns: str, slides: str) -> str:
+def _byjoint_kind(model: pin.Model, limits: Mapping[int, float], *, turns: str, slides: str) -> str:
     """The limits of hinges and of slides, each in their unit and with the joints' names."""
     parts: list[str] = []
     for kind, unit in (("revolute", turns), ("prismatic", slides)):
-        of_kind = {j: limit for j, limit in limits.items() if _kind(model.joints[j]) == kind}
+        of_kind = {j: limit for j, limit in limits.items() if joint_kind(model.joints[j]) == kind}
         if of_kind:
             ends = (f"{min(of_kind.values()):.3g}", f"{max(of_kind.values()):.3g}")
             spread = " to ".join(dict.fromkeys(ends))
@@ -195,7 +197,8 @@ def _names(model: pin.Model, joints: list[int]) -> str:
     return ", ".join(model.names[j] for j in joints)
 
 
-def _kind(joint: pin.JointModel) -> str:
+def joint_kind(joint: pin.JointModel) -> str:
+    """Whether a joint of one freedom is "revolute" or "prismatic"."""
     return "prismatic" if "P" in joint.shortname().removeprefix("JointModel")[:1] else "revolute"
 
 
@@ -212,7 +215,7 @@ def _assumed_torques(model: pin.Model, soles: list[pin.Frame]) -> dict[int, floa
     torques: dict[int, float] = {}
     for joint in range(1, model.njoints):
         held = float(data.mass[joint]) * GRAVITY
-        if _kind(model.joints[joint]) == "prismatic":
+        if joint_kind(model.joints[joint]) == "prismatic":
             torques[joint] = weight if joint in carrying else _ARM_PART * held
         elif joint in carrying:
             torques[joint] = _LEG_PART * size
