@@ -162,20 +162,18 @@ def assume_limits(model: pin.Model, soles: Iterable[str], *, floating: bool) -> 
         model.velocityLimit[joint.idx_v] = _SPEED[joint_kind(joint)]
     if slow:
         speeds = {j.id: float(model.velocityLimit[j.idx_v]) for j in slow}
-        said.append(
-            f"velocity limits of {_byjoint_kind(model, speeds, turns='rad/s', slides='m/s')}"
-        )
+        said.append(f"velocity limits of {_by_kind(model, speeds, turns='rad/s', slides='m/s')}")
     weak = [j for _, j in joints if not _is_size(float(model.effortLimit[j.idx_v]))]
     if weak:
         torques = _assumed_torques(model, [model.frames[model.getFrameId(s)] for s in soles])
         for joint in weak:
             model.effortLimit[joint.idx_v] = torques[joint.id]
-        spread = _byjoint_kind(model, {j.id: torques[j.id] for j in weak}, turns="N m", slides="N")
+        spread = _by_kind(model, {j.id: torques[j.id] for j in weak}, turns="N m", slides="N")
         said.append(f"torque limits of {spread}, from the weights they carry")
     return said
 
 
-def _byjoint_kind(model: pin.Model, limits: Mapping[int, float], *, turns: str, slides: str) -> str:
+def _by_kind(model: pin.Model, limits: Mapping[int, float], *, turns: str, slides: str) -> str:
     """The limits of hinges and of slides, each in their unit and with the joints' names."""
     parts: list[str] = []
     for kind, unit in (("revolute", turns), ("prismatic", slides)):
