@@ -170,7 +170,7 @@ CASES = {
         "kp.*shape.*3 numbers",
     ),
     "no gains": (with_stack("- com\n", "- com: {kp: []}\n"), "kp.*3 numbers"),
-    "weight zero": (with_stack("- com\n", "- com: {weight: 0}\n"), "weight.*positive.*0"),
+    "weight zero": (with_stack("- com\n", "- com: {weight: 0}\n"), "weight.*out of range.*> 0"),
     "axes unknown": (with_stack("- com\n", "- com: {axes: xw}\n"), "axis mask.*'xw'"),
     "unknown key of a task": (with_stack("- com\n", "- com: {k_p: 5}\n"), "unknown key.*'k_p'.*kp"),
     "joint unknown": (
