@@ -163,7 +163,8 @@ def test_connections_that_ask_for_nothing_are_bounded_too(still_front, monkeypat
         try:
             with control(still_front) as (_, hello):
                 return hello["hello"] == "watcher"
-        except (OSError, WebSocketException):
+        except (OSError, WebSocketException, AssertionError):
+            # The client asserts that nobody has answered before it has asked.
             return False
 
     wait_for(comes_in, "the room")
