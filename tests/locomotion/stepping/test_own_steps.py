@@ -340,7 +340,7 @@ class StickInMidStep:
 
 
 def test_a_stick_in_mid_step_makes_no_jump_of_the_zmp(get_robot):
-    """At once, the walk would have it at an edge of the sole that stands, 7 cm away."""
+    """At once, the walk would have it at an edge of the sole that stands, nearly 10 cm away."""
     run = run_teleop(get_robot("biped20"), StickInMidStep, TORQUE_TELEOP_PLANT, duration=1.8)
     log = run.log
     assert not run.fell
