@@ -310,11 +310,11 @@ class StepTeleoperator:
         before = self.mode
         self._move_mode(command, state.time)
         footing = self._footing()
+        asked = self._com.cart_table_zmp(dynamics.com[:2])
         if before.single and not self.mode.single and isinstance(self._com, ComFeedback):
             # At once, its ZMP would be at the outer edge of the sole that stood, and the one that
             # has landed would lose its load again.
-            self._com.take_over(self._com.cart_table_zmp(dynamics.com[:2]), footing)
-        asked = self._com.cart_table_zmp(dynamics.com[:2])
+            self._com.take_over(asked, footing)
         if self._own is not None and self._own.takes_over(footing, state, asked):
             self._follow_own(self._own, state, sample)
             return
