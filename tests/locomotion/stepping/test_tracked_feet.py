@@ -159,6 +159,37 @@ def test_a_velocity_that_is_none_is_left_out():
     assert rate is None
 
 
+WITHOUT_A_PLACE = """
+import json, logging
+import numpy as np
+from poise import load_robot
+from poise.locomotion import HandSample, StepTeleoperator, TrackedFeet
+
+lines = []
+handler = logging.Handler()
+handler.emit = lambda record: lines.append(record.getMessage())
+logging.getLogger("poise").addHandler(handler)
+good, bad = (HandSample(np.zeros(size), clutch=False) for size in (3, 2))
+said = [bad, bad, good]
+teleoperator = StepTeleoperator(load_robot("biped20"))
+device = TrackedFeet(teleoperator, lambda: (8.0 - len(said), good, said.pop(0)))
+off = device.sample(0.0).right - teleoperator.estimator.anchors[1]
+errors = [error and str(error) for error in device.errors]
+device.sample(0.1)
+count = len(lines)
+device.sample(0.2)
+print(json.dumps([off.tolist(), errors, count, [error and str(error) for error in device.errors]]))
+"""
+
+
+def test_a_tracker_without_a_place_is_gone_and_that_is_said_once():
+    off, errors, lines, later = run_unchecked(WITHOUT_A_PLACE)
+    assert off == [0.0, 0.0, 0.0]
+    assert errors == [None, "position of right tracker is array([0., 0.]), not 3 numbers"]
+    assert lines == 1
+    assert later == [None, None]
+
+
 def test_a_tracker_that_is_something_else_is_said(get_robot):
     device = TrackedFeet(StepTeleoperator(get_robot("biped20")), lambda: (0.0, None, (1.0, 2.0)))
     with pytest.raises(TypeError, match=r"right tracker is \(1.0, 2.0\), no HandSample"):

@@ -169,17 +169,21 @@ def checked_sample(sample: object) -> tuple[DeviceSample | None, FieldError | No
     return good, read.error
 
 
-def checked_tracker(side: str, tracker: object) -> HandSample | None:
+def checked_tracker(side: str, tracker: object) -> tuple[HandSample | None, FieldError | None]:
     """What a tracker says, its numbers as float64; NaN in the place of what are none.
 
     Args:
         side: whose foot it leads: "left" or "right".
         tracker: of the foot; None where it is gone.
 
+    Returns:
+        The tracker, and what in it are no numbers; None for nothing.
+
     Raises:
         FieldError: what came is something else.
     """
-    return _hand(Vectors(), f"{side} tracker", tracker)
+    read = Vectors()
+    return _hand(read, f"{side} tracker", tracker), read.error
 
 
 def checked_reading(arm: str, reading: object) -> tuple[Float64[np.ndarray, "3"], bool] | None:

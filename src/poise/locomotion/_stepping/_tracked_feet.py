@@ -4,6 +4,7 @@
 `rest_place`: where a device is that leads nothing. `along_ahead`: what is ahead, in the world.
 """
 
+import logging
 import math
 from collections.abc import Callable, Sequence
 
@@ -11,10 +12,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise.locomotion._stepping._fields import FieldError
 from poise.locomotion._stepping._grips import Clutch
 from poise.locomotion._stepping._pursuit import is_point
 from poise.locomotion._stepping._samples import DeviceSample, HandSample, checked_tracker
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
+
+_LOG = logging.getLogger("poise")
 
 _SIDES = ("left", "right")
 _STRAY = 0.3
@@ -101,6 +105,11 @@ class TrackedFeet:
         newest: says what has come since it was asked last; None for nothing. It is asked every
             tick, and must not wait.
         scale: way of a foot over way of its tracker.
+
+    Attributes:
+        errors: what in each tracker was no place or no velocity when it was asked last; None for
+            nothing. A tracker without a place counts as gone, one without a velocity as one that
+            does not say; the logger `poise` says so, each kind once.
     """
 
     def __init__(
@@ -113,6 +122,8 @@ class TrackedFeet:
         self._teleoperator, self._newest = teleoperator, newest
         self._clutches = (FootClutch(scale), FootClutch(scale))
         self._places = [rest_place(teleoperator, foot) for foot in (0, 1)]
+        self.errors: list[FieldError | None] = [None, None]
+        self._said = set[str]()
 
     def sample(self, time: float) -> DeviceSample | None:
         """Where the trackers lead the feet.
@@ -128,7 +139,7 @@ class TrackedFeet:
             return None
         teleoperator, places = self._teleoperator, self._places
         stamp, *said = came
-        trackers = [checked_tracker(side, each) for side, each in zip(_SIDES, said, strict=True)]
+        trackers = [self._checked(foot, each) for foot, each in zip((0, 1), said, strict=True)]
         for foot, (clutch, tracker) in enumerate(zip(self._clutches, trackers, strict=True)):
             led = clutch.follow(tracker, places[foot], teleoperator.ahead, time)
             places[foot] = rest_place(teleoperator, foot) if led is None else led
@@ -136,6 +147,16 @@ class TrackedFeet:
             clutch.rate(tracker) for clutch, tracker in zip(self._clutches, trackers, strict=True)
         )
         return DeviceSample(stamp, places[0].copy(), places[1].copy(), rates=(left, right))
+
+    def _checked(self, foot: int, said: object) -> HandSample | None:
+        """What a tracker says, and what in it is left out."""
+        tracker, error = checked_tracker(_SIDES[foot], said)
+        self.errors[foot] = error
+        # Each kind once: a tick has no time for a line.
+        if error is not None and not self._said.issuperset(error.fields):
+            self._said.update(error.fields)
+            _LOG.error("part of what a tracker says is left out", exc_info=error)
+        return tracker
 
 
 def rest_place(teleoperator: StepTeleoperator, foot: int) -> Float64[np.ndarray, "3"]:
