@@ -32,20 +32,29 @@ def run_session(live, get_robot):
 
 
 @pytest.fixture(scope="module")
-def browser():
+def play():
+    """What starts the browsers of a module: its event loop ends with it."""
+    from pages import playwright
+
+    with playwright() as play:
+        yield play
+
+
+@pytest.fixture(scope="module")
+def browser(play):
     """A browser that draws in software."""
     from pages import DRAWS_IN_SOFTWARE, chromium
 
-    with chromium(*DRAWS_IN_SOFTWARE) as browser:
+    with chromium(play, *DRAWS_IN_SOFTWARE) as browser:
         yield browser
 
 
 @pytest.fixture(scope="module")
-def plain_browser():
+def plain_browser(play):
     """A browser that draws nothing in 3D, and is quick."""
     from pages import DRAWS_NOTHING, chromium
 
-    with chromium(*DRAWS_NOTHING) as browser:
+    with chromium(play, *DRAWS_NOTHING) as browser:
         yield browser
 
 

@@ -15,17 +15,23 @@ DRAWS_NOTHING = ("--disable-gpu", "--disable-3d-apis")
 
 
 @contextmanager
-def chromium(*options):
-    """A browser; skips where there is none."""
+def playwright():
+    """What starts browsers, of which a thread has one at a time; skips where there is none."""
     api = pytest.importorskip(
         "playwright.sync_api", reason="playwright is not installed, it comes with the extra dev"
     )
     if CHROMIUM is None:
         pytest.skip("no chromium on this machine")
     with api.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *options])
-        yield browser
-        browser.close()
+        yield play
+
+
+@contextmanager
+def chromium(play, *options):
+    """A browser."""
+    browser = play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *options])
+    yield browser
+    browser.close()
 
 
 class Page:

@@ -1,7 +1,6 @@
 """A robot that is driven: what its keys ask for, and the page in a real browser."""
 
 import json
-import shutil
 import time
 
 import numpy as np
@@ -17,7 +16,6 @@ from poise.apps.live._gamepad import pad_from
 from poise.apps.live._inputs import Pad
 from poise.locomotion import VelocityLimits
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 LIMITS = VelocityLimits(ahead=1.0, back=0.5, sideways=0.4, turn=0.8)
 
 
@@ -107,45 +105,36 @@ def test_a_reset_begins_a_new_log(session, tmp_path):
     assert (tmp_path / "drive-001.mcap").exists()
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
-def test_keys_in_a_browser_drive_the_robot(session, monkeypatch):
+def test_keys_in_a_browser_drive_the_robot(browser, session, monkeypatch):
     # Where a busy machine stops for a moment, a key that is held would have to be let go first.
     monkeypatch.setattr(inputs, "FRESH_FOR", 10.0)
-    pytest.importorskip("playwright", reason="playwright is not installed")
-    from playwright.sync_api import sync_playwright
+    page, errors = browser.new_page(), []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(session.front.drive_url)
 
-    arguments = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
-    with sync_playwright() as play:
-        browser = play.chromium.launch(
-            executable_path=CHROMIUM, args=[*arguments, "--enable-unsafe-swiftshader"]
-        )
-        page, errors = browser.new_page(), []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(session.front.drive_url)
+    def ask(script):
+        return page.evaluate(script)
 
-        def ask(script):
-            return page.evaluate(script)
-
-        wait_for(lambda: ask("newest !== null && newest.kind === 'velocity'"), "the first status")
-        wait_for(lambda: ask("newest.device === 'OK'"), "the operator")
-        assert ask("document.body.dataset.kind") == "velocity"
-        assert ask("document.querySelector('details').offsetHeight") == 0
-        page.keyboard.down("w")
-        wait_for(lambda: asked(session)[0] > 0.0, "the command")
-        wait_for(lambda: session.loop.walker.lifting is not None, "a step")
-        page.keyboard.up("w")
-        page.keyboard.down("q")
-        wait_for(lambda: asked(session)[2] > 0.0, "the turn")
-        page.keyboard.up("q")
-        # A gamepad of the browser's: what the page would see of one.
-        ask(
-            "navigator.getGamepads = () => [{connected: true, mapping: 'standard', buttons: [],"
-            " axes: [0, 0.9, 0, 0]}]; 0"
-        )
-        wait_for(lambda: asked(session)[0] < 0.0, "the gamepad")
-        wait_for(lambda: "m/s" in ask("part('mode-text').textContent"), "the speed in words")
-        assert errors == []
-        browser.close()
+    wait_for(lambda: ask("newest !== null && newest.kind === 'velocity'"), "the first status")
+    wait_for(lambda: ask("newest.device === 'OK'"), "the operator")
+    assert ask("document.body.dataset.kind") == "velocity"
+    assert ask("document.querySelector('details').offsetHeight") == 0
+    page.keyboard.down("w")
+    wait_for(lambda: asked(session)[0] > 0.0, "the command")
+    wait_for(lambda: session.loop.walker.lifting is not None, "a step")
+    page.keyboard.up("w")
+    page.keyboard.down("q")
+    wait_for(lambda: asked(session)[2] > 0.0, "the turn")
+    page.keyboard.up("q")
+    # A gamepad of the browser's: what the page would see of one.
+    ask(
+        "navigator.getGamepads = () => [{connected: true, mapping: 'standard', buttons: [],"
+        " axes: [0, 0.9, 0, 0]}]; 0"
+    )
+    wait_for(lambda: asked(session)[0] < 0.0, "the gamepad")
+    wait_for(lambda: "m/s" in ask("part('mode-text').textContent"), "the speed in words")
+    assert errors == []
+    page.close()
 
 
 def test_a_push_is_as_the_robot_faces(get_robot, tmp_path, monkeypatch):
