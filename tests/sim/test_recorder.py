@@ -21,7 +21,7 @@ from poise.errors import (
     TargetError,
     UnknownNameError,
 )
-from poise.sim import Plant, PlantConfig, Recorder, RecorderConfig, read_log, rollout
+from poise.sim import Plant, PlantConfig, Recorder, RecorderConfig, RunRecord, read_log, rollout
 
 pytest.importorskip("mcap")
 
@@ -534,6 +534,38 @@ def test_a_table_of_a_record(plant):
     np.testing.assert_array_equal(table["m[1, 0]"], np.arange(5))
     assert table["late"].notna().tolist() == [False, False, False, True, False]
     assert table["mode"].tolist() == ["", "", "", "up", "up"]
+
+
+def test_a_table_calls_numbers_by_the_joints_names(plant, tmp_path):
+    pytest.importorskip("pandas")
+    path = tmp_path / "log.mcap"
+    with recording(plant, path) as recorder:
+        recorder.look()
+        plant.step(None)
+    robot, joint = plant.robot, plant.robot.joint_names[-1]
+    for record in (recorder.record, read_log(path)):
+        table = record.to_pandas()
+        for name in ("q", "v", "torque"):
+            np.testing.assert_array_equal(table[f"{name}[{joint}]"], record[name][:, -1])
+        columns = list(table.columns)
+        first = [f"q[{k}]" for k in range(7)] + [f"q[{name}]" for name in robot.joint_names]
+        assert columns[: robot.nq] == first
+        assert "com[2]" in columns
+
+
+@pytest.mark.parametrize(
+    ("joints", "columns"),
+    [
+        (("hip", "knee"), ["q[0]", "q[hip]", "q[knee]", "tilt[0]", "tilt[1]", "torque[hip]"]),
+        ((), ["q[0]", "q[1]", "q[2]", "tilt[0]", "tilt[1]", "torque[0]"]),
+        (("of", "another", "robot", "all"), ["q[0]", "q[1]", "q[2]"]),
+    ],
+)
+def test_a_record_of_ones_own_loop_may_know_the_joints(joints, columns):
+    pytest.importorskip("pandas")
+    record = RunRecord(joints=joints)
+    record.add(0.0, {"q": np.zeros(3), "tilt": np.zeros(2), "torque": np.zeros(2)})
+    assert list(record.to_pandas().columns)[: len(columns)] == columns
 
 
 def test_a_table_without_pandas_says_what_to_install(plant, monkeypatch):

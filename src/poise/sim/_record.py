@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -51,6 +51,10 @@ UNITS = {
     "self_contact": "N",
 }
 """Units of the signals that a recorder records by itself, by the part of a name before its "/"."""
+
+
+_JOINTWISE = ("q", "v", "torque", "command_torque", "command_velocity")
+"""Signals whose last numbers are one a joint, before them those of the base."""
 
 
 def nanoseconds(times: Float64[np.ndarray, " n"]) -> UInt64[np.ndarray, " n"]:
@@ -191,15 +195,21 @@ class RunRecord:
 
     Args:
         metadata: texts that say what the record is of: robot, controller, scenario, seed.
+        joints: names by which `to_pandas` calls the numbers of `q`, `v` and torques; none for those
+            of `metadata`, or for numbers alone.
 
     Attributes:
-        metadata: those texts.
+        metadata: those texts, the joints' names among them.
         complete: whether the run came to its end; False for one read back from a log that broke
             off.
     """
 
-    def __init__(self, metadata: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, metadata: Mapping[str, str] | None = None, *, joints: Sequence[str] = ()
+    ) -> None:
         self.metadata = dict(metadata or {})
+        if joints:
+            self.metadata["joints"] = json.dumps(list(joints))
         self.complete = True
         self._signals: dict[str, Signal] = {}
         self._tables: dict[Names, Table] = {}
@@ -302,10 +312,12 @@ class RunRecord:
         return figure
 
     def to_pandas(self) -> Any:
-        """A `pandas.DataFrame`: one row a time, one column a number, such as `com[0]`.
+        """A `pandas.DataFrame`: one row a time, one column a number.
 
-        Topics of notes are columns as well. Numbers that a time has no sample of are NaN; a note
-        holds until the next of its topic.
+        Such as `com[0]`, and `torque[left_knee]` where the record knows the joints: `q` and `v` of
+        a base that moves begin with its own, `q[0]` to `q[6]` (position, quaternion) and `v[0]` to
+        `v[5]`. Topics of notes are columns as well. Numbers that a time has no sample of are NaN; a
+        note holds until the next of its topic.
 
         Raises:
             MissingExtraError: the package pandas is not installed.
@@ -318,8 +330,7 @@ class RunRecord:
         for name, signal in self._signals.items():
             times, values = self._samples(name)
             flat = values.reshape(len(values), -1)
-            for k, index in enumerate(np.ndindex(signal.shape)):
-                label = name + (f"[{', '.join(map(str, index))}]" if index else "")
+            for k, label in enumerate(self._labels(signal)):
                 column = pd.Series(flat[:, k], index=times)
                 # Of a time that came twice the last sample counts.
                 columns[label] = column[~column.index.duplicated(keep="last")]
@@ -329,6 +340,14 @@ class RunRecord:
             place = np.searchsorted(starts, frame.index.to_numpy(), side="right") - 1
             frame[topic] = [notes[i][1] if i >= 0 else "" for i in place]
         return frame
+
+    def _labels(self, signal: Signal) -> list[str]:
+        """What a table calls the numbers of a sample."""
+        parts = [", ".join(map(str, index)) for index in np.ndindex(signal.shape)]
+        joints = json.loads(self.metadata.get("joints", "[]"))
+        if signal.name in _JOINTWISE and 0 < len(joints) <= len(parts):
+            parts[-len(joints) :] = joints
+        return [f"{signal.name}[{part}]" for part in parts] if signal.shape else [signal.name]
 
     # Filling it ----------------------------------------------------------------------------------
 

@@ -237,6 +237,7 @@ class Recorder:
         levels = [] if stack is None else [[t.name for t in level] for level in stack.levels]
         return {
             "robot": plant.robot.name,
+            "joints": json.dumps(plant.robot.joint_names),
             "plant": json.dumps(asdict(plant.config)),
             "tasks": json.dumps(tasks),
             "levels": json.dumps([*_PHYSICS, *map(", ".join, levels)] if levels else []),
