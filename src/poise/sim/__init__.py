@@ -23,7 +23,7 @@ from poise.sim._disturbances import Block, Push as Push
 from poise.sim._log import read_log
 from poise.sim._mapping import StateMap as StateMap
 from poise.sim._plant import Plant
-from poise.sim._record import RunRecord, Value as Value
+from poise.sim._record import RunRecord
 from poise.sim._recorder import HasSignals as HasSignals, Recorder, RecorderConfig as RecorderConfig
 from poise.sim._rollout import (
     AnyController as AnyController,
@@ -36,6 +36,7 @@ from poise.sim._rollout import (
     rollout,
 )
 from poise.sim._sensors import SensorConfig
+from poise.sim._table import Value as Value
 from poise.sim._video import VideoConfig as VideoConfig, render_video, run_markers as run_markers
 from poise.sim._viewer import (
     NoDisplayError as NoDisplayError,

@@ -16,8 +16,9 @@ from jaxtyping import Float64, Int64
 
 from poise.robots import Robot
 from poise.sim._mapping import StateMap
-from poise.sim._mcap import McapFile
-from poise.sim._record import Names, RecordPart, Rows, nanoseconds
+from poise.sim._mcap import McapFile, nanoseconds
+from poise.sim._record_part import RecordPart
+from poise.sim._table import Names, Rows
 
 _SIGNAL, _SIGNALS, _NOTE = "poise/Number", "poise/Numbers", "poise/Text"
 _JOINTS, _TRANSFORMS = "poise/Joints", "foxglove_msgs/FrameTransforms"

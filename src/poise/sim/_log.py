@@ -17,7 +17,8 @@ from typing import Any, BinaryIO
 from poise.errors import MissingExtraError, PoiseError
 from poise.sim._foxglove import Topics
 from poise.sim._mcap import MAGIC, McapFile, compressor
-from poise.sim._record import RecordPart, RunRecord
+from poise.sim._record import RunRecord
+from poise.sim._record_part import RecordPart
 
 RECORD_TOPIC = "/record"
 """Where the blocks of the record are."""

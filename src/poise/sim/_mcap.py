@@ -15,13 +15,17 @@ from enum import IntEnum
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, UInt64
 
 from poise.errors import MissingExtraError
-from poise.sim._record import nanoseconds
 
 MAGIC = b"\x89MCAP0\r\n"
 """What an MCAP file begins with, and ends with once it is finished."""
+
+
+def nanoseconds(times: Float64[np.ndarray, " n"]) -> UInt64[np.ndarray, " n"]:
+    """Times as logs have them, from seconds; there are none before zero."""
+    return np.round(np.maximum(times, 0.0) * 1e9).astype(np.uint64)
 
 
 class _Opcode(IntEnum):

@@ -2,27 +2,19 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64, UInt64
 
 from poise._show import new_figure
-from poise.errors import MissingExtraError, TargetError, UnknownNameError
-
-Value = float | int | np.generic | np.ndarray
-"""A sample of a signal: a number, or an array of numbers."""
-
-Names = tuple[str, ...]
-"""Signals that are sampled together, in the order in which they are given."""
+from poise.errors import MissingExtraError, UnknownNameError
+from poise.sim._record_part import RecordPart
+from poise.sim._table import Names, Signal, Table, Value
 
 Counts = dict[Names | str, int]
 """How many rows of signals, and how many notes of each topic, are elsewhere already."""
-
-_BLOCK_ROWS = 1024
-"""Rows that are allocated at once."""
 
 UNITS = {
     "q": "m, rad",
@@ -52,138 +44,8 @@ UNITS = {
 }
 """Units of the signals that a recorder records by itself, by the part of a name before its "/"."""
 
-
 _JOINTWISE = ("q", "v", "torque", "command_torque", "command_velocity")
 """Signals whose last numbers are one a joint, before them those of the base."""
-
-
-def nanoseconds(times: Float64[np.ndarray, " n"]) -> UInt64[np.ndarray, " n"]:
-    """Times as logs have them, from seconds; there are none before zero."""
-    return np.round(np.maximum(times, 0.0) * 1e9).astype(np.uint64)
-
-
-class Signal(NamedTuple):
-    """One quantity over time.
-
-    Attributes:
-        name: the signal's name.
-        unit: of its numbers, "" for a pure number or a flag.
-        dtype: kind of number of its samples.
-        shape: of a sample.
-    """
-
-    name: str
-    unit: str
-    dtype: np.dtype[Any]
-    shape: tuple[int, ...]
-
-    @property
-    def size(self) -> int:
-        """How many numbers a sample has."""
-        return math.prod(self.shape)
-
-
-class Rows(NamedTuple):
-    """Samples of signals that were taken together, a row an instant.
-
-    Attributes:
-        signals: what was sampled.
-        order: how many rows of the whole record came before each.
-        times: of the instants [s].
-        columns: the samples of each signal, time first.
-    """
-
-    signals: tuple[Signal, ...]
-    order: Int64[np.ndarray, " n"]
-    times: Float64[np.ndarray, " n"]
-    columns: list[np.ndarray]
-
-    def between(self, first: int, end: int) -> "Rows":
-        """Some of the rows, as views."""
-        rows = slice(first, end)
-        columns = [column[rows] for column in self.columns]
-        return Rows(self.signals, self.order[rows], self.times[rows], columns)
-
-
-class Table:
-    """Rows of signals that are sampled together, in blocks that stay where they are.
-
-    A table that grows by a block copies nothing, so no tick of a long run waits for that, and what
-    was given out as a view stays as it is.
-
-    Args:
-        signals: that make a row.
-    """
-
-    def __init__(self, signals: tuple[Signal, ...]) -> None:
-        self.signals = signals
-        self._shapes = [signal.shape for signal in signals]
-        # Full ones, with how many rows came before each.
-        self._blocks: list[tuple[Rows, int]] = []
-        self._before = 0
-        self._begin()
-
-    def __len__(self) -> int:
-        return self._before + self._size
-
-    def append(self, order: int, time: float, values: Iterable[Value]) -> None:
-        """Keeps one row, copied.
-
-        Raises:
-            TargetError: a sample has another shape than the first one had.
-        """
-        if self._size == _BLOCK_ROWS:
-            self._close()
-        row, block = self._size, self._open
-        for column, shape, value in zip(block.columns, self._shapes, values, strict=True):
-            # Plain numbers, which have no shape, are by far the fastest this way.
-            if getattr(value, "shape", ()) != shape:
-                self._refuse(values)
-            column[row] = value
-        block.order[row], block.times[row] = order, time
-        self._size = row + 1
-
-    def extend(self, rows: Rows) -> None:
-        """Keeps further rows as they are, not copied."""
-        self._close()
-        self._blocks.append((rows, self._before))
-        self._before += len(rows.times)
-
-    def clear(self) -> None:
-        """Drops all rows; what `since` gave stays."""
-        self._blocks, self._before = [], 0
-        self._begin()
-
-    def since(self, first: int) -> list[Rows]:
-        """Rows from an index on, as views that later rows leave alone."""
-        blocks = [*self._blocks, (self._open.between(0, self._size), self._before)]
-        parts = [rows.between(max(first - before, 0), len(rows.times)) for rows, before in blocks]
-        return [part for part in parts if len(part.times)]
-
-    def last_time(self) -> float:
-        """Time of the last row [s]; minus infinity where there is none."""
-        parts = self.since(len(self) - 1) if len(self) else []
-        return float(parts[-1].times[-1]) if parts else -math.inf
-
-    def _begin(self) -> None:
-        columns = [np.empty((_BLOCK_ROWS, *s.shape), dtype=s.dtype) for s in self.signals]
-        order = np.empty(_BLOCK_ROWS, dtype=np.int64)
-        self._open, self._size = Rows(self.signals, order, np.empty(_BLOCK_ROWS), columns), 0
-
-    def _close(self) -> None:
-        if self._size:
-            self._blocks.append((self._open.between(0, self._size), self._before))
-            self._before += self._size
-            self._begin()
-
-    def _refuse(self, values: Iterable[Value]) -> None:
-        for signal, value in zip(self.signals, values, strict=True):
-            if np.shape(value) != signal.shape:
-                raise TargetError(
-                    f"signal {signal.name!r} changed its shape",
-                    got=np.shape(value),
-                    wanted=str(signal.shape),
-                )
 
 
 class RunRecord:
@@ -392,7 +254,7 @@ class RunRecord:
         counts: Counts = {names: len(table) for names, table in self._tables.items()}
         return counts | {topic: len(notes) for topic, notes in self._notes.items()}
 
-    def part(self, since: Counts) -> "RecordPart":
+    def part(self, since: Counts) -> RecordPart:
         """What came after an earlier `counts`; later samples leave it alone."""
         rows = [
             part
@@ -402,7 +264,7 @@ class RunRecord:
         notes = {topic: found[since.get(topic, 0) :] for topic, found in self._notes.items()}
         return RecordPart(rows, {topic: found for topic, found in notes.items() if found})
 
-    def take_in(self, part: "RecordPart") -> None:
+    def take_in(self, part: RecordPart) -> None:
         """Adds what another record gave as a `part`, the one after the last."""
         for rows in part.rows:
             names = tuple(signal.name for signal in rows.signals)
@@ -441,64 +303,3 @@ class RunRecord:
         if name not in self._signals:
             raise UnknownNameError("unknown signal", got=name, choices=self._signals)
         return self._signals[name]
-
-
-class RecordPart(NamedTuple):
-    """A part of a record: its samples and notes from one moment to another.
-
-    Attributes:
-        rows: of each table, in order.
-        notes: by topic: time [s] and text.
-    """
-
-    rows: list[Rows]
-    notes: dict[str, list[tuple[float, str]]]
-
-    def __bool__(self) -> bool:
-        return bool(self.rows or self.notes)
-
-    def pack(self) -> bytes:
-        """The length of a header (four bytes, little-endian), the header in JSON, the numbers.
-
-        The numbers are raw, as they are in memory, so nothing is lost: neither a bit nor NaN nor
-        the kind of number. They come table by table: order, times, a column a signal, each filled
-        up to a multiple of eight bytes.
-        """
-        tables = [
-            (len(rows.times), [(s.name, s.unit, s.dtype.str, s.shape) for s in rows.signals])
-            for rows in self.rows
-        ]
-        header = json.dumps({"tables": tables, "notes": self.notes}).encode()
-        parts = [len(header).to_bytes(4, "little"), header]
-        for rows in self.rows:
-            for array in (rows.order, rows.times, *rows.columns):
-                parts += [np.ascontiguousarray(array).tobytes(), bytes(-array.nbytes % 8)]
-        return b"".join(parts)
-
-    @classmethod
-    def unpack(cls, data: bytes) -> "RecordPart":
-        """The part that `pack` made bytes of."""
-        place = 4 + int.from_bytes(data[:4], "little")
-        header = json.loads(data[4:place])
-
-        def take(dtype: np.dtype[Any], shape: tuple[int, ...]) -> np.ndarray:
-            nonlocal place
-            array = np.frombuffer(data, dtype, math.prod(shape), place).reshape(shape)
-            place += array.nbytes + (-array.nbytes % 8)
-            return array
-
-        tables: list[Rows] = []
-        for count, found in header["tables"]:
-            signals = tuple(
-                Signal(name, unit, np.dtype(dtype), tuple(shape))
-                for name, unit, dtype, shape in found
-            )
-            order = take(np.dtype(np.int64), (count,))
-            times = take(np.dtype(np.float64), (count,))
-            columns = [take(signal.dtype, (count, *signal.shape)) for signal in signals]
-            tables.append(Rows(signals, order, times, columns))
-        notes = {
-            topic: [(time, text) for time, text in found]
-            for topic, found in header["notes"].items()
-        }
-        return cls(tables, notes)

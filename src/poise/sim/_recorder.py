@@ -17,8 +17,9 @@ from poise.sim._blocks import BlockWatch
 from poise.sim._foxglove import Pace, Topics
 from poise.sim._log import McapLog
 from poise.sim._plant import Plant
-from poise.sim._record import Counts, RunRecord, Value
+from poise.sim._record import Counts, RunRecord
 from poise.sim._rollout import AnyController, LeadFunction, Tick
+from poise.sim._table import Value
 from poise.stack import ComTask, FrameTask, Leader, Stack, Task
 
 _PHYSICS = ("dynamics, torques", "contacts, joints")
