@@ -19,6 +19,7 @@ import poise
 from poise.control import CONTROLLERS, ControllerPlan, make_controller
 from poise.dynamics import SensorReadings
 from poise.estimation import StateEstimator
+from poise.locomotion import StepTeleoperator
 robot = poise.load_robot("humanoid33")
 state = poise.RobotState(robot.q_home, np.zeros(robot.nv))
 with event.install_recorder("numba:compile") as seen:
@@ -32,6 +33,14 @@ with event.install_recorder("numba:compile") as seen:
             plan = ControllerPlan(name=name, strategy=strategy)
             if strategy not in ("cascade", "weighted"):
                 assert make_controller(robot, None, plan).step(state).status.ok
+    for actuation in ("torque", "velocity"):
+        leader = StepTeleoperator(robot, actuation=actuation)
+        controller = leader.controller()
+        for k in range(5):
+            told = poise.RobotState(robot.q_home, np.zeros(robot.nv), {}, 0.005 * k, upright)
+            estimate = leader.estimator.update(told)
+            leader.lead(estimate)
+            assert controller.step(estimate).status.ok
 heavy = [m for m in ("scipy.linalg", "scipy.optimize", "numba.np.arraymath") if m in sys.modules]
 print(json.dumps([[str(e.data["dispatcher"]) for _, e in seen.buffer], heavy]))
 """

@@ -17,11 +17,11 @@ def add_parser(verbs: Any) -> None:
     parser = verbs.add_parser(
         "warmup",
         help="compile ahead what controllers need",
-        description="Compiles what controllers need, for images, robots and CI: otherwise the "
-        "first controller on a machine does it, which takes some twenty seconds. It is kept for "
-        "this kind of processor, beside the sources where they can be written, else in the user's "
-        "cache folder, or in the folder that NUMBA_CACHE_DIR names. Exit status: 0 all is "
-        "compiled and kept, 2 it cannot be kept.",
+        description="Compiles what controllers and step teleoperation need, for images, robots "
+        "and CI: otherwise the first ones on a machine do it, which takes some thirty seconds. It "
+        "is kept for this kind of processor, beside the sources where they can be written, else in "
+        "the user's cache folder, or in the folder that NUMBA_CACHE_DIR names. Exit status: 0 all "
+        "is compiled and kept, 2 it cannot be kept.",
         epilog="example: poise warmup --controller whole_body",
     )
     parser.add_argument(
@@ -36,6 +36,10 @@ def add_parser(verbs: Any) -> None:
 
 def act(options: argparse.Namespace) -> int:
     """Compiles, with a bar where somebody looks on."""
+    # Here: `poise --help` has no need of leaders.
+    from poise.locomotion import StepTeleoperator
+    from poise.robots import load_robot
+
     controllers = tuple(dict.fromkeys(options.controller or CONTROLLERS))
     if not options.json:
         cores = usable_cores()
@@ -45,6 +49,7 @@ def act(options: argparse.Namespace) -> int:
         # A bar of its own: that of the other verbs is none without the extra that they need.
         done = warm_up(
             controllers,
+            others=[lambda: StepTeleoperator(load_robot("humanoid33"))],
             note=lambda done, total: draw_bar(
                 f"{total} functions", done / total, perf_counter() - begin
             ),

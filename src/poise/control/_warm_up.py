@@ -106,6 +106,7 @@ def warm_up(
     *,
     processes: int | None = None,
     note: Note | None = None,
+    others: Sequence[Callable[[], object]] = (),
 ) -> WarmUp:
     """Compiles all that controllers and the estimator need, as far as it is not kept yet.
 
@@ -114,6 +115,7 @@ def warm_up(
         processes: at most so many compile at a time; one a core when None. With one, or where no
             other can be started, this process does it.
         note: told how far it is.
+        others: make what else shall be ready, such as leaders, by compiling it.
 
     Raises:
         UnknownNameError: no such controller.
@@ -121,8 +123,8 @@ def warm_up(
     """
     begin, plans = perf_counter(), _plans(controllers)
     folder = code_folder()
-    others = tuple(c for name, job in _JOBS.items() if name not in controllers for c in job.code)
-    left = find_unkept(others)
+    skipped = tuple(c for name, job in _JOBS.items() if name not in controllers for c in job.code)
+    left = find_unkept(skipped)
     awaited, done = names_of(left), set[str]()
 
     def told(name: str) -> None:
@@ -148,6 +150,8 @@ def warm_up(
                 controller.solve_batch([])
             if isinstance(controller, ReducedController):
                 controller.strategy.current.reduced.update(controller.dynamics)
+        for make in others:
+            make()
     check_kept(done)
     return WarmUp(
         controllers=tuple(controllers),
