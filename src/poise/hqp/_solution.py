@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from poise.hqp._certificate import Certificate, certify_point
+from poise.hqp._faults import faults
 from poise.hqp._measure import measure_point
-from poise.hqp._problem import HierarchicalProblem, faults
+from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._tolerances import OPPOSING_RATIO, VISIBLE_VIOLATION
 
 

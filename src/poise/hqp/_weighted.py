@@ -17,8 +17,9 @@ from jaxtyping import Float64
 from poise._checks import checked_time_limit
 from poise.errors import ConfigurationError
 from poise.hqp._backends import QP, make_backend
+from poise.hqp._faults import is_sound
 from poise.hqp._measure import measure_point
-from poise.hqp._problem import HierarchicalProblem, is_sound
+from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._solution import KeepsSolution, Solution, SolveStatus, failure
 from poise.hqp._tolerances import LEFT_OVER, MET_TOLERANCE, WEIGHT_SPAN
 

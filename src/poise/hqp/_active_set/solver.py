@@ -10,7 +10,8 @@ from poise._compiled import say_if_slow
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp._active_set.search import CONVERGED, LOST, UNFINISHED, UNSOUND, search
 from poise.hqp._active_set.workspace import Problem, Work, make_work
-from poise.hqp._problem import HierarchicalProblem, Level, Numbers
+from poise.hqp._given import Numbers
+from poise.hqp._problem import HierarchicalProblem, Level
 from poise.hqp._solution import LexicographicSolution, Solution, SolveStatus, failure
 from poise.hqp._tolerances import RELAXED, changes_allowed
 
