@@ -13,7 +13,7 @@ pytest.importorskip("websockets", reason="the extra teleop is not installed: no 
 from poise.apps.live import DriveLoop, DriveSession, OperatorInputs, _inputs as inputs
 from poise.apps.live._feet import velocity_of
 from poise.apps.live._gamepad import pad_from
-from poise.apps.live._inputs import Pad
+from poise.apps.live._pad import Pad
 from poise.locomotion import VelocityLimits
 
 LIMITS = VelocityLimits(ahead=1.0, back=0.5, sideways=0.4, turn=0.8)

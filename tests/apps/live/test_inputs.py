@@ -21,7 +21,7 @@ from poise.apps.live._gamepad import (
     bend_from,
     pad_from,
 )
-from poise.apps.live._inputs import Body, Head
+from poise.apps.live._pad import Body, Head
 from poise.locomotion import BodySample, Mode, StepTeleoperator, VelocityLimits
 from poise.locomotion._stepping import _lean as lean, _torque_tasks as torque_tasks
 

@@ -13,7 +13,7 @@ pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
 from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes, Tracked
-from poise.apps.live._inputs import Body
+from poise.apps.live._pad import Body
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,

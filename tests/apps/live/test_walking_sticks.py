@@ -8,7 +8,8 @@ pytest.importorskip("mujoco")
 pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
 
 from poise.apps.live._feet import LiveFeet
-from poise.apps.live._inputs import OperatorInputs, Pad, Tracked
+from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._pad import Pad, Tracked
 from poise.locomotion import StepTeleoperator
 
 AHEAD = (1.0, 0.0)

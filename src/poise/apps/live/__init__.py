@@ -13,9 +13,10 @@ if find_spec("msgspec") is None:
 from poise.apps.live._drive import DRIVE_PLANT as DRIVE_PLANT, DriveLoop as DriveLoop
 from poise.apps.live._feet import LiveFeet as LiveFeet
 from poise.apps.live._gamepad import HostGamepad as HostGamepad
-from poise.apps.live._inputs import OperatorInputs as OperatorInputs, Pad as Pad, Tracked as Tracked
+from poise.apps.live._inputs import OperatorInputs as OperatorInputs
 from poise.apps.live._log import Takes as Takes
 from poise.apps.live._loop import LiveLoop as LiveLoop
+from poise.apps.live._pad import Pad as Pad, Tracked as Tracked
 from poise.apps.live._session import DriveSession, LiveSession
 from poise.apps.live._snapshot import Snapshot as Snapshot
 

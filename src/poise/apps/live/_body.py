@@ -6,7 +6,7 @@
 import math
 from typing import NamedTuple
 
-from poise.apps.live._inputs import Body
+from poise.apps.live._pad import Body
 from poise.locomotion import FOOT_TURNS, TORSO_MOST, StepTeleoperator
 
 _RISE = 0.04

@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.live._feet import hands_of, head_of, velocity_of
-from poise.apps.live._inputs import OperatorInputs, Pad
+from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LOG_SUFFIX, LiveLog, Room
+from poise.apps.live._pad import Pad
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
 from poise.control import WholeBodyController, is_usable

@@ -9,7 +9,8 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.live._inputs import OperatorInputs, Pad, Quaternion, Tracked
+from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._pad import Pad, Quaternion, Tracked
 from poise.locomotion import (
     BodySample,
     DeviceSample,

@@ -13,7 +13,8 @@ from typing import Any
 from msgspec.structs import replace
 
 from poise.apps.live._body import Bend, BodyLimits, bent
-from poise.apps.live._inputs import Body, OperatorInputs, Pad
+from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._pad import Body, Pad
 from poise.apps.live._real_time import RealTimeLoop
 from poise.errors import MissingExtraError, PoiseError
 from poise.locomotion import Mode

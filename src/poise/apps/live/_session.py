@@ -15,9 +15,10 @@ from msgspec import Struct
 from poise.apps.live._drive import DRIVE_PLANT, DriveLoop
 from poise.apps.live._front import Answer, Front
 from poise.apps.live._gamepad import HostGamepad
-from poise.apps.live._inputs import Body, OperatorInputs, Pad
+from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import Takes
 from poise.apps.live._loop import LiveLoop
+from poise.apps.live._pad import Body, Pad
 from poise.apps.live._real_time import RealTimeLoop
 from poise.apps.report import shapes_payload
 from poise.apps.scenarios import drawn_shapes
