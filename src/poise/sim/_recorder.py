@@ -149,7 +149,8 @@ class Recorder:
         self._watched = None if self._stack is None else _WatchedStack(self._stack)
         tasks = () if self._stack is None else self._stack.stack.tasks()
         self._units = {f"error/{task.name}": task.unit for _, task in tasks}
-        self.record = RunRecord(self._describe() | self._metadata)
+        joints = plant.robot.joint_names
+        self.record = RunRecord(self._describe() | self._metadata, joints=joints)
         self._pace = Pace(self._config.record_dt)
         self._written: Counts = {}
         self._has_touched = False
@@ -238,7 +239,6 @@ class Recorder:
         levels = [] if stack is None else [[t.name for t in level] for level in stack.levels]
         return {
             "robot": plant.robot.name,
-            "joints": json.dumps(plant.robot.joint_names),
             "plant": json.dumps(asdict(plant.config)),
             "tasks": json.dumps(tasks),
             "levels": json.dumps([*_PHYSICS, *map(", ".join, levels)] if levels else []),
