@@ -45,7 +45,8 @@ class Page:
         self.page.set_default_navigation_timeout(4e3 * PATIENCE)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(url)
-        self.wait("newest !== null && 'mode' in newest", "the first status")
+        # What is shown comes a frame or more after the message that says it.
+        self.wait("part('mode-text').textContent.trim() !== ''", "the first status to be shown")
 
     def __enter__(self):
         return self
