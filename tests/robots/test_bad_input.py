@@ -124,6 +124,26 @@ def test_soles_that_are_mixed_up_are_refused_by_name(load, urdf, facts, case):
         load(urdf, facts)
 
 
+TOES = """
+  <joint name="left_toe" type="revolute"><origin xyz="0.05 0 0"/><parent link="left_foot"/>
+    <child link="left_toes"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="30" velocity="8"/></joint>
+  <link name="left_toes"><inertial><mass value="0.1"/>
+    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial></link>"""
+
+
+def test_two_soles_on_one_leg_are_refused_by_name(load, urdf, facts):
+    with_toes = urdf.replace("</robot>", f"{TOES}</robot>")
+    assert "left_toe" in load(with_toes, facts).joint_names
+    facts["soles"]["right_sole"]["link"] = "left_toes"
+    with pytest.raises(
+        RobotError,
+        match="'right_sole' .*on the leg of 'left_sole', further down;"
+        " got 'left_foot and left_toes, below left_hip, left_ankle'; wanted .*two legs",
+    ):
+        load(with_toes, facts)
+
+
 def test_the_left_sole_is_listed_first_whatever_its_name(load, urdf, facts):
     left, right = facts["soles"].values()
     facts["soles"] = {"right_sole": right, "left_sole": left}

@@ -1,4 +1,4 @@
-"""`check_roles`: soles and hands on the wrong side, soles upside down or on one link."""
+"""`check_roles`: soles and hands on the wrong side, soles upside down or on one leg."""
 
 from collections.abc import Iterable
 
@@ -17,6 +17,9 @@ _OPPOSED = -0.5
 _FEWEST = 3
 """Hands with fewer joints of their own are no two arms': they may be fingers that turn over."""
 
+_LEG = 2
+"""Soles with fewer joints in common, below the pelvis, may be those of two legs, one locked."""
+
 _BY_NAME = "their names say left and right"
 _SPELLINGS = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
 
@@ -30,8 +33,8 @@ def check_roles(robot: Robot) -> None:
         robot: with a home posture, in which its soles' mean direction is x.
 
     Raises:
-        RobotError: the robot hangs below its soles, two soles are on one link or point against
-            each other, or what is left by its name or place in the list is on the right.
+        RobotError: the robot hangs below its soles, two soles are on one link or one leg, or point
+            against each other, or what is left by its name or place in the list is on the right.
     """
     if not robot.floating_base:
         return
@@ -60,13 +63,26 @@ def check_roles(robot: Robot) -> None:
 
 def _check_legs(robot: Robot, first: str, second: str) -> None:
     """Soles on two links may still share all joints: their legs may be locked."""
+    wanted = (
+        "the links at the ends of two legs; or one sole alone, where that link is all the robot "
+        "stands on"
+    )
     link = robot.roles[first].link
     if robot.roles[second].link == link:
         raise RobotError(
             f"soles {first!r} and {second!r} of robot {robot.name!r} are on one link",
             got=link,
-            wanted="the links at the ends of two legs; or one sole alone, where that link is all "
-            "the robot stands on",
+            wanted=wanted,
+        )
+    above, below = sorted((first, second), key=lambda sole: len(robot.joints_above(sole)))
+    shared = set(robot.joints_above(above))
+    moving = shared - set(robot.joints_above(robot.pelvis))
+    if len(moving) >= _LEG and shared < set(robot.joints_above(below)):
+        raise RobotError(
+            f"sole {below!r} of robot {robot.name!r} is on the leg of {above!r}, further down",
+            got=f"{robot.roles[above].link} and {robot.roles[below].link}, below "
+            f"{', '.join(robot.model.names[j] for j in sorted(moving))}",
+            wanted=wanted,
         )
 
 
