@@ -34,7 +34,7 @@ from poise.locomotion import (
 )
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._biped import biped_of, leg_geometry
-from poise.locomotion._stepping._com import ShifterDriver
+from poise.locomotion._stepping._com_motion import ShifterDriver
 from poise.locomotion._stepping._fields import FieldError
 from poise.locomotion._stepping._samples import checked_sample
 from poise.locomotion._stepping._scaling import scaled_parameters

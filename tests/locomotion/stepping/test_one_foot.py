@@ -11,7 +11,7 @@ from walker import hands
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.locomotion import DeviceSample, DeviceStatus, Mode, StepTeleoperator, WayPoint
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._com import ComFeedback
+from poise.locomotion._stepping._com_feedback import ComFeedback
 from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._one_foot import WIDE, OneFoot, inner_side, one_foot

@@ -17,7 +17,7 @@ from poise.locomotion import (
     WayPoint,
 )
 from poise.locomotion._stepping._biped import biped_of, leg_joints
-from poise.locomotion._stepping._com import ShifterDriver
+from poise.locomotion._stepping._com_motion import ShifterDriver
 from poise.locomotion._stepping._sway import sway_growth, sway_stiffness
 from poise.robots import GRAVITY
 

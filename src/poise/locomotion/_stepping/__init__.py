@@ -1,6 +1,6 @@
 """A person leads the robot's feet: step-by-step teleoperation of bipeds."""
 
-from poise.locomotion._stepping._com import ComDriver, ShifterDriver
+from poise.locomotion._stepping._com_motion import ComDriver, ShifterDriver
 from poise.locomotion._stepping._device import Device, ScriptedDevice, WayPoint
 from poise.locomotion._stepping._fields import FieldError
 from poise.locomotion._stepping._footing import yaw_of

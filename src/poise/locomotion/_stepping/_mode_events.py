@@ -5,7 +5,8 @@ Detectors of lifted devices and landed feet.
 
 import numpy as np
 
-from poise.locomotion._stepping._com import ComFeedback, ComMotion
+from poise.locomotion._stepping._com_feedback import ComFeedback
+from poise.locomotion._stepping._com_motion import ComMotion
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._modes import Mode, ModeEvent, ModeMachine, StepEnd
 from poise.locomotion._stepping._one_foot import WIDE, OneFoot, inner_side

@@ -12,14 +12,10 @@ from poise.control import Controller, is_usable
 from poise.dynamics import RobotState
 from poise.locomotion._pendulum import BodyRotator, ComShifter
 from poise.locomotion._stepping._biped import biped_of
-from poise.locomotion._stepping._com import (
-    BodyMomentum,
-    ComDriver,
-    ComFeedback,
-    ComHeight,
-    ComMotion,
-    ShifterDriver,
-)
+from poise.locomotion._stepping._body_momentum import BodyMomentum
+from poise.locomotion._stepping._com_feedback import ComFeedback
+from poise.locomotion._stepping._com_height import ComHeight
+from poise.locomotion._stepping._com_motion import ComDriver, ComMotion, ShifterDriver
 from poise.locomotion._stepping._desired import DesiredMotion, StepTasks
 from poise.locomotion._stepping._device import Device
 from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
