@@ -98,6 +98,22 @@ def test_packages_are_reached_through_their_faces(path):
         assert own[: len(package)] == package, name
 
 
+STEPPING = ({"_operator", "_stance"}, {"_upper_body", "_by_velocity", "_by_torque"})
+"""The floors within step teleoperation, below the modules that put them together."""
+
+
+def test_parts_of_step_teleoperation_stand_on_floors_of_their_own():
+    root, inside = ROOT / "locomotion" / "_stepping", "poise.locomotion._stepping."
+    floor = {name: height for height, names in enumerate(STEPPING) for name in names}
+    assert {face.parent.name for face in root.glob("*/__init__.py")} == set(floor)
+    for path in root.glob("*/*.py"):
+        own = path.parent.name
+        for name in imports_of(path):
+            part = name.removeprefix(inside).split(".")[0]
+            if name.startswith(inside) and part != own:
+                assert floor.get(part, len(STEPPING)) < floor[own], f"{path.name}: {name}"
+
+
 def test_the_simulator_takes_nothing_from_control_but_the_command():
     for path in (ROOT / "sim").rglob("*.py"):
         used = {name for name in imports_of(path) if part_of(name) in ("control", "locomotion")}

@@ -23,7 +23,8 @@ from poise.apps.live._gamepad import (
 )
 from poise.apps.live._pad import Body, Head
 from poise.locomotion import BodySample, Mode, StepTeleoperator, VelocityLimits
-from poise.locomotion._stepping import _lean as lean, _torque_tasks as torque_tasks
+from poise.locomotion._stepping._by_torque import _torque_tasks as torque_tasks
+from poise.locomotion._stepping._stance import _lean as lean
 
 DT = 0.005
 

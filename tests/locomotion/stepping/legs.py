@@ -3,7 +3,7 @@
 import numpy as np
 
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion._stepping._biped import leg_joints
+from poise.locomotion._stepping._stance._biped import leg_joints
 
 PITCHES = {"biped20": (2, 3, 4), "talos": (2, 3, 4), "g1": (0, 3, 4)}
 """Places of hip pitch, knee and ankle pitch in a leg."""

@@ -6,9 +6,9 @@ import numpy as np
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, TeleopParameters
-from poise.locomotion._stepping._biped import biped_of
-from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._stance._biped import biped_of
+from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._stance._footing import Footing
 
 PARAMETERS = TeleopParameters(r_lift=0.077)
 

@@ -33,11 +33,11 @@ from poise.locomotion import (
     WayPoint,
 )
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._biped import biped_of, leg_geometry
-from poise.locomotion._stepping._com_motion import ShifterDriver
-from poise.locomotion._stepping._fields import FieldError
-from poise.locomotion._stepping._samples import checked_sample
+from poise.locomotion._stepping._by_velocity._com_motion import ShifterDriver
+from poise.locomotion._stepping._operator._fields import FieldError
+from poise.locomotion._stepping._operator._samples import checked_sample
 from poise.locomotion._stepping._scaling import scaled_parameters
+from poise.locomotion._stepping._stance._biped import biped_of, leg_geometry
 from poise.robots import Sole, standing_posture
 from poise.sim import PlantConfig
 

@@ -12,10 +12,10 @@ from walker import hands, sample, up_and_down
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import BodySample, Mode, StepTeleoperator, teleop_parameters
-from poise.locomotion._stepping._biped import biped_of
-from poise.locomotion._stepping._guard import DeviceGuard
-from poise.locomotion._stepping._lean import TrunkPose
-from poise.locomotion._stepping._waist import waist_ranges
+from poise.locomotion._stepping._by_torque._waist import waist_ranges
+from poise.locomotion._stepping._operator._guard import DeviceGuard
+from poise.locomotion._stepping._stance._biped import biped_of
+from poise.locomotion._stepping._stance._lean import TrunkPose
 
 
 class Asks:

@@ -6,7 +6,7 @@ from standing import PARAMETERS, footing
 
 from poise.locomotion import Mode
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._com_motion import ComMotion, ShifterDriver
+from poise.locomotion._stepping._by_velocity._com_motion import ComMotion, ShifterDriver
 
 STILL = np.zeros(2)
 

@@ -20,7 +20,7 @@ from poise.locomotion import (
     read_recording,
     walking_stack,
 )
-from poise.locomotion._stepping._neck import NeckMotion
+from poise.locomotion._stepping._upper_body._neck import NeckMotion
 
 DT = 0.002
 NOWHERE = np.full(3, np.nan)

@@ -10,8 +10,8 @@ from walker import sample
 
 from poise.errors import ConfigurationError
 from poise.locomotion import DeviceStatus, TeleopParameters
-from poise.locomotion._stepping._guard import DeviceGuard
 from poise.locomotion._stepping._mode_events import LandingDetector, LiftDetector
+from poise.locomotion._stepping._operator._guard import DeviceGuard
 
 SOLES = (np.array([0.0, 0.135, 0.0]), np.array([0.0, -0.135, 0.0]))
 """Where the feet stand [m]."""

@@ -22,8 +22,8 @@ from poise.locomotion import (
     WayPoint,
     walking_stack,
 )
-from poise.locomotion._stepping._arms import ArmMotion
-from poise.locomotion._stepping._grips import HandGrip, HeadGrip
+from poise.locomotion._stepping._operator._grips import HandGrip, HeadGrip
+from poise.locomotion._stepping._upper_body._arms import ArmMotion
 from poise.robots import capsules_of
 from poise.sim import PlantConfig
 

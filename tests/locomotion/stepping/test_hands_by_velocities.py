@@ -21,7 +21,7 @@ from poise.locomotion import (
     StepTeleoperator,
     WayPoint,
 )
-from poise.locomotion._stepping._arms import ArmMotion
+from poise.locomotion._stepping._upper_body._arms import ArmMotion
 from poise.robots import capsules_of
 from poise.sim import Plant, Recorder, rollout
 

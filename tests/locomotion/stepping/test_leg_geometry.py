@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from legs import PITCHES, bent
 
-from poise.locomotion._stepping._biped import leg_geometry, leg_joints
+from poise.locomotion._stepping._stance._biped import leg_geometry, leg_joints
 
 KNEE_MIN = 0.08
 EXACT, NEAR = 1e-9, 0.025

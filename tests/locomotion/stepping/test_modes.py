@@ -8,7 +8,12 @@ from walker import up_and_down, walk
 from poise.apps.teleoperation import MODES
 from poise.errors import ConfigurationError
 from poise.locomotion import Mode
-from poise.locomotion._stepping._modes import TRANSITIONS, ModeEvent, ModeMachine, draw_modes
+from poise.locomotion._stepping._stance._modes import (
+    TRANSITIONS,
+    ModeEvent,
+    ModeMachine,
+    draw_modes,
+)
 
 
 def test_every_mode_can_be_reached_and_left():

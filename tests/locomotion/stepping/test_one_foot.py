@@ -11,10 +11,10 @@ from walker import hands
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.locomotion import DeviceSample, DeviceStatus, Mode, StepTeleoperator, WayPoint
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._com_feedback import ComFeedback
-from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._by_torque._com_feedback import ComFeedback
 from poise.locomotion._stepping._mode_events import ModeEvents
-from poise.locomotion._stepping._one_foot import WIDE, OneFoot, inner_side, one_foot
+from poise.locomotion._stepping._stance._footing import Footing
+from poise.locomotion._stepping._stance._one_foot import WIDE, OneFoot, inner_side, one_foot
 from poise.robots import Robot
 
 

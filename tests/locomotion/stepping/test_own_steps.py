@@ -19,7 +19,7 @@ from poise.locomotion import (
     StepTeleoperator,
     WayPoint,
 )
-from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._stepping._stance._reach import FootRange
 from poise.locomotion._walking._step_cycle import StepCycle
 
 STATUSES, MODES = list(DeviceStatus), list(Mode)

@@ -17,11 +17,11 @@ from poise.locomotion import (
     read_recording,
 )
 from poise.locomotion._stepping import DeviceGuard
-from poise.locomotion._stepping._arms import ArmMotion
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
-from poise.locomotion._stepping._hands import HandGrip
-from poise.locomotion._stepping._pursuit import DeviceRate
-from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._stepping._operator._pursuit import DeviceRate
+from poise.locomotion._stepping._stance._reach import FootRange
+from poise.locomotion._stepping._upper_body._arms import ArmMotion
+from poise.locomotion._stepping._upper_body._hands import HandGrip
 
 DT = 0.002
 UP = np.array([0.1, 0.0, 0.2])

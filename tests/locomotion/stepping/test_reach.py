@@ -6,8 +6,8 @@ from legs import bent, soles_of
 
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import StepTeleoperator, TeleopParameters
-from poise.locomotion._stepping._biped import leg_geometry, leg_joints
-from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._stepping._stance._biped import leg_geometry, leg_joints
+from poise.locomotion._stepping._stance._reach import FootRange
 from poise.robots import standing_posture
 
 MARGIN, LEAN_SHARE = 0.02, 0.9

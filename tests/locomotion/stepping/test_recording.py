@@ -26,7 +26,7 @@ from poise.locomotion import (
     StepTeleoperator,
     read_recording,
 )
-from poise.locomotion._stepping._recording_format import HEADER_BYTES, ROW
+from poise.locomotion._stepping._operator._recording_format import HEADER_BYTES, ROW
 from poise.sim import SensorConfig
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from poise.locomotion._stepping._footing import Footing
-from poise.locomotion._stepping._righting import SoleRighting
+from poise.locomotion._stepping._by_torque._righting import SoleRighting
+from poise.locomotion._stepping._stance._footing import Footing
 from poise.stack import SurfaceContact
 
 WEIGHT, DT = 300.0, 0.002

@@ -4,7 +4,7 @@ import pytest
 from standing import PARAMETERS, biped, estimator, sensor
 
 from poise.locomotion import Mode
-from poise.locomotion._stepping._footing import StanceChoice
+from poise.locomotion._stepping._stance._footing import StanceChoice
 
 TICKS = 400
 """Long enough for a foot to be as far down as it is pressed."""

@@ -16,9 +16,9 @@ from poise.locomotion import (
     TeleopParameters,
     WayPoint,
 )
-from poise.locomotion._stepping._biped import biped_of, leg_joints
-from poise.locomotion._stepping._com_motion import ShifterDriver
-from poise.locomotion._stepping._sway import sway_growth, sway_stiffness
+from poise.locomotion._stepping._by_velocity._com_motion import ShifterDriver
+from poise.locomotion._stepping._by_velocity._sway import sway_growth, sway_stiffness
+from poise.locomotion._stepping._stance._biped import biped_of, leg_joints
 from poise.robots import GRAVITY
 
 OMEGA = 3.5

@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from poise.locomotion import Mode
-from poise.locomotion._stepping._footing import Footing
-from poise.locomotion._stepping._tipping import SoleTipping
+from poise.locomotion._stepping._stance._footing import Footing
+from poise.locomotion._stepping._stance._tipping import SoleTipping
 
 UPRIGHT = np.eye(3)
 

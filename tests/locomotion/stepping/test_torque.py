@@ -33,9 +33,9 @@ from poise.locomotion import (
     teleop_parameters,
 )
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._com_feedback import ComFeedback
-from poise.locomotion._stepping._footing import Footing
-from poise.locomotion._stepping._one_foot import PLAIN
+from poise.locomotion._stepping._by_torque._com_feedback import ComFeedback
+from poise.locomotion._stepping._stance._footing import Footing
+from poise.locomotion._stepping._stance._one_foot import PLAIN
 from poise.locomotion._support import SupportPolygon
 from poise.sim import Plant, SensorConfig, rollout
 

@@ -12,10 +12,10 @@ from walker import hands as device_of, up_and_down
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import HandSample, HandStatus, WayPoint
-from poise.locomotion._stepping._arms import ArmMotion
-from poise.locomotion._stepping._grips import HandGrip
-from poise.locomotion._stepping._null_space import serve
-from poise.locomotion._stepping._turning import TurnShare
+from poise.locomotion._stepping._operator._grips import HandGrip
+from poise.locomotion._stepping._upper_body._arms import ArmMotion
+from poise.locomotion._stepping._upper_body._null_space import serve
+from poise.locomotion._stepping._upper_body._turning import TurnShare
 
 ROBOTS = ["g1", "humanoid33", "talos"]
 
@@ -182,7 +182,7 @@ import numpy as np
 import poise
 from poise.dynamics import RobotState
 from poise.locomotion import DeviceSample, GazeLeader, HandLeader, HandSample, HeadSample
-from poise.locomotion._stepping import _null_space as code
+from poise.locomotion._stepping._upper_body import _null_space as code
 robot, turn = poise.load_robot("humanoid33"), np.array([0.0, 0.0, 0.1, np.sqrt(0.99)])
 hands, gaze = HandLeader(robot, dt=0.002), GazeLeader(robot, dt=0.002)
 functions = code._turn, code._step, code._serve_alone

@@ -5,7 +5,7 @@ import pytest
 from standing import PARAMETERS, biped, estimator
 
 from poise.dynamics import RobotState
-from poise.locomotion._stepping._estimator import ZmpSensor
+from poise.locomotion._stepping._stance._estimator import ZmpSensor
 
 
 def pressed(robot, *points):

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._footing import Footing
-from poise.locomotion._stepping._parameters import TeleopParameters
-from poise.locomotion._stepping._reach import FootRange
+from poise.locomotion._stepping._stance import Footing, FootRange, TeleopParameters
 
 _BRAKED = 0.2
 """Part of its largest acceleration with which the COM is braked before a knee is at its limit: by

@@ -9,10 +9,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.dynamics import saturate
-from poise.locomotion._stepping._footing import Footing, wrapped
-from poise.locomotion._stepping._parameters import TeleopParameters
-from poise.locomotion._stepping._reach import FootRange
-from poise.locomotion._stepping._samples import DeviceSample
+from poise.locomotion._stepping._operator import DeviceSample
+from poise.locomotion._stepping._stance import Footing, FootRange, TeleopParameters, wrapped
 
 _AT_REST = np.zeros(3)
 

@@ -5,13 +5,21 @@ Detectors of lifted devices and landed feet.
 
 import numpy as np
 
-from poise.locomotion._stepping._com_feedback import ComFeedback
-from poise.locomotion._stepping._com_motion import ComMotion
-from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._stepping._modes import Mode, ModeEvent, ModeMachine, StepEnd
-from poise.locomotion._stepping._one_foot import WIDE, OneFoot, inner_side
-from poise.locomotion._stepping._parameters import TeleopParameters
-from poise.locomotion._stepping._samples import DeviceSample
+from poise.locomotion._stepping._by_torque import ComFeedback
+from poise.locomotion._stepping._by_velocity import ComMotion
+from poise.locomotion._stepping._operator import DeviceSample
+from poise.locomotion._stepping._stance import (
+    WIDE,
+    Mode,
+    ModeEvent,
+    ModeMachine,
+    OneFoot,
+    StanceEstimator,
+    StepEnd,
+    TeleopParameters,
+    ZmpSensor,
+    inner_side,
+)
 
 _STUCK_TIME = 0.3
 """A foot that still carries so long after it should have been lifted stays on the ground [s]."""

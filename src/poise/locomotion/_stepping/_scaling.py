@@ -9,9 +9,7 @@ from jaxtyping import Float64
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._stepping._footing import mean_angle, yaw_of
-from poise.locomotion._stepping._one_foot import one_foot
-from poise.locomotion._stepping._parameters import TeleopParameters
+from poise.locomotion._stepping._stance import TeleopParameters, mean_angle, one_foot, yaw_of
 from poise.locomotion._stepping._teleop_checks import checked_actuation, checked_start
 from poise.locomotion._support import two_soles
 from poise.robots import Robot

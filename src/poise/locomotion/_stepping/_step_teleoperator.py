@@ -11,29 +11,44 @@ from poise._checks import checked_kind
 from poise.control import Controller, is_usable
 from poise.dynamics import RobotState
 from poise.locomotion._pendulum import BodyRotator, ComShifter
-from poise.locomotion._stepping._biped import biped_of
-from poise.locomotion._stepping._body_momentum import BodyMomentum
-from poise.locomotion._stepping._com_feedback import ComFeedback
+from poise.locomotion._stepping._by_torque import POSTURE_WEIGHT, ComFeedback, OwnSteps, TorqueTasks
+from poise.locomotion._stepping._by_velocity import (
+    BodyMomentum,
+    ComDriver,
+    ComMotion,
+    ShifterDriver,
+    VelocityTasks,
+    check_sway,
+)
 from poise.locomotion._stepping._com_height import ComHeight
-from poise.locomotion._stepping._com_motion import ComDriver, ComMotion, ShifterDriver
-from poise.locomotion._stepping._desired import DesiredMotion, StepTasks
-from poise.locomotion._stepping._device import Device
-from poise.locomotion._stepping._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._stepping._fields import FieldError
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
-from poise.locomotion._stepping._footing import Footing, StanceChoice, mean_angle, yaw_of
-from poise.locomotion._stepping._gaze import GazeLeader
-from poise.locomotion._stepping._guard import DeviceGuard
-from poise.locomotion._stepping._hands import HandLeader
 from poise.locomotion._stepping._mode_events import ModeEvents
-from poise.locomotion._stepping._modes import Mode, StepEnd
-from poise.locomotion._stepping._one_foot import WIDE, one_foot
-from poise.locomotion._stepping._own_steps import OwnSteps
-from poise.locomotion._stepping._parameters import TeleopParameters
-from poise.locomotion._stepping._reach import FootRange
-from poise.locomotion._stepping._samples import BodySample, DeviceSample, checked_sample
+from poise.locomotion._stepping._operator import (
+    BodySample,
+    Device,
+    DeviceGuard,
+    DeviceSample,
+    FieldError,
+    checked_sample,
+)
 from poise.locomotion._stepping._scaling import teleop_parameters
-from poise.locomotion._stepping._sway import check_sway
+from poise.locomotion._stepping._stance import (
+    WIDE,
+    DesiredMotion,
+    Footing,
+    FootRange,
+    Mode,
+    StanceChoice,
+    StanceEstimator,
+    StepEnd,
+    StepTasks,
+    TeleopParameters,
+    ZmpSensor,
+    biped_of,
+    mean_angle,
+    one_foot,
+    yaw_of,
+)
 from poise.locomotion._stepping._teleop_checks import (
     check_straight,
     checked_actuation,
@@ -41,8 +56,7 @@ from poise.locomotion._stepping._teleop_checks import (
     checked_start,
 )
 from poise.locomotion._stepping._teleop_status import TeleopStatus
-from poise.locomotion._stepping._torque_tasks import POSTURE_WEIGHT, TorqueTasks
-from poise.locomotion._stepping._velocity_tasks import VelocityTasks
+from poise.locomotion._stepping._upper_body import GazeLeader, HandLeader
 from poise.locomotion._support import SupportPolygon, two_soles
 from poise.robots import Robot
 from poise.stack import Stack

@@ -8,7 +8,7 @@ from jaxtyping import Float64
 from poise.control import CONTROLLERS, fault_of
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.locomotion._stepping._com_motion import ComDriver, ShifterDriver
+from poise.locomotion._stepping._by_velocity import ComDriver, ShifterDriver
 from poise.robots import Robot
 
 _ACTUATIONS = ("velocity", "torque")

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._hands import HandStatus
-from poise.locomotion._stepping._modes import Mode, StepEnd
-from poise.locomotion._stepping._samples import DeviceSample, DeviceStatus
+from poise.locomotion._stepping._operator import DeviceSample, DeviceStatus
+from poise.locomotion._stepping._stance import Mode, StepEnd
+from poise.locomotion._stepping._upper_body import HandStatus
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

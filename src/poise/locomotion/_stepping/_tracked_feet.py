@@ -12,10 +12,14 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise.locomotion._stepping._fields import FieldError
-from poise.locomotion._stepping._grips import Clutch
-from poise.locomotion._stepping._pursuit import is_point
-from poise.locomotion._stepping._samples import DeviceSample, HandSample, checked_tracker
+from poise.locomotion._stepping._operator import (
+    Clutch,
+    DeviceSample,
+    FieldError,
+    HandSample,
+    checked_tracker,
+    is_point,
+)
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
 
 _LOG = logging.getLogger("poise")

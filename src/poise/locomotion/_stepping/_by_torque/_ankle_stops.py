@@ -1,0 +1,68 @@
+"""`AnkleStops`: leaves ankles to their stops where the ground tilts soles beyond their range."""
+
+import math
+
+from poise.locomotion._stepping._by_torque._righting import GROUND
+from poise.locomotion._stepping._stance import KNEE, Footing, leg_joints
+from poise.robots import Robot
+from poise.stack import JointLimit, SurfaceContact
+
+_NEAR, _BACK = 0.005, 0.03
+"""How near to a limit an ankle is left to its stop, and how far it has to come back from there
+until the limit holds again [rad]."""
+
+
+class AnkleStops:
+    """A sole that stands on an edge, with its ankle at the end of its range, leans with its shank.
+
+    As a contact the sole lies still, and as a joint at its limit the ankle turns no further: then
+    the body could not go on to that side. It would be moved all the same, because the COM has to,
+    and lean its trunk instead; and the sole, which does turn with the shank, would be asked to
+    stop. With one sole so on a bump G1, on both feet, was thrown about for four seconds without any
+    push, until its trunk leaned by 0.6 rad. Where the limit does not hold the body moves as over an
+    ankle that turns on, while in truth the sole turns on its edge: the joint's own stop turns it.
+
+    Args:
+        robot: the robot.
+        contacts: of the left and of the right sole.
+        limit: bound to the robot.
+    """
+
+    def __init__(self, robot: Robot, contacts: list[SurfaceContact], limit: JointLimit) -> None:
+        self._contacts, self._limit = contacts, limit
+        self._first = robot.nq - robot.nj
+        self._ankles = [leg_joints(robot, contact.frame)[KNEE + 1 :] for contact in contacts]
+        self._least, self._most = limit.q_min.tolist(), limit.q_max.tolist()
+        self._at_stop = dict[int, tuple[bool, bool]]()
+        self.reset()
+
+    def reset(self) -> None:
+        """All limits hold."""
+        for ankles in self._ankles:
+            for ankle in ankles:
+                self._leave(ankle, False, False)
+
+    def update(self, footing: Footing) -> None:
+        """One tick.
+
+        Args:
+            footing: of the tick.
+        """
+        for foot, contact in enumerate(self._contacts):
+            _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
+            up_x, up_y, _ = rotation[2].tolist()
+            tilted = math.hypot(up_x, up_y) > GROUND
+            for ankle in self._ankles[foot]:
+                angle = float(footing.dynamics.q[self._first + ankle])
+                below, above = angle - self._least[ankle], self._most[ankle] - angle
+                at_lower, at_upper = self._at_stop[ankle]
+                self._leave(
+                    ankle,
+                    contact.active and (below < _BACK if at_lower else tilted and below < _NEAR),
+                    contact.active and (above < _BACK if at_upper else tilted and above < _NEAR),
+                )
+
+    def _leave(self, ankle: int, at_lower: bool, at_upper: bool) -> None:
+        if self._at_stop.get(ankle) != (at_lower, at_upper):
+            self._at_stop[ankle] = at_lower, at_upper
+            self._limit.leave_to_stop(ankle, at_lower=at_lower, at_upper=at_upper)

@@ -1,0 +1,236 @@
+"""`SoleGrounds`: how the ground lies under each sole, told by the sole and not by a level.
+
+`SoleYield`: the foot that carries beside the stance gives way to what squeezes it.
+"""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.dynamics import rotation_vector
+from poise.locomotion._stepping._stance import Footing, TeleopParameters
+
+_LEVEL = np.eye(3)
+
+_FOLLOW, _CORRECT = 5.0, 20.0
+"""How fast the tilt of a ground follows that of a sole which lies flat on it, and how fast it is
+put right by a sole that could not be tilted as it is [1/s]."""
+
+_ON_EDGE, _FLAT = 0.9, 0.6
+"""Distance of the centre of pressure from the sole's, over half the sole: beyond the first the sole
+may be on its edge, within the second it lies flat."""
+
+_SEEK = 0.5
+"""How fast a sole turns on its edge that has not lain flat yet [rad/s]."""
+
+
+class SoleGrounds:
+    """The tilt of the ground under each foot, as the inertial unit has it.
+
+    A sole whose centre of pressure is well inside lies flat: the ground is tilted as the sole is,
+    whatever the unit takes to be level. With the centre of pressure at its toes a sole may be off
+    the ground with its heel, but it cannot be turned the other way: the ground falls off forward
+    no more than the sole does. Likewise at the heel, and at either side. Under a foot that has not
+    lain flat since it landed nobody knows the ground: it is where the sole gets flat that is turned
+    with its free edge down. Turns about the forward and the side axis are told apart.
+
+    Args:
+        parameters: length of a tick.
+    """
+
+    def __init__(self, parameters: TeleopParameters) -> None:
+        self._follow, self._correct = parameters.dt * _FOLLOW, parameters.dt * _CORRECT
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is known of the ground."""
+        self._tilts = [np.zeros(3), np.zeros(3)]
+        self._known = [[False, False], [False, False]]
+
+    def update(self, footing: Footing) -> None:
+        """Takes one tick.
+
+        Args:
+            footing: of the tick.
+        """
+        for foot in (0, 1):
+            if footing.mode.single and foot == footing.other:
+                # It will land on what the other stands on, for all that is known.
+                self._tilts[foot] = self._tilts[1 - foot].copy()
+                self._known[foot] = [False, False]
+                continue
+            pressed = _pressed(footing, foot)
+            if pressed is None:
+                continue
+            off = _sole_tilt(footing, foot) - self._tilts[foot]
+            for axis, part in enumerate(pressed):
+                self._tilts[foot][axis] += self._believed(foot, axis, float(off[axis]), part)
+
+    def _believed(self, foot: int, axis: int, off: float, pressed: float) -> float:
+        """How much of a difference of tilts about an axis is the ground's [rad].
+
+        Args:
+            foot: whose.
+            axis: about which.
+            off: sole less ground [rad].
+            pressed: how far the centre of pressure is on the edge that such a turn lowers.
+        """
+        if not self._known[foot][axis]:
+            self._known[foot][axis] = abs(pressed) < _ON_EDGE
+            return off
+        edge = min(1.0, max(0.0, (abs(pressed) - _FLAT) / (_ON_EDGE - _FLAT)))
+        # On the lowered edge a sole may be tilted, with the raised one down it cannot be.
+        impossible = edge if off * pressed < 0.0 else 0.0
+        return (self._follow * (1.0 - edge) + self._correct * impossible) * off
+
+    def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
+        """How the ground under a foot is turned, world_R_ground.
+
+        Args:
+            foot: 0 left, 1 right.
+        """
+        return pin.exp3(self._tilts[foot])
+
+    def seeking(self, footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
+        """Angular velocity of a sole on an edge whose ground is not known, its free edge down.
+
+        Args:
+            footing: of the tick.
+            foot: 0 left, 1 right.
+
+        Returns:
+            The angular velocity, horizontal [rad/s].
+        """
+        rate, pressed = np.zeros(3), _pressed(footing, foot)
+        if pressed is not None:
+            for axis, part in enumerate(pressed):
+                if not self._known[foot][axis]:
+                    rate[axis] = -math.copysign(_SEEK, part)
+        return rate
+
+    def righting(self, footing: Footing, foot: int, gain: float) -> Float64[np.ndarray, "3"]:
+        """Angular velocity with which a sole that carries is turned onto its ground.
+
+        Args:
+            footing: of the tick.
+            foot: 0 left, 1 right.
+            gain: of the turn [1/s].
+
+        Returns:
+            The angular velocity, horizontal [rad/s].
+        """
+        lift = _sole_tilt(footing, foot) - self._tilts[foot]
+        return self.seeking(footing, foot) - gain * lift
+
+
+def _sole_tilt(footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
+    """How a sole is turned from level, horizontal axis times angle [rad]."""
+    _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
+    tilt = rotation_vector(rotation, _LEVEL)
+    tilt[2] = 0.0
+    return tilt
+
+
+def _pressed(footing: Footing, foot: int) -> tuple[float, float] | None:
+    """Where a sole is pressed, over half the sole, on the edges that turns about x and y lower."""
+    centre = footing.sensor.centres[foot]
+    if centre is None:
+        return None
+    length, width = footing.biped.sizes[foot]
+    return -2.0 * centre[1] / width, 2.0 * centre[0] / length
+
+
+_ROLL_OFF = 0.3
+"""How fast a sole turns for a distance of its centre of pressure from where it should be
+[rad/s per m]; servos are stiff: ten times as much makes feet shake."""
+
+_GIVE = (0.15, 0.15, 0.03)
+"""How fast a foot gives way to a force that squeezes, over the weight [m/s]; legs are stiffest
+along their length."""
+
+_SETTLE = 5.0
+"""How fast the place of a foot that carries follows the foot [1/s]."""
+
+_LEAST_LOAD = 0.1
+"""Load of both feet, over the weight, below which neither gives way."""
+
+
+class SoleYield:
+    """Two feet on the ground are a closed chain: one gives way to forces that only squeeze.
+
+    Servos of velocities add up every small error of a place that cannot be reached, until a joint
+    is at its limit of torque: with both feet held where they were put down legs push against each
+    other, and soles lie on their edges. So the foot that is not the stance goes where its contact
+    takes it, as far as it carries:
+
+    - it is turned until its centre of pressure is as far ahead as the other's, and in the middle
+      along the line between the feet, where loads and not soles hold the balance;
+    - it goes along the ground with what is left of its pull when that of both is shared by load;
+    - it is lifted or lowered until it carries what the ZMP between the feet asks for: the measured
+      one at rest, the commanded one in a shift, where joints that sag would leave the weight, and
+      so the ZMP, where they were.
+
+    Args:
+        dt: length of a tick [s].
+    """
+
+    def __init__(self, dt: float) -> None:
+        self._settle = dt * _SETTLE
+
+    def turn(self, footing: Footing) -> Float64[np.ndarray, "2"] | None:
+        """Angular velocity of the other sole, x and y; None while it carries nothing [rad/s].
+
+        Args:
+            footing: of the tick, on both feet.
+        """
+        sensor, other = footing.sensor, footing.other
+        here, there = sensor.centres[other], sensor.centres[footing.stance]
+        if here is None or there is None:
+            return None
+        along = _between(footing)
+        along /= np.linalg.norm(along)
+        aim = np.array(there)
+        off_x, off_y = (np.array(here) - aim + along * along.dot(aim)).tolist()
+        _, rotation = footing.dynamics.placement(footing.biped.frames[other])
+        share = min(1.0, 2.0 * float(sensor.loads[other]) / footing.biped.weight)
+        return _ROLL_OFF * share * rotation[:2, :2].dot(np.array([off_y, -off_x]))
+
+    def move(
+        self,
+        footing: Footing,
+        velocity: Float64[np.ndarray, "3"],
+        zmp: Float64[np.ndarray, "2"],
+    ) -> Float64[np.ndarray, "3"]:
+        """Velocity of the other foot; its anchor settles where it stands [m/s].
+
+        Args:
+            footing: of the tick, on both feet.
+            velocity: that holds it at its anchor [m/s].
+            zmp: that the load shall follow [m].
+        """
+        sensor, other = footing.sensor, footing.other
+        total, weight = float(sensor.loads.sum()), footing.biped.weight
+        if sensor.centres[other] is None or total < _LEAST_LOAD * weight:
+            return velocity
+        part = float(sensor.loads[other]) / total
+        pull, counter = (np.array(sensor.pulls[foot]) for foot in (other, footing.stance))
+        squeeze = (1.0 - part) * pull - part * counter
+        give = np.array([*squeeze, (part - self._part(footing, zmp)) * total])
+        share = min(1.0, 2.0 * part)
+        anchor = footing.anchors[other]
+        anchor += self._settle * share * (footing.sole(other) - anchor)
+        return (1.0 - share) * velocity + share / weight * np.array(_GIVE) * give
+
+    @staticmethod
+    def _part(footing: Footing, zmp: Float64[np.ndarray, "2"]) -> float:
+        """Part of the load that is the other foot's with the ZMP at a place."""
+        along = _between(footing)
+        from_stance = zmp - footing.sole(footing.stance)[:2]
+        return min(1.0, max(0.0, float(from_stance.dot(along) / along.dot(along))))
+
+
+def _between(footing: Footing) -> Float64[np.ndarray, "2"]:
+    """From the stance to the other foot, along the ground [m]."""
+    return (footing.sole(footing.other) - footing.sole(footing.stance))[:2]

@@ -1,0 +1,277 @@
+"""`VelocityTasks`: the stack that the step teleoperator leads where velocities are commanded.
+
+`TaskWeights`: W_A, how much each task of the second level counts.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.control import (
+    Controller,
+    ControllerPlan,
+    DifferentialIK,
+    refuse_solver_settings,
+)
+from poise.dynamics import Dynamics, rotation_vector, saturate
+from poise.locomotion._stepping._by_velocity._soles import SoleGrounds, SoleYield
+from poise.locomotion._stepping._stance import (
+    Biped,
+    DesiredMotion,
+    Footing,
+    Mode,
+    TeleopParameters,
+    TrunkLean,
+)
+from poise.stack import (
+    ComTask,
+    FrameTask,
+    JointLimit,
+    JointTask,
+    MomentumTask,
+    SelfCollisionLimit,
+    Stack,
+    SurfaceContact,
+    Task,
+)
+
+_UPRIGHT_WEIGHT = 100.0
+"""Weight of the torso's angular velocity while the operator asks for an upright torso."""
+
+_LIMIT_TIME = 0.05
+"""Time in which a joint may at most reach its position limit [s]."""
+
+_MARGIN = 0.01
+"""Distance that is kept between the capsules of two legs [m]. Those of feet are as large as feet,
+and feet are off by up to 9 mm where they land; those of knees are up to 4 cm larger than knees,
+which farther apart would hold ordinary steps."""
+
+_LEVEL = np.eye(3)
+
+
+class WA(NamedTuple):
+    """W_A of the second level in (20): one number for each task.
+
+    Attributes:
+        momentum: of the angular momentum.
+        torso: of the torso's angular velocity.
+        foot: of the velocity of the foot that is not the stance.
+    """
+
+    momentum: float
+    torso: float
+    foot: float
+
+
+class TaskWeights:
+    """In place of (39c) and (39d): constant where those chatter with the measured ZMP.
+
+    Args:
+        parameters: weights.
+        rotator: whether the body rotator acts.
+    """
+
+    def __init__(self, parameters: TeleopParameters, *, rotator: bool) -> None:
+        self._parameters, self._rotator = parameters, rotator
+
+    def at(self, footing: Footing, *, upright: bool) -> WA:
+        """The weights.
+
+        Args:
+            footing: of the tick.
+            upright: whether the operator asks for an upright torso.
+        """
+        p = self._parameters
+        if not footing.mode.single:
+            return WA(p.epsilon, p.w_B, p.w_S2)
+        # Firm on the ground, so that momentum does not drag the foot; the paper's once clear of it.
+        clear = footing.clearance(footing.ground_below, p.clear_height)
+        foot = p.w_S2 ** (1.0 - clear) * p.w_S1**clear
+        if not self._rotator:
+            return WA(p.epsilon, _UPRIGHT_WEIGHT if upright else p.w_B, foot)
+        # A torso that leans as far as the momentum asks for takes the hips to their limits.
+        torso = p.w_B1 * (1.0 + (footing.tilt / p.tilt_soft) ** 4)
+        return WA(p.w_L, _UPRIGHT_WEIGHT if upright else torso, foot)
+
+
+class VelocityTasks:
+    """The two levels of (19) as tasks of a stack, with (17b) and (17d) for torso and sole.
+
+    The first level has the COM's velocity and the other sole's angular velocity; the second has
+    angular momentum, the torso's angular velocity and the other sole's velocity. The stance is the
+    only active contact: tasks on it are suspended, and the other sole, on the ground or in the air,
+    is led by its tasks. Arms and neck move as their own tasks say; the legs make up for what that
+    does to COM and angular momentum.
+
+    Args:
+        biped: the robot.
+        parameters: gains and limits.
+        limbs: of the joints of arms and neck, which somebody else leads.
+        rotator: whether the body rotator acts.
+
+    Attributes:
+        stack: to be solved for joint velocities.
+    """
+
+    def __init__(
+        self,
+        biped: Biped,
+        parameters: TeleopParameters,
+        limbs: Sequence[JointTask],
+        *,
+        rotator: bool,
+    ) -> None:
+        self._biped, self._parameters = biped, parameters
+        self._led = [task.name for task in limbs]
+        self._lean = TrunkLean(biped.relief, parameters.dt)
+        self._grounds, self._yield = SoleGrounds(parameters), SoleYield(parameters.dt)
+        self._weights = TaskWeights(parameters, rotator=rotator)
+        self._com = ComTask()
+        self._momentum = MomentumTask("angular_xy")
+        self._torso = FrameTask(biped.robot.torso, "orientation", name="torso")
+        self._turns = [FrameTask(s, "orientation", name=f"{s} level") for s in biped.soles]
+        self._places = [FrameTask(s, "position", name=f"{s} place") for s in biped.soles]
+        self._contacts = [SurfaceContact(sole) for sole in biped.soles]
+        self.stack = Stack(
+            contacts=self._contacts,
+            levels=[
+                [self._com, *self._turns],
+                [self._momentum, self._torso, *self._places],
+                *([limbs] if limbs else []),
+            ],
+            joint_limit=JointLimit(position_margin=0.0, position_range=biped.knees),
+            self_collision_limit=SelfCollisionLimit(legs_only=True, margin=_MARGIN),
+        )
+        self.stack.bind(biped.robot)
+        self.reset()
+
+    def reset(self) -> None:
+        """No foot is the stance yet."""
+        self._stance = -1
+        self._lean.reset()
+        self._grounds.reset()
+
+    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
+        """Solves the stack, (19) to (23).
+
+        Args:
+            dynamics: of the estimated state, which need not be computed again.
+            time_limit: None, as one solve is one factorization.
+
+        Raises:
+            ConfigurationError: a time limit.
+        """
+        refuse_solver_settings(ControllerPlan(name="differential_ik", time_limit=time_limit))
+        return DifferentialIK(
+            self._biped.robot,
+            self.stack,
+            dt=self._parameters.dt,
+            joints=self._biped.legs,
+            led=self._led,
+            limit_time=_LIMIT_TIME,
+            dynamics=dynamics,
+        )
+
+    def ask(self, footing: Footing, desired: DesiredMotion, *, upright: bool) -> None:
+        """Sets contacts, velocities and weights for a tick.
+
+        Args:
+            footing: of the tick.
+            desired: of body and feet.
+            upright: whether the operator asks for an upright torso.
+        """
+        weights = self._weights.at(footing, upright=upright)
+        biped, dynamics, other = self._biped, footing.dynamics, footing.other
+        self._stand_on(footing.stance)
+        # Feet that stand are no matter of a controller that knows one of them as a contact.
+        self.stack.self_collision_limit.rest(not footing.mode.single)
+        self._grounds.update(footing)
+        turn = _Turn(footing, self._righting(footing, footing.stance))
+        place, _ = dynamics.placement(biped.frames[other])
+        _, torso = dynamics.placement(biped.torso)
+        self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
+        self._turns[other].set_velocity(self._other_sole(footing) - turn.rate)
+        self._momentum.set_velocity(desired.momentum - turn.momentum())
+        self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
+        foot = desired.foot
+        if not footing.mode.single:
+            zmp = footing.sensor.zmp
+            if footing.mode is not Mode.D:
+                # The CT-ZMP (26) of the commanded acceleration: what is measured lags behind a
+                # shift. At rest it is what is measured, or the robot would sway by a centimetre.
+                zmp = dynamics.com[:2] - desired.com_acceleration / footing.omega**2
+            foot = self._yield.move(footing, foot, zmp)
+        self._places[other].set_velocity(foot - turn.velocity_at(place))
+        _weigh(self._momentum, weights.momentum)
+        _weigh(self._torso, weights.torso)
+        _weigh(self._places[other], weights.foot)
+
+    def _other_sole(self, footing: Footing) -> Float64[np.ndarray, "3"]:
+        """Eq. (17d), parallel to the stance's ground; one that carries yields instead [rad/s]."""
+        other, grounds = footing.other, self._grounds
+        _, attitude = footing.dynamics.placement(footing.biped.frames[other])
+        turn = self._upright(attitude, grounds.rotation(footing.stance))
+        yielding = None if footing.mode.single else self._yield.turn(footing)
+        if yielding is not None:
+            turn[:2] = yielding + self._righting(footing, other)[:2]
+        return turn
+
+    def _righting(self, footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
+        p = self._parameters
+        return saturate(p.omega_lim, self._grounds.righting(footing, foot, p.k_level))
+
+    def _upright(
+        self,
+        rotation: Float64[np.ndarray, "3 3"],
+        target: Float64[np.ndarray, "3 3"] = _LEVEL,
+    ) -> Float64[np.ndarray, "3"]:
+        """Eqs (17b) and (17d) [rad/s]."""
+        p = self._parameters
+        return saturate(p.omega_lim, p.k_omega * rotation_vector(target, rotation))
+
+    def _stand_on(self, foot: int) -> None:
+        if foot == self._stance:
+            return
+        self._stance = foot
+        self._contacts[foot].engage(0.0)
+        self._contacts[1 - foot].release(0.0)
+
+
+def _weigh(task: Task, row_weight: float) -> None:
+    task.set_weight((row_weight / DifferentialIK.ROW_WEIGHT) ** 0.5)
+
+
+class _Turn:
+    """The whole robot turning about its stance sole, which is turned onto its ground.
+
+    A controller takes the stance to be at rest. A sole that is off its ground is turned back
+    slowly, or a robot on the edge of a sole would stay there; what body and feet do by that alone
+    comes off what they are asked for.
+
+    Args:
+        footing: of the tick.
+        rate: angular velocity of the stance sole, horizontal [rad/s].
+
+    Attributes:
+        rate: angular velocity of the robot, horizontal [rad/s].
+    """
+
+    def __init__(self, footing: Footing, rate: Float64[np.ndarray, "3"]) -> None:
+        self._footing, self.rate = footing, rate
+        self._sole, _ = footing.dynamics.placement(footing.biped.frames[footing.stance])
+
+    def velocity_at(self, point: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
+        """Velocity of a point of the robot, rate x (point - sole) [m/s]."""
+        (x, y, z), (sole_x, sole_y, sole_z) = point.tolist(), self._sole.tolist()
+        wx, wy, _ = self.rate.tolist()
+        x, y, z = x - sole_x, y - sole_y, z - sole_z
+        return np.array([wy * z, -wx * z, wx * y - wy * x])
+
+    def momentum(self) -> Float64[np.ndarray, "2"]:
+        """Angular momentum about the COM, x and y [kg m^2/s]."""
+        dynamics = self._footing.dynamics
+        _, world_R_base = dynamics.placement(self._footing.biped.base)
+        # Turned by its base alone the robot is rigid: A_G has its inertia about the base's axes.
+        return dynamics.momentum_matrix[3:5, 3:6].dot(self.rate.dot(world_R_base))

@@ -1,0 +1,66 @@
+"""What the operator's devices say: samples, whether to believe them, and their recordings."""
+
+from poise.locomotion._stepping._operator._device import Device, ScriptedDevice, WayPoint
+from poise.locomotion._stepping._operator._fields import FieldError
+from poise.locomotion._stepping._operator._grips import (
+    LATE,
+    LOST_AFTER,
+    Clutch,
+    HandGrip,
+    HeadGrip,
+    TurnPursuit,
+    rotation_of,
+)
+from poise.locomotion._stepping._operator._guard import DeviceGuard
+from poise.locomotion._stepping._operator._pursuit import is_point
+from poise.locomotion._stepping._operator._recording import (
+    RecordedDevice,
+    RecordedPush,
+    Recording,
+    RecordingWriter,
+    read_recording,
+)
+from poise.locomotion._stepping._operator._recording_format import RecordingError
+from poise.locomotion._stepping._operator._sample_clock import Lateness, SampleClock
+from poise.locomotion._stepping._operator._samples import (
+    BodySample,
+    DeviceSample,
+    DeviceStatus,
+    HandSample,
+    HeadSample,
+    checked_reading,
+    checked_sample,
+    checked_tracker,
+)
+
+__all__ = [
+    "LATE",
+    "LOST_AFTER",
+    "BodySample",
+    "Clutch",
+    "Device",
+    "DeviceGuard",
+    "DeviceSample",
+    "DeviceStatus",
+    "FieldError",
+    "HandGrip",
+    "HandSample",
+    "HeadGrip",
+    "HeadSample",
+    "Lateness",
+    "RecordedDevice",
+    "RecordedPush",
+    "Recording",
+    "RecordingError",
+    "RecordingWriter",
+    "SampleClock",
+    "ScriptedDevice",
+    "TurnPursuit",
+    "WayPoint",
+    "checked_reading",
+    "checked_sample",
+    "checked_tracker",
+    "is_point",
+    "read_recording",
+    "rotation_of",
+]

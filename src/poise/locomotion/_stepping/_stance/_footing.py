@@ -1,0 +1,264 @@
+"""`Footing`: how the robot stands in one tick, once mode and stance are settled.
+
+`StanceChoice`: which foot is taken to be at rest, and where the feet count as standing.
+`yaw_of`, `wrapped`, `mean_angle`: angles of feet that may have turned all the way round.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.dynamics import Dynamics
+from poise.locomotion._stepping._stance._biped import Biped
+from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._stance._modes import Mode
+from poise.locomotion._stepping._stance._one_foot import WIDE, OneFoot, inner_side
+from poise.locomotion._stepping._stance._parameters import TeleopParameters
+from poise.locomotion._support import SolePart, SupportPolygon, both_soles, sole_rectangle
+
+_LOAD_RATIO = 1.2
+"""In double support a foot becomes the stance that carries this many times the other's load."""
+
+
+class StanceChoice:
+    """Keeps the estimator's stance and the feet's places up to date.
+
+    Args:
+        estimator: whose.
+        sensor: says what the feet carry.
+        parameters: loads and speeds.
+        weight: of the robot [N].
+
+    Attributes:
+        pressed: how far below its place the foot is sent that carries nothing [m].
+    """
+
+    def __init__(
+        self,
+        estimator: StanceEstimator,
+        sensor: ZmpSensor,
+        parameters: TeleopParameters,
+        weight: float,
+    ) -> None:
+        self._estimator, self._sensor = estimator, sensor
+        self._parameters = parameters
+        self._least_load = parameters.land_load * weight
+        self._pressing, self.pressed = False, 0.0
+
+    def begin(self, before: Mode, mode: Mode) -> None:
+        """A mode has begun: a foot that has landed has a new place, one that is lifted no weight.
+
+        Args:
+            before: the mode that has ended.
+            mode: the one that has begun.
+        """
+        estimator = self._estimator
+        if mode is Mode.D and before.single:
+            estimator.put_down(1 - estimator.stance)
+        if mode.single and mode.support is not None:
+            estimator.stand_on(mode.support)
+
+    def follow(self, mode: Mode) -> None:
+        """Each tick with both feet on the ground: the one that carries more is the stance.
+
+        Args:
+            mode: now.
+        """
+        if mode.single:
+            return
+        estimator, loads = self._estimator, self._sensor.loads
+        stance = estimator.stance
+        if loads[1 - stance] > _LOAD_RATIO * loads[stance]:
+            estimator.stand_on(1 - stance)
+        other = 1 - estimator.stance
+        # One that is about to be lifted is to lose its load.
+        if mode.support in (None, other):
+            self._press(other)
+        else:
+            self._pressing, self.pressed = False, 0.0
+
+    def _press(self, foot: int) -> None:
+        """Sends a foot down until it carries something.
+
+        One that has only just touched with an edge would hang in the air. It is taken to stand
+        where it is as soon as it carries: pressed further it would tip the robot over the edge of
+        the sole at rest. Its place is the ground that it is over, not where it is sent: the body
+        would go down with that, and up again.
+        """
+        p = self._parameters
+        anchor, height = self._estimator.anchors[foot], float(self._estimator.sole(foot)[2])
+        if self._sensor.loads[foot] < self._least_load:
+            anchor[2] = min(float(anchor[2]), height)
+            self.pressed = min(self.pressed + p.dt * p.press_speed, p.press_speed / p.k_v)
+            self._pressing = True
+        elif self._pressing:
+            anchor[2], self._pressing, self.pressed = height, False, 0.0
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Footing:
+    """Estimated state, mode and stance of a tick, and what follows from them, computed once.
+
+    Attributes:
+        biped: the robot.
+        dynamics: of the estimated state.
+        mode: which feet carry the robot.
+        stance: the foot that is taken to be at rest; the support foot in single support.
+        anchors: where each sole was last put down, left then right [m].
+        omega: sqrt(g / H) [1/s].
+        margin: how far from the soles' edge support ends [m].
+        sensor: what the soles carry, and where.
+        one_foot: where the robot balances on a foot that carries alone.
+        pressed: how far below its place the other foot is sent, both feet on the ground [m].
+        parts: what of each sole carries where both feet stand, left then right; None for all.
+        borrowed: see `ComFeedback`.
+        com_velocity: of the COM, observed, x and y; that of `dynamics` when None [m/s].
+        has_left: whether the foot in the air has left the ground.
+        zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
+            down, as `one_foot` says [m].
+        heading: where the pelvis faces, along the ground: legs cross or not as it is turned.
+        tilt: angle of the torso against upright [rad].
+        support: of the soles on the ground, with a margin. In double support that is both, whatever
+            their load: a foot that happens to carry nothing carries as soon as the ZMP moves
+            towards it.
+        asked: where the CT-ZMP may be asked for: a little beyond the only sole that carries, where
+            the trunk's angular momentum makes up for a while for what that does not give.
+        capture_depth: how far the divergent component p + pdot / omega is inside the support, or
+            inside what `one_foot` holds [m].
+    """
+
+    biped: Biped
+    dynamics: Dynamics
+    mode: Mode
+    stance: int
+    anchors: list[Float64[np.ndarray, "3"]]
+    omega: float
+    margin: float
+    sensor: ZmpSensor
+    one_foot: OneFoot = WIDE
+    pressed: float = 0.0
+    parts: Sequence[SolePart | None] = (None, None)
+    borrowed: float = 0.0
+    com_velocity: Float64[np.ndarray, "2"] | None = None
+    has_left: bool = True
+
+    zmp_reference: Float64[np.ndarray, "2"] = field(init=False)
+    heading: Float64[np.ndarray, "2"] = field(init=False)
+    tilt: float = field(init=False)
+    support: SupportPolygon = field(init=False)
+    asked: SupportPolygon = field(init=False)
+    capture_depth: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        dynamics = self.dynamics
+        _, torso = dynamics.placement(self.biped.torso)
+        self.zmp_reference = self._zmp_reference(torso)
+        _, pelvis = dynamics.placement(self.biped.pelvis)
+        (x, _, _), (y, _, _), _ = pelvis.tolist()
+        length = math.hypot(x, y)
+        self.heading = np.array([x / length, y / length])
+        self.tilt = math.acos(max(-1.0, min(1.0, float(torso[2, 2]))))
+        self.support, self.asked, held = self._support()
+        velocity = dynamics.com_velocity[:2] if self.com_velocity is None else self.com_velocity
+        (x, y, _), (speed_x, speed_y) = dynamics.com.tolist(), velocity.tolist()
+        self.capture_depth = held.depth((x + speed_x / self.omega, y + speed_y / self.omega))
+
+    def _zmp_reference(self, torso: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "2"]:
+        """Where the ZMP should be, by how the torso leans, world_R_torso [m]."""
+        carries = self.mode.support
+        if carries is None:
+            (x, y, _), (other_x, other_y, _) = self.sole(0).tolist(), self.sole(1).tolist()
+            return np.array([0.5 * (x + other_x), 0.5 * (y + other_y)])
+        place, frames = self.anchors[carries], self.biped.frames
+        _, rotation = self.dynamics.placement(frames[carries])
+        if not self.mode.single:
+            return self.one_foot.arriving(carries, place, rotation)
+        (up_x, up_y, _), (left_x, left_y, _) = torso[:, 2].tolist(), rotation[:, 1].tolist()
+        leaning = (up_x * left_x + up_y * left_y) * inner_side(carries)
+        return self.one_foot.zmp(carries, place, rotation, leaning, self.borrowed)
+
+    def _support(self) -> tuple[SupportPolygon, SupportPolygon, SupportPolygon]:
+        """That of the soles, what may be asked for, and where the divergent component is held."""
+        biped, placement = self.biped, self.dynamics.placement
+        if self.mode.single:
+            stance = self.stance
+            place, size = placement(biped.frames[stance]), biped.sizes[stance]
+            sole = SupportPolygon(sole_rectangle(*place, size), self.margin)
+            if not self.one_foot.narrow:
+                return sole, sole.grown(self.margin + self.one_foot.momentum), sole
+            asked, held = self.one_foot.asks(stance, size), self.one_foot.holds(stance, size)
+            return (
+                sole,
+                SupportPolygon(asked.corners(*place, 0.0), 0.0),
+                SupportPolygon(held.corners(*place, 0.0), self.margin),
+            )
+        soles = both_soles(
+            [placement(frame) for frame in biped.frames], biped.sizes, self.margin, self.parts
+        )
+        return soles, soles, soles
+
+    @property
+    def other(self) -> int:
+        """The foot that is not the stance: the swing foot in single support."""
+        return 1 - self.stance
+
+    def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
+        """Where a sole's centre is [m]."""
+        return self.dynamics.placement(self.biped.frames[foot])[0]
+
+    def yaw(self, foot: int) -> float:
+        """How a sole is turned, to the left of the world's x axis, from -pi to pi [rad]."""
+        return yaw_of(self.dynamics.placement(self.biped.frames[foot])[1])
+
+    @property
+    def ground(self) -> float:
+        """Height of the ground that carries: of the stance foot, or the middle of both feet [m]."""
+        if self.mode.single:
+            return float(self.anchors[self.stance][2])
+        return 0.5 * float(self.anchors[0][2] + self.anchors[1][2])
+
+    @property
+    def lowest_ground(self) -> float:
+        """Height of the lower of the places where the feet were put down [m]."""
+        return min(float(anchor[2]) for anchor in self.anchors)
+
+    @property
+    def highest_ground(self) -> float:
+        """Height of the higher of them [m]."""
+        return max(float(anchor[2]) for anchor in self.anchors)
+
+    @property
+    def ground_below(self) -> float:
+        """Height of the ground that the foot that is not the stance may touch [m].
+
+        It is what it stands on, until it has left that; then the lower of both, so that it gets
+        down beside a block that it stood on.
+        """
+        return self.lowest_ground if self.has_left else float(self.anchors[self.other][2])
+
+    def clearance(self, ground: float, clear: float) -> float:
+        """How clear of a ground the foot that is not the stance is, from 0 on it to 1 [].
+
+        Args:
+            ground: its height [m].
+            clear: height above it from which on the foot is clear [m].
+        """
+        return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
+
+
+def yaw_of(rotation: Float64[np.ndarray, "3 3"]) -> float:
+    """How something is turned, to the left of the world's x axis, from -pi to pi [rad]."""
+    return math.atan2(rotation[1, 0], rotation[0, 0])
+
+
+def wrapped(angle: float) -> float:
+    """The same angle, from -pi to pi [rad]."""
+    return math.remainder(angle, 2.0 * math.pi)
+
+
+def mean_angle(left: float, right: float) -> float:
+    """Half way between two angles, the shorter way round [rad]."""
+    return left + 0.5 * wrapped(right - left)

@@ -1,0 +1,125 @@
+"""`TrunkLean`: the trunk leans over a foot whose hip is too weak to hold the body upright on it.
+
+`TrunkPose`: how pelvis and torso shall be turned: so, facing as the feet do, and as commanded.
+"""
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.locomotion._stepping._stance._footing import Footing, wrapped
+
+_RATE = 0.3
+"""How fast it leans over a foot, and back [rad/s]."""
+
+_TURN_RATE, _POSE_RATE = 0.5, 0.6
+"""How fast the trunk turns to where the feet face, and to what is commanded [rad/s]."""
+
+TORSO_MOST = (0.3, 0.4, 0.5)
+"""Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
+
+_IN_LINE = (0.0, 0.0, 0.0)
+_LEVEL = np.eye(3)
+
+
+class TrunkLean:
+    """Upright, or leaning over the foot that carries where its hip needs that.
+
+    Args:
+        relief: how far over the left and over the right foot, see `Biped` [rad].
+        dt: length of a tick [s].
+    """
+
+    def __init__(self, relief: tuple[float, float], dt: float) -> None:
+        self._goals = (-relief[0], relief[1])
+        self._step = _RATE * dt
+        self._angle = 0.0
+
+    def reset(self) -> None:
+        """Upright."""
+        self._angle = 0.0
+
+    def rotation(self, footing: Footing) -> Float64[np.ndarray, "3 3"]:
+        """How the trunk shall be turned in this tick, world_R_trunk.
+
+        Args:
+            footing: of the tick.
+        """
+        carries = footing.mode.support
+        goal = 0.0 if carries is None else self._goals[carries]
+        self._angle += max(-self._step, min(self._step, goal - self._angle))
+        if self._angle == 0.0:
+            return _LEVEL
+        x, y = footing.heading.tolist()
+        return pin.exp3(self._angle * np.array([x, y, 0.0]))
+
+
+class TrunkPose:
+    """References of pelvis and torso, where both can be turned.
+
+    Args:
+        relief: how far it leans over the left and over the right foot, see `Biped` [rad].
+        dt: length of a tick [s].
+        waist: least and largest roll, pitch and yaw of the torso against the pelvis [rad].
+    """
+
+    def __init__(
+        self, relief: tuple[float, float], dt: float, waist: Float64[np.ndarray, "3 2"]
+    ) -> None:
+        self._lean, self._dt = TrunkLean(relief, dt), dt
+        self._waist: list[list[float]] = waist.tolist()
+        self.reset()
+
+    def reset(self) -> None:
+        """Upright, facing as the feet do."""
+        self._lean.reset()
+        self._facing: float | None = None
+        self._torso = _IN_LINE
+
+    @property
+    def upright(self) -> bool:
+        """Whether the torso is in line with the pelvis, and nobody asks for anything else."""
+        return self._torso == _IN_LINE
+
+    def rotations(
+        self, footing: Footing, facing: float, torso: tuple[float, float, float]
+    ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, "3 3"]]:
+        """World_R_pelvis and world_R_torso in this tick.
+
+        Args:
+            footing: of the tick.
+            facing: where the feet face, to the left of the world's x axis [rad].
+            torso: commanded roll, pitch and yaw of the torso against that [rad].
+        """
+        before = facing if self._facing is None else self._facing
+        most = _TURN_RATE * self._dt
+        # The shorter way, also where angles pass from pi to -pi.
+        turn = wrapped(facing - before)
+        self._facing = before + max(-most, min(most, turn))
+        most = _POSE_RATE * self._dt
+        before, allowed = self._torso, zip(torso, TORSO_MOST, strict=True)
+        roll, pitch, yaw = (max(-largest, min(largest, angle)) for angle, largest in allowed)
+        self._torso = (
+            _moved(before[0], roll, most),
+            _moved(before[1], pitch, most),
+            _moved(before[2], yaw, most),
+        )
+        pelvis = self._lean.rotation(footing)
+        if self._facing != 0.0:
+            turn = pin.exp3(np.array([0.0, 0.0, self._facing]))
+            pelvis = turn if pelvis is _LEVEL else pelvis.dot(turn)
+        if self.upright:
+            return pelvis, pelvis
+        turned = pelvis @ pin.rpy.rpyToMatrix(np.array(self._torso))
+        pairs = zip(self._torso, self._waist, strict=True)
+        bent = tuple(max(least, min(most, angle)) for angle, (least, most) in pairs)
+        if bent != self._torso:
+            # What the waist cannot do the pelvis does: asked to stay upright beneath a torso that
+            # is asked to bend, both would go half the way.
+            pelvis = turned @ pin.rpy.rpyToMatrix(np.array(bent)).T
+        return pelvis, turned
+
+
+def _moved(before: float, goal: float, most: float) -> float:
+    """Towards a goal by no more than that."""
+    return before + max(-most, min(most, goal - before))

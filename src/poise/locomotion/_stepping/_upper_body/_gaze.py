@@ -1,0 +1,146 @@
+"""`GazeLeader`: the robot looks where the operator looks."""
+
+import math
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import checked_number
+from poise.locomotion._stepping._operator import (
+    LATE,
+    LOST_AFTER,
+    DeviceSample,
+    HeadGrip,
+    SampleClock,
+    TurnPursuit,
+)
+from poise.locomotion._stepping._stance import TORSO_MOST
+from poise.locomotion._stepping._upper_body._hands import HandStatus
+from poise.locomotion._stepping._upper_body._limb_feedback import (
+    BY_SERVOS,
+    NECK_BY_TORQUES,
+    LimbFeedback,
+)
+from poise.locomotion._stepping._upper_body._neck import NeckMotion
+from poise.robots import Robot
+from poise.stack import JointTask
+
+_AHEAD = np.eye(3)
+
+
+class GazeLeader:
+    """Turns the head as the operator turns theirs, or brings it back to look straight ahead.
+
+    The gaze is along the axes of the torso, and ahead is where the head looks at rest. Its task has
+    the neck's joints follow a model of the neck (`NeckMotion`), smooth and within reach. Like that
+    of the arms it belongs into a level below the balance. Where there is no neck the torso may be
+    turned instead, by whoever leads that: by `torso`, as far as a torso is turned by command.
+
+    Args:
+        robot: with a neck, which is what joints there are between the torso and a frame of a head,
+            or without.
+        dt: length of a tick [s].
+        q_rest: configuration in which the head looks straight ahead; the robot's home when None.
+        weight: of the task in its level.
+        speed_max: of the head [rad/s].
+        turns_torso: whether somebody turns the torso by `torso` where there is no neck.
+        servos: whether servos of commanded velocities move the neck; else torques do.
+
+    Raises:
+        ConfigurationError: a number that is not positive.
+
+    Attributes:
+        task: of the neck's joints; None without a neck.
+        status: what the head does; None where nothing can turn it.
+        gaze: how it is led to be turned against straight ahead, along the torso's axes.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        dt: float,
+        q_rest: Float64[np.ndarray, " nq"] | None = None,
+        weight: float = 1.0,
+        speed_max: float = 2.5,
+        turns_torso: bool = False,
+        servos: bool = False,
+    ) -> None:
+        self._dt = checked_number(dt, "dt of the gaze [s]", above=0.0)
+        self._speed = checked_number(speed_max, "speed_max of the gaze [rad/s]", above=0.0)
+        q_rest = robot.q_home if q_rest is None else q_rest
+        self._neck = NeckMotion(robot, q_rest, dt=dt, speed_max=speed_max)
+        self.task: JointTask | None = None
+        if self._neck.joints:
+            self.task = JointTask(self._neck.joints, weight=weight, name="neck")
+            self.task.bind(robot)
+        firmness = BY_SERVOS if servos else NECK_BY_TORQUES
+        self._feedback = LimbFeedback(self.task, firmness, dt)
+        self._turns_torso = turns_torso and self.task is None
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets the past: the head looks straight ahead."""
+        self._neck.reset()
+        self._clock = SampleClock(LATE, LOST_AFTER)
+        self._feedback.reset()
+        self._grip = HeadGrip(self._dt, self._speed)
+        self._back = TurnPursuit(self._dt * self._speed)
+        self.gaze: Float64[np.ndarray, "3 3"] = _AHEAD
+        can = self.task is not None or self._turns_torso
+        self.status: HandStatus | None = HandStatus.REST if can else None
+        self._set_target()
+
+    @property
+    def torso(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw by which the torso shall look there; zero where a neck does [rad]."""
+        if not self._turns_torso:
+            return (0.0, 0.0, 0.0)
+        x, y, z = self.gaze[:, 0].tolist()
+        return (0.0, math.atan2(-z, math.hypot(x, y)), math.atan2(y, x))
+
+    def lead(self, sample: DeviceSample | None, time: float) -> None:
+        """Sets what the neck does in the tick that begins.
+
+        Args:
+            sample: what the device gave; None for nothing new.
+            time: of the robot [s].
+        """
+        if self.status is None:
+            return
+        news = sample if sample is not None and self._clock.takes(sample.time, time) else None
+        self.gaze = self._grip.update(None if news is None else news.head, time, self.gaze)
+        if self._grip.holds:
+            self.status = HandStatus.LED
+        elif news is not None and news.rest:
+            self.status = HandStatus.REST
+        elif self.status is not HandStatus.REST:
+            self.status = HandStatus.HELD
+        if self.status is HandStatus.REST:
+            self.gaze = self._homewards()
+        else:
+            self._back.lead(None, None)
+        if self.task is not None:
+            self._neck.advance(self.gaze)
+            moving = bool(self._neck.v.any())
+            self._feedback.stiffen(led=moving or self.status is not HandStatus.REST)
+            self._set_target()
+        if self.status is HandStatus.LED and self._at_edge():
+            self.status = HandStatus.REACH
+
+    def _homewards(self) -> Float64[np.ndarray, "3 3"]:
+        if self.gaze is _AHEAD:
+            return _AHEAD
+        self._back.lead(_AHEAD, self.gaze)
+        self._back.follow()
+        return _AHEAD if self._back.place is None else self._back.place
+
+    def _at_edge(self) -> bool:
+        if self.task is not None:
+            return self._neck.stuck
+        _, pitch, yaw = self.torso
+        return bool(abs(pitch) > TORSO_MOST[1] or abs(yaw) > TORSO_MOST[2])
+
+    def _set_target(self) -> None:
+        if self.task is not None:
+            self.task.set_target(self._neck.q, self._neck.v, self._neck.a)

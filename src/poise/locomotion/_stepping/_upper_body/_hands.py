@@ -1,0 +1,239 @@
+"""`HandLeader`: arms that follow the operator's hands, whatever leads the feet.
+
+`HandStatus`: what a hand does, or the gaze.
+"""
+
+import math
+from enum import Enum
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise._checks import checked_number
+from poise.dynamics import RobotState, rotation_vector
+from poise.locomotion._stepping._operator import (
+    LATE,
+    LOST_AFTER,
+    DeviceSample,
+    HandGrip,
+    SampleClock,
+)
+from poise.locomotion._stepping._upper_body._arms import ArmMotion
+from poise.locomotion._stepping._upper_body._limb_feedback import (
+    ARMS_BY_TORQUES,
+    BY_SERVOS,
+    LimbFeedback,
+)
+from poise.robots import Robot
+from poise.stack import JointTask
+
+
+class HandStatus(Enum):
+    """What a hand does, or the head."""
+
+    REST = "at rest, or on its way there"
+    HELD = "stays where it was let go"
+    LED = "follows its device"
+    REACH = "at the edge of its reach: it comes no further"
+    TURNED = "turned as far as it goes: its place follows"
+
+
+_EDGE = 0.03
+"""At the edge of its reach a hand's place is no further ahead than this [m]: when the device comes
+back, so does the hand at once."""
+
+_TURN_EDGE = 1.0
+"""And it is led to be turned no further ahead than this [rad]. So far a device may turn where the
+hand cannot follow, and turned back both face alike again, as whoever turns a wrist expects. Much
+more, and there are two ways round."""
+
+
+class HandLeader:
+    """Leads the arms by an operator's hands, or brings them back to rest.
+
+    What counts is the motion of a device while its clutch is closed, `scale` times, along the axes
+    of the torso: hands go along with a body that walks, and where it leans no arm is thrown about.
+    How a device is turned meanwhile, which gives that, turns its hand, not scaled. A hand that was
+    ever turned keeps its orientation in the torso until it rests; another is turned as its arm has
+    it. `task` has the arms' joints follow a model of the arms (`ArmMotion`), smooth and within
+    reach. It belongs into a level below the balance.
+
+    Args:
+        robot: with arms or without, which is led by nothing then.
+        dt: length of a tick [s].
+        q_rest: configuration of the arms at rest; the robot's home when None.
+        weight: of the task in its level.
+        scale: motion of a hand over that of its device.
+        speed_max: of a hand [m/s].
+        acceleration_max: of a hand [m/s^2].
+        turn_speed_max: of a hand [rad/s].
+        servos: whether servos of commanded velocities move the arms; else torques do.
+
+    Raises:
+        ConfigurationError: a number that is not positive.
+
+    Attributes:
+        task: of the arms' joints; None without arms.
+        names: of the hands that are led.
+        status: what each hand does.
+        places: where each hand is led to, in the torso's frame [m].
+        rotations: how each is led to be turned, torso_R_hand; None for one that is not.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        dt: float,
+        q_rest: Float64[np.ndarray, " nq"] | None = None,
+        weight: float = 1.0,
+        scale: float = 1.0,
+        speed_max: float = 1.5,
+        acceleration_max: float = 5.0,
+        turn_speed_max: float = 3.0,
+        servos: bool = False,
+    ) -> None:
+        self._dt = checked_number(dt, "dt of the hands [s]", above=0.0)
+        self._scale = checked_number(scale, "scale of the hands", above=0.0)
+        self._speed = checked_number(speed_max, "speed_max of the hands [m/s]", above=0.0)
+        checked_number(acceleration_max, "acceleration_max of the hands [m/s^2]", above=0.0)
+        self._turn_speed = checked_number(
+            turn_speed_max, "turn_speed_max of the hands [rad/s]", above=0.0
+        )
+        self._joints, self._servos = robot.nj, servos
+        self._arms = ArmMotion(
+            robot,
+            robot.q_home if q_rest is None else q_rest,
+            dt=dt,
+            speed_max=speed_max,
+            acceleration_max=acceleration_max,
+            turn_speed_max=turn_speed_max,
+        )
+        self.names = self._arms.names
+        self._sides = [
+            _side(robot, *hand) for hand in zip(self.names, self._arms.hands, strict=True)
+        ]
+        self.task: JointTask | None = None
+        if self._arms.joints:
+            self.task = JointTask(self._arms.joints, weight=weight, name="arms")
+            self.task.bind(robot)
+        firmness = BY_SERVOS if servos else ARMS_BY_TORQUES
+        self._feedback = LimbFeedback(self.task, firmness, dt)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets the past: the arms are at rest."""
+        self._arms.reset()
+        self._clock = SampleClock(LATE, LOST_AFTER)
+        self._grips = [HandGrip(self._dt, self._speed, self._turn_speed) for _ in self.names]
+        self._feedback.reset()
+        self._rested = False
+        self.places = [hand.copy() for hand in self._arms.hands]
+        self.rotations: list[Float64[np.ndarray, "3 3"] | None] = [None for _ in self.names]
+        self.status = [HandStatus.REST for _ in self.names]
+        self._set_target()
+
+    def lead(self, sample: DeviceSample | None, state: RobotState) -> None:
+        """Sets what the arms do in the tick that begins.
+
+        Args:
+            sample: what the device gave; None for nothing new.
+            state: as it is measured or estimated.
+        """
+        if self.task is None:
+            return
+        news = sample if sample is not None and self._clock.takes(sample.time, state.time) else None
+        for hand, grip in enumerate(self._grips):
+            side = self._sides[hand]
+            said = news.hands[side] if news is not None and side < 2 else None
+            motion = grip.update(said, state.time)
+            self._turn(hand, grip)
+            if grip.holds:
+                self.places[hand] = self.places[hand] + self._scale * motion
+                self.status[hand] = HandStatus.LED
+            elif news is not None and news.rest:
+                self.status[hand] = HandStatus.REST
+            elif self.status[hand] is not HandStatus.REST:
+                self.status[hand] = HandStatus.HELD
+        rests = [status is HandStatus.REST for status in self.status]
+        rates = [grip.rate.at(state.time) if grip.holds else None for grip in self._grips]
+        self._arms.advance(
+            [None if rest else place for rest, place in zip(rests, self.places, strict=True)],
+            self.rotations,
+            [None if rate is None else self._scale * rate for rate in rates],
+        )
+        for hand, here in enumerate(self._arms.hands):
+            self._stop_at_edge(hand, here)
+        # Servos follow all the way to rest; by torques arms that go there are soft.
+        moving = self._servos and bool(self._arms.v.any())
+        self._feedback.stiffen(led=moving or not all(rests))
+        if self._feedback.learns:
+            self._feedback.learn(self._arms.q - state.q[-self._joints :][self._arms.index])
+        # What rests, and learns nothing, has been told where.
+        rested, self._rested = self._rested, self._arms.rests and not self._feedback.learns
+        if not (rested and self._rested):
+            self._set_target()
+
+    def targets(
+        self, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
+    ) -> tuple[Float64[np.ndarray, "3"], ...]:
+        """Where each hand is led to in the world [m].
+
+        Args:
+            position: of the torso [m].
+            rotation: world_R_torso.
+        """
+        return tuple(position + rotation.dot(place) for place in self.places)
+
+    def orientations(
+        self, rotation: Float64[np.ndarray, "3 3"]
+    ) -> tuple[Float64[np.ndarray, "3 3"] | None, ...]:
+        """How each hand is led to be turned, world_R_hand; None for one that is not.
+
+        Args:
+            rotation: world_R_torso.
+        """
+        return tuple(None if turned is None else rotation.dot(turned) for turned in self.rotations)
+
+    def _turn(self, hand: int, grip: HandGrip) -> None:
+        """Where a hand is led to be turned: by how its device turned, from how it is itself."""
+        turned = self.rotations[hand]
+        if turned is None:
+            if grip.turns:
+                self.rotations[hand] = self._arms.rotations[hand]
+            return
+        if grip.turn.any():
+            turned = pin.exp3(grip.turn) @ turned
+        here = self._arms.rotations[hand]
+        way = rotation_vector(turned, here)
+        far = math.hypot(*way)
+        self.rotations[hand] = (
+            pin.exp3(way * (_TURN_EDGE / far)) @ here if far > _TURN_EDGE else turned
+        )
+
+    def _stop_at_edge(self, hand: int, here: Float64[np.ndarray, "3"]) -> None:
+        """A hand that comes no further says so, and its place stays near."""
+        if self.status[hand] is HandStatus.REST:
+            self.places[hand], self.rotations[hand] = here, None
+        elif self._arms.blocked[hand]:
+            if self.status[hand] is HandStatus.LED:
+                self.status[hand] = HandStatus.REACH
+            way = self.places[hand] - here
+            self.places[hand] = here + way * min(1.0, _EDGE / max(math.hypot(*way), 1e-9))
+        elif self._arms.stuck[hand] and self.status[hand] is HandStatus.LED:
+            self.status[hand] = HandStatus.TURNED
+
+    def _set_target(self) -> None:
+        if self.task is not None:
+            self.task.set_target(self._arms.q, self._arms.v, self._arms.a + self._feedback.bias)
+
+
+def _side(robot: Robot, name: str, place: Float64[np.ndarray, "3"]) -> int:
+    """Which of the operator's hands leads a hand: the left one is 0, and the robot's first.
+
+    A hand that is the only one is led by that on its side.
+    """
+    if len(robot.hands) == 1:
+        return 0 if place[1] > 0.0 else 1
+    return robot.hands.index(name)
