@@ -15,6 +15,7 @@ from poise.locomotion._stepping import (
     Device,
     DeviceSample,
     DeviceStatus as DeviceStatus,
+    FaultLog as FaultLog,
     FieldError as FieldError,
     FootClutch as FootClutch,
     GazeLeader as GazeLeader,

@@ -3,7 +3,6 @@
 `SimulatedArm`: one in a simulated hand. `GuardedArm`: one whose driver may fail.
 """
 
-import logging
 from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
@@ -11,9 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise.locomotion import checked_reading
-
-_LOG = logging.getLogger("poise")
+from poise.locomotion import FaultLog, checked_reading
 
 Reading = tuple[Float64[np.ndarray, "3"], bool]
 """Where the end of an arm is, forward, left and up from anywhere [m], and whether it leads."""
@@ -109,7 +106,7 @@ class GuardedArm:
     def __init__(self, arm: HapticArm, side: str) -> None:
         self._arm, self._side = arm, side
         self.error: Exception | None = None
-        self._said = set[type[Exception]]()
+        self._faults = FaultLog()
 
     def read(self) -> Reading | None:
         """Where the hand is; None for an arm that is gone, nowhere or fails."""
@@ -140,7 +137,4 @@ class GuardedArm:
     def _failed(self, error: Exception) -> None:
         # The first one: what fails after it often does so because of it.
         self.error = self.error or error
-        # Each kind once: there are a thousand periods a second.
-        if type(error) not in self._said:
-            self._said.add(type(error))
-            _LOG.error("the %s arm failed, and counts as gone", self._side, exc_info=error)
+        self._faults.say(error, "the %s arm failed, and counts as gone", self._side)

@@ -1,6 +1,5 @@
 """`StepTeleoperator`: from the operator's foot devices and the robot's sensors to a stack."""
 
-import logging
 import math
 from collections.abc import Mapping
 
@@ -27,9 +26,8 @@ from poise.locomotion._stepping._operator import (
     BodySample,
     Device,
     DeviceGuard,
+    DeviceReader,
     DeviceSample,
-    FieldError,
-    checked_sample,
 )
 from poise.locomotion._stepping._scaling import teleop_parameters
 from poise.locomotion._stepping._stance import (
@@ -60,8 +58,6 @@ from poise.locomotion._stepping._upper_body import GazeLeader, HandLeader
 from poise.locomotion._support import SupportPolygon, two_soles
 from poise.robots import Robot
 from poise.stack import Stack
-
-_LOG = logging.getLogger("poise")
 
 
 class StepTeleoperator:
@@ -101,8 +97,6 @@ class StepTeleoperator:
     Attributes:
         robot: that is walked.
         device: says what the operator commands; None for nothing.
-        device_error: what the device raised in the last tick, or a `TypeError` of what was no
-            place or orientation in its sample; None if all was well.
         soles: names of its left and its right sole.
         parameters: in use.
         driver: in use.
@@ -128,8 +122,7 @@ class StepTeleoperator:
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         self.device = None if device is None else checked_kind(device, Device, "the device")
-        self.device_error: Exception | None = None
-        self._said = set[tuple[type[Exception], str]]()
+        self._reader = DeviceReader()
         self.soles = two_soles(robot)
         q_start = checked_start(robot, q_start)
         self.actuation = checked_actuation(actuation, driver)
@@ -190,8 +183,7 @@ class StepTeleoperator:
         self.zmp_sensor = sensor = ZmpSensor(
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
-        self.device_error = None
-        self._said.clear()
+        self._reader.reset()
         self._tasks.reset()
         self.hands.reset()
         self.gaze.reset()
@@ -221,6 +213,14 @@ class StepTeleoperator:
             ConfigurationError: the controller takes none.
         """
         return self._tasks.controller(self.estimator.dynamics, time_limit)
+
+    @property
+    def device_error(self) -> Exception | None:
+        """What the device raised in the last tick; None if all was well.
+
+        A `TypeError` of what was no place or orientation in its sample, too.
+        """
+        return self._reader.error
 
     @property
     def stack(self) -> Stack:
@@ -263,34 +263,7 @@ class StepTeleoperator:
         the ZMP, which soles carry the robot, mode, device, how the last step ended, and what hands
         and head do; and what is estimated, under `estimate/`, for `com` and `zmp` are the plant's.
         """
-        status, nowhere = self.status, np.full(3, np.nan)
-        if status is None:
-            return {}
-        support = status.mode.support if status.mode.single else None
-        sample = status.sample
-        planned = {
-            f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(self.soles)
-        }
-        hands = zip(self.hands.names, status.hand_targets, strict=True)
-        return {
-            **planned,
-            **{f"target/{hand}": place for hand, place in hands},
-            "target/left device": nowhere if sample is None else sample.left,
-            "target/right device": nowhere if sample is None else sample.right,
-            "foot_target": nowhere if status.target is None else status.target,
-            "zmp_reference": status.zmp_reference,
-            "estimate/zmp": status.zmp,
-            "estimate/cart_table_zmp": status.cart_table_zmp,
-            "estimate/com": status.com,
-            "estimate/soles": np.array(status.soles),
-            "estimate/loads": status.loads,
-            "estimate/tilt": status.tilt,
-            "mode": status.mode.name,
-            "device": status.device.name,
-            "hands": ", ".join(hand.name for hand in status.hands),
-            "gaze": "" if status.gaze is None else status.gaze.name,
-            "step_end": "" if status.ended is None else status.ended.name,
-        }
+        return {} if self.status is None else self.status.signals(self.soles, self.hands.names)
 
     def lead(self, state: RobotState) -> None:
         """Sets contacts, velocities and weights of the stack for the tick that begins.
@@ -306,7 +279,7 @@ class StepTeleoperator:
             dynamics.update(state)
         self.zmp_sensor.update(state, dynamics)
         self._com.observe(dynamics.com_velocity[:2])
-        sample = self._heard(state.time)
+        sample = self._reader.read(self.device, state.time)
         soles = (self.estimator.sole(0), self.estimator.sole(1))
         command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
         self.hands.lead(sample, state)
@@ -339,34 +312,6 @@ class StepTeleoperator:
         upright = command is not None and command.upright
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
         self._status = self._describe(footing, sample, target, cart_table_zmp)
-
-    def _heard(self, time: float) -> DeviceSample | None:
-        """What the device says; nothing where it fails, which is no reason to let the robot fall.
-
-        Args:
-            time: of the robot [s].
-        """
-        if self.device is None:
-            return None
-        try:
-            sample, fault = checked_sample(self.device.sample(time))
-        except Exception as error:
-            self._device_failed(error, "the device failed, and counts as silent")
-            return None
-        if fault is not None:
-            self._device_failed(fault, "part of what the device gives is ignored")
-        else:
-            self.device_error = None
-        return sample
-
-    def _device_failed(self, error: Exception, what: str) -> None:
-        self.device_error = error
-        # Each kind once, also where it fails now and then: a tick has no time for a line.
-        fields = error.fields if isinstance(error, FieldError) else ("",)
-        kinds = {(type(error), field) for field in fields}
-        if not kinds <= self._said:
-            self._said |= kinds
-            _LOG.error(what, exc_info=error)
 
     def _follow_own(self, own: OwnSteps, state: RobotState, sample: DeviceSample | None) -> None:
         """The robot leads its feet by itself; the operator has to take hold of them anew."""

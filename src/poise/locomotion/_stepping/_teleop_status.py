@@ -1,5 +1,6 @@
 """`TeleopStatus`: how the last tick of the step teleoperator stood."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,3 +52,36 @@ class TeleopStatus:
     hand_rotations: tuple[Float64[np.ndarray, "3 3"] | None, ...] = ()
     gaze: HandStatus | None = None
     ended: StepEnd | None = None
+
+    def signals(
+        self, soles: Sequence[str], hands: Sequence[str]
+    ) -> Mapping[str, np.ndarray | float | str]:
+        """The same by name, as a recorder keeps it.
+
+        What is estimated is under `estimate/`, for `com` and `zmp` are the plant's.
+
+        Args:
+            soles: names of the soles, left and right.
+            hands: names of the hands.
+        """
+        support, nowhere = self.mode.support if self.mode.single else None, np.full(3, np.nan)
+        sample = self.sample
+        return {
+            **{f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(soles)},
+            **{f"target/{hand}": at for hand, at in zip(hands, self.hand_targets, strict=True)},
+            "target/left device": nowhere if sample is None else sample.left,
+            "target/right device": nowhere if sample is None else sample.right,
+            "foot_target": nowhere if self.target is None else self.target,
+            "zmp_reference": self.zmp_reference,
+            "estimate/zmp": self.zmp,
+            "estimate/cart_table_zmp": self.cart_table_zmp,
+            "estimate/com": self.com,
+            "estimate/soles": np.array(self.soles),
+            "estimate/loads": self.loads,
+            "estimate/tilt": self.tilt,
+            "mode": self.mode.name,
+            "device": self.device.name,
+            "hands": ", ".join(hand.name for hand in self.hands),
+            "gaze": "" if self.gaze is None else self.gaze.name,
+            "step_end": "" if self.ended is None else self.ended.name,
+        }

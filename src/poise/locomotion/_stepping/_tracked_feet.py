@@ -4,7 +4,6 @@
 `rest_place`: where a device is that leads nothing. `along_ahead`: what is ahead, in the world.
 """
 
-import logging
 import math
 from collections.abc import Callable, Sequence
 
@@ -15,14 +14,13 @@ from poise._checks import checked_number
 from poise.locomotion._stepping._operator import (
     Clutch,
     DeviceSample,
+    FaultLog,
     FieldError,
     HandSample,
     checked_tracker,
     is_point,
 )
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
-
-_LOG = logging.getLogger("poise")
 
 _SIDES = ("left", "right")
 _STRAY = 0.3
@@ -127,7 +125,7 @@ class TrackedFeet:
         self._clutches = (FootClutch(scale), FootClutch(scale))
         self._places = [rest_place(teleoperator, foot) for foot in (0, 1)]
         self.errors: list[FieldError | None] = [None, None]
-        self._said = set[str]()
+        self._faults = FaultLog()
 
     def sample(self, time: float) -> DeviceSample | None:
         """Where the trackers lead the feet.
@@ -156,10 +154,8 @@ class TrackedFeet:
         """What a tracker says, and what in it is left out."""
         tracker, error = checked_tracker(_SIDES[foot], said)
         self.errors[foot] = error
-        # Each kind once: a tick has no time for a line.
-        if error is not None and not self._said.issuperset(error.fields):
-            self._said.update(error.fields)
-            _LOG.error("part of what a tracker says is left out", exc_info=error)
+        if error is not None:
+            self._faults.say(error, "part of what a tracker says is left out")
         return tracker
 
 

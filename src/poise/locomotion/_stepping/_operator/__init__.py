@@ -1,6 +1,7 @@
 """What the operator's devices say: samples, whether to believe them, and their recordings."""
 
-from poise.locomotion._stepping._operator._device import Device, ScriptedDevice, WayPoint
+from poise.locomotion._stepping._operator._device import Device, DeviceReader
+from poise.locomotion._stepping._operator._faults import FaultLog
 from poise.locomotion._stepping._operator._fields import FieldError
 from poise.locomotion._stepping._operator._grips import (
     LATE,
@@ -29,9 +30,9 @@ from poise.locomotion._stepping._operator._samples import (
     HandSample,
     HeadSample,
     checked_reading,
-    checked_sample,
     checked_tracker,
 )
+from poise.locomotion._stepping._operator._scripted_device import ScriptedDevice, WayPoint
 
 __all__ = [
     "LATE",
@@ -40,8 +41,10 @@ __all__ = [
     "Clutch",
     "Device",
     "DeviceGuard",
+    "DeviceReader",
     "DeviceSample",
     "DeviceStatus",
+    "FaultLog",
     "FieldError",
     "HandGrip",
     "HandSample",
@@ -58,7 +61,6 @@ __all__ = [
     "TurnPursuit",
     "WayPoint",
     "checked_reading",
-    "checked_sample",
     "checked_tracker",
     "is_point",
     "read_recording",
