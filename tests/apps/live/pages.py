@@ -1,5 +1,6 @@
 """The live page in a real browser, for tests."""
 
+import os
 import shutil
 from contextlib import contextmanager
 
@@ -12,6 +13,9 @@ DRAWS_IN_SOFTWARE = (
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
 )  # fmt: skip
 DRAWS_NOTHING = ("--disable-gpu", "--disable-3d-apis")
+
+SLOWED = float(os.environ.get("POISE_PAGE_SLOWED", "1"))
+"""By how much the page's processor is slowed down, to find tests that do not wait for the page."""
 
 
 @contextmanager
@@ -44,6 +48,9 @@ class Page:
         # A busy machine takes minutes to start what a browser needs for its first page.
         self.page.set_default_navigation_timeout(4e3 * PATIENCE)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        if SLOWED > 1.0:
+            emulation = self.page.context.new_cdp_session(self.page)
+            emulation.send("Emulation.setCPUThrottlingRate", {"rate": SLOWED})
         self.page.goto(url)
         # What is shown comes a frame or more after the message that says it.
         self.wait("part('mode-text').textContent.trim() !== ''", "the first status to be shown")
