@@ -14,8 +14,22 @@ DRAWS_IN_SOFTWARE = (
 )  # fmt: skip
 DRAWS_NOTHING = ("--disable-gpu", "--disable-3d-apis")
 
-SLOWED = float(os.environ.get("POISE_PAGE_SLOWED", "1"))
-"""By how much the page's processor is slowed down, to find tests that do not wait for the page."""
+LATE = float(os.environ.get("POISE_PAGE_LATE", "0"))
+"""By how much pages are late [s], to find tests that do not wait for them."""
+
+COMES_LATE = """
+  const late = 1000 * %s, frame = window.requestAnimationFrame;
+  window.requestAnimationFrame = (draw) => setTimeout(() => frame(draw), late);
+  for (const name of ["onmessage", "onclose"]) {
+    const real = Object.getOwnPropertyDescriptor(WebSocket.prototype, name);
+    Object.defineProperty(WebSocket.prototype, name, {
+      configurable: true,
+      get() { return real.get.call(this); },
+      set(take) { real.set.call(this, take && ((event) => setTimeout(() => take(event), late))); },
+    });
+  }
+"""
+"""A page that draws late, and hears late of messages and of the end of its connection."""
 
 
 @contextmanager
@@ -48,9 +62,8 @@ class Page:
         # A busy machine takes minutes to start what a browser needs for its first page.
         self.page.set_default_navigation_timeout(4e3 * PATIENCE)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        if SLOWED > 1.0:
-            emulation = self.page.context.new_cdp_session(self.page)
-            emulation.send("Emulation.setCPUThrottlingRate", {"rate": SLOWED})
+        if LATE > 0.0:
+            self.page.add_init_script(COMES_LATE % LATE)
         self.page.goto(url)
         # What is shown comes a frame or more after the message that says it.
         self.wait("part('mode-text').textContent.trim() !== ''", "the first status to be shown")
