@@ -1,5 +1,6 @@
-"""`run_trial`: a robot that is led under a condition, for a while."""
+"""`run_trial`: a robot that is led under a condition, for a while. `led_by`: by anybody else."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -7,7 +8,7 @@ import mujoco
 import numpy as np
 
 from poise.apps.teleoperation import BadOperator, TeleopRun, run_teleop
-from poise.locomotion import Mode
+from poise.locomotion import Device, Mode, StepTeleoperator
 from poise.robots import Robot, load_robot
 from studies.bad_operator.conditions import MIXED, PUSHED, changed_plant, pushes
 from studies.bad_operator.habits import HabitualOperator
@@ -59,16 +60,29 @@ def _robot(name: str) -> Robot:
 
 def run_trial(trial: Trial) -> Outcome:
     """Runs a trial."""
+    return led_by(
+        trial,
+        lambda teleoperator: (
+            HabitualOperator(teleoperator, trial.habit, trial.seed)
+            if trial.habit
+            else BadOperator(teleoperator, trial.seed)
+        ),
+    )
+
+
+def led_by(trial: Trial, operator: Callable[[StepTeleoperator], Device]) -> Outcome:
+    """Runs a trial with an operator who is not of those that it names.
+
+    Args:
+        trial: with robot, condition, seed and so on.
+        operator: makes the device.
+    """
     robot, seed = _robot(trial.robot), trial.seed
     plant = changed_plant(robot, trial.level, trial.condition, seed)
     pushed = trial.condition in (PUSHED, MIXED)
     run = run_teleop(
         robot,
-        lambda teleoperator: (
-            HabitualOperator(teleoperator, trial.habit, seed)
-            if trial.habit
-            else BadOperator(teleoperator, seed)
-        ),
+        operator,
         plant,
         duration=trial.seconds,
         seed=seed,

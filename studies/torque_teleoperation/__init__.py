@@ -5,6 +5,7 @@ from studies.torque_teleoperation.again_section import again_section
 from studies.torque_teleoperation.controllers_section import controllers_section
 from studies.torque_teleoperation.cuts_section import cuts_section
 from studies.torque_teleoperation.edges_section import edges_section
+from studies.torque_teleoperation.everything_section import everything_section
 from studies.torque_teleoperation.habits_section import habits_section
 from studies.torque_teleoperation.hands_section import hands_section
 from studies.torque_teleoperation.held_section import held_section
@@ -37,6 +38,7 @@ PLAN = StudyPlan(
         Part("mixed", "G1 under all conditions at once", mixed_section),
         Part("plants", "Other plants", plants_section),
         Part("habits", "Operators with habits", habits_section),
+        Part("everything", "Everything at once", everything_section),
         Part("controllers", "Each controller of torques", controllers_section),
         Part("held", "Pushed with one foot held up", held_section),
         Part("again", "Pushed again while it catches itself", again_section),
@@ -47,4 +49,4 @@ PLAN = StudyPlan(
         Part("standing", "Standing at velocity level", standing_section),
     ),
 )
-"""The study: fourteen parts."""
+"""The study: fifteen parts."""

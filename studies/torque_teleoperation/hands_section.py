@@ -15,8 +15,6 @@ from poise.locomotion import (
     Device,
     DeviceSample,
     HandLeader,
-    HandSample,
-    HandStatus,
     ScriptedDevice,
     StepTeleoperator,
     Walker,
@@ -28,6 +26,7 @@ from poise.sim import Plant, PlantConfig, rollout
 from studies.bad_operator.conditions import with_attitude
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
+from studies.torque_teleoperation.random_hands import BEGINS, FASTEST, RandomHands, arm_length
 from studies.trials import run_each
 
 ROBOT = "g1"
@@ -35,70 +34,14 @@ ROBOT = "g1"
 DOINGS = ("standing", "stepping", "walking")
 """What the robot does meanwhile."""
 
-_LOAD, _SPEED = 1.0, 1.0
-"""In the right hand, which the controller knows nothing of [kg]; of the devices, at most [m/s]."""
+_LOAD = 1.0
+"""In the right hand, which the controller knows nothing of [kg]."""
 
 _RATIO = 2.0
 """How many times as large as with resting arms the error of the COM may be."""
 
 _ATTITUDE = math.radians(0.5)
 """Constant error of the attitude, in a direction drawn by the seed [rad]."""
-
-_SETTLED = 1.0
-"""When the hands begin, and the error begins to count [s]."""
-
-
-class RandomHands:
-    """An operator who sends both hands to places at random, and lets go now and then.
-
-    Each device is moved straight at the place that its hand shall go to, at a speed drawn for each
-    place; at the edge of reach another place is drawn. Every few seconds the clutch is open for
-    0.3 s, and the device is meanwhile brought somewhere else.
-
-    Args:
-        leader: of the hands that the operator looks at.
-        size: length of an arm [m].
-        dt: length of a tick [s].
-        seed: of everything random.
-    """
-
-    def __init__(self, leader: HandLeader, size: float, dt: float, seed: int) -> None:
-        self._leader, self._size, self._dt = leader, size, dt
-        self._rng = np.random.default_rng((seed, 11))
-        self._middle = [place.copy() for place in leader.places]
-        count = len(self._middle)
-        self._devices = [np.zeros(3) for _ in range(count)]
-        self._goals = [place.copy() for place in self._middle]
-        self._speeds, self._until = [_SPEED] * count, [0.0] * count
-        self._open_at, self._stuck = [_SETTLED] * count, [0.0] * count
-
-    def hands(self, time: float) -> tuple[HandSample | None, HandSample | None]:
-        """What both devices say; drawn tick by tick, so ask once a tick."""
-        left, right = (self._hand(hand, time) for hand in (0, 1))
-        return left, right
-
-    def _hand(self, hand: int, time: float) -> HandSample:
-        if time >= self._open_at[hand] + 0.3:
-            self._open_at[hand] = time + float(self._rng.uniform(3.0, 8.0))
-            self._devices[hand] = self._rng.uniform(-1.0, 1.0, 3)
-        if time < _SETTLED or time >= self._open_at[hand]:
-            return HandSample(self._devices[hand].copy(), clutch=False)
-        edge = self._leader.status[hand] is HandStatus.REACH
-        self._stuck[hand] = self._stuck[hand] + self._dt if edge else 0.0
-        way = self._goals[hand] - self._leader.places[hand]
-        far = float(np.linalg.norm(way))
-        if far < 0.02 or self._stuck[hand] > 0.3 or time >= self._until[hand]:
-            self._draw(hand, time)
-        step = min(1.0, self._dt * self._speeds[hand] / max(far, 1e-9))
-        self._devices[hand] = self._devices[hand] + step * way
-        return HandSample(self._devices[hand].copy())
-
-    def _draw(self, hand: int, time: float) -> None:
-        """A place in a box that is larger than what the hand reaches."""
-        box = self._size * self._rng.uniform((-0.6, -1.0, -0.5), (1.0, 1.0, 1.4))
-        self._goals[hand] = self._middle[hand] + box
-        self._speeds[hand] = float(self._rng.uniform(0.3, 1.0)) * _SPEED
-        self._until[hand], self._stuck[hand] = time + 3.0, 0.0
 
 
 class _Operator:
@@ -121,7 +64,9 @@ class _Walk:
         leader = HandLeader(robot, dt=dt)
         self.stack = walking_stack(robot, leader.task)
         self.walker, self._leader = Walker(robot, self.stack), leader
-        self._hands = RandomHands(leader, _arm(robot), dt, trial.seed) if trial.moving else None
+        self._hands = (
+            RandomHands(leader, arm_length(robot), dt, trial.seed) if trial.moving else None
+        )
         self.errors: list[float] = []
 
     def lead(self, state: RobotState) -> None:
@@ -133,7 +78,7 @@ class _Walk:
             self._leader.lead(sample, state)
         self.walker.set_velocity(*_VELOCITIES[int(state.time / 4.0) % len(_VELOCITIES)])
         self.walker.lead(state)
-        if state.time > _SETTLED:
+        if state.time > BEGINS:
             self.errors.append(math.hypot(*self.walker.dcm_error))
 
 
@@ -187,13 +132,6 @@ def _robot(name: str) -> Robot:
     return load_robot(name)
 
 
-def _arm(robot: Robot) -> float:
-    """Length of an arm, from a robot's height [m]: arms are long as legs are, about."""
-    dynamics = Dynamics(robot)
-    dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))
-    return 0.6 * float(dynamics.com[2])
-
-
 def _plant(trial: Trial) -> PlantConfig:
     plant = with_attitude(TORQUE_TELEOP_PLANT.with_noise(), _ATTITUDE, trial.seed)
     if not trial.moving:
@@ -234,7 +172,9 @@ def _stand_or_step(trial: Trial) -> Outcome:
         feet = ScriptedDevice(points, *teleoperator.estimator.anchors)
         hands = None
         if trial.moving:
-            hands = RandomHands(teleoperator.hands, _arm(robot), config.control_dt, trial.seed)
+            hands = RandomHands(
+                teleoperator.hands, arm_length(robot), config.control_dt, trial.seed
+            )
         return _Operator(feet, hands)
 
     run = run_teleop(robot, operator, config, duration=trial.seconds, seed=trial.seed)
@@ -256,8 +196,8 @@ _LIFT = 0.08
 def _steps(seconds: float) -> list[WayPoint]:
     """Feet lifted in turn and put down where they were, one every two and a half seconds."""
     points: list[WayPoint] = []
-    for k in range(int((seconds - _SETTLED) / 2.5)):
-        begin = _SETTLED + 2.5 * k
+    for k in range(int((seconds - BEGINS) / 2.5)):
+        begin = BEGINS + 2.5 * k
         for at, height in ((0.0, 0.0), (0.1, 0.03), (0.5, _LIFT), (1.3, _LIFT), (1.8, 0.0)):
             offset = (0.0, 0.0, height)
             points.append(
@@ -287,7 +227,7 @@ def _errors(run: TeleopRun, robot: Robot) -> tuple[float, float]:
     lags: list[float] = []
     dt = run.plant.config.control_dt
     changed = np.flatnonzero(np.diff(log.mode, prepend=log.mode[0]))
-    for k in range(int(_SETTLED / dt), len(log), _EVERY):
+    for k in range(int(BEGINS / dt), len(log), _EVERY):
         last = changed[changed <= k]
         if len(last) and (k - last[-1]) * dt < _CALM:
             continue
@@ -321,7 +261,7 @@ def hands_section(options: StudyOptions, progress: Progress) -> Section:
     ]
     return Section(
         prose=(
-            f"{seconds:.0f} s each. Both devices are moved at random, at up to {_SPEED:g} m/s, "
+            f"{seconds:.0f} s each. Both devices are moved at random, at up to {FASTEST:g} m/s, "
             "through and beyond the workspace of the hands, and gripped anew every few seconds; "
             f"the right hand holds {_LOAD:g} kg that the controller knows nothing of. Beside it "
             "the same with arms that rest and hold nothing. Noise and half a degree of constant "

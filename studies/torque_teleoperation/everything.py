@@ -1,0 +1,90 @@
+"""`EverythingOperator`: feet, hands, head, body and stick at once, all of them at random."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.apps.teleoperation import BadOperator
+from poise.locomotion import BodySample, DeviceSample, HeadSample, StepTeleoperator
+from studies.torque_teleoperation.random_hands import RandomHands, arm_length
+
+_LOOKS_FROM = 0.3
+"""When the head takes hold [s]: its clutch has to be seen open first."""
+
+_PAUSE, _WALKS = (0.5, 2.0), (0.5, 3.0)
+"""From one whim to the next, and how long the stick is pushed [s]."""
+
+_LOW = np.array([-0.1, -0.4, -0.4, -0.4, -0.5, -0.5])
+_HIGH = np.array([0.05, 0.4, 0.4, 0.4, 0.5, 0.5])
+_RATES = np.array([0.1, 0.6, 0.6, 0.6, 0.6, 0.6])
+"""Of the body's height, the torso and both feet: what is asked for at least, at most [m, rad], and
+how fast it changes [m/s, rad/s]."""
+
+_BACK, _AHEAD = np.array([-0.3, -0.2, -0.5]), np.array([0.4, 0.2, 0.5])
+"""What the stick asks for at most: ahead, to the left [m/s], turning to the left [rad/s]."""
+
+_TURN = 0.6
+"""Of the head about each axis, at most [rad]."""
+
+
+class EverythingOperator:
+    """The bad operator's feet and random hands, and a whim every half second to two.
+
+    Of four whims one bends the body and turns the feet, one sets it straight, one pushes the stick
+    every other time, and one turns the head.
+
+    Args:
+        teleoperator: that is led.
+        seed: of everything random.
+    """
+
+    def __init__(self, teleoperator: StepTeleoperator, seed: int) -> None:
+        arm, dt = arm_length(teleoperator.robot), teleoperator.dt
+        self._feet = BadOperator(teleoperator, seed)
+        self._hands = RandomHands(teleoperator.hands, arm, dt, seed)
+        self._rng = np.random.default_rng((seed, 77))
+        self._body, self._goal = np.zeros(6), np.zeros(6)
+        self._head, self._stick = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)
+        self._next, self._walks_until, self._last = 1.0, 0.0, 0.0
+
+    def sample(self, time: float) -> DeviceSample | None:
+        """What all of it says; drawn tick by tick, so ask once a tick."""
+        if time >= self._next:
+            self._next = time + float(self._rng.uniform(*_PAUSE))
+            self._draw(time)
+        change = (time - self._last) * _RATES
+        self._body = self._body + np.clip(self._goal - self._body, -change, change)
+        self._last = time
+        feet, hands = self._feet.sample(time), self._hands.hands(time)
+        if feet is None:
+            return None
+        height, roll, pitch, yaw, left, right = self._body.tolist()
+        ahead, aside, turn = (self._stick if time < self._walks_until else np.zeros(3)).tolist()
+        return replace(
+            feet,
+            hands=hands,
+            head=HeadSample(self._head.copy(), clutch=time > _LOOKS_FROM),
+            body=BodySample(height, (roll, pitch, yaw), (left, right)),
+            velocity=(ahead, aside, turn),
+        )
+
+    def _draw(self, time: float) -> None:
+        rng = self._rng
+        whim = int(rng.integers(4))
+        if whim == 0:
+            self._goal = rng.uniform(_LOW, _HIGH)
+        elif whim == 1:
+            self._goal = np.zeros(6)
+        elif whim == 2 and rng.random() < 0.5:
+            self._walks_until = time + float(rng.uniform(*_WALKS))
+            self._stick = rng.uniform(_BACK, _AHEAD)
+        elif whim == 3:
+            self._head = _quaternion(rng.uniform(-_TURN, _TURN, 3))
+
+
+def _quaternion(turn: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "4"]:
+    """A unit quaternion (x, y, z, w) of a rotation vector [rad]."""
+    angle = max(float(np.linalg.norm(turn)), 1e-9)
+    return np.array([*(math.sin(0.5 * angle) / angle * turn), math.cos(0.5 * angle)])

@@ -1,0 +1,78 @@
+"""Falls where feet, hands, head, body and stick are led at random, all at once."""
+
+import numpy as np
+
+from studies.bad_operator.conditions import DESCRIBED, MIXED
+from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
+from studies.bad_operator.led_trial import Outcome, Trial, led_by
+from studies.finding import Finding, Section, Table
+from studies.plan import Progress, StudyOptions
+from studies.torque_teleoperation.everything import EverythingOperator
+from studies.trials import run_each
+
+_ASKED = (
+    ("g1", DESCRIBED), ("biped20", DESCRIBED), ("humanoid33", DESCRIBED), ("talos", DESCRIBED),
+    ("g1", MIXED),
+)  # fmt: skip
+"""Robots and conditions."""
+
+_SEEDS = 10
+"""Of each."""
+
+
+def run_trial(trial: Trial) -> Outcome:
+    """Runs a trial."""
+    return led_by(trial, lambda teleoperator: EverythingOperator(teleoperator, trial.seed))
+
+
+def everything_section(options: StudyOptions, progress: Progress) -> Section:
+    """The section."""
+    first, seconds = options.first_seed, 15.0 if options.quick else 60.0
+    trials = [
+        Trial(robot=robot, level="torque", condition=condition, seed=first + k, seconds=seconds)
+        for robot, condition in _ASKED
+        for k in range(options.count(_SEEDS, 1))
+    ]
+    outcomes = list(run_each(run_trial, Outcome, trials, progress, options).values())
+    groups = [
+        [o for o in outcomes if (o.trial.robot, o.trial.condition) == asked] for asked in _ASKED
+    ]
+    return Section(
+        prose=(
+            f"{seconds:.0f} s each, from seed {first}. Feet are the bad operator's, both hands "
+            "go to places at random at up to 1 m/s, the head turns, the body is bent, lowered and "
+            "raised, feet are turned, and the stick is pushed now and then. Nothing was tuned on "
+            "it. Asked: as described no fall, under all conditions at once at most one in "
+            f"{FALL_EVERY:.0f} minutes.",
+        ),
+        findings=tuple(_finding(group) for group in groups),
+        tables=(
+            Table(
+                title="Everything at once",
+                header="robot | condition | seeds | falls | minutes | feet lifted | "
+                "lean, median [rad] | greatest [rad]",
+                rows=tuple(_row(group) for group in groups),
+                caption="Of the lean up to 0.4 rad about each axis is asked for.",
+            ),
+        ),
+    )
+
+
+def _finding(group: list[Outcome]) -> Finding:
+    trial = group[0].trial
+    allowed = minutes(group) / FALL_EVERY if trial.condition == MIXED else 0.0
+    return falls_finding(f"{trial.robot}, {trial.condition}, everything at once", group, allowed)
+
+
+def _row(group: list[Outcome]) -> tuple[str | int | float, ...]:
+    tilts = [o.tilt for o in group]
+    return (
+        group[0].trial.robot,
+        group[0].trial.condition,
+        len(group),
+        sum(o.fell for o in group),
+        minutes(group),
+        sum(o.steps for o in group),
+        float(np.median(tilts)),
+        max(tilts),
+    )

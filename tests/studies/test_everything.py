@@ -1,0 +1,84 @@
+"""The operator who does everything at once, and what its section asks."""
+
+import numpy as np
+import pytest
+
+from poise.locomotion import StepTeleoperator
+
+pytest.importorskip("mujoco")
+
+from studies.bad_operator.conditions import DESCRIBED, MIXED
+from studies.bad_operator.led_trial import Outcome, Trial
+from studies.torque_teleoperation.everything import EverythingOperator
+from studies.torque_teleoperation.everything_section import _finding, _row, run_trial
+
+SECONDS = 30.0
+
+
+def said(get_robot, seed):
+    """What the operator says of a robot that stays where it is."""
+    teleoperator = StepTeleoperator(get_robot("biped20"))
+    operator = EverythingOperator(teleoperator, seed)
+    times = np.arange(0.0, SECONDS, teleoperator.dt)
+    return [(time, operator.sample(float(time))) for time in times]
+
+
+@pytest.fixture(scope="module")
+def heard(get_robot):
+    return said(get_robot, 4)
+
+
+def test_all_of_it_is_led_and_no_faster_than_it_says(heard):
+    samples = [(time, s) for time, s in heard if s is not None]
+    body = np.array([[s.body.height, *s.body.torso, *s.body.turns] for _, s in samples])
+    sticks = np.array([s.velocity for _, s in samples])
+    heads = np.array([s.head.orientation for _, s in samples])
+    assert (np.ptp(body, axis=0) > 0.02).all()
+    assert body[:, 0].min() >= -0.1
+    assert body[:, 0].max() <= 0.05
+    assert np.abs(body[:, 1:4]).max() <= 0.4
+    times = np.array([time for time, _ in samples])
+    rates = np.abs(np.diff(body, axis=0)) / np.diff(times)[:, None]
+    assert (rates.max(axis=0) <= np.array([0.1, 0.6, 0.6, 0.6, 0.6, 0.6]) + 1e-9).all()
+    assert 0.05 < np.mean(sticks.any(axis=1)) < 0.8
+    np.testing.assert_allclose(np.linalg.norm(heads, axis=1), 1.0, atol=1e-12)
+    assert len(np.unique(heads[:, 0])) > 2
+    for hand in (0, 1):
+        clutches = [s.hands[hand].clutch for _, s in samples]
+        assert any(clutches)
+        assert not all(clutches)
+        assert np.ptp([s.hands[hand].position for _, s in samples], axis=0).min() > 0.1
+    feet = np.array([[s.left, s.right] for _, s in samples])
+    assert (np.ptp(feet[np.isfinite(feet).all(axis=(1, 2))], axis=0) > 0.02).all()
+    assert any(s is None for _, s in heard)
+
+
+def test_a_seed_decides_all_of_it(get_robot, heard):
+    again, other = said(get_robot, 4), said(get_robot, 5)
+    assert [s and s.body for _, s in heard] == [s and s.body for _, s in again]
+    assert [s and s.velocity for _, s in heard] == [s and s.velocity for _, s in again]
+    assert [s and s.body for _, s in heard] != [s and s.body for _, s in other]
+
+
+def test_a_robot_stands_it_for_a_while():
+    trial = Trial(robot="biped20", level="torque", condition=DESCRIBED, seed=3, seconds=3.0)
+    outcome = run_trial(trial)
+    assert not outcome.fell
+    assert outcome.seconds == pytest.approx(3.0, abs=0.01)
+    # It bends the torso besides, which the bad operator does not.
+    assert outcome.tilt > 0.02
+
+
+def outcome(condition, *, fell, seconds=60.0):
+    trial = Trial(robot="g1", level="torque", condition=condition, seed=0, seconds=60.0)
+    return Outcome(trial=trial, fell=fell, seconds=seconds, steps=7, tilt=0.4, apart=0.1)
+
+
+@pytest.mark.parametrize(
+    ("condition", "falls", "ok"),
+    [(DESCRIBED, 0, True), (DESCRIBED, 1, False), (MIXED, 1, True), (MIXED, 2, False)],
+)
+def test_as_described_none_may_fall_and_else_one_in_ten_minutes(condition, falls, ok):
+    group = [outcome(condition, fell=k < falls) for k in range(11)]
+    assert _finding(group).ok is ok
+    assert _row(group)[:6] == ("g1", condition, 11, falls, 11.0, 77)
