@@ -1,9 +1,11 @@
-"""`falls_finding`: how often robots fell, beside how often they may.
+"""`falls_finding`: how often robots fell, beside how often they may. `falls_row`: and in a table.
 
 `FALL_EVERY`: what is asked where not everything is as described.
 """
 
 from collections.abc import Sequence
+
+import numpy as np
 
 from studies.bad_operator.led_trial import Outcome
 from studies.finding import Finding
@@ -37,4 +39,34 @@ def falls_finding(name: str, group: Sequence[Outcome], allowed: float) -> Findin
         ours=falls,
         ok=falls <= allowed,
         note=f"in {minutes(group):.1f} minutes; {lifted} feet were lifted",
+    )
+
+
+FALLS_HEADER = (
+    "robot | condition | seeds | falls | minutes | feet lifted | lean, median [rad] | "
+    "greatest [rad]"
+)
+"""Of a table of `falls_row`s."""
+
+
+def falls_row(
+    robot: str, condition: str, group: Sequence[Outcome]
+) -> tuple[str | int | float, ...]:
+    """A row of a table.
+
+    Args:
+        robot: its name.
+        condition: what was not as described.
+        group: what became of its trials.
+    """
+    tilts = [o.tilt for o in group]
+    return (
+        robot,
+        condition,
+        len(group),
+        sum(o.fell for o in group),
+        minutes(group),
+        sum(o.steps for o in group),
+        float(np.median(tilts)),
+        max(tilts),
     )

@@ -1,9 +1,13 @@
 """Falls where feet, hands, head, body and stick are led at random, all at once."""
 
-import numpy as np
-
 from studies.bad_operator.conditions import DESCRIBED, MIXED
-from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
+from studies.bad_operator.falls_asked import (
+    FALL_EVERY,
+    FALLS_HEADER,
+    falls_finding,
+    falls_row,
+    minutes,
+)
 from studies.bad_operator.led_trial import Outcome, Trial, led_by
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, StudyOptions
@@ -49,9 +53,10 @@ def everything_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Everything at once",
-                header="robot | condition | seeds | falls | minutes | feet lifted | "
-                "lean, median [rad] | greatest [rad]",
-                rows=tuple(_row(group) for group in groups),
+                header=FALLS_HEADER,
+                rows=tuple(
+                    falls_row(*asked, group) for asked, group in zip(_ASKED, groups, strict=True)
+                ),
                 caption="Of the lean up to 0.4 rad about each axis is asked for.",
             ),
         ),
@@ -62,17 +67,3 @@ def _finding(group: list[Outcome]) -> Finding:
     trial = group[0].trial
     allowed = minutes(group) / FALL_EVERY if trial.condition == MIXED else 0.0
     return falls_finding(f"{trial.robot}, {trial.condition}, everything at once", group, allowed)
-
-
-def _row(group: list[Outcome]) -> tuple[str | int | float, ...]:
-    tilts = [o.tilt for o in group]
-    return (
-        group[0].trial.robot,
-        group[0].trial.condition,
-        len(group),
-        sum(o.fell for o in group),
-        minutes(group),
-        sum(o.steps for o in group),
-        float(np.median(tilts)),
-        max(tilts),
-    )

@@ -1,9 +1,13 @@
 """Falls under the bad operator at torque level, by robot and by what is not as described."""
 
-import numpy as np
-
 from studies.bad_operator.conditions import CONDITIONS, DESCRIBED, MIXED, OTHER_PLANTS
-from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
+from studies.bad_operator.falls_asked import (
+    FALL_EVERY,
+    FALLS_HEADER,
+    falls_finding,
+    falls_row,
+    minutes,
+)
 from studies.bad_operator.led_trial import Outcome, Trial, run_trial
 from studies.finding import Section, Table
 from studies.plan import Progress, StudyOptions
@@ -69,9 +73,8 @@ def _section(
         tables=(
             Table(
                 title="Bad operators",
-                header="robot | condition | seeds | falls | minutes | feet lifted | "
-                "lean, median [rad] | greatest [rad]",
-                rows=tuple(_row(*which, group) for which, group in groups.items()),
+                header=FALLS_HEADER,
+                rows=tuple(falls_row(*which, group) for which, group in groups.items()),
             ),
         ),
     )
@@ -88,17 +91,3 @@ def _allowed(robot: str, condition: str, group: list[Outcome]) -> float:
     if condition == DESCRIBED:
         return 0.01 * len(group) if robot == "g1" else 0.0
     return minutes(group) / FALL_EVERY
-
-
-def _row(robot: str, condition: str, group: list[Outcome]) -> tuple[str | int | float, ...]:
-    tilts = [o.tilt for o in group]
-    return (
-        robot,
-        condition,
-        len(group),
-        sum(o.fell for o in group),
-        minutes(group),
-        sum(o.steps for o in group),
-        float(np.median(tilts)),
-        max(tilts),
-    )

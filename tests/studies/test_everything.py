@@ -8,9 +8,10 @@ from poise.locomotion import StepTeleoperator
 pytest.importorskip("mujoco")
 
 from studies.bad_operator.conditions import DESCRIBED, MIXED
+from studies.bad_operator.falls_asked import falls_row
 from studies.bad_operator.led_trial import Outcome, Trial
 from studies.torque_teleoperation.everything import EverythingOperator
-from studies.torque_teleoperation.everything_section import _finding, _row, run_trial
+from studies.torque_teleoperation.everything_section import _finding, run_trial
 
 SECONDS = 30.0
 
@@ -81,4 +82,4 @@ def outcome(condition, *, fell, seconds=60.0):
 def test_as_described_none_may_fall_and_else_one_in_ten_minutes(condition, falls, ok):
     group = [outcome(condition, fell=k < falls) for k in range(11)]
     assert _finding(group).ok is ok
-    assert _row(group)[:6] == ("g1", condition, 11, falls, 11.0, 77)
+    assert falls_row("g1", condition, group)[:6] == ("g1", condition, 11, falls, 11.0, 77)
