@@ -10,6 +10,8 @@ from operators import beat, control, wait_for
 pytest.importorskip("mujoco")
 pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
 
+from pages import Page
+
 from poise.apps.live import DriveLoop, DriveSession, OperatorInputs, _inputs as inputs
 from poise.apps.live._feet import velocity_of
 from poise.apps.live._gamepad import pad_from
@@ -108,33 +110,26 @@ def test_a_reset_begins_a_new_log(session, tmp_path):
 def test_keys_in_a_browser_drive_the_robot(browser, session, monkeypatch):
     # Where a busy machine stops for a moment, a key that is held would have to be let go first.
     monkeypatch.setattr(inputs, "FRESH_FOR", 10.0)
-    page, errors = browser.new_page(), []
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto(session.front.drive_url)
-
-    def ask(script):
-        return page.evaluate(script)
-
-    wait_for(lambda: ask("newest !== null && newest.kind === 'velocity'"), "the first status")
-    wait_for(lambda: ask("newest.device === 'OK'"), "the operator")
-    assert ask("document.body.dataset.kind") == "velocity"
-    assert ask("document.querySelector('details').offsetHeight") == 0
-    page.keyboard.down("w")
-    wait_for(lambda: asked(session)[0] > 0.0, "the command")
-    wait_for(lambda: session.loop.walker.lifting is not None, "a step")
-    page.keyboard.up("w")
-    page.keyboard.down("q")
-    wait_for(lambda: asked(session)[2] > 0.0, "the turn")
-    page.keyboard.up("q")
-    # A gamepad of the browser's: what the page would see of one.
-    ask(
-        "navigator.getGamepads = () => [{connected: true, mapping: 'standard', buttons: [],"
-        " axes: [0, 0.9, 0, 0]}]; 0"
-    )
-    wait_for(lambda: asked(session)[0] < 0.0, "the gamepad")
-    wait_for(lambda: "m/s" in ask("part('mode-text').textContent"), "the speed in words")
-    assert errors == []
-    page.close()
+    with Page(browser, session.front.drive_url) as page:
+        page.wait("newest.device === 'OK'", "the operator")
+        assert page.ask("[newest.kind, document.body.dataset.kind]") == ["velocity", "velocity"]
+        assert page.ask("document.querySelector('details').offsetHeight") == 0
+        keyboard = page.page.keyboard
+        keyboard.down("w")
+        wait_for(lambda: asked(session)[0] > 0.0, "the command")
+        wait_for(lambda: session.loop.walker.lifting is not None, "a step")
+        keyboard.up("w")
+        keyboard.down("q")
+        wait_for(lambda: asked(session)[2] > 0.0, "the turn")
+        keyboard.up("q")
+        # A gamepad of the browser's: what the page would see of one.
+        page.ask(
+            "navigator.getGamepads = () => [{connected: true, mapping: 'standard', buttons: [],"
+            " axes: [0, 0.9, 0, 0]}]; 0"
+        )
+        wait_for(lambda: asked(session)[0] < 0.0, "the gamepad")
+        page.wait("part('mode-text').textContent.includes('m/s')", "the speed in words")
+        assert page.errors == []
 
 
 def test_a_push_is_as_the_robot_faces(get_robot, tmp_path, monkeypatch):
