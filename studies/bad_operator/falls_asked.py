@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from studies.bad_operator.conditions import MIXED
 from studies.bad_operator.led_trial import Outcome
 from studies.finding import Finding
 
@@ -21,6 +22,16 @@ def minutes(group: Sequence[Outcome]) -> float:
         group: what became of trials.
     """
     return sum(outcome.seconds for outcome in group) / 60.0
+
+
+def falls_allowed(condition: str, group: Sequence[Outcome]) -> float:
+    """How many falls are asked for at most: none but under all conditions at once.
+
+    Args:
+        condition: what was not as described.
+        group: what became of its trials.
+    """
+    return minutes(group) / FALL_EVERY if condition == MIXED else 0.0
 
 
 def falls_finding(name: str, group: Sequence[Outcome], allowed: float) -> Finding:

@@ -4,9 +4,9 @@ from studies.bad_operator.conditions import DESCRIBED, MIXED
 from studies.bad_operator.falls_asked import (
     FALL_EVERY,
     FALLS_HEADER,
+    falls_allowed,
     falls_finding,
     falls_row,
-    minutes,
 )
 from studies.bad_operator.led_trial import Outcome, Trial, led_by
 from studies.finding import Finding, Section, Table
@@ -65,5 +65,5 @@ def everything_section(options: StudyOptions, progress: Progress) -> Section:
 
 def _finding(group: list[Outcome]) -> Finding:
     trial = group[0].trial
-    allowed = minutes(group) / FALL_EVERY if trial.condition == MIXED else 0.0
-    return falls_finding(f"{trial.robot}, {trial.condition}, everything at once", group, allowed)
+    name = f"{trial.robot}, {trial.condition}, everything at once"
+    return falls_finding(name, group, falls_allowed(trial.condition, group))

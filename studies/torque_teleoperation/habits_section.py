@@ -1,7 +1,7 @@
 """Falls under operators who do one thing over and over, by robot and by habit."""
 
 from studies.bad_operator.conditions import CONDITIONS, MIXED
-from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
+from studies.bad_operator.falls_asked import FALL_EVERY, falls_allowed, falls_finding
 from studies.bad_operator.habits import HABITS
 from studies.bad_operator.led_trial import Outcome, Trial, run_trial
 from studies.finding import Finding, Section, Table
@@ -56,8 +56,8 @@ def habits_section(options: StudyOptions, progress: Progress) -> Section:
 
 
 def _finding(robot: str, condition: str, group: list[Outcome]) -> Finding:
-    allowed = minutes(group) / FALL_EVERY if condition == MIXED else 0.0
-    return falls_finding(f"{robot}, {condition}, operators with habits", group, allowed)
+    name = f"{robot}, {condition}, operators with habits"
+    return falls_finding(name, group, falls_allowed(condition, group))
 
 
 def _row(habit: str, groups: list[list[Outcome]]) -> tuple[str, ...]:
