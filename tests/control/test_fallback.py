@@ -193,7 +193,7 @@ def test_one_that_fails_at_once_is_refused_by_name(robot, kind, wrong):
 
 
 def force(controller, solution):
-    program = FullProgram(controller.strategy.current.full, Always(solution))
+    program = FullProgram(controller.strategy.current.full, lambda: Always(solution))
     controller.strategy.prepared.of = lambda contacts: program
 
 

@@ -193,6 +193,7 @@ class Controller:
             held_back=self._held_back,
             tasks=task_statuses(self.stack, residuals, self.suspended),
             explanation=self._strategy.explain(),
+            softened={PHYSICS_LEVELS + 1 + k: mu for k, mu in self._strategy.softened.items()},
         )
 
     def _tick(self, state: RobotState) -> Command:

@@ -1,6 +1,6 @@
 """`ControllerStatus`: how each task stands, in words and units."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +47,8 @@ class ControllerStatus:
             how much of what each asks for it misses, and `explanation` against which rows.
         tasks: each task, most important first.
         explanation: which rows conflict and with what, in words.
+        softened: weight of the softening term of each level that was softened, by its number,
+            against the weight of the level's own rows.
     """
 
     command: CommandStatus
@@ -54,11 +56,14 @@ class ControllerStatus:
     held_back: bool
     tasks: tuple[TaskStatus, ...]
     explanation: str
+    softened: Mapping[int, float]
 
     def __str__(self) -> str:
         width = max([len(t.name) for t in self.tasks], default=4)
         lines = [f"status: {self.command.value}" + (f" ({self.reason})" if self.reason else "")]
         lines[0] += ", held back by the balance limit" if self.held_back else ""
+        for level, weight in self.softened.items():
+            lines[0] += f", level {level} softened by {weight:.2g}"
         lines.append(f"{'level':>5}  {'task':<{width}}  {'error':>22}  residual")
         for t in self.tasks:
             error = "held by a contact" if t.suspended else f"{t.error:.3g} {t.unit}"

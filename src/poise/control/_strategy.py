@@ -23,6 +23,10 @@ that of the balance limit, which stands between, has no number, since a stack ma
 PHYSICS_TOLERANCE = 1e-6
 """Relative residual of dynamics and torque limits above which torques cannot be trusted."""
 
+UNSOFTENED = 1e-2
+"""Acceleration by which a softening term has to be able to change a level to be solved with
+[m/s^2, rad/s^2]: a thousandth of gravity, what a tilt of 1 mrad does to an accelerometer."""
+
 
 class Answer(NamedTuple):
     """What a strategy found for one state.
@@ -52,6 +56,14 @@ class Program(Protocol):
     @property
     def suspended(self) -> tuple[Task, ...]:
         """Tasks that a contact stands in for; they have no rows."""
+        ...
+
+    @property
+    def softened(self) -> dict[int, float]:
+        """Weight of the softening term of each level that was softened at the last solve.
+
+        Levels of the stack count from zero.
+        """
         ...
 
     @property
@@ -161,6 +173,11 @@ class Programs(Generic[P]):
         return self.current.suspended
 
     @property
+    def softened(self) -> dict[int, float]:
+        """Weight of the softening term of each level that was softened, counted from zero."""
+        return self.current.softened if self._solved else {}
+
+    @property
     def size(self) -> tuple[int, int]:
         """Number of variables and of rows, finite bounds on single variables among them."""
         return self.current.size if self._solved else (0, 0)
@@ -209,6 +226,15 @@ class Programs(Generic[P]):
     def explain(self) -> str:
         """Which rows conflict and with what at the last solve, in words."""
         return self.current.explain() if self._solved else "nothing solved yet"
+
+
+def softening_notes(softened: dict[int, float]) -> list[str]:
+    """Return a line for each softened level."""
+    return [
+        f"  level {PHYSICS_LEVELS + level + 1} is softened towards the posture, with {weight:.2g} "
+        "of the weight of its rows"
+        for level, weight in softened.items()
+    ]
 
 
 USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)

@@ -7,7 +7,8 @@ from poise.control._batch import Batch
 from poise.control._command import Commands
 from poise.control._controller import Controller
 from poise.control._full_problem import FullProblem
-from poise.control._strategy import Answer, Programs, bound_stack, solver_maker
+from poise.control._softened import SoftenedFull
+from poise.control._strategy import Answer, Programs, bound_stack, softening_notes, solver_maker
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.hqp import Solution, Solver
@@ -20,20 +21,27 @@ class FullProgram:
 
     Args:
         full: the problem.
-        solver: solves it.
+        make_solver: makes a solver with a workspace of its own.
 
     Attributes:
         full: the problem.
     """
 
-    def __init__(self, full: FullProblem, solver: Solver) -> None:
-        self.full, self._solver, self._solved = full, solver, False
-        solver.prepare(full.problem)
+    def __init__(self, full: FullProblem, make_solver: Callable[[], Solver]) -> None:
+        self.full, self._solved = full, False
+        self._solver = SoftenedFull(full, make_solver)
 
     @property
     def solution(self) -> Solution | None:
         """The last solve's, made when it is asked for; None before the first."""
         return self._solver.report() if self._solved else None
+
+    @property
+    def softened(self) -> dict[int, float]:
+        """Weight of the softening term of each level that was softened, counted from zero."""
+        if not self._solved:
+            return {}
+        return self.full.rows.softening.by_level(self._solver.softened)
 
     @property
     def suspended(self) -> tuple[Task, ...]:
@@ -47,7 +55,7 @@ class FullProgram:
 
     def follow(self, last: "FullProgram") -> None:
         """Begins where the program of other contacts ended."""
-        self._solver.follow(self.full.problem, last._solver)
+        self._solver.follow(last._solver)
 
     def assemble(self, dynamics: Dynamics) -> None:
         """Writes one state's rows."""
@@ -57,7 +65,7 @@ class FullProgram:
     def solve(self) -> Answer:
         """Solves what was assembled."""
         full, solver = self.full, self._solver
-        status = solver.run(full.problem)
+        status = solver.run()
         self._solved = True
         x, torque = full.answer(solver.x, self._dynamics)
         return Answer(
@@ -84,7 +92,8 @@ class FullProgram:
         solution, full = self.solution, self.full
         if solution is None:
             return "nothing solved yet"
-        return solution.explain(full.problem, full.unnumbered)
+        words = solution.explain(full.problem, full.unnumbered)
+        return "\n".join([words, *softening_notes(self.softened)])
 
 
 class WholeBodyController(Controller):
@@ -122,7 +131,7 @@ class WholeBodyController(Controller):
         self._programs = Programs(
             robot,
             stack,
-            lambda contacts: FullProgram(FullProblem(robot, stack, contacts), make_solver()),
+            lambda contacts: FullProgram(FullProblem(robot, stack, contacts), make_solver),
         )
         super().__init__(self._programs, dynamics=dynamics)
 

@@ -27,6 +27,11 @@ from poise.stack._settling import (
     SettlingRoom as SettlingRoom,
     bound_settling as bound_settling,
 )
+from poise.stack._softening import (
+    DAMPING as DAMPING,
+    Softening as Softening,
+    find_softening as find_softening,
+)
 from poise.stack._stack import Stack, default_stack, is_held as is_held
 from poise.stack._tables import Owners as Owners, Rows as Rows
 from poise.stack._task import Task, TaskFaultError as TaskFaultError

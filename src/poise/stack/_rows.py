@@ -17,6 +17,7 @@ from poise.stack._joint_limit import JointLimit
 from poise.stack._self_collision import SelfCollisionRows
 from poise.stack._settling import bound_settling, settling_room
 from poise.stack._shipped import ShippedTask
+from poise.stack._softening import Softening
 from poise.stack._stack import Stack, is_held
 from poise.stack._tables import Rows
 from poise.stack._task import Task, evaluate_own
@@ -83,6 +84,7 @@ class StackRows:
         settling_room: see `bound_settling`.
         own_tasks: the tasks that it does not know, with their rows.
         cone: rows C of all wrench cones C F <= 0, in the contacts' own axes.
+        softening: weights and reference of the levels' softening terms.
     """
 
     def __init__(
@@ -140,7 +142,9 @@ class StackRows:
         self.evaluation = Evaluation(robot, owners, rows, count, wrench_dim)
         self.settling_room = settling_room(robot.nj)
         self._nv = robot.nv
+        self.softening = Softening(robot, self.levels, self.task_rows, self.ends, stack.softening)
         self._take(self.evaluation.rows)
+        self.softening.update(self.evaluation.rows, np.zeros(robot.nv), velocities=False)
         # What is compiled is compiled now, not in the first tick.
         self.measure(np.zeros(robot.nv))
         self._settle(stack.joint_limit, np.zeros(robot.nq), np.zeros(robot.nv))
@@ -192,7 +196,14 @@ class StackRows:
         for limit in (self.balance_rows, self.collision_rows):
             self.excess(np.zeros(self._nv), limit)
         self._own_views = [
-            (task, self.J[place], self.target[place], self.upper[place], self.weight[place])
+            (
+                task,
+                self.J[place],
+                self.target[place],
+                self.upper[place],
+                self.weight[place],
+                rows.error[place],
+            )
             for task, place in self.own_tasks
         ]
 
@@ -210,6 +221,7 @@ class StackRows:
         for contact, cone in self._cones:
             cone[:] = contact.cone
         self.update_own(dynamics)
+        self.softening.update(self.evaluation.rows, dynamics.v, velocities=False)
 
     def _settle(
         self, limit: JointLimit, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]
@@ -224,9 +236,9 @@ class StackRows:
         Args:
             dynamics: the state, up to date.
         """
-        for task, J, target, upper, weight in self._own_views:
+        for task, J, target, upper, weight, error in self._own_views:
             evaluate_own(task, dynamics)
-            J[:] = task.jacobian
+            J[:], error[:] = task.jacobian, task.error
             np.subtract(task.reference, task.drift, out=target)
             upper[:], weight[:] = target, task.weight
 
@@ -242,9 +254,9 @@ class StackRows:
         if self._stance is not None:
             self._stance.evaluate(dynamics)
         self.evaluation.update(dynamics, velocities=True)
-        for task, J, target, upper, weight in self._own_views:
+        for task, J, target, upper, weight, error in self._own_views:
             evaluate_own(task, dynamics)
-            J[:] = task.jacobian
+            J[:], error[:] = task.jacobian, task.error
             if task.given_velocity is not None:
                 target[:] = task.given_velocity
             else:
@@ -253,6 +265,7 @@ class StackRows:
                 target += task.velocity_gain * task.error
                 target += task.error_rate
             upper[:], weight[:] = target, task.weight
+        self.softening.update(self.evaluation.rows, dynamics.v, velocities=True)
 
     def measure(
         self, x: Float64[np.ndarray, " n"], J: Float64[np.ndarray, "m n"] | None = None

@@ -5,7 +5,7 @@ Which tasks a contact stands in for.
 
 from collections.abc import Iterator, Sequence
 
-from poise._checks import checked_kind
+from poise._checks import checked_kind, checked_number
 from poise._show import html_table
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
@@ -36,6 +36,9 @@ def is_held(task: Task, contacts: Sequence[Contact]) -> bool:
     )
 
 
+SOFTENING = 0.05
+"""Default of `Stack(softening=)`."""
+
 _TURNING_JOINTS = 3
 """Joints it takes to turn a frame in any direction."""
 
@@ -54,10 +57,14 @@ class Stack:
         joint_limit: bounds of joint positions, velocities and accelerations.
         balance_limit: what keeps all tasks from toppling the robot, where torques are commanded.
         self_collision_limit: what keeps the robot's links off each other; none when None.
+        softening: largest weight of the softening term of a level against the level's own rows,
+            and the error at which it is reached [m, rad]; 0 for levels that are strict even where
+            they cannot be met. A level with the error e is softened by min(|e|, softening).
 
     Raises:
-        ConfigurationError: an empty level, a name used twice, two contacts on one frame, or
-            something that is neither a task nor a contact.
+        ConfigurationError: an empty level, a name used twice, two contacts on one frame,
+            something that is neither a task nor a contact, or a softening that is negative or not
+            finite.
     """
 
     def __init__(
@@ -69,6 +76,7 @@ class Stack:
         joint_limit: JointLimit | None = None,
         balance_limit: BalanceLimit | None = None,
         self_collision_limit: SelfCollisionLimit | None = None,
+        softening: float = SOFTENING,
     ) -> None:
         for contact in checked_kind(contacts, Sequence, "the contacts of the stack"):
             checked_kind(contact, Contact, "a contact of the stack")
@@ -97,6 +105,7 @@ class Stack:
             SelfCollisionLimit,
             "self_collision_limit of the stack",
         )
+        self.softening = checked_number(softening, "softening of the stack [m, rad]")
         _check_unique([c.frame for c in self.contacts], "two contacts of the stack on one frame")
         _check_unique([c.name for c in self.contacts], "two contacts of the stack with one name")
         _check_unique([t.name for _, t in self.tasks()], "two tasks of the stack with one name")

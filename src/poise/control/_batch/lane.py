@@ -6,12 +6,14 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise.control._batch.loop import UNUSABLE, Answers, Numbers, Program, gather, solve_states
-from poise.control._full_problem import FullProblem
+from poise.control._full_problem import FullProblem, answer
+from poise.control._softened import SoftenedFull
 from poise.control._state_check import is_usable
+from poise.control._strategy import UNSOFTENED, USABLE
 from poise.dynamics import Dynamics, RobotState
-from poise.hqp import LexicographicSolver
+from poise.hqp import LOST, UNSOUND, LexicographicSolver
 from poise.robots import Robot
-from poise.stack import Contact, Owner, Stack
+from poise.stack import DAMPING, Contact, Owner, Stack
 
 CHUNK = 16
 """States that a thread takes at a time: Pinocchio's part of them, which one thread does at a time,
@@ -61,7 +63,11 @@ class Lane:
             searched.address,
             work.address,
             changes,
+            full.rows.softening.inputs,
+            (full.rows.softening.weights, full.rows.softening.reference),
+            DAMPING,
         )
+        self._softened = SoftenedFull(full, LexicographicSolver)
         # What is compiled is compiled now, for the first batch may have no state of use.
         gather(self._places, self._packed[0])
         self.solve(slice(0, 0), _no_answers())
@@ -124,6 +130,21 @@ class Lane:
         """
         own = Answers(*(numbers[chunk] for numbers in answers))
         solve_states(self._packed, self._program, own)
+        solved = (own.found != UNUSABLE) & (own.found != UNSOUND) & (own.found != LOST)
+        strained = (own.strain > UNSOFTENED).any(axis=1)
+        for i in np.flatnonzero(solved & strained).tolist():
+            self._soften(i, Answers(*(numbers[i : i + 1] for numbers in own)))
+
+    def _soften(self, row: int, own: Answers) -> None:
+        """Solve one state of the chunk anew, with its levels softened."""
+        # The compiled loop leaves the numbers of its last state in the problem.
+        solve_states(self._packed[row : row + 1], self._program, own)
+        solver = self._softened
+        solver.reset()
+        if solver.run() not in USABLE:
+            return
+        own.x[0], own.residuals[0] = solver.x, solver.relative_residuals
+        answer(own.x[0], self.full.problem.A, self._dynamics.h, own.x[0], own.torque[0])
 
     def _own_numbers(self) -> list[Float64[np.ndarray, " _"]]:
         """Numbers of a state that are written where compiled code reads them."""
@@ -138,6 +159,7 @@ class Lane:
                 problem.lower[beyond],
                 problem.upper[beyond],
                 problem.weights[beyond],
+                rows.evaluation.rows.error[place],
             ]
         return own
 
@@ -145,7 +167,7 @@ class Lane:
 def _no_answers() -> Answers:
     matrix = np.zeros((0, 0))
     sides, found = np.zeros((0, 0), dtype=np.int8), np.zeros(0, dtype=np.int64)
-    return Answers(sides, matrix, matrix, matrix, found)
+    return Answers(sides, matrix, matrix, matrix, found, matrix)
 
 
 def _places(numbers: Sequence[Float64[np.ndarray, " _"]]) -> list[Numbers]:

@@ -1,5 +1,6 @@
 """`solve_states`: the states of a chunk, one after the other, by one compiled call."""
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,15 @@ from poise._compiled import Block, compiled, compiled_for_threads, part, view
 from poise.control._full_problem import answer, fill
 from poise.dynamics import Motion
 from poise.hqp import LOST, UNSOUND, Work, search
-from poise.stack import Owners, Rows, SettlingRoom, Viability, bound_settling, evaluate
+from poise.stack import (
+    Owners,
+    Rows,
+    SettlingRoom,
+    Viability,
+    bound_settling,
+    evaluate,
+    find_softening,
+)
 
 UNUSABLE = -1
 """Stands for how the search ended where a state was of no use."""
@@ -24,6 +33,8 @@ class Answers(NamedTuple):
         torque: of the joints [N m].
         residuals: of the levels, relative.
         found: how the search ended.
+        strain: distance of the joints' accelerations from the reference, times each level's
+            softening weight.
     """
 
     sides: Int8[np.ndarray, "count nm"]
@@ -31,6 +42,7 @@ class Answers(NamedTuple):
     torque: Float64[np.ndarray, "count nj"]
     residuals: Float64[np.ndarray, "count levels"]
     found: Int64[np.ndarray, " count"]
+    strain: Float64[np.ndarray, "count soft"]
 
 
 class Numbers(Block):
@@ -61,6 +73,9 @@ class Program(NamedTuple):
         problem_at: address of the problem.
         work_at: address of the search's workspace.
         changes: after how many the search stops.
+        softening: what `find_softening` reads.
+        softened: weights and reference that it writes.
+        damping: of joints without a reference [1/s].
     """
 
     places: Int64[np.ndarray, " places"]
@@ -86,6 +101,9 @@ class Program(NamedTuple):
     problem_at: int
     work_at: int
     changes: int
+    softening: tuple[Int64[np.ndarray, " j"], Int64[np.ndarray, "s 2"], float]
+    softened: tuple[Float64[np.ndarray, " s"], Float64[np.ndarray, " j"]]
+    damping: float
 
 
 @compiled
@@ -133,6 +151,14 @@ def solve_states(
         answer(x, problem[0], p.h, answers.x[i], answers.torque[i])
         for k in range(len(work.answer.relative)):
             answers.residuals[i, k] = work.answer.relative[k]
+        find_softening(p.rows, p.v, p.softening, p.softened, p.damping)
+        weights, reference = p.softened
+        base, square = p.sizes[0], 0.0
+        for k in range(len(reference)):
+            off = x[base + k] - reference[k]
+            square += off * off
+        for k in range(len(weights)):
+            answers.strain[i, k] = weights[k] * sqrt(square)
 
 
 @part

@@ -20,12 +20,12 @@ from poise.control._differential_ik._rows import (
 )
 from poise.control._excess import excess
 from poise.control._rank import RankTreatment
-from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer
+from poise.control._strategy import PHYSICS_LEVELS, UNSOFTENED, USABLE, Answer, softening_notes
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.hqp import HierarchicalProblem, Solution, SolveStatus, make_solver
+from poise.hqp import HierarchicalProblem, SoftenedSolver, Solution, SolveStatus, make_solver
 from poise.robots import Robot
-from poise.stack import Contact, ContactSets, Stack, Task
+from poise.stack import DAMPING, Contact, ContactSets, Stack, Task
 
 STRATEGIES = ("closed_form", "hqp")
 """How the levels are solved, by name."""
@@ -49,13 +49,16 @@ class VelocityHierarchy:
     Args:
         rows: its rows.
         joint_names: joints that are solved for.
+        joints: their indices.
 
     Attributes:
         problem: the problem of the last tick.
         solution: its solution, None before the first.
     """
 
-    def __init__(self, rows: VelocityRows, joint_names: list[str]) -> None:
+    def __init__(
+        self, rows: VelocityRows, joint_names: list[str], joints: Int64[np.ndarray, " n"]
+    ) -> None:
         stack_rows = rows.stack_rows
         limits, (contacts, *sizes) = (
             stack_rows.limits,
@@ -86,8 +89,19 @@ class VelocityHierarchy:
         self.unnumbered = range(PHYSICS_LEVELS, self._first)
         self.problem.labels[:1] = [(f"limit of {name}", 1) for name in joint_names]
         self.solution: Solution | None = None
-        self._rows = rows
-        self._solver = make_solver()
+        self._rows, self._joints = rows, joints
+        self._softening = softening = stack_rows.softening
+        softened = [level for level in softening.levels if level < levels]
+        self._softened = len(softened)
+        self._solver = SoftenedSolver(
+            self.problem,
+            make_solver(),
+            [self._first + level for level in softened],
+            range(len(joints)),
+            exact=softening.exact and levels == len(stack_rows.levels),
+            tolerance=UNSOFTENED / DAMPING,
+            make_solver=make_solver,
+        )
 
     def solve(self, lower: Float64[np.ndarray, " n"], upper: Float64[np.ndarray, " n"]) -> Solution:
         """Solves for the rows as they are.
@@ -104,8 +118,16 @@ class VelocityHierarchy:
         for i, level in enumerate(self._rows.levels[1:]):
             weights = problem.level(self._first + i).weights
             np.sqrt(level.weight / ROW_WEIGHT, out=weights)
-        self.solution = self._solver.solve(problem)
+        self._solver.weights[:] = self._softening.weights[: self._softened]
+        self._solver.reference[:] = self._softening.reference[self._joints]
+        self._solver.run()
+        self.solution = self._solver.report()
         return self.solution
+
+    @property
+    def softened(self) -> dict[int, float]:
+        """Weight of the softening term of each level that was softened, counted from zero."""
+        return self._softening.by_level(self._solver.softened)
 
     def reset(self) -> None:
         """Forgets the last solution."""
@@ -199,6 +221,15 @@ class VelocityStrategy:
         return self.current.stack_rows.suspended
 
     @property
+    def softened(self) -> dict[int, float]:
+        """Weight of the softening term of each level that was softened, counted from zero.
+
+        The closed form is damped by its SR-inverses and softens nothing else.
+        """
+        hierarchy = self._current[1]
+        return hierarchy.softened if hierarchy is not None and self._solved else {}
+
+    @property
     def size(self) -> tuple[int, int]:
         """Number of joints that are solved for, and of rows, their bounds among them."""
         joints = len(self._joints)
@@ -280,6 +311,7 @@ class VelocityStrategy:
             notes.append(f"no contact is active: {rows.stance.name} still counts as stance")
         if hierarchy is not None and hierarchy.solution is not None:
             notes.append(hierarchy.solution.explain(hierarchy.problem, hierarchy.unnumbered))
+            notes += softening_notes(hierarchy.softened)
         held = *self._joints[self._held], *self._led.index[self._led.held]
         names = [self.robot.joint_names[i] for i in held]
         if names:
@@ -326,6 +358,6 @@ class VelocityStrategy:
                 rows.limited.compile(self._joined_form)
                 return rows, None
             names = [self.robot.joint_names[i] for i in self._joints]
-            return rows, VelocityHierarchy(rows, names)
+            return rows, VelocityHierarchy(rows, names, self._joints)
 
         return ContactSets(self.stack, make)

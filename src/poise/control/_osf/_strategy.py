@@ -71,6 +71,11 @@ class OperationalStrategy:
         return self._current.stack_rows.suspended
 
     @property
+    def softened(self) -> dict[int, float]:
+        """Weight of the softening term of each level that was softened, counted from zero."""
+        return {}
+
+    @property
     def size(self) -> tuple[int, int]:
         """Number of variables, accelerations and wrenches, and of rows."""
         rows, nv = self._current.stack_rows, self.robot.nv

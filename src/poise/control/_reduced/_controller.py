@@ -17,6 +17,7 @@ from poise.control._reduced._joining import follow, join
 from poise.control._reduced._unconstrained_chain import UnconstrainedChainProblem
 from poise.control._strategy import (
     PHYSICS_LEVELS,
+    UNSOFTENED,
     USABLE,
     Answer,
     Programs,
@@ -56,7 +57,7 @@ class ReducedProgram:
     what LQP 1 decided, within the limits. If that costs no level anything, and hardly more energy,
     it is the solution. If it does, or links would come too near each other, what LQP 1 decided is
     worth nothing: the whole problem is solved after all, `FullProblem`, and stays so for `PATIENCE`
-    ticks.
+    ticks. So it is where a level is softened, see `SoftenedSolver`.
 
     Args:
         robot: the robot.
@@ -91,7 +92,7 @@ class ReducedProgram:
         self._firsts: dict[tuple[int, ...], tuple[ConstraintChainProblem, Solver]] = {}
         self.second: UnconstrainedChainProblem | None = None
         self._solved = self._used_second = False
-        self.whole = FullProgram(FullProblem(robot, stack, contacts), make_solver())
+        self.whole = FullProgram(FullProblem(robot, stack, contacts), make_solver)
         self._solved_whole, self._whole_ticks = False, 0
         self._current = self._prepare()
         if partition.nu:
@@ -105,6 +106,11 @@ class ReducedProgram:
     def suspended(self) -> tuple[Task, ...]:
         """Frame tasks that a contact stands in for; they have no rows."""
         return self.rows.suspended
+
+    @property
+    def softened(self) -> dict[int, float]:
+        """Weight of the softening term of each level that was softened, counted from zero."""
+        return self.whole.softened if self._solved_whole else {}
 
     @property
     def first(self) -> ConstraintChainProblem:
@@ -159,7 +165,7 @@ class ReducedProgram:
         self._solved, self._used_second = not self._solved_whole, False
         if self._solved_whole:
             self._whole_ticks -= 1
-            return self.whole.solve()
+            return self._answer_of_whole()
         problem, solver = self._current
         status = solver.run(problem.problem)
         x = solver.x.copy()
@@ -182,6 +188,8 @@ class ReducedProgram:
                 return self._solve_whole()
             physics = np.maximum(physics, second.relative_residuals[:PHYSICS_LEVELS])
         if self.rows.excess(joined.acceleration, self.rows.collision_rows) > _TOLERANCE:
+            return self._solve_whole()
+        if self.rows.softening.acts_on(joined.acceleration[self._robot.base_dofs :], UNSOFTENED):
             return self._solve_whole()
         return Answer(
             status,
@@ -228,7 +236,13 @@ class ReducedProgram:
     def _solve_whole(self) -> Answer:
         self._solved_whole, self._whole_ticks = True, PATIENCE
         self.whole.assemble(self._dynamics)
-        return self.whole.solve()
+        return self._answer_of_whole()
+
+    def _answer_of_whole(self) -> Answer:
+        answer = self.whole.solve()
+        if self.whole.softened:
+            self._whole_ticks = PATIENCE
+        return answer
 
     @property
     def whole_solution(self) -> Solution | None:

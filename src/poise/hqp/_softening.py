@@ -1,0 +1,228 @@
+"""`SoftenedSolver`: levels that yield to a reference where they cannot be met."""
+
+from collections.abc import Callable, Sequence
+from time import perf_counter
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.hqp._measure import Measure, measure_point
+from poise.hqp._problem import HierarchicalProblem
+from poise.hqp._solution import Solution, SolveStatus
+from poise.hqp._strategies import Solver
+from poise.hqp._tolerances import RELAXED
+
+_USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
+
+
+class _Stage:
+    """The problem down to one level, with the reference's rows in that level."""
+
+    def __init__(
+        self,
+        problem: HierarchicalProblem,
+        level: int,
+        columns: Sequence[int],
+        solver: Solver,
+    ) -> None:
+        self.level, self.solver, self._count = level, solver, len(columns)
+        self.rows = problem.levels[level].slice
+        above = problem.levels[: level + 1]
+        sizes = [view.slice.stop - view.slice.start for view in above]
+        sizes[-1] += len(columns)
+        self.problem = HierarchicalProblem.allocate(
+            problem.n, sizes, [view.name for view in above], bounds_level=problem.bounds_level
+        )
+        labels, left = list[tuple[str, int]](), problem.n + self.rows.stop
+        for name, count in problem.labels:
+            labels.append((name, min(count, left)))
+            left -= labels[-1][1]
+        self.problem.labels[:] = [*labels, ("reference", len(columns))]
+        self.problem.A[self.rows.stop + np.arange(len(columns)), columns] = 1.0
+        solver.prepare(self.problem)
+
+    def fill(
+        self, problem: HierarchicalProblem, weight: float, reference: Float64[np.ndarray, " j"]
+    ) -> None:
+        """Copy the rows down to the level, and set weight and target of the reference's rows."""
+        own, rows = self.problem, self.rows.stop
+        stacked = problem.n + rows
+        own.A[:rows] = problem.A[:rows]
+        own.H[:], own.g[:] = problem.H, problem.g
+        own.lower[:stacked], own.upper[:stacked] = problem.lower[:stacked], problem.upper[:stacked]
+        own.weights[:stacked] = problem.weights[:stacked]
+        own.lower[stacked:] = own.upper[stacked:] = reference
+        own.weights[stacked:] = weight
+
+
+class SoftenedSolver:
+    """Solve hierarchies in which levels that cannot be met are softened.
+
+    A softened level k of weight mu_k > 0 is decided by
+
+        x_k = argmin |W_k (A_k x - b_k)|^2 + mu_k^2 |x_J - d|^2    subject to the levels above,
+
+    and the levels below keep `A_k x = A_k x_k`, not x_k: the null space of its rows stays theirs.
+    So a level comes to rest where it cannot be met (Tikhonov regularisation), and the levels below
+    cost it nothing, for x_k does not depend on them. What the reference costs it is bounded by
+
+        |W_k (A_k x_k - b_k)|^2 <= r_k^2 + mu_k^2 |x_J - d|^2
+
+    with r_k its residual without softening and x any point that reaches it. Where that says less
+    than `tolerance` the level is not softened but strict: a tick in which everything can be met
+    takes one solve, and gives the answer of the problem as it stands.
+
+    Args:
+        problem: the problem; its numbers may change from solve to solve, its arrays may not.
+        solver: solves it, and keeps its workspace.
+        levels: indices of the levels that may be softened, all of them equalities.
+        columns: the variables J that have a reference.
+        exact: whether the level below the last of `levels` consists of `x_J = d` alone, and is the
+            problem's last: then x_k of that level is the answer.
+        tolerance: change of a level's weighted rows that is none [units of the rows].
+        make_solver: makes a solver with a workspace of its own, one a level.
+
+    Attributes:
+        weights: mu of each level of `levels`, to be set before each solve; 0 for strict.
+        reference: d, to be set before each solve.
+        softened: mu of each level at the last solve, 0 where it was strict.
+        x: the answer.
+        relative_residuals: of each level of the problem, as it was set, at `x`.
+    """
+
+    def __init__(
+        self,
+        problem: HierarchicalProblem,
+        solver: Solver,
+        levels: Sequence[int],
+        columns: Sequence[int],
+        *,
+        exact: bool,
+        tolerance: float,
+        make_solver: Callable[[], Solver],
+    ) -> None:
+        self._problem, self._solver, self._tolerance = problem, solver, tolerance
+        self._columns = np.array(columns, dtype=np.int64)
+        self._stages = [_Stage(problem, level, columns, make_solver()) for level in levels]
+        self._exact = exact
+        self.weights: Float64[np.ndarray, " s"] = np.zeros(len(levels))
+        self.softened: Float64[np.ndarray, " s"] = np.zeros(len(levels))
+        self.reference: Float64[np.ndarray, " j"] = np.zeros(len(columns))
+        self._soft = [False] * len(levels)
+        self._measure: Measure | None = None
+        self._status, self._seconds = SolveStatus.FAILED, 0.0
+        solver.prepare(problem)
+        # What is compiled is compiled now, not in the first tick.
+        measure_point(problem, np.zeros(problem.n))
+
+    @property
+    def x(self) -> Float64[np.ndarray, " n"]:
+        """The answer of the last `run`."""
+        return self._solver.x if self._measure is None else self._x
+
+    @property
+    def relative_residuals(self) -> Float64[np.ndarray, " p"]:
+        """Residuals of the problem's levels by their scales, as the problem was set."""
+        if self._measure is None:
+            return self._solver.relative_residuals
+        return self._measure.relative
+
+    def run(self) -> SolveStatus:
+        """Solve the problem as it is; the answer stays here until the next call."""
+        begin = perf_counter()
+        self._measure = None
+        self.softened[:] = 0.0
+        status = self._solve()
+        self._status, self._seconds = status, perf_counter() - begin
+        return status
+
+    def reset(self) -> None:
+        """Forget the last solutions."""
+        self._solver.reset()
+        for k, stage in enumerate(self._stages):
+            stage.solver.reset()
+            self._soft[k] = False
+
+    def follow(self, last: "SoftenedSolver") -> None:
+        """Begin the next solve where that of another problem ended, such as of other contacts."""
+        self._solver.follow(self._problem, last._solver)
+        for k, (stage, other) in enumerate(zip(self._stages, last._stages, strict=True)):
+            stage.solver.follow(stage.problem, other.solver)
+            self._soft[k] = last._soft[k]
+
+    def report(self) -> Solution:
+        """All about the last `run`; it owns its arrays."""
+        if self._measure is None:
+            return self._solver.report()
+        slacks, residuals, _ = self._measure
+        relative = self._measure.relative
+        return Solution(
+            status=self._status,
+            x=self.x.copy(),
+            slacks=slacks.copy(),
+            residuals=residuals.copy(),
+            relative_residuals=relative,
+            strategy="softened",
+            relaxed=bool(relative.max() > RELAXED),
+            timings={"total": self._seconds},
+        )
+
+    def _solve(self) -> SolveStatus:
+        weights = self.weights.tolist()
+        soft = [was and mu > 0.0 for was, mu in zip(self._soft, weights, strict=True)]
+        while True:
+            if not any(soft):
+                status, x = self._solver.run(self._problem), self._solver.x
+            else:
+                status, x = self._solve_softened(soft)
+            if status not in _USABLE:
+                self._soft = [False] * len(soft)
+                return self._solver.run(self._problem) if any(soft) else status
+            strain = self._strain(x)
+            more = [
+                k
+                for k, is_soft in enumerate(soft)
+                if not is_soft and not weights[k] * strain <= self._tolerance
+            ]
+            if not more:
+                break
+            soft[more[-1]] = True
+        if any(soft):
+            self._x, self._measure = x, measure_point(self._problem, x)
+            self.softened[:] = np.where(soft, self.weights, 0.0)
+        return status
+
+    def _solve_softened(self, soft: list[bool]) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
+        """Solve with some levels softened, from the top, each for what those above it reached."""
+        problem, kept = self._problem, list[tuple[slice, Float64[np.ndarray, " m"]]]()
+        status, x, whole = SolveStatus.FAILED, self._solver.x, False
+        try:
+            for k, stage in enumerate(self._stages):
+                if not soft[k]:
+                    continue
+                stage.fill(problem, float(self.weights[k]), self.reference)
+                status = stage.solver.run(stage.problem)
+                if status not in _USABLE:
+                    return status, x
+                x = stage.solver.x.copy()
+                strain = float(self.weights[k]) * self._strain(x)
+                self._soft[k] = strain > 0.5 * self._tolerance
+                whole = self._exact and k == len(self._stages) - 1
+                if whole:
+                    break
+                rows = slice(problem.n + stage.rows.start, problem.n + stage.rows.stop)
+                kept.append((rows, problem.lower[rows].copy()))
+                reached = problem.A[stage.rows] @ x
+                problem.lower[rows] = problem.upper[rows] = reached
+            if not whole:
+                status = self._solver.run(problem)
+                x = self._solver.x.copy()
+        finally:
+            for rows, bounds in kept:
+                problem.lower[rows] = problem.upper[rows] = bounds
+        return status, x
+
+    def _strain(self, x: Float64[np.ndarray, " n"]) -> float:
+        """Distance of a point's variables from their reference."""
+        off = x[self._columns] - self.reference
+        return float(np.sqrt(off.dot(off)))
