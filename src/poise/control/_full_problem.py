@@ -58,6 +58,7 @@ class FullProblem:
     Attributes:
         rows: the rows of the stack.
         problem: the hierarchical problem, filled by `fill`.
+        velocity: generalized velocity of the state that it was filled for.
     """
 
     def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
@@ -66,6 +67,7 @@ class FullProblem:
             robot, stack, contacts, own_rows=cones, balance="before", collisions="before"
         )
         self._stack, self._nv, self._base = stack, robot.nv, robot.base_dofs
+        self.velocity = np.zeros(robot.nv)
         self.problem = problem = self._allocate(robot, rows)
         self._numbered = np.delete(np.arange(len(problem.levels)), self.unnumbered)
         nv, n = robot.nv, problem.n
@@ -93,6 +95,7 @@ class FullProblem:
         Args:
             dynamics: the state, up to date.
         """
+        self.velocity = dynamics.v
         self.rows.update(dynamics)
         self._fill_dynamics(dynamics.M, dynamics.h)
 

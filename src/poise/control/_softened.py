@@ -2,9 +2,12 @@
 
 from collections.abc import Callable
 
+import numpy as np
+from jaxtyping import Float64
+
 from poise.control._full_problem import FullProblem
 from poise.control._strategy import UNSOFTENED
-from poise.hqp import SoftenedSolver, Solver, SolveStatus
+from poise.hqp import SoftenedSolver, Solver
 
 
 class SoftenedFull(SoftenedSolver):
@@ -16,20 +19,21 @@ class SoftenedFull(SoftenedSolver):
     """
 
     def __init__(self, full: FullProblem, make_solver: Callable[[], Solver]) -> None:
-        rows, problem = full.rows, full.problem
-        first, base = len(problem.levels) - len(rows.levels), full.sizes[0]
-        self._softening = rows.softening
+        softening, problem = full.rows.softening, full.problem
+        first, base = len(problem.levels) - len(full.rows.levels), full.sizes[0]
+
+        def find(x: Float64[np.ndarray, " n"]) -> float:
+            return softening.find(full.velocity, x, base)
+
         super().__init__(
             problem,
             make_solver(),
-            [first + level for level in rows.softening.levels],
-            range(base, base + len(rows.softening.reference)),
-            exact=rows.softening.exact,
+            [first + level for level in softening.levels],
+            range(base, base + len(softening.terms.reference)),
+            weights=softening.terms.weights,
+            reference=softening.terms.reference,
+            find=find,
+            exact=softening.exact,
             tolerance=UNSOFTENED,
             make_solver=make_solver,
         )
-
-    def run(self) -> SolveStatus:
-        """Solve the problem with the weights and the reference of its rows."""
-        self.weights[:], self.reference[:] = self._softening.weights, self._softening.reference
-        return super().run()

@@ -77,14 +77,16 @@ class SoftenedSolver:
         solver: solves it, and keeps its workspace.
         levels: indices of the levels that may be softened, all of them equalities.
         columns: the variables J that have a reference.
+        weights: mu of each level of `levels`; 0 for strict.
+        reference: d.
+        find: finds `weights` and `reference` for the problem as it is, in place, and returns the
+            largest `mu_k |x_J - d|` at the point that it is given.
         exact: whether the level below the last of `levels` consists of `x_J = d` alone, and is the
             problem's last: then x_k of that level is the answer.
         tolerance: change of a level's weighted rows that is none [units of the rows].
         make_solver: makes a solver with a workspace of its own, one a level.
 
     Attributes:
-        weights: mu of each level of `levels`, to be set before each solve; 0 for strict.
-        reference: d, to be set before each solve.
         softened: mu of each level at the last solve, 0 where it was strict.
         x: the answer.
         relative_residuals: of each level of the problem, as it was set, at `x`.
@@ -97,18 +99,21 @@ class SoftenedSolver:
         levels: Sequence[int],
         columns: Sequence[int],
         *,
+        weights: Float64[np.ndarray, " s"],
+        reference: Float64[np.ndarray, " j"],
+        find: Callable[[Float64[np.ndarray, " n"]], float],
         exact: bool,
         tolerance: float,
         make_solver: Callable[[], Solver],
     ) -> None:
         self._problem, self._solver, self._tolerance = problem, solver, tolerance
+        self._weights, self._reference, self._find = weights, reference, find
         self._columns = np.array(columns, dtype=np.int64)
         self._stages = [_Stage(problem, level, columns, make_solver()) for level in levels]
         self._exact = exact
-        self.weights: Float64[np.ndarray, " s"] = np.zeros(len(levels))
         self.softened: Float64[np.ndarray, " s"] = np.zeros(len(levels))
-        self.reference: Float64[np.ndarray, " j"] = np.zeros(len(columns))
         self._soft = [False] * len(levels)
+        self._any_soft = False
         self._measure: Measure | None = None
         self._status, self._seconds = SolveStatus.FAILED, 0.0
         solver.prepare(problem)
@@ -129,12 +134,18 @@ class SoftenedSolver:
 
     def run(self) -> SolveStatus:
         """Solve the problem as it is; the answer stays here until the next call."""
+        solver = self._solver
+        if not self._any_soft:
+            status = solver.run(self._problem)
+            if status not in _USABLE or self._find(solver.x) <= self._tolerance:
+                self._measure = None
+                return status
+        else:
+            self._find(solver.x)
         begin = perf_counter()
-        self._measure = None
-        self.softened[:] = 0.0
-        status = self._solve()
-        self._status, self._seconds = status, perf_counter() - begin
-        return status
+        self._status = self._solve()
+        self._seconds = perf_counter() - begin
+        return self._status
 
     def reset(self) -> None:
         """Forget the last solutions."""
@@ -142,6 +153,7 @@ class SoftenedSolver:
         for k, stage in enumerate(self._stages):
             stage.solver.reset()
             self._soft[k] = False
+        self._any_soft, self._measure = False, None
 
     def follow(self, last: "SoftenedSolver") -> None:
         """Begin the next solve where that of another problem ended, such as of other contacts."""
@@ -149,6 +161,7 @@ class SoftenedSolver:
         for k, (stage, other) in enumerate(zip(self._stages, last._stages, strict=True)):
             stage.solver.follow(stage.problem, other.solver)
             self._soft[k] = last._soft[k]
+        self._any_soft = last._any_soft
 
     def report(self) -> Solution:
         """All about the last `run`; it owns its arrays."""
@@ -168,28 +181,27 @@ class SoftenedSolver:
         )
 
     def _solve(self) -> SolveStatus:
-        weights = self.weights.tolist()
+        """Soften what was softened last, then what the answer shows to need it, from below."""
+        weights = self._weights.tolist()
         soft = [was and mu > 0.0 for was, mu in zip(self._soft, weights, strict=True)]
+        status, x = SolveStatus.FAILED, self._solver.x
         while True:
-            if not any(soft):
-                status, x = self._solver.run(self._problem), self._solver.x
-            else:
+            if any(soft):
                 status, x = self._solve_softened(soft)
-            if status not in _USABLE:
-                self._soft = [False] * len(soft)
-                return self._solver.run(self._problem) if any(soft) else status
+            if status not in _USABLE or not any(soft):
+                status, x = self._solver.run(self._problem), self._solver.x
             strain = self._strain(x)
             more = [
                 k
                 for k, is_soft in enumerate(soft)
                 if not is_soft and not weights[k] * strain <= self._tolerance
             ]
-            if not more:
+            if status not in _USABLE or not more:
                 break
             soft[more[-1]] = True
-        if any(soft):
-            self._x, self._measure = x, measure_point(self._problem, x)
-            self.softened[:] = np.where(soft, self.weights, 0.0)
+        self._x, self._measure = x, measure_point(self._problem, x)
+        self.softened[:] = np.where(soft, self._weights, 0.0)
+        self._any_soft = any(self._soft)
         return status
 
     def _solve_softened(self, soft: list[bool]) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
@@ -200,12 +212,12 @@ class SoftenedSolver:
             for k, stage in enumerate(self._stages):
                 if not soft[k]:
                     continue
-                stage.fill(problem, float(self.weights[k]), self.reference)
+                stage.fill(problem, float(self._weights[k]), self._reference)
                 status = stage.solver.run(stage.problem)
                 if status not in _USABLE:
                     return status, x
                 x = stage.solver.x.copy()
-                strain = float(self.weights[k]) * self._strain(x)
+                strain = float(self._weights[k]) * self._strain(x)
                 self._soft[k] = strain > 0.5 * self._tolerance
                 whole = self._exact and k == len(self._stages) - 1
                 if whole:
@@ -224,5 +236,5 @@ class SoftenedSolver:
 
     def _strain(self, x: Float64[np.ndarray, " n"]) -> float:
         """Distance of a point's variables from their reference."""
-        off = x[self._columns] - self.reference
+        off = x[self._columns] - self._reference
         return float(np.sqrt(off.dot(off)))

@@ -144,7 +144,6 @@ class StackRows:
         self._nv = robot.nv
         self.softening = Softening(robot, self.levels, self.task_rows, self.ends, stack.softening)
         self._take(self.evaluation.rows)
-        self.softening.update(self.evaluation.rows, np.zeros(robot.nv), velocities=False)
         # What is compiled is compiled now, not in the first tick.
         self.measure(np.zeros(robot.nv))
         self._settle(stack.joint_limit, np.zeros(robot.nq), np.zeros(robot.nv))
@@ -190,6 +189,7 @@ class StackRows:
         self.J = rows.matrix[rows.first : rows.first + len(rows.target), : self._nv]
         self.target, self.weight, self.upper = rows.target, rows.weight, rows.upper
         self.wrench_lower, self.wrench_upper = rows.wrench_lower, rows.wrench_upper
+        self.softening.read_from(rows)
         for task, place in self.task_rows:
             self.weight[place] = task.weight
         # What is compiled is compiled now, not in the first tick.
@@ -221,7 +221,6 @@ class StackRows:
         for contact, cone in self._cones:
             cone[:] = contact.cone
         self.update_own(dynamics)
-        self.softening.update(self.evaluation.rows, dynamics.v, velocities=False)
 
     def _settle(
         self, limit: JointLimit, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]
@@ -265,7 +264,6 @@ class StackRows:
                 target += task.velocity_gain * task.error
                 target += task.error_rate
             upper[:], weight[:] = target, task.weight
-        self.softening.update(self.evaluation.rows, dynamics.v, velocities=True)
 
     def measure(
         self, x: Float64[np.ndarray, " n"], J: Float64[np.ndarray, "m n"] | None = None

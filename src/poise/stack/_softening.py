@@ -6,7 +6,7 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled
+from poise._compiled import Block, compiled, view
 from poise.robots import Robot
 from poise.stack._joints import JointTask
 from poise.stack._tables import Rows
@@ -14,6 +14,30 @@ from poise.stack._task import Task
 
 DAMPING = 10.0
 """Damping of joints that no joint task refers to [1/s]: that of the default `PostureTask`."""
+
+
+class Terms(Block):
+    """Inputs and outputs of `find_softening`.
+
+    Attributes:
+        target: right-hand sides of the stack's rows.
+        error: their errors.
+        weight: their weights.
+        row_of: row of the joint task that refers to each joint, -1 for none.
+        spans: first row of each level that may be softened, and the row after its last.
+        settings: the stack's `softening`; damping of joints without a joint task [1/s].
+        weights: receives mu of each of these levels.
+        reference: receives d of each joint [rad/s^2, rad/s].
+    """
+
+    target: Float64[np.ndarray, " m"]
+    error: Float64[np.ndarray, " m"]
+    weight: Float64[np.ndarray, " m"]
+    row_of: Int64[np.ndarray, " j"]
+    spans: Int64[np.ndarray, "s two"]
+    settings: Float64[np.ndarray, " two"]
+    weights: Float64[np.ndarray, " s"]
+    reference: Float64[np.ndarray, " j"]
 
 
 class Softening:
@@ -40,9 +64,7 @@ class Softening:
         levels: indices of the levels that may be softened: those with rows that do not refer to
             every joint.
         exact: whether all that follows the last of them is one joint task of all joints.
-        weights: mu of each of them; as the next, found by `update`.
-        reference: d of each joint [rad/s^2, rad/s].
-        inputs: what `find_softening` reads.
+        terms: weights and reference, as `find_softening` left them.
     """
 
     def __init__(
@@ -54,12 +76,12 @@ class Softening:
         softening: float,
     ) -> None:
         rows = dict(places)
-        row_of = np.full(robot.nj, -1, dtype=np.int64)
+        self._row_of = np.full(robot.nj, -1, dtype=np.int64)
         for level in levels:
             for task in level:
                 if isinstance(task, JointTask):
                     place = rows[task]
-                    row_of[task.chosen - robot.base_dofs] = np.arange(place.start, place.stop)
+                    self._row_of[task.chosen - robot.base_dofs] = np.arange(place.start, place.stop)
         self.levels = (
             [i for i, level in enumerate(levels) if level and not _has_all_joints(level, robot)]
             if softening > 0.0
@@ -67,33 +89,37 @@ class Softening:
         )
         below = levels[self.levels[-1] + 1 :] if self.levels else ()
         self.exact = len(below) == 1 and len(below[0]) == 1 and _has_all_joints(below[0], robot)
-        spans = [(int(ends[i]), int(ends[i + 1])) for i in self.levels]
-        self.inputs = row_of, np.array(spans, dtype=np.int64).reshape(-1, 2), softening
-        self.weights: Float64[np.ndarray, " s"] = np.zeros(len(self.levels))
-        self.reference: Float64[np.ndarray, " j"] = np.zeros(robot.nj)
+        self._spans = np.array(
+            [(int(ends[i]), int(ends[i + 1])) for i in self.levels], dtype=np.int64
+        ).reshape(-1, 2)
+        self._settings = np.array([softening, DAMPING])
 
-    def update(self, rows: Rows, v: Float64[np.ndarray, " nv"], *, velocities: bool) -> None:
-        """Find weights and reference for evaluated rows.
-
-        Args:
-            rows: of the stack, evaluated.
-            v: generalized velocity.
-            velocities: whether right-hand sides are velocities, not accelerations.
-        """
-        if self.levels:
-            damping = 0.0 if velocities else DAMPING
-            find_softening(rows, v, self.inputs, (self.weights, self.reference), damping)
-
-    def acts_on(self, joints: Float64[np.ndarray, " j"], tolerance: float) -> bool:
-        """Return whether a term can change its level by more than a tolerance.
+    def read_from(self, rows: Rows, *, velocities: bool = False) -> None:
+        """Read the rows of a stack from now on.
 
         Args:
-            joints: accelerations or velocities of the joints in the strict answer.
-            tolerance: [unit of the rows].
+            rows: where they are evaluated.
+            velocities: whether right-hand sides are velocities, so that damping is rest.
         """
-        off = joints - self.reference
-        strain = sqrt(float(off.dot(off)))
-        return any(not weight * strain <= tolerance for weight in self.weights.tolist())
+        self._settings[1] = 0.0 if velocities else DAMPING
+        self.terms = Terms(
+            target=rows.target,
+            error=rows.error,
+            weight=rows.weight,
+            row_of=self._row_of,
+            spans=self._spans,
+            settings=self._settings,
+            weights=np.zeros(len(self.levels)),
+            reference=np.zeros(len(self._row_of)),
+        )
+        # What is compiled is compiled now, not in the first tick.
+        self.find(np.zeros(len(self._row_of)), np.zeros(len(self._row_of)), 0)
+
+    def find(
+        self, v: Float64[np.ndarray, " nv"], x: Float64[np.ndarray, " n"], first: int
+    ) -> float:
+        """Find `terms` for the rows as they are, see `find_softening`."""
+        return find_softening(self.terms.address, v, x, first)
 
     def by_level(self, weights: Float64[np.ndarray, " s"]) -> dict[int, float]:
         """Return the weights that are not zero, by the index of their level.
@@ -110,32 +136,36 @@ def _has_all_joints(level: Sequence[Task], robot: Robot) -> bool:
 
 @compiled
 def find_softening(
-    rows: Rows,
-    v: Float64[np.ndarray, " nv"],
-    inputs: tuple[Int64[np.ndarray, " j"], Int64[np.ndarray, "s 2"], float],
-    found: tuple[Float64[np.ndarray, " s"], Float64[np.ndarray, " j"]],
-    damping: float,
-) -> None:
-    """Write weights and reference of evaluated rows, see `Softening`.
+    terms_at: int, v: Float64[np.ndarray, " nv"], x: Float64[np.ndarray, " n"], first: int
+) -> float:
+    """Write weights and reference of the softening terms of evaluated rows.
 
     Args:
-        rows: of the stack, evaluated.
-        v: generalized velocity.
-        inputs: of a `Softening`.
-        found: receives its weights and its reference.
-        damping: of joints without a joint task [1/s].
+        terms_at: address of `Terms`.
+        v: generalized velocity; the joints' stand last.
+        x: an answer.
+        first: place of the first joint in it.
+
+    Returns:
+        Largest change that a term can make to its level's weighted rows, `mu |x_J - d|`.
     """
-    (row_of, spans, largest), (weights, reference) = inputs, found
-    for k in range(len(spans)):
+    terms = view(Terms, terms_at)
+    most, reference, base = 0.0, terms.reference, len(v) - len(terms.reference)
+    for k in range(len(terms.spans)):
         square = weighted = 0.0
-        for i in range(spans[k, 0], spans[k, 1]):
-            square += rows.error[i] * rows.error[i]
-            weighted += (rows.weight[i] * rows.error[i]) ** 2
-        size = sqrt(square)
-        weights[k] = sqrt(weighted) * (largest / size if size > largest else 1.0)
-        # No number softens nothing.
-        if not weights[k] < np.inf:
-            weights[k] = 0.0
-    base = len(v) - len(reference)
+        for i in range(terms.spans[k, 0], terms.spans[k, 1]):
+            error = terms.error[i]
+            square += error * error
+            weighted += (terms.weight[i] * error) ** 2
+        size, largest = sqrt(square), terms.settings[0]
+        weight = sqrt(weighted) * (largest / size if size > largest else 1.0)
+        # What is no number softens nothing.
+        terms.weights[k] = weight if weight < np.inf else 0.0
+        most = max(most, terms.weights[k])
+    strain = 0.0
     for j in range(len(reference)):
-        reference[j] = rows.target[row_of[j]] if row_of[j] >= 0 else -damping * v[base + j]
+        row = terms.row_of[j]
+        reference[j] = terms.target[row] if row >= 0 else -terms.settings[1] * v[base + j]
+        off = x[first + j] - reference[j]
+        strain += off * off
+    return most * sqrt(strain)

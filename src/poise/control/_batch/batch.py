@@ -101,7 +101,7 @@ class Batch:
             np.zeros((count, self._robot.nj)),
             np.zeros((count, len(problem.levels))),
             np.full(count, UNUSABLE),
-            np.zeros((count, len(lane.full.rows.softening.levels))),
+            np.zeros(count),
         )
 
     def _commands(self, states: Sequence[RobotState], answers: Answers, lane: Lane) -> Commands:

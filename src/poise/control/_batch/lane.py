@@ -13,7 +13,7 @@ from poise.control._strategy import UNSOFTENED, USABLE
 from poise.dynamics import Dynamics, RobotState
 from poise.hqp import LOST, UNSOUND, LexicographicSolver
 from poise.robots import Robot
-from poise.stack import DAMPING, Contact, Owner, Stack
+from poise.stack import Contact, Owner, Stack
 
 CHUNK = 16
 """States that a thread takes at a time: Pinocchio's part of them, which one thread does at a time,
@@ -63,9 +63,7 @@ class Lane:
             searched.address,
             work.address,
             changes,
-            full.rows.softening.inputs,
-            (full.rows.softening.weights, full.rows.softening.reference),
-            DAMPING,
+            full.rows.softening.terms.address,
         )
         self._softened = SoftenedFull(full, LexicographicSolver)
         # What is compiled is compiled now, for the first batch may have no state of use.
@@ -131,7 +129,7 @@ class Lane:
         own = Answers(*(numbers[chunk] for numbers in answers))
         solve_states(self._packed, self._program, own)
         solved = (own.found != UNUSABLE) & (own.found != UNSOUND) & (own.found != LOST)
-        strained = (own.strain > UNSOFTENED).any(axis=1)
+        strained = ~(own.strain <= UNSOFTENED)
         for i in np.flatnonzero(solved & strained).tolist():
             self._soften(i, Answers(*(numbers[i : i + 1] for numbers in own)))
 
@@ -140,6 +138,7 @@ class Lane:
         # The compiled loop leaves the numbers of its last state in the problem.
         solve_states(self._packed[row : row + 1], self._program, own)
         solver = self._softened
+        self.full.velocity = self._dynamics.v
         solver.reset()
         if solver.run() not in USABLE:
             return
@@ -167,7 +166,7 @@ class Lane:
 def _no_answers() -> Answers:
     matrix = np.zeros((0, 0))
     sides, found = np.zeros((0, 0), dtype=np.int8), np.zeros(0, dtype=np.int64)
-    return Answers(sides, matrix, matrix, matrix, found, matrix)
+    return Answers(sides, matrix, matrix, matrix, found, np.zeros(0))
 
 
 def _places(numbers: Sequence[Float64[np.ndarray, " _"]]) -> list[Numbers]:

@@ -1,6 +1,5 @@
 """`solve_states`: the states of a chunk, one after the other, by one compiled call."""
 
-from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -33,8 +32,7 @@ class Answers(NamedTuple):
         torque: of the joints [N m].
         residuals: of the levels, relative.
         found: how the search ended.
-        strain: distance of the joints' accelerations from the reference, times each level's
-            softening weight.
+        strain: largest change that a softening term can make to its level.
     """
 
     sides: Int8[np.ndarray, "count nm"]
@@ -42,7 +40,7 @@ class Answers(NamedTuple):
     torque: Float64[np.ndarray, "count nj"]
     residuals: Float64[np.ndarray, "count levels"]
     found: Int64[np.ndarray, " count"]
-    strain: Float64[np.ndarray, "count soft"]
+    strain: Float64[np.ndarray, " count"]
 
 
 class Numbers(Block):
@@ -73,9 +71,7 @@ class Program(NamedTuple):
         problem_at: address of the problem.
         work_at: address of the search's workspace.
         changes: after how many the search stops.
-        softening: what `find_softening` reads.
-        softened: weights and reference that it writes.
-        damping: of joints without a reference [1/s].
+        terms_at: address of the softening terms.
     """
 
     places: Int64[np.ndarray, " places"]
@@ -101,9 +97,7 @@ class Program(NamedTuple):
     problem_at: int
     work_at: int
     changes: int
-    softening: tuple[Int64[np.ndarray, " j"], Int64[np.ndarray, "s 2"], float]
-    softened: tuple[Float64[np.ndarray, " s"], Float64[np.ndarray, " j"]]
-    damping: float
+    terms_at: int
 
 
 @compiled
@@ -151,14 +145,7 @@ def solve_states(
         answer(x, problem[0], p.h, answers.x[i], answers.torque[i])
         for k in range(len(work.answer.relative)):
             answers.residuals[i, k] = work.answer.relative[k]
-        find_softening(p.rows, p.v, p.softening, p.softened, p.damping)
-        weights, reference = p.softened
-        base, square = p.sizes[0], 0.0
-        for k in range(len(reference)):
-            off = x[base + k] - reference[k]
-            square += off * off
-        for k in range(len(weights)):
-            answers.strain[i, k] = weights[k] * sqrt(square)
+        answers.strain[i] = find_softening(p.terms_at, p.v, x, p.sizes[0])
 
 
 @part

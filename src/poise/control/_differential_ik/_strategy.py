@@ -91,13 +91,20 @@ class VelocityHierarchy:
         self.solution: Solution | None = None
         self._rows, self._joints = rows, joints
         self._softening = softening = stack_rows.softening
+        softening.read_from(stack_rows.evaluation.rows, velocities=True)
+        self._reference, self._rest = (
+            np.zeros(len(joints)),
+            np.zeros(len(softening.terms.reference)),
+        )
         softened = [level for level in softening.levels if level < levels]
-        self._softened = len(softened)
         self._solver = SoftenedSolver(
             self.problem,
             make_solver(),
             [self._first + level for level in softened],
             range(len(joints)),
+            weights=softening.terms.weights[: len(softened)],
+            reference=self._reference,
+            find=self._find_terms,
             exact=softening.exact and levels == len(stack_rows.levels),
             tolerance=UNSOFTENED / DAMPING,
             make_solver=make_solver,
@@ -118,11 +125,18 @@ class VelocityHierarchy:
         for i, level in enumerate(self._rows.levels[1:]):
             weights = problem.level(self._first + i).weights
             np.sqrt(level.weight / ROW_WEIGHT, out=weights)
-        self._solver.weights[:] = self._softening.weights[: self._softened]
-        self._solver.reference[:] = self._softening.reference[self._joints]
         self._solver.run()
         self.solution = self._solver.report()
         return self.solution
+
+    def _find_terms(self, u: Float64[np.ndarray, " n"]) -> float:
+        terms, rest = self._softening.terms, self._rest
+        self._softening.find(rest, rest, 0)
+        self._reference[:] = terms.reference[self._joints]
+        off = u - self._reference
+        return float(terms.weights[: len(self._solver.softened)].max(initial=0.0)) * float(
+            np.sqrt(off.dot(off))
+        )
 
     @property
     def softened(self) -> dict[int, float]:

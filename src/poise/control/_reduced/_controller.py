@@ -189,7 +189,8 @@ class ReducedProgram:
             physics = np.maximum(physics, second.relative_residuals[:PHYSICS_LEVELS])
         if self.rows.excess(joined.acceleration, self.rows.collision_rows) > _TOLERANCE:
             return self._solve_whole()
-        if self.rows.softening.acts_on(joined.acceleration[self._robot.base_dofs :], UNSOFTENED):
+        found = joined.acceleration, self._robot.base_dofs
+        if not self.rows.softening.find(self._dynamics.v, *found) <= UNSOFTENED:
             return self._solve_whole()
         return Answer(
             status,
