@@ -261,6 +261,7 @@ _MODULES = {
     "campaigns": "studies.campaigns",
     "strangers": "studies.strangers",
     "locomotion": "studies.locomotion",
+    "quiet": "studies.quiet",
 }
 """Where each study's `PLAN` is."""
 

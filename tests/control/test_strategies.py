@@ -12,7 +12,8 @@ def run(
 ) -> tuple[list[poise.Command], poise.WholeBodyController | poise.ReducedController]:
     # A solver that is exact to 1e-3 leaves torques that the next tick cannot change from exactly.
     plain = poise.default_stack(robot)
-    stack = poise.Stack(plain.contacts, plain.levels) if backend == "osqp" else plain
+    limit = None if backend == "osqp" else plain.torque_limit
+    stack = poise.Stack(plain.contacts, plain.levels, torque_limit=limit, softening=0.0)
     controller = kind(robot, stack, strategy=strategy, backend=backend)
     plant = poise.sim.Plant(robot)
     commands = []

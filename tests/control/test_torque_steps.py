@@ -15,7 +15,7 @@ PERIOD = 0.002
 
 def stack_of(robot, rate):
     plain = default_stack(robot)
-    stack = Stack(plain.contacts, plain.levels, torque_limit=TorqueLimit(rate=rate))
+    stack = Stack(plain.contacts, plain.levels, torque_limit=TorqueLimit(rate=rate), softening=0.0)
     stack.bind(robot)
     return stack
 

@@ -28,7 +28,7 @@ class SoftenedFull(SoftenedSolver):
         super().__init__(
             problem,
             make_solver(),
-            [first + level for level in softening.levels],
+            {level: first + level for level in softening.levels},
             range(base, base + len(softening.terms.reference)),
             weights=softening.terms.weights,
             reference=softening.terms.reference,

@@ -1,6 +1,6 @@
 """`SoftenedSolver`: levels that yield to a reference where they cannot be met."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
 
 import numpy as np
@@ -21,11 +21,12 @@ class _Stage:
     def __init__(
         self,
         problem: HierarchicalProblem,
+        key: int,
         level: int,
         columns: Sequence[int],
         solver: Solver,
     ) -> None:
-        self.level, self.solver, self._count = level, solver, len(columns)
+        self.key, self.solver = key, solver
         self.rows = problem.levels[level].slice
         above = problem.levels[: level + 1]
         sizes = [view.slice.stop - view.slice.start for view in above]
@@ -75,7 +76,8 @@ class SoftenedSolver:
     Args:
         problem: the problem; its numbers may change from solve to solve, its arrays may not.
         solver: solves it, and keeps its workspace.
-        levels: indices of the levels that may be softened, all of them equalities.
+        levels: indices of the levels that may be softened, all of them equalities, by a number by
+            which `follow` finds them in another problem.
         columns: the variables J that have a reference.
         weights: mu of each level of `levels`; 0 for strict.
         reference: d.
@@ -96,7 +98,7 @@ class SoftenedSolver:
         self,
         problem: HierarchicalProblem,
         solver: Solver,
-        levels: Sequence[int],
+        levels: Mapping[int, int],
         columns: Sequence[int],
         *,
         weights: Float64[np.ndarray, " s"],
@@ -109,7 +111,9 @@ class SoftenedSolver:
         self._problem, self._solver, self._tolerance = problem, solver, tolerance
         self._weights, self._reference, self._find = weights, reference, find
         self._columns = np.array(columns, dtype=np.int64)
-        self._stages = [_Stage(problem, level, columns, make_solver()) for level in levels]
+        self._stages = [
+            _Stage(problem, key, level, columns, make_solver()) for key, level in levels.items()
+        ]
         self._exact = exact
         self.softened: Float64[np.ndarray, " s"] = np.zeros(len(levels))
         self._soft = [False] * len(levels)
@@ -158,10 +162,13 @@ class SoftenedSolver:
     def follow(self, last: "SoftenedSolver") -> None:
         """Begin the next solve where that of another problem ended, such as of other contacts."""
         self._solver.follow(self._problem, last._solver)
-        for k, (stage, other) in enumerate(zip(self._stages, last._stages, strict=True)):
-            stage.solver.follow(stage.problem, other.solver)
-            self._soft[k] = last._soft[k]
-        self._any_soft = last._any_soft
+        others = {stage.key: k for k, stage in enumerate(last._stages)}
+        for k, stage in enumerate(self._stages):
+            other = others.get(stage.key)
+            if other is not None:
+                stage.solver.follow(stage.problem, last._stages[other].solver)
+            self._soft[k] = other is not None and last._soft[other]
+        self._any_soft = any(self._soft)
 
     def report(self) -> Solution:
         """All about the last `run`; it owns its arrays."""

@@ -83,12 +83,12 @@ class Softening:
                     place = rows[task]
                     self._row_of[task.chosen - robot.base_dofs] = np.arange(place.start, place.stop)
         self.levels = (
-            [i for i, level in enumerate(levels) if level and not _has_all_joints(level, robot)]
+            [i for i, level in enumerate(levels) if level and not _refers_to_all(level, robot)]
             if softening > 0.0
             else []
         )
         below = levels[self.levels[-1] + 1 :] if self.levels else ()
-        self.exact = len(below) == 1 and len(below[0]) == 1 and _has_all_joints(below[0], robot)
+        self.exact = len(below) == 1 and len(below[0]) == 1 and _refers_to_all(below[0], robot)
         self._spans = np.array(
             [(int(ends[i]), int(ends[i + 1])) for i in self.levels], dtype=np.int64
         ).reshape(-1, 2)
@@ -130,8 +130,10 @@ class Softening:
         return {k: mu for k, mu in zip(self.levels, weights.tolist(), strict=False) if mu > 0.0}
 
 
-def _has_all_joints(level: Sequence[Task], robot: Robot) -> bool:
-    return any(isinstance(task, JointTask) and task.dim == robot.nj for task in level)
+def _refers_to_all(level: Sequence[Task], robot: Robot) -> bool:
+    """Return whether joint tasks of a level refer to every joint of the robot."""
+    joints = {j for task in level if isinstance(task, JointTask) for j in task.chosen.tolist()}
+    return len(joints) == robot.nj
 
 
 @compiled

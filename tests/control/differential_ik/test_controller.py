@@ -79,6 +79,7 @@ def test_one_tick_moves_everything_as_it_was_asked_to(get_robot, follow, name, s
         Stack(
             [SurfaceContact(LEFT), SurfaceContact(RIGHT)],
             [[ComTask(), MomentumTask(), FrameTask(RIGHT, name="swing")]],
+            softening=0.0,
         )
     )
     controller = DifferentialIK(robot, stack, dt=DT, strategy=strategy)

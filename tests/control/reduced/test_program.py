@@ -46,6 +46,7 @@ def stack_of(robot, frames, levels, scale=1.0):
         [level for level in levels if level],
         torque_limit=TorqueLimit(scale),
         balance_limit=BalanceLimit(enabled=False),
+        softening=0.0,
     )
     stack.bind(robot)
     return stack

@@ -102,6 +102,7 @@ class DifferentialIK(Controller):
             bounds,
             _checked_speeds(speeds or {}, stack),
             checked_kind(rank or RANK, RankTreatment, "rank of the controller"),
+            self.dt,
         )
         super().__init__(self._velocities, dynamics=dynamics)
 

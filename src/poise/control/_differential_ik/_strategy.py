@@ -25,7 +25,7 @@ from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.hqp import HierarchicalProblem, SoftenedSolver, Solution, SolveStatus, make_solver
 from poise.robots import Robot
-from poise.stack import DAMPING, Contact, ContactSets, Stack, Task
+from poise.stack import Contact, ContactSets, Stack, Task
 
 STRATEGIES = ("closed_form", "hqp")
 """How the levels are solved, by name."""
@@ -50,6 +50,7 @@ class VelocityHierarchy:
         rows: its rows.
         joint_names: joints that are solved for.
         joints: their indices.
+        dt: control period [s].
 
     Attributes:
         problem: the problem of the last tick.
@@ -57,7 +58,11 @@ class VelocityHierarchy:
     """
 
     def __init__(
-        self, rows: VelocityRows, joint_names: list[str], joints: Int64[np.ndarray, " n"]
+        self,
+        rows: VelocityRows,
+        joint_names: list[str],
+        joints: Int64[np.ndarray, " n"],
+        dt: float,
     ) -> None:
         stack_rows = rows.stack_rows
         limits, (contacts, *sizes) = (
@@ -100,13 +105,13 @@ class VelocityHierarchy:
         self._solver = SoftenedSolver(
             self.problem,
             make_solver(),
-            [self._first + level for level in softened],
+            {level: self._first + level for level in softened},
             range(len(joints)),
             weights=softening.terms.weights[: len(softened)],
             reference=self._reference,
             find=self._find_terms,
             exact=softening.exact and levels == len(stack_rows.levels),
-            tolerance=UNSOFTENED / DAMPING,
+            tolerance=UNSOFTENED * dt,
             make_solver=make_solver,
         )
 
@@ -166,6 +171,7 @@ class VelocityStrategy:
         bounds: bounds of the velocities of those that are solved for.
         speeds: largest norm of the velocity that each block of a task's rows asks for, by name.
         rank: what happens where an exact level of the closed form loses rank.
+        dt: control period [s].
 
     Attributes:
         robot: the robot.
@@ -187,11 +193,12 @@ class VelocityStrategy:
         bounds: VelocityBounds,
         speeds: Mapping[str, Float64[np.ndarray, " b"]],
         rank: RankTreatment,
+        dt: float,
     ) -> None:
         if strategy not in STRATEGIES:
             raise UnknownNameError("no such strategy", got=strategy, choices=STRATEGIES)
         self.robot, self.stack, self.name = robot, stack, strategy
-        self._joints, self._led, self._bounds = joints, led, bounds
+        self._joints, self._led, self._bounds, self._dt = joints, led, bounds, dt
         self._form = ClosedForm(len(joints), _EXACT, rank)
         # With one more level, the self-collision limit.
         self._joined_form = ClosedForm(len(joints), _EXACT + 1, rank)
@@ -372,6 +379,6 @@ class VelocityStrategy:
                 rows.limited.compile(self._joined_form)
                 return rows, None
             names = [self.robot.joint_names[i] for i in self._joints]
-            return rows, VelocityHierarchy(rows, names, self._joints)
+            return rows, VelocityHierarchy(rows, names, self._joints, self._dt)
 
         return ContactSets(self.stack, make)

@@ -190,7 +190,7 @@ class ReducedProgram:
         if self.rows.excess(joined.acceleration, self.rows.collision_rows) > _TOLERANCE:
             return self._solve_whole()
         found = joined.acceleration, self._robot.base_dofs
-        if not self.rows.softening.find(self._dynamics.v, *found) <= UNSOFTENED:
+        if self.rows.softening.find(self._dynamics.v, *found) > UNSOFTENED:
             return self._solve_whole()
         return Answer(
             status,

@@ -1,0 +1,204 @@
+"""`run_reach`: one robot led to a target at rest, and the motion left in the last second."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.control import (
+    Controller,
+    DifferentialIK,
+    OperationalSpaceController,
+    ReducedController,
+    WholeBodyController,
+)
+from poise.dynamics import RobotState
+from poise.robots import Robot, load_robot
+from poise.sim import Plant, PlantConfig, rollout
+from poise.stack import ComTask, FrameTask, SelfCollisionLimit, Stack, TorqueLimit, default_stack
+from studies.locomotion.late_estimate import LateEstimate, typical_sensors
+
+ARMS = ("panda", "upper17")
+"""Robots on a fixed base: controlled every 1 ms, others every 2 ms."""
+
+REACH_TIME, REST_FROM = 2.0, 0.3
+"""Duration of a target's motion, and its beginning [s]."""
+
+GRAVITY = 9.81
+"""[m/s^2]."""
+
+_TORQUE: dict[str, Any] = {
+    "whole_body": WholeBodyController,
+    "reduced": ReducedController,
+    "osf": OperationalSpaceController,
+}
+
+Move = tuple[str, tuple[float, float, float]]
+"""Name of a task, and displacement of its target, or where it goes [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach:
+    """One trial.
+
+    Attributes:
+        robot: its name.
+        controller: "whole_body", "reduced", "osf" or "differential_ik".
+        moves: displacement of each task's target [m].
+        goals: whether `moves` are positions in the world.
+        softening: of the stack.
+        rate_limited: whether torques have the rate limit of the default stack.
+        collisions: whether the stack has a self-collision limit.
+        push: steady force on the torso along x, over the robot's weight.
+        sensed: whether sensors have noise and the state is estimated.
+        seconds: how long [s].
+    """
+
+    robot: str
+    controller: str = "whole_body"
+    moves: tuple[Move, ...] = ()
+    goals: bool = False
+    softening: float | None = None
+    rate_limited: bool = True
+    collisions: bool = False
+    push: float = 0.0
+    sensed: bool = False
+    seconds: float = 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rest:
+    """Outcome of a trial.
+
+    Attributes:
+        step: largest change of a command from tick to tick in the last second, over its limit.
+        speed: largest joint speed in the last second [rad/s].
+        error: distance of the targets from the frames at the end [m].
+        to_1mm: time from the end of the targets' motion until their distance stays below 1 mm [s];
+            infinite for never.
+        ok: part of the ticks with status `ok`.
+        fell: whether the robot fell.
+    """
+
+    step: float
+    speed: float
+    error: float
+    to_1mm: float
+    ok: float
+    fell: bool
+
+
+@cache
+def robot_named(name: str) -> Robot:
+    """Return a robot of the catalog, loaded once a process."""
+    return load_robot(name)
+
+
+def run_reach(trial: Reach) -> Rest:
+    """Run one trial."""
+    robot = robot_named(trial.robot)
+    period = 1e-3 if trial.robot in ARMS else 2e-3
+    controller = _controller(trial, robot, period)
+    by_velocity = isinstance(controller, DifferentialIK)
+    config = PlantConfig(
+        control_dt=period,
+        actuation="velocity" if by_velocity else "torque",
+        sensors=typical_sensors() if trial.sensed else PlantConfig().sensors,
+    )
+    plant = Plant(robot, config, seed=1)
+    lead = _Leader(controller.stack, trial)
+    limits = robot.v_max if by_velocity else robot.tau_max
+    estimator = LateEstimate(robot) if trial.sensed else None
+    last = round(1.0 / period)
+    commands, speeds, errors, good = [], [], [], []
+    if trial.push:
+        plant.push(robot.torso, (trial.push * robot.mass * GRAVITY, 0.0, 0.0), trial.seconds)
+    for tick in rollout(plant, controller, lead, estimator=estimator, duration=trial.seconds):
+        command = tick.command.velocity if by_velocity else tick.command.torque
+        assert command is not None
+        commands.append(command.copy())
+        speeds.append(float(np.abs(tick.truth.v[-robot.nj :]).max()))
+        errors.append(lead.error())
+        good.append(tick.command.status.ok)
+    steps = np.abs(np.diff(np.array(commands[-last:]), axis=0)) / limits
+    far = np.flatnonzero(np.array(errors) > 1e-3)
+    reached = float(far[-1] + 1) * period - REST_FROM - REACH_TIME if len(far) else 0.0
+    return Rest(
+        step=float(steps.max()),
+        speed=max(speeds[-last:]),
+        error=errors[-1],
+        to_1mm=np.inf if errors[-1] > 1e-3 else max(reached, 0.0),
+        ok=float(np.mean(good)),
+        fell=bool(plant.fallen),
+    )
+
+
+def random_moves(name: str, count: int, seed: int) -> list[tuple[Move, ...]]:
+    """Draw displacements of the CoM or of a hand of the default stack, 0.1 to 0.5 m (arms: 1 m).
+
+    Args:
+        name: of the robot.
+        count: how many.
+        seed: of the draw.
+    """
+    stack = default_stack(robot_named(name))
+    tasks = [
+        task.name
+        for _, task in stack.tasks()
+        if isinstance(task, ComTask)
+        or (isinstance(task, FrameTask) and "orientation" not in task.name)
+    ]
+    rng = np.random.default_rng(seed)
+    far = 2.0 if name in ARMS else 1.0
+    found: list[tuple[Move, ...]] = []
+    for _ in range(count):
+        task = tasks[rng.integers(len(tasks))]
+        way = rng.normal(size=3)
+        way *= far * rng.uniform(0.1, 0.5) / np.linalg.norm(way)
+        found.append(((task, (float(way[0]), float(way[1]), float(way[2]))),))
+    return found
+
+
+def _controller(trial: Reach, robot: Robot, period: float) -> Controller:
+    plain = default_stack(robot)
+    changed: dict[str, Any] = {}
+    if trial.softening is not None:
+        changed["softening"] = trial.softening
+    if trial.collisions:
+        changed["self_collision_limit"] = SelfCollisionLimit()
+    stack = Stack(
+        plain.contacts,
+        plain.levels,
+        torque_limit=plain.torque_limit if trial.rate_limited else TorqueLimit(),
+        **changed,
+    )
+    if trial.controller == "differential_ik":
+        return DifferentialIK(robot, stack, dt=period, strategy="hqp")
+    make = _TORQUE[trial.controller]
+    return make(robot, stack)
+
+
+class _Leader:
+    """Move targets along a minimum-jerk course, then hold them."""
+
+    def __init__(self, stack: Stack, trial: Reach) -> None:
+        self.stack, self._trial = stack, trial
+        self._tasks: list[Any] = [stack.task(name) for name, _ in trial.moves]
+        self._ways = [np.array(way) for _, way in trial.moves]
+        self._starts: list[Float64[np.ndarray, "3"]] = []
+
+    def lead(self, state: RobotState) -> None:
+        if state.time < REST_FROM:
+            return
+        if not self._starts:
+            self._starts = [task.target_position.copy() for task in self._tasks]
+        u = min(1.0, (state.time - REST_FROM) / REACH_TIME)
+        done = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+        for task, start, way in zip(self._tasks, self._starts, self._ways, strict=True):
+            task.set_target(start + done * (way - start if self._trial.goals else way))
+
+    def error(self) -> float:
+        """Return the largest distance of a target from its frame [m]."""
+        return max((float(np.linalg.norm(task.error[:3])) for task in self._tasks), default=0.0)
