@@ -32,7 +32,12 @@ from poise.stack._softening import (
     Softening as Softening,
     find_softening as find_softening,
 )
-from poise.stack._stack import Stack, default_stack, is_held as is_held
+from poise.stack._stack import (
+    SOFTENING as SOFTENING,
+    Stack,
+    default_stack,
+    is_held as is_held,
+)
 from poise.stack._tables import Owners as Owners, Rows as Rows
 from poise.stack._task import Task, TaskFaultError as TaskFaultError
 from poise.stack._torque_limit import SMOOTH_RATE as SMOOTH_RATE, TorqueLimit

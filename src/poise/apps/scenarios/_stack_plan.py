@@ -11,6 +11,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from poise._checks import Numbers
 from poise._schema import (
+    Bounds,
     Number,
     Text,
     Truth,
@@ -22,6 +23,7 @@ from poise._schema import (
 )
 from poise.stack import (
     SMOOTH_RATE,
+    SOFTENING,
     BalanceLimit,
     ComTask,
     FrameTask,
@@ -147,6 +149,7 @@ class StackPlan:
         joint_limit: limits of the joints' positions, velocities and accelerations.
         balance_limit: what keeps tasks from toppling the robot.
         self_collision_limit: what keeps the robot's links off each other.
+        softening: largest weight of the softening term of a level that cannot be met [m, rad].
     """
 
     contacts: tuple[Annotated[Recipe, _OneOf(_CONTACTS)], ...] = ()
@@ -159,6 +162,7 @@ class StackPlan:
     self_collision_limit: Annotated[Recipe, _ArgumentsOf(SelfCollisionLimit)] = Recipe(
         SelfCollisionLimit, {"enabled": False}
     )
+    softening: Annotated[float, Bounds(least=0.0, unit="m, rad")] = SOFTENING
 
     def __post_init__(self) -> None:
         self.build()
@@ -172,4 +176,5 @@ class StackPlan:
             joint_limit=self.joint_limit.make(),
             balance_limit=self.balance_limit.make(),
             self_collision_limit=self.self_collision_limit.make(),
+            softening=self.softening,
         )
