@@ -211,7 +211,8 @@ def _joints_in_pinocchio(
     pin.computeJointJacobians(model, data, q)
     rows: list[Float64[np.ndarray, "6"]] = []
     for i in range(model.njoints - robot.nj, model.njoints):
-        jacobian = pin.getJointJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED)
+        # A matrix of one column comes as a vector.
+        jacobian = pin.getJointJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)
         motion = jacobian[:, model.joints[i].idx_v]
         # A hinge turns about its axis, a slide moves along it.
         axis = motion[3:] if motion[3:].any() else motion[:3]
