@@ -108,7 +108,11 @@ class WalkLead:
         for name, loop in self._loops.items():
             position, velocity, acceleration = loop.at(state.time)
             acceleration[2] += self._push
-            self.walker.carried[name].set_target(position, velocity, acceleration)
+            self.walker.carried[name].set_target(
+                position,
+                velocity=np.append(velocity, np.zeros(3)),
+                acceleration=np.append(acceleration, np.zeros(3)),
+            )
         self.walker.lead(state)
 
     def push_hands(self, acceleration: float) -> None:

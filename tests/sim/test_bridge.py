@@ -22,6 +22,7 @@ def user_spec(robot, *, integrator=mujoco.mjtIntegrator.mjINT_IMPLICITFAST):
     spec = parse_document(robot.source)
     spec.option.integrator = integrator
     spec.option.timestep = 1e-3
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_AUTO
     # Friction that holds, as the plant has it.
     spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
     spec.worldbody.first_body().add_freejoint()
@@ -408,6 +409,29 @@ def test_what_the_controller_does_not_know_is_said(biped, sentence):
     )
 
 
+@pytest.mark.parametrize(
+    ("version", "solver", "jacobian", "lines"),
+    [
+        ("4.0.0", mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtJacobian.mjJAC_SPARSE, 1),
+        ("4.0.0", mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtJacobian.mjJAC_AUTO, 0),
+        ("4.0.0", mujoco.mjtSolver.mjSOL_CG, mujoco.mjtJacobian.mjJAC_SPARSE, 0),
+        ("4.0.1", mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtJacobian.mjJAC_SPARSE, 0),
+    ],
+)
+def test_a_sparse_constraint_jacobian_is_said_where_mujoco_goes_wrong_with_it(
+    biped, monkeypatch, version, solver, jacobian, lines
+):
+    monkeypatch.setattr(mujoco, "__version__", version)
+    model = edit(lambda spec: None)(biped)
+    model.opt.solver = solver
+    model.opt.jacobian = jacobian
+    bridge = quiet_bridge(biped, model)
+    assert len(bridge.differences) == lines
+    assert all(line.startswith("constraint Jacobian: sparse") for line in bridge.differences)
+    # The model is the user's: nothing in it is changed.
+    assert model.opt.jacobian == jacobian
+
+
 def test_a_model_that_is_the_robot_needs_no_word(biped):
     assert MujocoBridge(biped, edit(lambda spec: None)(biped)).differences == ()
 
@@ -532,6 +556,7 @@ def test_a_fixed_base_is_driven_and_has_to_stand_where_it_should(get_robot):
     np.testing.assert_array_equal(bridge.state(data).q, robot.q_home)
     world = mujoco.MjSpec()
     spec = parse_document(robot.source)
+    world.option.jacobian = spec.option.jacobian
     world.worldbody.add_frame(pos=(0, 0, 1)).attach_body(spec.worldbody.first_body(), "a/", "")
     with pytest.raises(RobotError, match=r"fixed base.*stands elsewhere.*1\.0"):
         MujocoBridge(robot, world.compile())

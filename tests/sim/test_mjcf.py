@@ -1,3 +1,5 @@
+import dataclasses
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -97,3 +99,9 @@ def test_an_mjcf_document_touches_the_floor_with_its_sole_alone(hopper):
     assert touching == {"floor", "sole_contact"}
     assert plant.model.nu == 2
     assert plant.model.nkey == 0
+
+
+def test_a_document_that_asks_for_a_sparse_constraint_jacobian_gets_a_dense_one(hopper):
+    text = DOCUMENT.replace("<worldbody>", '<option jacobian="sparse"/><worldbody>')
+    source = dataclasses.replace(hopper.source, text=text)
+    assert not mujoco.mj_isSparse(Plant(dataclasses.replace(hopper, source=source)).model)

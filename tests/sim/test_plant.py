@@ -39,6 +39,13 @@ def energy(plant):
     return float(plant.data.energy.sum())
 
 
+def test_the_constraint_jacobian_of_many_joints_is_dense(get_robot):
+    """MuJoCo's own choice is a sparse one from 60 degrees of freedom on."""
+    model = Plant(get_robot("humanoid60")).model
+    assert model.nv >= 60
+    assert not mujoco.mj_isSparse(model)
+
+
 def test_free_fall_follows_gravity(biped):
     plant = Plant(biped)
     plant.reset(airborne(biped))

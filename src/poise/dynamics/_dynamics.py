@@ -192,8 +192,8 @@ class Dynamics:
         # Pinocchio's own arrays; M has both triangles filled and is turned to row-major.
         self.M: Float64[np.ndarray, "nv nv"] = data.M.T
         self.h: Float64[np.ndarray, " nv"] = data.nle
-        self.momentum_matrix: Float64[np.ndarray, "6 nv"] = data.Ag
         self.motion = motion_of(robot.model, data)
+        self.momentum_matrix: Float64[np.ndarray, "6 nv"] = self.motion.momentum
         self.q: Float64[np.ndarray, " nq"] = np.zeros(robot.nq)
         self.v: Float64[np.ndarray, " nv"] = np.zeros(robot.nv)
         self.update(self.state)

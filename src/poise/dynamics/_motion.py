@@ -53,13 +53,15 @@ def motion_of(model: pin.Model, data: pin.Data) -> Motion:
         data: made for it.
     """
     roots = [j for j in range(1, model.njoints) if model.parents[j] == 0]
+    # A matrix of one column comes as a vector.
+    J, momentum = (matrix.reshape(6, -1, order="F") for matrix in (data.J, data.Ag))
     return Motion(
-        data.J,
+        J,
         _rows_of([place.rotation for place in data.oMi], 12),
         _rows_of([velocity.linear for velocity in data.v], 6),
         _rows_of([acceleration.linear for acceleration in data.a_gf], 6),
         _rows_of([force.linear for force in data.f], 6),
-        data.Ag,
+        momentum,
         data.com[0],
         model.gravity.linear,
         np.array(roots, dtype=np.int64),

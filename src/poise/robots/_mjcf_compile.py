@@ -1,11 +1,12 @@
 """MJCF read by MuJoCo's own compiler, which resolves defaults, classes, frames and geometry.
 
-`parse_mjcf`: a document as MuJoCo's specification. `compile_mjcf`: a settled one, compiled.
+`make_spec`: MuJoCo's specification of a text. `parse_mjcf`: that of a document. `compile_mjcf`: a
+settled one, compiled.
 """
 
 import importlib
 import xml.etree.ElementTree as ET
-from collections.abc import Set
+from collections.abc import Mapping, Set
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -70,9 +71,32 @@ def parse_mjcf(root: ET.Element, directory: Path | None, where: str) -> Any:
         root = ET.fromstring(ET.tostring(root, encoding="unicode"))
         anchor_assets(root, directory)
     try:
-        return mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+        return make_spec(mujoco, root)
     except ValueError as error:
         raise RobotError(f"MuJoCo cannot read {where}: {_one_line(error)}") from None
+
+
+def make_spec(
+    mujoco: ModuleType, root: ET.Element, assets: Mapping[str, bytes] | None = None
+) -> Any:
+    """MuJoCo's specification of a URDF or MJCF document, with a dense constraint Jacobian.
+
+    MuJoCo itself takes a sparse one from 60 degrees of freedom on, whatever else is in the scene.
+    MuJoCo 4.0.0 may then factor a wrong Hessian in Newton's method (its issue 3767): convergence is
+    slow, and accelerations are wrong.
+
+    Args:
+        mujoco: the module.
+        root: the document's root element.
+        assets: contents of files that the document names.
+
+    Raises:
+        ValueError: MuJoCo cannot read it.
+    """
+    text = ET.tostring(root, encoding="unicode")
+    spec = mujoco.MjSpec.from_string(text, assets=dict(assets or {}))
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    return spec
 
 
 def anchor_assets(root: ET.Element, directory: Path) -> None:

@@ -34,7 +34,8 @@ class MujocoBridge:
     `Drives`: a servo is sent the position at which it gives the commanded torque. What cannot be
     right is refused when the bridge is made, before anything moves; what the controller does not
     know of the model, such as a heavier link or a weaker motor, is told by one warning and stands
-    in `differences`.
+    in `differences`, and so does an option with which MuJoCo's solver may go wrong. Nothing in the
+    model is changed: it is the user's, and so is what else moves in it.
 
     Args:
         robot: the robot that the controller was made with.

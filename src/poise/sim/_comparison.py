@@ -37,6 +37,8 @@ _RELATIVE_TOLERANCE = 1e-2
 _COARSE_STEP = 5e-3
 """Feet chatter on the ground with longer time steps [s]."""
 
+_WRONG_WHERE_SPARSE = "4.0.0"
+"""The version of MuJoCo whose sparse Cholesky factorization is wrong, see its issue 3767."""
 
 _SHOWN = 8
 """Joints that a message names."""
@@ -182,7 +184,7 @@ def _strangers(model: mujoco.MjModel, mapping: StateMap) -> list[str]:
 
 
 def _world(model: mujoco.MjModel) -> list[str]:
-    """Gravity, and the time step."""
+    """Gravity, the time step, and a constraint solver that may go wrong."""
     lines: list[str] = []
     gravity = np.array(model.opt.gravity)
     if np.abs(gravity - [0.0, 0.0, -GRAVITY]).max() > _RELATIVE_TOLERANCE * GRAVITY:
@@ -192,6 +194,13 @@ def _world(model: mujoco.MjModel) -> list[str]:
     if model.opt.timestep > _COARSE_STEP:
         step, most = 1e3 * float(model.opt.timestep), 1e3 * _COARSE_STEP
         lines.append(f"time step: {step:.4g} ms; feet chatter above some {most:.4g} ms")
+    newton = model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
+    if newton and mujoco.mj_isSparse(model) and mujoco.__version__ == _WRONG_WHERE_SPARSE:
+        lines.append(
+            f"constraint Jacobian: sparse, with which Newton's method of MuJoCo "
+            f"{_WRONG_WHERE_SPARSE} may go wrong; "
+            "set model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE"
+        )
     return lines
 
 
@@ -211,7 +220,8 @@ def _joints_in_pinocchio(
     pin.computeJointJacobians(model, data, q)
     rows: list[Float64[np.ndarray, "6"]] = []
     for i in range(model.njoints - robot.nj, model.njoints):
-        jacobian = pin.getJointJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED)
+        # A matrix of one column comes as a vector.
+        jacobian = pin.getJointJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)
         motion = jacobian[:, model.joints[i].idx_v]
         # A hinge turns about its axis, a slide moves along it.
         axis = motion[3:] if motion[3:].any() else motion[:3]

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from poise.errors import RobotError
-from poise.robots import ModelSource, anchor_assets, load_mesh, mesh_path
+from poise.robots import ModelSource, anchor_assets, load_mesh, make_spec, mesh_path
 
 _THICKNESS = 0.12
 """Radius of a stick, as a part of its length."""
@@ -130,8 +130,7 @@ def _parse_urdf(source: ModelSource) -> mujoco.MjSpec:
         root.remove(element)
     extension = ET.SubElement(root, "mujoco")
     ET.SubElement(extension, "compiler", _COMPILER | _MASSLESS)
-    assets = _gather_meshes(root, source)
-    return mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"), assets=assets)
+    return make_spec(mujoco, root, _gather_meshes(root, source))
 
 
 def _gather_meshes(root: ET.Element, source: ModelSource) -> dict[str, bytes]:
@@ -152,7 +151,7 @@ def _parse_mjcf(source: ModelSource) -> mujoco.MjSpec:
     root = ET.fromstring(source.text)
     if source.directory is not None:
         anchor_assets(root, source.directory)
-    spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+    spec = make_spec(mujoco, root)
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
     for key, least in _MASSLESS.items():

@@ -1,6 +1,10 @@
 """What the robot should do; each task gives rows and knows no solver."""
 
-from poise.stack._axes import checked_gain as checked_gain, checked_target as checked_target
+from poise.stack._axes import (
+    Pose as Pose,
+    checked_gain as checked_gain,
+    checked_target as checked_target,
+)
 from poise.stack._balance import BalanceLimit, BalanceRows as BalanceRows
 from poise.stack._centroid import ComTask, MomentumTask
 from poise.stack._contact import Contact
@@ -27,6 +31,7 @@ from poise.stack._settling import (
     SettlingRoom as SettlingRoom,
     bound_settling as bound_settling,
 )
+from poise.stack._shipped import PoseTarget as PoseTarget
 from poise.stack._softening import (
     DAMPING as DAMPING,
     Softening as Softening,

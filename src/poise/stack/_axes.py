@@ -110,6 +110,29 @@ def checked_target(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, "
     return value
 
 
+def checked_rates(value: Numbers, alone: slice | None, what: str) -> Float64[np.ndarray, "6"]:
+    """Rates of a pose, linear then angular: the same array where it is one already, to be copied.
+
+    Args:
+        value: six numbers, or three of one kind where those may stand alone.
+        alone: which three of the six may; None for none.
+        what: what messages call it.
+
+    Raises:
+        TargetError: wrong shape, not numbers, NaN or infinite.
+    """
+    if _is_finite_array(value, (6,)):
+        return value
+    wanted, array = "(6,), linear then angular", _as_array(value, what, TargetError)
+    if alone is not None:
+        wanted += f", or (3,), {'angular' if alone.start else 'linear'} alone"
+        if array.shape == (3,):
+            rates = np.zeros(6)
+            rates[alone] = array
+            array = rates
+    return _checked_array(array, (6,), what, wanted)
+
+
 def checked_rotation(value: Numbers, what: str) -> Float64[np.ndarray, "3 3"]:
     """A rotation matrix: the same array where it is one already, to be copied.
 
@@ -207,10 +230,14 @@ def _is_finite_array(
     )
 
 
-def _checked_array(value: Numbers, shape: tuple[int, ...], what: str) -> Float64[np.ndarray, "..."]:
+def _checked_array(
+    value: Numbers, shape: tuple[int, ...], what: str, wanted: str | None = None
+) -> Float64[np.ndarray, "..."]:
     array = _as_array(value, what, TargetError)
     if array.shape != shape:
-        raise TargetError(f"{what} has the wrong shape", got=array.shape, wanted=str(shape))
+        raise TargetError(
+            f"{what} has the wrong shape", got=array.shape, wanted=wanted or str(shape)
+        )
     if not all_finite(array):
         raise TargetError(f"{what} holds NaN or infinity", got=value, wanted="finite numbers")
     return array

@@ -29,6 +29,9 @@ _LEG_HORIZON = 0.02
 _SCAN = 61
 """Angles of each joint of a leg that are tried for its longest and shortest."""
 
+_ROUNDING = 1e-9
+"""Variation of a distance that is rounding of its coordinates [m]."""
+
 
 class BalanceLimit:
     """Bounds that keep a robot on its feet catchable, whatever its tasks ask for.
@@ -224,7 +227,8 @@ class BalanceLimit:
         Args:
             contacts: bound to the robot that the limit serves.
         """
-        if not (self._enabled and self._legs and contacts):
+        stands = self._robot is not None and self._robot.floating_base
+        if not (self._enabled and stands and contacts):
             return None
         return BalanceRows(self, [self._legs[c.frame] for c in contacts if c.frame in self._legs])
 
@@ -267,7 +271,7 @@ class _Leg:
 
     Attributes:
         sole: the sole's name.
-        index: its place among the robot's.
+        index: its place among the robot's legs.
         frame_ids: frames of hip and ankle.
         home: distance of hip and ankle at home [m].
         straight: the farthest that any one joint of the leg takes the ankle from the hip with the
@@ -292,15 +296,22 @@ class _Leg:
 
 @once_a_robot
 def _legs_of(robot: Robot) -> tuple[_Leg, ...]:
-    """The legs of a robot's soles; none where the base is fixed."""
-    soles = robot.soles if robot.floating_base else ()
-    return tuple(_measure(robot, sole, i) for i, sole in enumerate(soles))
+    """The legs of a robot's soles that can shorten; none where the base is fixed."""
+    legs: list[_Leg] = []
+    for sole in robot.soles if robot.floating_base else ():
+        leg = _measure(robot, sole, len(legs))
+        if leg is not None:
+            legs.append(leg)
+    return tuple(legs)
 
 
-def _measure(robot: Robot, sole: str, index: int) -> _Leg:
+def _measure(robot: Robot, sole: str, index: int) -> _Leg | None:
+    """A leg; None where no joint changes the distance of hip and ankle."""
     model, data = robot.model, robot.model.createData()
     parent = model.frames[robot.frame_id(sole)].parentJoint
-    joints = [j for j in model.supports[parent].tolist() if j > 1] or [int(parent)]
+    joints = [j for j in model.supports[parent].tolist() if j > 1]
+    if not joints:
+        return None
     ends = joints[0], joints[-1]
 
     def length(q: Float64[np.ndarray, " nq"]) -> float:
@@ -315,5 +326,8 @@ def _measure(robot: Robot, sole: str, index: int) -> _Leg:
             yield length(q)
 
     hip, ankle = (model.getFrameId(model.names[j], pin.FrameType.JOINT) for j in ends)
-    straight = max(max(lengths(joint)) for joint in joints)
+    reached = [distance for joint in joints for distance in lengths(joint)]
+    straight = max(reached)
+    if straight - min(reached) < _ROUNDING:
+        return None
     return _Leg(sole, index, (hip, ankle), length(robot.q_home), straight)

@@ -139,7 +139,8 @@ class Contact(Owner, ABC):
 
         Raises:
             UnknownNameError: the robot has no such frame.
-            ConfigurationError: facts are missing, or the contact serves another robot.
+            ConfigurationError: facts are missing, the cone has no rows, or the contact serves
+                another robot.
         """
         if self._robot is robot:
             return
@@ -157,6 +158,13 @@ class Contact(Owner, ABC):
         self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
         self.cone = self._make_cone(robot)
+        shape = np.shape(self.cone)
+        if len(shape) != 2 or shape[0] == 0 or shape[1] != self.dim:
+            raise ConfigurationError(
+                f"cone of contact {self.name!r} has the wrong shape",
+                got=shape,
+                wanted=f"(rows, {self.dim}) with at least one row, such as that of f_z >= 0",
+            )
         self._whole = self.cone.copy()
         self._robot = robot
 
@@ -323,4 +331,4 @@ class Contact(Owner, ABC):
 
     @abstractmethod
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
-        """The constant rows C of C F <= 0."""
+        """The constant rows C of C F <= 0, at least one."""

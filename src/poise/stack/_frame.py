@@ -73,7 +73,7 @@ class FrameTask(ShippedTask[PoseTarget]):
         self.turns = bool(index[-1] >= 3)
         self.sine = self.turns and orientation_error == "sine"
         self.unit = ("m, rad" if index[0] < 3 else "rad") if self.turns else "m"
-        self._target = PoseTarget(f"task {self.name!r}")
+        self._target = PoseTarget(f"task {self.name!r}", index.tolist())
 
     def set_target(
         self,
@@ -85,13 +85,16 @@ class FrameTask(ShippedTask[PoseTarget]):
         """Sets where the frame should be; what is not given stays as it is.
 
         Rates belong to what is given beside them: with a position alone, the angular rates stay.
+        A task of positions alone takes linear rates alone, too, and one of orientations angular
+        ones.
 
         Args:
             position: in the world [m]; or position and orientation in one, as `pinocchio.SE3`,
                 a 4 x 4 matrix, or a pair of a position and what `rotation` may be.
             rotation: world_R_frame, a matrix or a quaternion (x, y, z, w).
-            velocity: linear then angular, in the world [m/s, rad/s]; zero when None.
-            acceleration: linear then angular [m/s^2, rad/s^2]; zero when None.
+            velocity: linear then angular, in the world, 6 numbers or 3 [m/s, rad/s]; zero when
+                None.
+            acceleration: in the same form [m/s^2, rad/s^2]; zero when None.
 
         Raises:
             TargetError: wrong shape, NaN, not a rotation, or a rotation beside a pose.

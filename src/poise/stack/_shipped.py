@@ -4,6 +4,7 @@
 """
 
 import math
+from collections.abc import Sequence
 from typing import Generic, TypeVar, cast
 
 import numpy as np
@@ -13,7 +14,7 @@ from poise._checks import Numbers
 from poise.dynamics import Dynamics
 from poise.errors import TargetError
 from poise.robots import Robot
-from poise.stack._axes import Pose, checked_rotation, checked_target, split_pose
+from poise.stack._axes import Pose, checked_rates, checked_rotation, checked_target, split_pose
 from poise.stack._evaluation import Owner
 from poise.stack._tables import (
     GAINS,
@@ -87,13 +88,17 @@ class PoseTarget:
 
     Args:
         what: what messages call it.
+        components: those of the frame's motion that follow it, linear from 0, angular from 3;
+            rates of the others need not be given.
 
     Attributes:
         memory: position, rotation row by row, velocity and acceleration, linear before angular;
             NaN for what is not set.
     """
 
-    def __init__(self, what: str) -> None:
+    def __init__(self, what: str, components: Sequence[int] = range(6)) -> None:
+        turns, moves = max(components) >= 3, min(components) < 3
+        self._alone = None if turns and moves else slice(3, 6) if turns else slice(0, 3)
         self._whats, self._what_rotation = _names_of(what), f"target rotation of {what}"
         self._held = np.zeros(TARGET_VELOCITY, dtype=np.bool_)
         self.memory: Float64[np.ndarray, "24"] = np.zeros(TARGET_SIZE)
@@ -120,9 +125,9 @@ class PoseTarget:
                 )
             position, rotation = pose
         if velocity is not None:
-            velocity = checked_target(velocity, 6, what_velocity)
+            velocity = checked_rates(velocity, self._alone, what_velocity)
         if acceleration is not None:
-            acceleration = checked_target(acceleration, 6, what_acceleration)
+            acceleration = checked_rates(acceleration, self._alone, what_acceleration)
         if rotation is not None:
             rotation = checked_rotation(rotation, self._what_rotation)
         if position is not None:

@@ -1,12 +1,16 @@
 """What a walk sets: which tasks, and targets that go along with a body that walks and turns."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from poise.control import WholeBodyController
-from poise.locomotion import Stride, Walker, plan_footsteps, walking_stack
+from poise.dynamics import Dynamics
+from poise.errors import TargetError
+from poise.locomotion import CarriedTarget, Stride, Walker, plan_footsteps, walking_stack
 from poise.locomotion._walking._tasks import _in_turning_axes, find_walk_tasks
 from poise.sim import Plant, PlantConfig, rollout
+from poise.stack import FrameTask
 
 
 @pytest.mark.parametrize("robot", ["humanoid33", "g1"])
@@ -72,3 +76,125 @@ def test_rates_of_a_point_in_turning_axes_are_derivatives():
     h = 1e-5
     here, slope = at(0.4), (at(0.4 + h) - at(0.4 - h)) / (2.0 * h)
     np.testing.assert_allclose(here[1:], slope[:2], atol=1e-8)
+
+
+HOME = pin.SE3(pin.exp3(np.array([0.3, -0.5, 0.2])), np.array([0.3, 0.2, 1.0]))
+ORIGIN = np.array([0.02, -0.01, 0.0])
+
+
+class CarriedHand:
+    """A hand's task with a carried target, and what it follows, at a robot that stands still."""
+
+    def __init__(self, robot, axes="pose"):
+        self.task = FrameTask("left_hand", axes)
+        self.task.bind(robot)
+        self.target = CarriedTarget(self.task, HOME.translation, HOME.rotation, ORIGIN)
+        self._still = Dynamics(robot)
+
+    def follow(self, displacement, angle):
+        """Position, rotation, velocity and acceleration of the task's target."""
+        self.target.write(displacement, pin.utils.rotate("z", angle))
+        return followed(self.task, self._still)
+
+
+def followed(task, still):
+    """The same of any frame task."""
+    task.evaluate(still)
+    acceleration = task.reference - task.kp * task.error - task.kd * task.error_rate
+    return task.target_position, task.target_rotation, task.error_rate.copy(), acceleration
+
+
+def test_a_carried_pose_moves_and_turns_with_the_body_and_so_do_its_rates(get_robot):
+    rng = np.random.default_rng(0)
+    hand, d, p = CarriedHand(get_robot("humanoid33")), *rng.normal(size=(2, 3, 3))
+    axis = np.array([0.6, 0.0, 0.8])
+
+    def at(t):
+        powers = np.array([[1.0, t, 0.5 * t * t], [0.0, 1.0, t], [0.0, 0.0, 1.0]])
+        angle = np.array([0.3 + 0.8 * t - 0.6 * t * t, 0.8 - 1.2 * t, -1.2])
+        turned = np.array([0.4 * t + 0.7 * t * t, 0.4 + 1.4 * t, 1.4])
+        place, velocity, acceleration = powers @ p
+        rotation = pin.exp3(turned[0] * axis) @ HOME.rotation
+        hand.target.set_target(
+            place,
+            rotation,
+            np.append(velocity, turned[1] * axis),
+            np.append(acceleration, turned[2] * axis),
+        )
+        displacement = np.column_stack((powers @ d, angle))
+        found = hand.follow(displacement, angle[0])
+        turn = pin.utils.rotate("z", angle[0])
+        wanted = ORIGIN + displacement[0, :3] + turn @ (place - ORIGIN)
+        np.testing.assert_allclose(found[0], wanted, atol=1e-12)
+        np.testing.assert_allclose(found[1], turn @ rotation, atol=1e-12)
+        return found
+
+    h = 1e-5
+    before, here, after = at(0.4 - h), at(0.4), at(0.4 + h)
+    slope = np.append(after[0] - before[0], pin.log3(after[1] @ before[1].T)) / (2.0 * h)
+    np.testing.assert_allclose(here[2], slope, atol=1e-7)
+    np.testing.assert_allclose(here[3], (after[2] - before[2]) / (2.0 * h), atol=1e-7)
+
+
+POSE = pin.SE3(pin.exp3(np.array([-0.2, 0.4, 1.1])), np.array([0.5, 0.1, 0.9]))
+QUATERNION = pin.Quaternion(POSE.rotation).coeffs()
+RATES = np.arange(1.0, 13.0).reshape(2, 6)
+CALLS = {
+    "pose": [
+        ((POSE,), {}),
+        (([0.1, 0.2, 0.3],), {"velocity": RATES[0]}),
+        ((None, QUATERNION), {"acceleration": RATES[1].tolist()}),
+        ((POSE.translation, POSE.rotation, RATES[0], RATES[1]), {}),
+        ((), {"velocity": RATES[1]}),
+        (((POSE.translation, QUATERNION),), {}),
+    ],
+    "position": [
+        (([0.1, 0.2, 0.3],), {"velocity": RATES[0, :3]}),
+        ((POSE.translation, None, RATES[0], RATES[1, 3:]), {}),
+        ((), {"acceleration": RATES[1]}),
+    ],
+    "orientation": [
+        ((None, QUATERNION), {"velocity": RATES[0, 3:]}),
+        ((POSE,), {}),
+        ((), {"acceleration": RATES[1, :3].tolist()}),
+    ],
+}
+
+
+@pytest.mark.parametrize("axes", CALLS)
+def test_where_the_body_is_still_a_carried_target_is_the_tasks_own(get_robot, axes):
+    robot = get_robot("humanoid33")
+    hand, task = CarriedHand(robot, axes), FrameTask("left_hand", axes)
+    task.bind(robot)
+    task.set_target(HOME)
+    for values, named in CALLS[axes]:
+        hand.target.set_target(*values, **named)
+        task.set_target(*values, **named)
+        # Twice: what was written stays.
+        for _ in range(2):
+            found = hand.follow(np.zeros((3, 4)), 0.0)
+            for ours, own in zip(found[2:], followed(task, Dynamics(robot))[2:], strict=True):
+                np.testing.assert_allclose(ours, own, atol=1e-12)
+            if hand.task.turns:
+                np.testing.assert_allclose(found[1], task.target_rotation, atol=1e-12)
+            if axes != "orientation":
+                np.testing.assert_allclose(found[0], task.target_position, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (([0.1, 0.2],), "target of carried task 'left_hand pose' has the wrong shape"),
+        ((POSE, QUATERNION), "one alone"),
+        ((None, 2.0 * QUATERNION), "length"),
+        ((POSE, None, [1.0, 0.0, 0.0]), "velocity of carried task 'left_hand pose'"),
+        ((POSE, None, None, np.full(6, np.nan)), "acceleration of carried task"),
+    ],
+)
+def test_a_carried_target_refuses_what_a_task_refuses_and_stays(get_robot, values, said):
+    hand = CarriedHand(get_robot("humanoid33"))
+    before = hand.follow(np.zeros((3, 4)), 0.0)
+    with pytest.raises(TargetError, match=said):
+        hand.target.set_target(*values)
+    for ours, own in zip(hand.follow(np.zeros((3, 4)), 0.0), before, strict=True):
+        np.testing.assert_array_equal(ours, own)

@@ -370,8 +370,8 @@ def test_a_carried_target_that_is_no_number_is_refused_and_stops_nobody(held):
     carried = held.walker.carried
     name, target = next(iter(carried.items()))
     before = target.target_position.copy()
-    with pytest.raises(poise.errors.TargetError, match="carried position"):
-        target.set_target(np.array([np.nan, 0.0, 1.0]), np.zeros(3), np.zeros(3))
+    with pytest.raises(poise.errors.TargetError, match="carried task"):
+        target.set_target(np.array([np.nan, 0.0, 1.0]), velocity=np.zeros(6))
     np.testing.assert_array_equal(target.target_position, before)
     held.until(0.02)
     assert name in carried

@@ -1,8 +1,11 @@
+import re
+
 import numpy as np
 import pytest
 
+import poise
 from poise.errors import ConfigurationError, TargetError, UnknownNameError
-from poise.stack import PointContact, SurfaceContact
+from poise.stack import Contact, PointContact, Stack, SurfaceContact
 
 NAN, INF = float("nan"), float("inf")
 
@@ -51,6 +54,32 @@ def test_a_frame_that_is_no_sole_needs_a_size(get_robot):
 def test_a_margin_as_large_as_the_sole_is_refused(get_robot):
     with pytest.raises(ConfigurationError, match="leaves nothing"):
         SurfaceContact("left_sole", margin=0.2).bind(get_robot("g1"))
+
+
+class ConeContact(Contact):
+    """A point whose cone is whatever it is given."""
+
+    def __init__(self, frame, cone):
+        super().__init__(frame, friction=0.5, damping=10.0, min_load=0.0, dim=3, name="hook")
+        self._given = cone
+
+    def _make_cone(self, robot):
+        return self._given
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (2, 6), (3,)])
+def test_a_cone_without_rows_or_with_other_columns_than_the_wrench_is_refused(get_robot, shape):
+    contact = ConeContact("left_hand", np.zeros(shape))
+    stack = Stack(contacts=[contact], levels=[])
+    wanted = r"got " + re.escape(str(shape)) + r"; wanted \(rows, 3\) with at least one row"
+    with pytest.raises(ConfigurationError, match=f"cone of contact 'hook'.*{wanted}"):
+        poise.WholeBodyController(get_robot("humanoid33"), stack)
+
+
+def test_a_cone_of_one_row_is_taken(get_robot):
+    contact = ConeContact("left_hand", np.array([[0.0, 0.0, -1.0]]))
+    contact.bind(get_robot("humanoid33"))
+    assert contact.cone.shape == (1, 3)
 
 
 def test_a_contact_serves_one_robot(get_robot):

@@ -1,9 +1,12 @@
 """A pose may be given as people have it: SE3, 4 x 4, position and quaternion, lists, float32."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
+import poise
 from poise.errors import TargetError
 from poise.stack import ComTask, FrameTask, RelativeFrameTask
 
@@ -49,6 +52,54 @@ def test_rates_go_with_a_pose():
     task = FrameTask("f")
     task.set_target(POSE, velocity=np.arange(6.0))
     np.testing.assert_array_equal(task._target.memory[12:18], np.arange(6.0))
+
+
+@pytest.mark.parametrize(
+    ("axes", "place"),
+    [
+        ("position", {"position": POSE.translation}),
+        ("position_xz", {"position": POSE.translation}),
+        ("orientation", {"rotation": POSE.rotation}),
+        ("orientation_z", {"rotation": POSE.rotation}),
+    ],
+)
+def test_three_rates_are_those_that_a_task_of_one_kind_follows(get_robot, axes, place):
+    robot, rates = get_robot("humanoid33"), np.arange(1.0, 13.0).reshape(2, 6)
+    half = slice(0, 3) if axes.startswith("position") else slice(3, 6)
+    short, long = FrameTask("left_hand", axes), FrameTask("left_hand", axes)
+    short.set_target(**place, velocity=rates[0, half].tolist(), acceleration=rates[1, half])
+    long.set_target(**place, velocity=rates[0], acceleration=rates[1])
+    dynamics = poise.Dynamics(robot)
+    for task in (short, long):
+        task.bind(robot)
+        task.evaluate(dynamics)
+    np.testing.assert_array_equal(short.error_rate, long.error_rate)
+    np.testing.assert_array_equal(short.reference, long.reference)
+    assert np.abs(short.error_rate).max() > 0.5
+
+
+@pytest.mark.parametrize(
+    ("axes", "rates", "wanted"),
+    [
+        ("pose", np.ones(3), "(6,), linear then angular"),
+        ("position+orientation_z", np.ones(3), "(6,), linear then angular"),
+        ("position", np.ones(2), "(6,), linear then angular, or (3,), linear alone"),
+        ("orientation", np.ones((1, 3)), "(6,), linear then angular, or (3,), angular alone"),
+    ],
+)
+def test_rates_of_another_length_are_refused_and_change_nothing(axes, rates, wanted):
+    task = FrameTask("f", axes)
+    for given in ("velocity", "acceleration"):
+        wrong = f"{given} of task 'f {axes}' has the wrong shape; got {rates.shape}; "
+        with pytest.raises(TargetError, match=re.escape(f"{wrong}wanted {wanted}")):
+            task.set_target(POSE, **{given: rates})
+        assert task.target_position is None
+
+
+@pytest.mark.parametrize("axes", ["position", "orientation"])
+def test_three_rates_that_are_no_numbers_are_refused(axes):
+    with pytest.raises(TargetError, match="NaN"):
+        FrameTask("f", axes).set_target(POSE, velocity=[0.0, np.nan, 0.0])
 
 
 BENT = POSE.homogeneous.copy()

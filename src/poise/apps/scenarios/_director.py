@@ -262,16 +262,14 @@ def _trajectory(
 def _follow(running: _Running, time: float) -> None:
     position, velocity, acceleration = running.trajectory.sample(time)
     task, zero = running.task, np.zeros(3)
-    if running.carried is not None:
-        running.carried.set_target(position, velocity, acceleration)
-    elif running.rotation is not None and isinstance(task, FrameTask):
+    if running.rotation is not None and isinstance(task, FrameTask):
         task.set_target(
             rotation=pin.exp3(position) @ running.rotation,
             velocity=np.concatenate((zero, velocity)),
             acceleration=np.concatenate((zero, acceleration)),
         )
     elif isinstance(task, FrameTask):
-        task.set_target(
+        (running.carried or task).set_target(
             position=position,
             velocity=np.concatenate((velocity, zero)),
             acceleration=np.concatenate((acceleration, zero)),

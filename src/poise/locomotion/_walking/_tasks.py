@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._checks import Numbers
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import Stand
@@ -25,23 +26,28 @@ from poise.stack import (
     FrameTask,
     JointLimit,
     JointTask,
+    Pose,
+    PoseTarget,
     PostureTask,
     SelfCollisionLimit,
     Stack,
     SurfaceContact,
     Task,
     TorqueLimit,
-    checked_target,
 )
+
+_TURNS = np.r_[3:12, 15:18, 21:24]
+"""Rotation and angular rates among the numbers of a pose target."""
 
 
 class CarriedTarget:
     """The target of a frame task, given as if the robot had not walked.
 
     Hands, torso and pelvis go where the body goes: with the body's displacement d and turn psi
-    since the beginning, and the target p as it would be had the robot not walked,
+    since the beginning, and the target p and R as it would be had the robot not walked,
 
         world_p = o + d + R_z(psi) (p - o)
+        world_R = R_z(psi) R
 
     where o is the point at which the body began.
 
@@ -60,11 +66,12 @@ class CarriedTarget:
         origin: Float64[np.ndarray, "3"],
     ) -> None:
         self.task = task
-        self._moves = task.unit != "rad"
-        self._origin, self._rotation = origin.copy(), rotation.copy()
+        self._moves, self._origin = task.unit != "rad", origin.copy()
+        self._target = PoseTarget(f"carried task {task.name!r}", sorted(task.components))
         # p - o and its rates, a row each.
-        self._offset = np.array([position - origin, np.zeros(3), np.zeros(3)])
-        self._last_turn = math.nan
+        self._offset = np.zeros((3, 3))
+        self._turned = b""
+        self.set_target(position, rotation)
 
     @property
     def target_position(self) -> Float64[np.ndarray, "3"]:
@@ -73,29 +80,30 @@ class CarriedTarget:
 
     def set_target(
         self,
-        position: Float64[np.ndarray, "3"],
-        velocity: Float64[np.ndarray, "3"],
-        acceleration: Float64[np.ndarray, "3"],
+        position: Pose | None = None,
+        rotation: Numbers | None = None,
+        velocity: Numbers | None = None,
+        acceleration: Numbers | None = None,
     ) -> None:
-        """Moves the target, as if the robot had not walked.
+        """Moves the target, as if the robot had not walked; what is not given stays as it is.
 
         Args:
-            position: [m].
-            velocity: [m/s].
-            acceleration: [m/s^2].
+            position: as for `FrameTask.set_target`, and so are the others [m].
+            rotation: world_R_frame.
+            velocity: linear then angular [m/s, rad/s]; zero when None.
+            acceleration: linear then angular [m/s^2, rad/s^2]; zero when None.
 
         Raises:
-            TargetError: wrong shape, NaN or infinite; the target stays as it was.
+            TargetError: wrong shape, NaN, not a rotation, or a rotation beside a pose; the target
+                stays as it was.
         """
-        place, *rates = (
-            checked_target(value, 3, f"carried {what} of task {self.task.name!r}")
-            for value, what in (
-                (position, "position [m]"),
-                (velocity, "velocity [m/s]"),
-                (acceleration, "acceleration [m/s^2]"),
-            )
-        )
-        self._offset = np.array([place - self._origin, *rates])
+        self._target.set(position, rotation, velocity, acceleration)
+        numbers = self._target.memory
+        np.subtract(numbers[:3], self._origin, out=self._offset[0])
+        self._offset[1], self._offset[2] = numbers[12:15], numbers[18:21]
+        turned = numbers[_TURNS].tobytes()
+        if turned != self._turned:
+            self._turned, self._last_turn = turned, math.nan
 
     def write(
         self, displacement: Float64[np.ndarray, "3 4"], turn: Float64[np.ndarray, "3 3"]
@@ -112,12 +120,17 @@ class CarriedTarget:
         # A target that neither turns nor has turned since it was written last stays as it is.
         rotation = None
         if self.task.turns and not (still and angle == self._last_turn):
-            rotation = turn @ self._rotation
+            rotation = turn @ self._target.memory[3:12].reshape(3, 3)
         self._last_turn = angle if still else math.nan
         if rotation is None and not self._moves:
             return
         rates = np.zeros((2, 6))
         rates[:, 5] = rate, second
+        if rotation is not None:
+            spin = self._target.memory[12:].reshape(2, 6)[:, 3:] @ turn.T
+            rates[:, 3:] += spin
+            # The axes that the target spins about turn with the body.
+            rates[1, 3:5] += -rate * spin[0, 1], rate * spin[0, 0]
         if not self._moves:
             self.task.set_target(rotation=rotation, velocity=rates[0], acceleration=rates[1])
             return
