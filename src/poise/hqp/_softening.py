@@ -142,7 +142,8 @@ class SoftenedSolver:
         if not self._any_soft:
             status = solver.run(self._problem)
             if status not in _USABLE or self._find(solver.x) <= self._tolerance:
-                self._measure = None
+                if self._measure is not None:
+                    self._measure, self.softened[:] = None, 0.0
                 return status
         else:
             self._find(solver.x)
@@ -157,7 +158,7 @@ class SoftenedSolver:
         for k, stage in enumerate(self._stages):
             stage.solver.reset()
             self._soft[k] = False
-        self._any_soft, self._measure = False, None
+        self._any_soft, self._measure, self.softened[:] = False, None, 0.0
 
     def follow(self, last: "SoftenedSolver") -> None:
         """Begin the next solve where that of another problem ended, such as of other contacts."""
