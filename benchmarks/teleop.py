@@ -286,7 +286,7 @@ def time_steps(walk: Walk, recorded: Sequence[WalkTick]) -> StepTimes:
     teleoperator = walk.teleoperator()
     controller = teleoperator.controller()
     samples = iter([tick.sample for tick in recorded])
-    teleoperator.device = _Replayed(samples)
+    teleoperator.device = Replayed(samples)
     parts = np.zeros((len(recorded), len(PARTS)))
     single: list[bool] = []
     commands: list[Command] = []
@@ -304,7 +304,7 @@ def time_steps(walk: Walk, recorded: Sequence[WalkTick]) -> StepTimes:
     return StepTimes(parts=parts, single=single, commands=commands)
 
 
-class _Replayed:
+class Replayed:
     """A device that says again what another said, tick by tick."""
 
     def __init__(self, samples: Iterator[DeviceSample | None]) -> None:

@@ -1,0 +1,48 @@
+"""Bounds on the time of a tick on G1, over that of Pinocchio's two passes in the same process.
+
+In CI it is the only bound on time: the ratio depends little on the load of a machine.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mujoco")
+
+# Beside eight busy processes on two cores it takes two minutes, by processor time fifteen seconds.
+pytestmark = pytest.mark.timeout(600)
+
+RATIOS = {
+    "tick": 9.95,
+    "tick with self-collision limit": 11.44,
+    "step teleoperator's leader and estimator": 31.3,
+    "walker's leader and estimator": 25.4,
+}
+"""Means of eight runs of `python -m tests.benchmarks.speed_ratios`; faster code lowers its own."""
+
+HEADROOM = 1.1
+"""Three times the scatter of single runs about these means, and half of a slowdown by 20%."""
+
+
+def test_a_tick_costs_no_more_of_pinocchios_passes_than_it_did(get_robot):
+    get_robot("g1")
+    # A process of its own: the tests' type checks take several times what they check.
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.benchmarks.speed_ratios"],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found.keys() == RATIOS.keys()
+    slower = [
+        f"{name}: {times['own_us']} us are {times['ratio']} times {times['pinocchio_us']} us"
+        for name, times in found.items()
+        if times["ratio"] > HEADROOM * RATIOS[name]
+    ]
+    assert not slower, "\n".join(slower)
