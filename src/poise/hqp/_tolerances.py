@@ -40,7 +40,7 @@ SLACK_TOLERANCE = 1e-12
 
 DEPENDENCE_TOLERANCE = 1e-13
 """A dependent row has nothing of a pivot where less than this part of it lies along the pivot's own
-coordinate."""
+coordinate; of a row of which less than this is left, that is rounding."""
 
 CANCELLATION = 1e-13
 """Sums below this, relative to their terms, are zero: in the least squares of a level."""
@@ -75,7 +75,7 @@ that."""
 
 OPTIMALITY_TOLERANCE = 1e-8
 """Relative error of active rows, and of terms that should balance, up to which an answer counts as
-exact."""
+exact; and change of a level's residual after the level was solved, up to which nothing moved it."""
 
 CANCELLED = 1e-5
 """Squares that became smaller than this by subtraction, relatively, are computed anew."""

@@ -3,7 +3,8 @@
 It follows Escande, Mansard, Wieber 2014 ("Hierarchical quadratic programming: Fast online
 humanoid-robot motion generation") and Dimitrov, Sherikov, Wieber 2015 ("Efficient resolution of
 potentially conflicting linear constraints in robotics"): one active set for all levels, one
-factorisation a step. `search.py` is the same with loops written out, and with less work done twice.
+factorisation a step. `search.py` is the same with loops written out, and with less work done twice,
+but that it guards nearly dependent rows.
 """
 
 from dataclasses import dataclass, field

@@ -191,10 +191,10 @@ def _find_cost_gradient(problem: Problem, work: Work) -> float:
 
 @part
 def _balance(factor: Factor, gradient: Vector, found: Vector, level: int) -> None:
-    """Multipliers of the levels above that balance the gradient; only pivots have one."""
+    """Multipliers of the levels above that balance the gradient, of rows with a coordinate."""
     for upper in range(level - 1, -1, -1):
         begin, first = factor.begin[upper], factor.first[upper]
-        for k in range(factor.rank[upper] - 1, -1, -1):
+        for k in range(factor.first[upper + 1] - first - 1, -1, -1):
             column = first + k
             if gradient[column] == 0.0:
                 continue
@@ -284,8 +284,12 @@ def is_optimal(problem: Problem, work: Work) -> bool:
         return False
     factor, duals, norm = work.factor, work.duals, work.rows.norm
     levels, gradient = len(factor.rank), duals.gradient
-    reach = _reach(factor, work.points.x)
+    natural = natural_reach(factor)
+    reach = max(norm_of(work.points.x), natural)
     worst = _row_error(problem, work.rows, work.factor, work.points.values, reach)
+    # A row is off by 2 worst |a| reach at most, and a level by so much for each of its rows.
+    off = 2.0 * sqrt(len(norm)) * worst * reach
+    work.state.unsettled = 0 if off <= OPTIMALITY_TOLERANCE * natural else 1
     for level in range(levels):
         if factor.begin[level] < factor.begin[level + 1]:
             gradient[:] = 0.0
@@ -295,7 +299,36 @@ def is_optimal(problem: Problem, work: Work) -> bool:
         size = max(size, abs(problem.g[i]), abs(problem.H[i, i]) * reach)
     copy(gradient, work.cost.gradient)
     worst = max(worst, _imbalance(problem.A, norm, factor, duals, levels, size))
-    return bool(worst <= OPTIMALITY_TOLERANCE)
+    return bool(worst <= OPTIMALITY_TOLERANCE) and not _has_wrong_sign(work, reach)
+
+
+@part
+def _has_wrong_sign(work: Work, reach: float) -> bool:
+    """Whether the first multiplier of a row that is clear of any rounding has the wrong sign."""
+    factor, rows, decided = work.factor, work.rows, work.duals.forces
+    levels = len(factor.rank)
+    active = factor.begin[levels]
+    decided[:active] = 0.0
+    for level in range(levels):
+        if _slack_force(factor, level) == 0.0:
+            continue
+        found, size = work.duals.multipliers[level], 0.0
+        for place in range(active):
+            index = factor.order[place]
+            size = max(size, abs(found[index]) * rows.norm[index])
+        for place in range(active):
+            index = factor.order[place]
+            if rows.side[index] == EQUALITY or decided[place] != 0.0:
+                continue
+            force = found[index] * rows.norm[index] * rows.side[index]
+            clear = abs(force) > OPTIMALITY_TOLERANCE * size
+            if rows.level[index] == level:
+                own = abs(factor.bound[place]) + factor.size[place] * reach
+                clear = clear or abs(factor.slack[place]) > OPTIMALITY_TOLERANCE * own
+            if clear and force < 0.0:
+                return True
+            decided[place] = 1.0 if clear else 0.0
+    return False
 
 
 @part
@@ -324,9 +357,13 @@ def _row_error(problem: Problem, rows: Rows, factor: Factor, values: Vector, rea
 
 
 @part
-def _reach(factor: Factor, x: Vector) -> float:
-    """How far x is, or would be if it met the rows that are active one by one."""
-    reach = norm_of(x)
+def natural_reach(factor: Factor) -> float:
+    """How far x is where it meets the rows that are active one by one.
+
+    Args:
+        factor: the active rows.
+    """
+    reach = 0.0
     for place in range(factor.begin[len(factor.rank)]):
         if factor.size[place] > 0.0:
             reach = max(reach, abs(factor.bound[place]) / factor.size[place])

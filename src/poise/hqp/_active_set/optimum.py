@@ -31,7 +31,13 @@ from poise.hqp._active_set.workspace import (
     Vector,
     Work,
 )
-from poise.hqp._tolerances import CANCELLED, FLAT_TOLERANCE, RANK_TOLERANCE, SLACK_TOLERANCE
+from poise.hqp._tolerances import (
+    CANCELLED,
+    DEPENDENCE_TOLERANCE,
+    FLAT_TOLERANCE,
+    RANK_TOLERANCE,
+    SLACK_TOLERANCE,
+)
 
 _SIGN_FREE = 8
 """What tells the code of the side of a row whose sign is free from another's."""
@@ -120,7 +126,27 @@ def factor_level(problem: Problem, rows: Rows, factor: Factor, level: int) -> No
             pivot += 1
             _update_left(factor, pivot, end, column)
     factor.rank[level] = column - first
+    column = _take_guarded(rows, factor, pivot, end, column)
     factor.first[level + 1] = column
+
+
+@part
+def _take_guarded(rows: Rows, factor: Factor, pivot: int, end: int, column: int) -> int:
+    """Takes a coordinate for each guarded row that depends on the pivots; returns the next one."""
+    R = factor.R
+    for place in range(pivot, end):
+        if rows.guarded[factor.order[place]] == 0 or column == len(factor.y):
+            continue
+        norm = norm_of(R[place, column:])
+        if not norm > DEPENDENCE_TOLERANCE * factor.size[place]:
+            continue
+        if place != pivot:
+            _swap(factor, place, pivot)
+        v, tail = factor.V[column, column:], R[pivot, column:]
+        factor.tau[column] = make_reflection(tail, v, norm)
+        reflect_rows(R, pivot + 1, end, column, v, factor.tau[column])
+        column, pivot = column + 1, pivot + 1
+    return column
 
 
 @part
@@ -229,13 +255,13 @@ def solve_level(factor: Factor, squares: LeastSquares, level: int) -> None:
             left -= own[j] * z[j]
         if abs(left) > SLACK_TOLERANCE * (abs(factor.bound[row]) + factor.size[row] * size):
             slack[row], met = -left, False
-    if met:
-        return
-    if rank > 0:
+    y[first + rank : factor.first[level + 1]] = 0.0
+    if not met and rank > 0:
         find_slacks_of_conflict(factor, squares, level)
         for row in range(begin, begin + rank):
             rhs[row] += slack[row]
         _solve_pivots(factor, begin, first, rank)
+        _write_out_guarded(factor, level)
 
 
 @part
@@ -247,6 +273,19 @@ def _solve_pivots(factor: Factor, begin: int, first: int, rank: int) -> None:
         for j in range(k):
             left -= own[j] * z[j]
         z[k] = left / own[k]
+
+
+@part
+def _write_out_guarded(factor: Factor, level: int) -> None:
+    """Makes guarded rows rows again of what the least squares wrote as combinations of pivots."""
+    begin, first, rank = factor.begin[level], factor.first[level], factor.rank[level]
+    for column in range(first + rank, factor.first[level + 1]):
+        own = factor.R[begin + column - first, first : first + rank]
+        for j in range(rank):
+            total = 0.0
+            for k in range(j, rank):
+                total += own[k] * factor.R[begin + k, first + j]
+            own[j] = total
 
 
 # --- the final cost ----------------------------------------------------------------------------

@@ -24,6 +24,7 @@ from poise.hqp._active_set.moves import (
 )
 from poise.hqp._active_set.multipliers import deactivate_wrong_signs, is_optimal
 from poise.hqp._active_set.optimum import find_optimum
+from poise.hqp._active_set.strictness import find_moved, guard, hangs_on_rank
 from poise.hqp._active_set.workspace import (
     BEGINNING,
     EQUALITY,
@@ -68,9 +69,15 @@ def search(problem_at: int, work_at: int, changes: int) -> int:
         find_optimum(problem, work)
         find_values(problem.A, work.points.target, work.points.target_values)
         optimal = _change_active_set(problem, work)
-        if optimal and is_optimal(problem, work):
-            found = CONVERGED
+        sound = optimal and is_optimal(problem, work)
+        moved = find_moved(problem, work) if sound else -1
+        if sound and moved < 0:
+            found = DOUBTFUL if hangs_on_rank(problem, work) else CONVERGED
             break
+        if sound and guard(problem, work, moved):
+            _begin_from(state.origin, state, work.rows)
+            state.guess_at = state.changes + WARM_CHANGES
+            continue
         if optimal and state.origin == NOTHING:
             found = DOUBTFUL
             break
@@ -189,6 +196,7 @@ def _prepare_rows(problem: Problem, rows: Rows, multipliers: Matrix) -> int:
         rows.norm[n + i] = norm_of(problem.A[i])
         total += rows.norm[n + i]
     for i in range(n + m):
+        rows.guarded[i] = 0
         low, up, side = problem.lower[i], problem.upper[i], rows.side[i]
         # Written so that NaN is refused.
         if not (low <= up and low < np.inf and up > -np.inf and problem.weights[i] > 0.0):

@@ -75,6 +75,7 @@ class State(Block):
         blocked: whether the last step was stopped by a row.
         deactivated: the row that a step deactivated last, or -1.
         doubtful: whether a row with a multiplier of the wrong sign had to stay active.
+        unsettled: whether rows may be where their level did not leave them.
         free: how many coordinates no level has taken.
     """
 
@@ -90,6 +91,7 @@ class State(Block):
     blocked: int
     deactivated: int
     doubtful: int
+    unsettled: int
     free: int
 
 
@@ -103,6 +105,8 @@ class Rows(Block):
         sign_free: whether its multiplier may have either sign on the levels further down.
         locked: `LOCKED`, `RELEASED`, or 0, since a step moved the point.
         needed_by: the level that needs it active, counted from one; 0 where nobody knows.
+        guarded: whether what little of it lies outside the rows before it is kept from the levels
+            below.
         factored: side and sign freedom when its level was factored.
         violation: signed distance of an inactive row outside its interval, by its norm.
         shift: by how much damping moved the bounds of an equality.
@@ -114,6 +118,7 @@ class Rows(Block):
     sign_free: Int64[np.ndarray, " nm"]
     locked: Int64[np.ndarray, " nm"]
     needed_by: Int64[np.ndarray, " nm"]
+    guarded: Int64[np.ndarray, " nm"]
     factored: Int64[np.ndarray, " nm"]
     violation: Float64[np.ndarray, " nm"]
     shift: Float64[np.ndarray, " nm"]
@@ -151,7 +156,7 @@ class Factor(Block):
         left_exact: the same when it was computed last, not updated.
         begin: where each level's active rows begin.
         first: how many coordinates the levels above each have taken.
-        rank: how many each takes.
+        rank: how many each takes for its pivots; those of guarded rows follow.
         y: the optimum of the active set.
     """
 

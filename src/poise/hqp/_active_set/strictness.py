@@ -1,0 +1,104 @@
+"""Strictness of an answer: no level gets worse once it has been solved.
+
+What a level does with its own coordinates leaves the levels above as they are, with two exceptions.
+A row that depends on those before it to within `RANK_TOLERANCE` has no coordinate, so that a long
+step below moves it all the same. And a step so long that its rounding counts moves every row.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from poise._compiled import part
+from poise.hqp._active_set.multipliers import natural_reach
+from poise.hqp._active_set.workspace import UNKNOWN, Factor, Problem, Work
+from poise.hqp._measure import find_residuals
+from poise.hqp._tolerances import DEPENDENCE_TOLERANCE, OPTIMALITY_TOLERANCE
+
+
+@part
+def find_moved(problem: Problem, work: Work) -> int:
+    """The first level whose residual is not the one that it was solved with, or -1.
+
+    Args:
+        problem: the problem.
+        work: whose point is the optimum of its active set.
+    """
+    rows, factor, answer = work.rows, work.factor, work.answer
+    if work.state.unsettled == 0:
+        return -1
+    lower, upper, weights = problem.lower, problem.upper, problem.weights
+    find_residuals(lower, upper, weights, rows.level, work.points.values, answer.residuals)
+    sizes, reach = answer.target_residuals, _reach(problem, factor)
+    sizes[:] = 0.0
+    for i in range(len(weights)):
+        sizes[rows.level[i]] = max(sizes[rows.level[i]], rows.norm[i] * weights[i])
+    for level in range(len(sizes)):
+        square = 0.0
+        for place in range(factor.begin[level], factor.begin[level + 1]):
+            index = factor.order[place]
+            slack = factor.slack[place] + rows.shift[index] * weights[index]
+            square += slack * slack
+        room = OPTIMALITY_TOLERANCE * sizes[level] * reach
+        if not abs(answer.residuals[level] - sqrt(square)) <= room:
+            return level
+    return -1
+
+
+@part
+def guard(problem: Problem, work: Work, level: int) -> bool:
+    """Keeps what little is left of a level's rows, where it was moved, from the levels below.
+
+    Args:
+        problem: the problem.
+        work: whose point is the optimum of its active set.
+        level: whose rows.
+
+    Returns:
+        Whether there were any that were not guarded.
+    """
+    rows, factor, values = work.rows, work.factor, work.points.values
+    reach, found = _reach(problem, factor), False
+    for place in range(factor.begin[level] + factor.rank[level], factor.begin[level + 1]):
+        index = factor.order[place]
+        moved = values[index] * problem.weights[index] - factor.bound[place] - factor.slack[place]
+        room = OPTIMALITY_TOLERANCE * factor.size[place] * reach
+        if rows.guarded[index] == 0 and abs(moved) > room:
+            rows.guarded[index], rows.factored[index] = 1, UNKNOWN
+            found = True
+    return found
+
+
+@part
+def hangs_on_rank(problem: Problem, work: Work) -> bool:
+    """Whether a level would have less slack if a nearly dependent row counted as independent.
+
+    With equalities alone the same rows count as dependent however many levels follow. Inequalities
+    that are active for a level below may take what was left of a row, or leave more of it.
+
+    Args:
+        problem: the problem.
+        work: whose point is the optimum of its active set.
+    """
+    factor, level_of = work.factor, work.rows.level
+    least = DEPENDENCE_TOLERANCE * DEPENDENCE_TOLERANCE
+    for level in range(len(factor.rank)):
+        for place in range(factor.begin[level] + factor.rank[level], factor.begin[level + 1]):
+            if not factor.left[place] > least:
+                continue
+            room = OPTIMALITY_TOLERANCE * factor.size[place] * _reach(problem, factor)
+            if abs(factor.slack[place]) > room:
+                for i in range(len(level_of)):
+                    bounded = problem.lower[i] > -np.inf or problem.upper[i] < np.inf
+                    if level_of[i] <= level and bounded and problem.lower[i] < problem.upper[i]:
+                        return True
+    return False
+
+
+@part
+def _reach(problem: Problem, factor: Factor) -> float:
+    """How far x has to go for any active row, or for the final cost, alone."""
+    slope = curvature = 0.0
+    for i in range(len(problem.g)):
+        slope, curvature = max(slope, abs(problem.g[i])), max(curvature, abs(problem.H[i, i]))
+    return max(natural_reach(factor), slope / curvature if curvature > 0.0 else 0.0)
