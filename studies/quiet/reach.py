@@ -1,4 +1,4 @@
-"""`run_reach`: one robot led to a target at rest, and the motion left in the last second."""
+"""`run_reach`: a robot whose targets move and rest, and its motion in the last second."""
 
 from dataclasses import dataclass
 from functools import cache

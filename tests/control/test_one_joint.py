@@ -87,7 +87,7 @@ def test_every_torque_controller_turns_its_joint_as_its_posture_asks(robot, name
     for sole, wrench in command.wrenches.items():
         frame = dynamics.frame(robot.frame_id(sole))
         force -= frame.jacobian.T @ np.kron(np.eye(2), frame.rotation) @ wrench
-    # The base has no motors: what is left of its equation is zero.
+    # The base has no motors: the residual of its equation is zero.
     np.testing.assert_allclose(force, [*np.zeros(robot.base_dofs), *command.torque], atol=1e-6)
 
 

@@ -43,14 +43,19 @@ class Terms(Block):
 class Softening:
     """Softening terms `mu_k^2 |dv_J - d|^2` of a stack's levels, see `poise.hqp.SoftenedSolver`.
 
-    With e_k the errors of a level's tasks and w_k the weights of their rows,
+    With e_k the errors of a level's tasks [m, rad] and w_k the weights of their rows,
 
-        mu_k = |w_k e_k| min(1, s / |e_k|),
+        mu_k^2 = s min(|e_k|, 1) |w_k e_k|^2 / |e_k|^2,
 
     s being the stack's `softening`. So a level without error is strict, the term grows with the
-    error, and it saturates relative to the level's own weights (error-proportional damping:
-    Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method",
-    T-RO 2011). The reference d of a joint is the reference acceleration of the lowest joint task
+    error, and it saturates at one metre or radian. Its square is proportional to the error, as in
+    Levenberg-Marquardt damping (Sugihara, "Solvability-unconcerned inverse kinematics by the
+    Levenberg-Marquardt method", T-RO 2011, for the square), because so is the force that a target
+    out of reach has on a singular direction: with lever c [m] its stiffness there is
+
+        c kp |e_k| / mu_k^2 = c kp / s,
+
+    however far away the target is. The reference d of a joint is the reference acceleration of the lowest joint task
     that has the joint, and damping -`DAMPING` v where there is none.
 
     Args:
@@ -159,8 +164,9 @@ def find_softening(
             error = terms.error[i]
             square += error * error
             weighted += (terms.weight[i] * error) ** 2
-        size, largest = sqrt(square), terms.settings[0]
-        weight = sqrt(weighted) * (largest / size if size > largest else 1.0)
+        size, weight = sqrt(square), 0.0
+        if size > 0.0:
+            weight = sqrt(weighted) / size * sqrt(terms.settings[0] * min(size, 1.0))
         # What is no number softens nothing.
         terms.weights[k] = weight if weight < np.inf else 0.0
         most = max(most, terms.weights[k])
