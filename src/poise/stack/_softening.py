@@ -55,8 +55,8 @@ class Softening:
 
         c kp |e_k| / mu_k^2 = c kp / s,
 
-    however far away the target is. The reference d of a joint is the reference acceleration of the lowest joint task
-    that has the joint, and damping -`DAMPING` v where there is none.
+    however far away the target is. The reference d of a joint is the reference acceleration of the
+    lowest joint task that has the joint, and damping -`DAMPING` v where there is none.
 
     Args:
         robot: the robot.

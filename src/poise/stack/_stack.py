@@ -37,8 +37,8 @@ def is_held(task: Task, contacts: Sequence[Contact]) -> bool:
 
 
 SOFTENING = 0.05
-"""Default of `Stack(softening=)` [1/m, 1/rad]: a singular direction of a hand with kp 100 and a lever
-of 0.3 m has the stiffness of 25 rad/s, which a period of 2 ms samples 130 times."""
+"""Default of `Stack(softening=)` [1/m, 1/rad]: a singular direction of a hand with kp 100 and a
+lever of 0.3 m has the stiffness of 25 rad/s, which a period of 2 ms samples 130 times."""
 
 _TURNING_JOINTS = 3
 """Joints it takes to turn a frame in any direction."""
