@@ -63,7 +63,7 @@ def test_a_hand_out_of_reach_comes_to_rest_and_is_named(get_robot, kind):
     assert speed < 0.1
     status = controller.status()
     error = status.tasks[0].error
-    assert status.softened == {3: pytest.approx(np.sqrt(0.05 * min(error, 1.0)))}
+    assert status.softened == {3: pytest.approx(error * np.sqrt(0.05 / (0.05 + error)))}
     assert "level 3 softened by 0.1" in str(status)
     assert "level 3 is softened" in status.explanation
 

@@ -45,18 +45,17 @@ class Softening:
 
     With e_k the errors of a level's tasks [m, rad] and w_k the weights of their rows,
 
-        mu_k^2 = s min(|e_k|, 1) |w_k e_k|^2 / |e_k|^2,
+        mu_k^2 = |w_k e_k|^2 s / (s + |e_k|),
 
-    s being the stack's `softening`. So a level without error is strict, the term grows with the
-    error, and it saturates at one metre or radian. Its square is proportional to the error, as in
-    Levenberg-Marquardt damping (Sugihara, "Solvability-unconcerned inverse kinematics by the
-    Levenberg-Marquardt method", T-RO 2011, for the square), because so is the force that a target
-    out of reach has on a singular direction: with lever c [m] its stiffness there is
+    s being the stack's `softening`. So a level without error is strict, and near its target mu_k is
+    the error itself, as in Sugihara, "Solvability-unconcerned inverse kinematics by the
+    Levenberg-Marquardt method" (T-RO 2011). Far away the square grows with the error, because so
+    does the stiffness that a target out of reach has along a singular direction of lever c [m]:
 
-        c kp |e_k| / mu_k^2 = c kp / s,
+        c kp |e_k| / mu_k^2 = c kp (1 / s + 1 / |e_k|).
 
-    however far away the target is. The reference d of a joint is the reference acceleration of the
-    lowest joint task that has the joint, and damping -`DAMPING` v where there is none.
+    Errors count up to one metre or radian. The reference d of a joint is the reference acceleration
+    of the lowest joint task that has the joint, and damping -`DAMPING` v where there is none.
 
     Args:
         robot: the robot.
@@ -164,9 +163,10 @@ def find_softening(
             error = terms.error[i]
             square += error * error
             weighted += (terms.weight[i] * error) ** 2
-        size, weight = sqrt(square), 0.0
+        softening, size, weight = terms.settings[0], sqrt(square), 0.0
         if size > 0.0:
-            weight = sqrt(weighted) / size * sqrt(terms.settings[0] * min(size, 1.0))
+            counted = min(size, 1.0)
+            weight = sqrt(weighted) / size * counted * sqrt(softening / (softening + counted))
         # What is no number softens nothing.
         terms.weights[k] = weight if weight < np.inf else 0.0
         most = max(most, terms.weights[k])

@@ -37,8 +37,8 @@ def is_held(task: Task, contacts: Sequence[Contact]) -> bool:
 
 
 SOFTENING = 0.05
-"""Default of `Stack(softening=)` [1/m, 1/rad]: a singular direction of a hand with kp 100 and a
-lever of 0.3 m has the stiffness of 25 rad/s, which a period of 2 ms samples 130 times."""
+"""Default of `Stack(softening=)` [m, rad]: a hand with kp 100 far out of reach has the stiffness of
+25 rad/s along a singular direction of lever 0.3 m, which a period of 2 ms samples 130 times."""
 
 _TURNING_JOINTS = 3
 """Joints it takes to turn a frame in any direction."""
@@ -58,9 +58,9 @@ class Stack:
         joint_limit: bounds of joint positions, velocities and accelerations.
         balance_limit: what keeps all tasks from toppling the robot, where torques are commanded.
         self_collision_limit: what keeps the robot's links off each other; none when None.
-        softening: square of the softening term's weight, against the weight of a level's own rows,
-            per metre or radian of the level's error [1/m, 1/rad]; 0 for levels that are strict even
-            where they cannot be met. See "Levels that cannot be met" in the documentation of tasks.
+        softening: s in the squared weight e^2 s / (s + e) of the softening term of a level with
+            the error e, against the weight of the level's own rows [m, rad]; 0 for levels that are
+            strict even where they cannot be met.
 
     Raises:
         ConfigurationError: an empty level, a name used twice, two contacts on one frame,
@@ -106,7 +106,7 @@ class Stack:
             SelfCollisionLimit,
             "self_collision_limit of the stack",
         )
-        self.softening = checked_number(softening, "softening of the stack [1/m, 1/rad]")
+        self.softening = checked_number(softening, "softening of the stack [m, rad]")
         _check_unique([c.frame for c in self.contacts], "two contacts of the stack on one frame")
         _check_unique([c.name for c in self.contacts], "two contacts of the stack with one name")
         _check_unique([t.name for _, t in self.tasks()], "two tasks of the stack with one name")

@@ -149,7 +149,7 @@ class StackPlan:
         joint_limit: limits of the joints' positions, velocities and accelerations.
         balance_limit: what keeps tasks from toppling the robot.
         self_collision_limit: what keeps the robot's links off each other.
-        softening: squared weight of the softening terms per error [1/m, 1/rad].
+        softening: s of the weights of the softening terms [m, rad].
     """
 
     contacts: tuple[Annotated[Recipe, _OneOf(_CONTACTS)], ...] = ()
@@ -162,7 +162,7 @@ class StackPlan:
     self_collision_limit: Annotated[Recipe, _ArgumentsOf(SelfCollisionLimit)] = Recipe(
         SelfCollisionLimit, {"enabled": False}
     )
-    softening: Annotated[float, Bounds(least=0.0, unit="1/m, 1/rad")] = SOFTENING
+    softening: Annotated[float, Bounds(least=0.0, unit="m, rad")] = SOFTENING
 
     def __post_init__(self) -> None:
         self.build()
