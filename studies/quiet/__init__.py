@@ -2,6 +2,8 @@
 
 from studies.plan import Part, StudyPlan
 from studies.quiet.cost_section import cost_section
+from studies.quiet.far_section import far_section
+from studies.quiet.priorities_section import priorities_section
 from studies.quiet.pushes_section import pushes_section, standing_section
 from studies.quiet.targets_section import (
     collision_section,
@@ -28,6 +30,8 @@ PLAN = StudyPlan(
         Part("reached", "Targets that strict levels reach", reached_section),
         Part("collisions", "Hands led into the robot", collision_section),
         Part("cost", "Cost of lower levels", cost_section),
+        Part("priorities", "Strictness", priorities_section),
+        Part("far", "Targets far away", far_section),
         Part("standing", "Pushed while standing", standing_section),
         Part("pushes", "Pushed while walking", pushes_section),
     ),
