@@ -67,6 +67,25 @@ def split_rows(index: np.ndarray) -> tuple[int, ...]:
     return tuple(size for size in (linear, len(index) - linear) if size)
 
 
+LINEAR_SPEED, ANGULAR_SPEED, TRUNK_SPEED = 2.5, np.pi, 0.8
+"""Speeds that feedback asks for at most where a task has none of its own [m/s, rad/s].
+
+Positions: what kp / kd = 5 1/s asks for half a metre away, which an arm reaches, so that plain
+feedback is left as it is within reach. Orientations: half a turn in a second. Pelvis and torso turn
+most of the mass: omega_lim of (17b) of Zhang and Kikuuwe."""
+
+
+def usual_speeds(index: np.ndarray, angular: float) -> list[float]:
+    """The usual speed of each block of rows of a pose mask, see `split_rows`.
+
+    Args:
+        index: row indices from `parse_axes`.
+        angular: that of orientations [rad/s].
+    """
+    linear = int(np.count_nonzero(index < 3))
+    return [LINEAR_SPEED] * (linear > 0) + [angular] * (linear < len(index))
+
+
 _ORTHOGONALITY_TOLERANCE = 1e-6
 """How far R^T R may be from the identity before R was hardly meant to be a rotation."""
 
@@ -97,6 +116,29 @@ def checked_gain(
             wanted=f"finite numbers {'>' if positive else '>='} 0",
         )
     return np.array(np.broadcast_to(array, (dim,)), dtype=np.float64, order="C")
+
+
+def checked_speed(value: Numbers, blocks: int, what: str) -> Float64[np.ndarray, " b"]:
+    """A largest speed per block of rows, from a scalar or a vector; a copy.
+
+    Args:
+        value: one number, or one a block; inf for none.
+        blocks: number of blocks.
+        what: what it is, for messages.
+
+    Raises:
+        ConfigurationError: wrong length, not a number, NaN or not positive.
+    """
+    array = _as_array(value, what, ConfigurationError)
+    if array.shape not in ((), (blocks,)):
+        raise ConfigurationError(
+            f"{what} has the wrong shape",
+            got=array.shape,
+            wanted=f"a number or {blocks} numbers, one a block of rows",
+        )
+    if not np.all(array > 0.0):
+        raise ConfigurationError(f"{what} is out of range", got=value, wanted="numbers > 0, or inf")
+    return np.array(np.broadcast_to(array, (blocks,)), dtype=np.float64, order="C")
 
 
 def checked_target(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:

@@ -10,7 +10,7 @@ from poise._checks import Numbers
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
-from poise.stack._axes import parse_axes
+from poise.stack._axes import LINEAR_SPEED, parse_axes
 from poise.stack._shipped import ShippedTask, VectorTarget
 from poise.stack._tables import Kind
 
@@ -23,6 +23,7 @@ class ComTask(ShippedTask[VectorTarget]):
         kp: stiffness [1/s^2].
         kd: damping [1/s]; critical when None.
         weight: weight of its rows in their level.
+        speed: largest speed that feedback asks for [m/s]; 2.5 when None.
         name: what reports call it.
     """
 
@@ -35,9 +36,10 @@ class ComTask(ShippedTask[VectorTarget]):
         kp: Numbers = 40.0,
         kd: Numbers | None = None,
         weight: Numbers = 1.0,
+        speed: Numbers | None = None,
         name: str = "com",
     ) -> None:
-        super().__init__(name, kp=kp, kd=kd, weight=weight)
+        super().__init__(name, kp=kp, kd=kd, weight=weight, speed=speed)
         self.chosen = parse_axes(axes, {"position": 0})
         self._masked = np.setdiff1d(np.arange(3), self.chosen)
         self._target = VectorTarget(3, f"task {name!r}")
@@ -83,6 +85,9 @@ class ComTask(ShippedTask[VectorTarget]):
 
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
         return len(self.chosen)
+
+    def _usual_speed(self, robot: Robot) -> Numbers:  # noqa: ARG002
+        return LINEAR_SPEED
 
 
 class MomentumTask(ShippedTask[VectorTarget]):

@@ -156,7 +156,7 @@ class Evaluation:
         wrench_upper: Float64[np.ndarray, " w"],
     ) -> None:
         """Has everything written there from now on, see `Rows`."""
-        drift, reference, error, rate, feedforward = np.zeros((5, self._count))
+        drift, reference, error, fade, rate, feedforward = np.zeros((6, self._count))
         self.rows = Rows(
             matrix,
             target,
@@ -165,6 +165,7 @@ class Evaluation:
             drift,
             reference,
             error,
+            fade,
             rate,
             feedforward,
             wrench_lower,

@@ -7,7 +7,14 @@ from poise._checks import Numbers, checked_kind
 from poise.dynamics import Dynamics
 from poise.errors import UnknownNameError
 from poise.robots import Robot
-from poise.stack._axes import Pose, parse_axes, split_rows
+from poise.stack._axes import (
+    ANGULAR_SPEED,
+    TRUNK_SPEED,
+    Pose,
+    parse_axes,
+    split_rows,
+    usual_speeds,
+)
 from poise.stack._shipped import PoseTarget, ShippedTask
 from poise.stack._tables import OWN_AXES, Kind
 
@@ -23,8 +30,18 @@ class FrameTask(ShippedTask[PoseTarget]):
 
     Rows are world axes, position first: J dv + drift = reference with the `LOCAL_WORLD_ALIGNED`
     Jacobian and classical drift. The orientation error is the rotation vector
-    (ln target_R actual_R^T)^vee, right at zero and at pi; or its sine, r sin(phi), as eq. (63) of
-    (Park, Jin, Kang 2022) has it for small errors.
+    (ln target_R actual_R^T)^vee = r phi, right at zero and at pi; or its sine, r sin(phi), as eq.
+    (63) of (Park, Jin, Kang 2022) has it for small errors.
+
+    At half a turn r has two signs, and the rotation vector jumps from one to the other as a target
+    turns on. Feedback therefore acts on
+
+        r min(phi, 4 (pi - phi)),
+
+    which is continuous everywhere: the rotation vector up to 144 degrees, zero at half a turn, from
+    where the frame goes back the other way. So at exactly half a turn, and nowhere else but at the
+    target, feedback asks for nothing; some such orientation there must be, for a continuous field
+    that vanishes at the target alone does not exist on the rotations. `error` is r phi throughout.
 
     A sole whose leg cannot turn it every way (`Sole.controlled`) has rows for the turns that are
     left, about its own axes, where all turns are asked for.
@@ -35,6 +52,9 @@ class FrameTask(ShippedTask[PoseTarget]):
         kp: stiffness, one number or one a row [1/s^2].
         kd: damping [1/s]; critical when None.
         weight: weight of its rows in their level.
+        speed: largest speeds that feedback asks for, one number or one for each of `blocks`:
+            position [m/s], then orientation [rad/s]; 2.5 m/s and pi rad/s when None, but 0.8
+            rad/s for the robot's pelvis and torso.
         name: what reports call it; the frame and the axes when None.
         orientation_error: one of `ORIENTATION_ERRORS`.
 
@@ -56,10 +76,11 @@ class FrameTask(ShippedTask[PoseTarget]):
         kp: Numbers = 100.0,
         kd: Numbers | None = None,
         weight: Numbers = 1.0,
+        speed: Numbers | None = None,
         name: str | None = None,
         orientation_error: str = "logarithm",
     ) -> None:
-        super().__init__(name or f"{frame} {axes}", kp=kp, kd=kd, weight=weight)
+        super().__init__(name or f"{frame} {axes}", kp=kp, kd=kd, weight=weight, speed=speed)
         self.frame = checked_kind(frame, str, f"frame of task {self.name!r}")
         mask = "position+orientation" if axes == "pose" else axes
         index = parse_axes(mask, {"position": 0, "orientation": 3})
@@ -138,3 +159,8 @@ class FrameTask(ShippedTask[PoseTarget]):
             self.chosen = np.array([*sorted(self.components - _ALL_TURNS), *turns])
             self._blocks = split_rows(self.chosen)
         return len(self.chosen)
+
+    def _usual_speed(self, robot: Robot) -> Numbers:
+        trunk = {robot.frame_id(name) for name in (robot.pelvis, robot.torso)}
+        is_trunk = self.frame_ids[0] in trunk
+        return usual_speeds(self.chosen, TRUNK_SPEED if is_trunk else ANGULAR_SPEED)

@@ -22,6 +22,8 @@ class JointTask(ShippedTask[VectorTarget]):
         kp: stiffness, one number or one a joint [1/s^2].
         kd: damping [1/s]; critical when None.
         weight: weight of its rows in their level.
+        speed: largest speed that feedback asks for, one number or one a joint [rad/s]; the
+            joints' own limits when None.
         name: what reports call it.
     """
 
@@ -34,9 +36,10 @@ class JointTask(ShippedTask[VectorTarget]):
         kp: Numbers = 50.0,
         kd: Numbers | None = None,
         weight: Numbers = 1.0,
+        speed: Numbers | None = None,
         name: str = "joints",
     ) -> None:
-        super().__init__(name, kp=kp, kd=kd, weight=weight)
+        super().__init__(name, kp=kp, kd=kd, weight=weight, speed=speed)
         self.unit = "rad"
         if isinstance(joints, str):
             raise ConfigurationError(
@@ -103,6 +106,9 @@ class JointTask(ShippedTask[VectorTarget]):
         self.chosen = index + robot.base_dofs
         return len(index)
 
+    def _usual_speed(self, robot: Robot) -> Numbers:
+        return robot.v_max[self.chosen - robot.base_dofs]
+
 
 class PostureTask(JointTask):
     """All joints towards a posture: what the robot does with the freedom that is left.
@@ -112,6 +118,8 @@ class PostureTask(JointTask):
         kp: stiffness, one number or one a joint [1/s^2].
         kd: damping [1/s]; critical when None.
         weight: weight of its rows in their level.
+        speed: largest speed that feedback asks for, one number or one a joint [rad/s]; the
+            joints' own limits when None.
         name: what reports call it.
     """
 
@@ -122,9 +130,10 @@ class PostureTask(JointTask):
         kp: Numbers = 25.0,
         kd: Numbers | None = None,
         weight: Numbers = 1.0,
+        speed: Numbers | None = None,
         name: str = "posture",
     ) -> None:
-        super().__init__(None, kp=kp, kd=kd, weight=weight, name=name)
+        super().__init__(None, kp=kp, kd=kd, weight=weight, speed=speed, name=name)
         self._posture: Float64[np.ndarray, " n"] | None = None
         if posture is not None:
             what = f"target of task {name!r}"

@@ -1,5 +1,7 @@
 """The formulas of tasks and contacts, compiled: what each kind writes into the rows of a stack."""
 
+import math
+
 import numpy as np
 from jaxtyping import Float64, Int64
 
@@ -30,6 +32,7 @@ from poise.stack._tables import (
     FRAME,
     FRAME_INDEX,
     GAINS,
+    GIVEN_VELOCITY,
     JOINTS,
     KD,
     KIND,
@@ -50,6 +53,16 @@ from poise.stack._tables import (
     Owners,
     Rows,
 )
+
+_HUGE = 1e150
+"""Speeds are cut to this, whose square does not overflow."""
+
+_STEEPNESS = 4.0
+"""How much steeper than an error grows its feedback fades near half a turn: kd^2 / kp of critical
+damping, with which the velocity asked for changes by kd a radian, as fast as damping follows."""
+
+_FADING = math.pi * _STEEPNESS / (1.0 + _STEEPNESS)
+"""Angle from which on the feedback of an orientation error fades [rad]."""
 
 FULL_TILT = 0.01
 """A sole that leans and is tilted by this much stands on its edge alone [rad]."""
@@ -116,32 +129,72 @@ def _write(
     line: Int64[np.ndarray, " entries"],
     i: int,
     error: float,
-    error_rate: float,
+    fade: float,
+    velocity: float,
+    actual: float,
     feedforward: float,
     drift: float,
-    velocity: float,
+) -> None:
+    """Write what a task's row measures; `target` holds the target's velocity until `_ask`."""
+    row = line[FIRST] + i
+    rows.error[row], rows.fade[row], rows.error_rate[row] = error, fade, velocity - actual
+    rows.drift[row], rows.feedforward[row] = drift, feedforward
+    rows.target[row] = velocity
+    rows.weight[row] = parameters[line[START] + WEIGHT * line[COUNT] + i]
+
+
+@part
+def _ask(
+    rows: Rows,
+    parameters: Float64[np.ndarray, " p"],
+    line: Int64[np.ndarray, " entries"],
+    begin: int,
+    end: int,
     velocities: bool,
 ) -> None:
-    """All of a task's row but its coefficients: PD feedback, or what was given in its place.
+    """Feedback of a block of a task's rows as in `Task`, or what was given in its place.
 
-    At velocity level the error is fed back beside the target's velocity: `velocity` plus kp / kd
-    times the error.
+    Args:
+        rows: with what `_write` left there; receives references and right-hand sides.
+        parameters: of all owners.
+        line: of the task.
+        begin: first row of the block in the task.
+        end: where it ends.
+        velocities: whether right-hand sides are velocities, not accelerations.
     """
-    m, gains = line[COUNT], line[START]
-    row = line[FIRST] + i
-    reference = parameters[gains + ACCELERATION * m + i]
-    if np.isnan(reference):
+    m, gains, first = line[COUNT], line[START], line[FIRST]
+    asked_square = target_square = 0.0
+    for i in range(begin, end):
+        kd, rate = parameters[gains + KD * m + i], parameters[gains + RATE * m + i]
+        if kd > 0.0 and rate > 0.0:
+            velocity = min(max(rows.target[first + i], -_HUGE), _HUGE)
+            asked = velocity + rate * rows.fade[first + i] * rows.error[first + i]
+            asked = min(max(asked, -_HUGE), _HUGE)
+            asked_square += asked * asked
+            target_square += velocity * velocity
+    part = 1.0
+    if asked_square > target_square:
+        speed = max(parameters[gains + SPEED * m + begin], math.sqrt(target_square))
+        part = min(speed / math.sqrt(asked_square), 1.0)
+    for i in range(begin, end):
+        row = first + i
         kp, kd = parameters[gains + KP * m + i], parameters[gains + KD * m + i]
-        reference = kp * error + kd * error_rate + feedforward
-    asked = reference - drift
-    if velocities:
-        asked = parameters[gains + SPEED * m + i]
-        if np.isnan(asked):
-            asked = velocity + parameters[gains + RATE * m + i] * error
-    rows.target[row] = rows.upper[row] = asked
-    rows.weight[row] = parameters[gains + WEIGHT * m + i]
-    rows.drift[row], rows.reference[row], rows.feedforward[row] = drift, reference, feedforward
-    rows.error[row], rows.error_rate[row] = error, error_rate
+        rate = parameters[gains + RATE * m + i]
+        error, velocity = rows.fade[row] * rows.error[row], rows.target[row]
+        asked = velocity + rate * error
+        reference = kp * error + kd * rows.error_rate[row] + rows.feedforward[row]
+        if part < 1.0 and kd > 0.0 and rate > 0.0:
+            actual = velocity - rows.error_rate[row]
+            asked = part * min(max(asked, -_HUGE), _HUGE)
+            reference = kd * (asked - actual) + rows.feedforward[row]
+        given = parameters[gains + ACCELERATION * m + i]
+        if not np.isnan(given):
+            reference = given
+        given = parameters[gains + GIVEN_VELOCITY * m + i]
+        if not np.isnan(given):
+            asked = given
+        rows.reference[row] = reference
+        rows.target[row] = rows.upper[row] = asked if velocities else reference - rows.drift[row]
 
 
 @part
@@ -227,12 +280,13 @@ def _com(
             line,
             i,
             parameters[target] - motion.com[axis],
-            velocity - actual,
+            1.0,
+            velocity,
+            actual,
             parameters[target + 6],
             work[axis] / motion.mass[0],
-            velocity,
-            velocities,
         )
+    _ask(rows, parameters, line, 0, m, velocities)
 
 
 @part
@@ -253,19 +307,20 @@ def _momentum(
         row = int(rows.first + line[FIRST]) + i
         actual = _write_momentum_row(v, motion, 3 + axis, 1.0, rows, row)
         target = int(line[START] + GAINS * m) + axis
-        error = parameters[target] - actual
+        momentum = parameters[target]
         _write(
             rows,
             parameters,
             line,
             i,
-            error,
-            error,
+            momentum - actual,
+            1.0,
+            momentum,
+            actual,
             parameters[target + 3],
             work[3 + axis],
-            parameters[target],
-            velocities,
         )
+    _ask(rows, parameters, line, 0, m, velocities)
 
 
 @part
@@ -300,19 +355,19 @@ def _joints(
     for i in range(m):
         joint = int(owners.chosen[line[CHOSEN] + i])
         target = int(line[START] + GAINS * m) + i
-        velocity = parameters[target + m]
         _write(
             rows,
             parameters,
             line,
             i,
             parameters[target] - q[joint + len(q) - len(v)],
-            velocity - v[joint],
+            1.0,
+            parameters[target + m],
+            v[joint],
             parameters[target + 2 * m],
             0.0,
-            velocity,
-            velocities,
         )
+        _ask(rows, parameters, line, i, i + 1, velocities)
 
 
 @part
@@ -332,10 +387,13 @@ def _frame(
     turn_to_world(work, 0)
     for i in range(3):
         work[error + i] = parameters[target + i] - work[i]
+    fade = 1.0
     if line[SINE]:
         sine_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
     elif line[TURNS]:
         turn_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
+        fade = _fade(work, error + 3)
+    linear = 0
     for k in range(frames.starts[frame], frames.starts[frame + 1]):
         column = int(frames.columns[k])
         x = column_at(motion, column, work[0], work[1], work[2])
@@ -349,19 +407,29 @@ def _frame(
             rows.matrix[rows.first + line[FIRST] + i, column] = coefficient
     for i in range(m):
         component = int(owners.chosen[line[CHOSEN] + i])
-        velocity = _along(parameters, target + TARGET_VELOCITY, component, work)
+        linear += component < 3
         _write(
             rows,
             parameters,
             line,
             i,
             _along(work, error, component, work),
-            velocity - _along(work, VELOCITY, component, work),
+            1.0 if component < 3 else fade,
+            _along(parameters, target + TARGET_VELOCITY, component, work),
+            _along(work, VELOCITY, component, work),
             _along(parameters, target + TARGET_ACCELERATION, component, work),
             _along(work, BIAS, component, work),
-            velocity,
-            velocities,
         )
+    _ask(rows, parameters, line, 0, linear, velocities)
+    _ask(rows, parameters, line, linear, m, velocities)
+
+
+@part
+def _fade(turn: Float64[np.ndarray, " k"], at: int) -> float:
+    """Part of a rotation vector of angle phi that is fed back, min(phi, 4 (pi - phi)) / phi."""
+    x, y, z = turn[at], turn[at + 1], turn[at + 2]
+    angle = math.sqrt(x * x + y * y + z * z)
+    return 1.0 if angle <= _FADING else max(_STEEPNESS * (math.pi - angle) / angle, 0.0)
 
 
 @part
@@ -404,22 +472,28 @@ def _relative_frame(
     _see_from(work, other)
     for i in range(3):
         work[error + i] = parameters[target + i] - work[i]
+    fade = 1.0
     if line[TURNS]:
         turn_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
+        fade = _fade(work, error + 3)
+    linear = 0
     for i in range(m):
         component = int(owners.chosen[line[CHOSEN] + i])
+        linear += component < 3
         _write(
             rows,
             parameters,
             line,
             i,
             work[error + component],
-            -work[VELOCITY + component],
+            1.0 if component < 3 else fade,
+            0.0,
+            work[VELOCITY + component],
             0.0,
             work[BIAS + component],
-            0.0,
-            velocities,
         )
+    _ask(rows, parameters, line, 0, linear, velocities)
+    _ask(rows, parameters, line, linear, m, velocities)
 
 
 @part

@@ -3,7 +3,7 @@
 from poise._checks import Numbers, checked_kind
 from poise.dynamics import Dynamics
 from poise.robots import Robot
-from poise.stack._axes import Pose, parse_axes, split_rows
+from poise.stack._axes import ANGULAR_SPEED, Pose, parse_axes, split_rows, usual_speeds
 from poise.stack._shipped import PoseTarget, ShippedTask
 from poise.stack._tables import Kind
 
@@ -17,7 +17,8 @@ class RelativeFrameTask(ShippedTask[PoseTarget]):
         pdot = r_R_w (v_f - v_r - omega_r x (p_f - p_r))
         omega = r_R_w (omega_f - omega_r)
 
-    and the drift carries the centripetal and Coriolis terms of the turning root.
+    and the drift carries the centripetal and Coriolis terms of the turning root. Near half a turn
+    the feedback of the orientation error fades, as that of `FrameTask`.
 
     Args:
         frame: the frame that should move.
@@ -26,6 +27,8 @@ class RelativeFrameTask(ShippedTask[PoseTarget]):
         kp: stiffness, one number or one a row [1/s^2].
         kd: damping [1/s]; critical when None.
         weight: weight of its rows in their level.
+        speed: largest speeds that feedback asks for, one number or one for each of `blocks`:
+            position [m/s], then orientation [rad/s]; 2.5 m/s and pi rad/s when None.
         name: what reports call it.
     """
 
@@ -40,9 +43,12 @@ class RelativeFrameTask(ShippedTask[PoseTarget]):
         kp: Numbers = 100.0,
         kd: Numbers | None = None,
         weight: Numbers = 1.0,
+        speed: Numbers | None = None,
         name: str | None = None,
     ) -> None:
-        super().__init__(name or f"{frame} in {root} {axes}", kp=kp, kd=kd, weight=weight)
+        super().__init__(
+            name or f"{frame} in {root} {axes}", kp=kp, kd=kd, weight=weight, speed=speed
+        )
         self.frame = checked_kind(frame, str, f"frame of task {self.name!r}")
         self.root = checked_kind(root, str, f"root of task {self.name!r}")
         mask = "position+orientation" if axes == "pose" else axes
@@ -84,3 +90,6 @@ class RelativeFrameTask(ShippedTask[PoseTarget]):
     def _resolve(self, robot: Robot) -> int:
         self.frame_ids = (robot.frame_id(self.frame), robot.frame_id(self.root))
         return len(self.chosen)
+
+    def _usual_speed(self, robot: Robot) -> Numbers:  # noqa: ARG002
+        return usual_speeds(self.chosen, ANGULAR_SPEED)

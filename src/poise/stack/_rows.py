@@ -259,10 +259,7 @@ class StackRows:
             if task.given_velocity is not None:
                 target[:] = task.given_velocity
             else:
-                # The rate of an error is the target's velocity less that of the robot, J v.
-                np.matmul(J, dynamics.state.v, out=target)
-                target += task.velocity_gain * task.error
-                target += task.error_rate
+                target[:] = task.asked_velocity(dynamics)
             upper[:], weight[:] = target, task.weight
 
     def measure(

@@ -216,6 +216,7 @@ class ShippedTask(Owner, Task, Generic[T]):
         """
         super().view(rows, own, nv)
         self.error, self.error_rate = rows.error[own], rows.error_rate[own]
+        self._fade = rows.fade[own]
 
     @property
     def is_compiled(self) -> bool:

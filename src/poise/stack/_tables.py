@@ -30,9 +30,9 @@ CONTACT, COM, MOMENTUM, JOINTS, FRAME, RELATIVE_FRAME, BALANCE, SELF_COLLISION =
     int(kind) for kind in Kind
 )
 
-KP, KD, WEIGHT, RATE, ACCELERATION, SPEED, GAINS = range(7)
-"""Rows of a task's gains: stiffness, damping, weight, kp / kd, and what `set_acceleration` and
-`set_velocity` were given; how many there are."""
+KP, KD, WEIGHT, RATE, SPEED, ACCELERATION, GIVEN_VELOCITY, GAINS = range(8)
+"""Rows of a task's gains: stiffness, damping, weight, kp / kd, the speed that bounds the block of
+the row, and what `set_acceleration` and `set_velocity` were given; how many there are."""
 
 KIND, FIRST, COUNT, START, FRAME_INDEX, ROOT_INDEX, CHOSEN, TURNS, SINE, ENTRIES = range(10)
 """Columns of the table of owners: kind, first row and number of rows, where its parameters begin,
@@ -65,6 +65,7 @@ class Rows(NamedTuple):
         drift: receives accelerations at zero `dv`.
         reference: receives reference accelerations.
         error: receives target minus actual.
+        fade: receives the part of it that is fed back, less than one near half a turn.
         error_rate: receives its rate.
         feedforward: receives the targets' accelerations.
         wrench_lower: receives lower bounds of all wrenches [N, N m].
@@ -79,6 +80,7 @@ class Rows(NamedTuple):
     drift: Float64[np.ndarray, " m"]
     reference: Float64[np.ndarray, " m"]
     error: Float64[np.ndarray, " m"]
+    fade: Float64[np.ndarray, " m"]
     error_rate: Float64[np.ndarray, " m"]
     feedforward: Float64[np.ndarray, " m"]
     wrench_lower: Float64[np.ndarray, " w"]

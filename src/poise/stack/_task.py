@@ -3,40 +3,53 @@
 import math
 from abc import ABC, abstractmethod
 from copy import copy
+from itertools import accumulate, pairwise
 from typing import TypeGuard, cast
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from poise._checks import Numbers
 from poise._show import brief
-from poise.dynamics import Dynamics
+from poise.dynamics import Dynamics, saturate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
-from poise.stack._axes import checked_gain, checked_target
-from poise.stack._tables import ACCELERATION, GAINS, KD, KP, RATE, SPEED, WEIGHT
+from poise.stack._axes import checked_gain, checked_speed, checked_target
+from poise.stack._tables import ACCELERATION, GAINS, GIVEN_VELOCITY, KD, KP, RATE, SPEED, WEIGHT
 
 _PLAIN = {float}
 
-_GIVEN = {ACCELERATION: "acceleration", SPEED: "velocity"}
+_GIVEN = {ACCELERATION: "acceleration", GIVEN_VELOCITY: "velocity"}
 """What a user may give in place of feedback, by its row among the gains."""
 
 
 class Task(ABC):
     """A quantity of the robot that should follow a reference: `J dv + drift = reference`.
 
-    The reference acceleration is PD feedback around a user's target,
+    Feedback around a user's target asks for a velocity, bounded in norm in each block of rows, and
+    for the acceleration that leads to it,
 
-        reference = target_acceleration + kp error + kd error_rate,
+        velocity = sat(max(speed, |target_velocity|), target_velocity + kp / kd error)
+        reference = target_acceleration + kd (velocity - J v)
 
-    or what `set_acceleration` was given. A task knows no solver and no controller: `evaluate`
-    leaves everything it has to say about one state in the attributes below, once a tick.
+    with sat(x, u) = x u / max(x, |u|), (17) and (18) of Zhang and Kikuuwe, "COM Shifter and Body
+    Rotator for Step-by-Step Teleoperation of Bipedal Robots". The direction is kept, and a target
+    is approached with `speed` however far it is, while one that moves faster is followed as fast as
+    it moves. Below these speeds it is plain PD feedback,
+
+        reference = target_acceleration + kp error + kd error_rate.
+
+    Rows without stiffness or without damping are that always. What `set_acceleration` or
+    `set_velocity` was given stands in place of all this. A task knows no solver and no controller:
+    `evaluate` leaves everything it has to say about one state in the attributes below, once a tick.
 
     Args:
         name: what reports and messages call it.
         kp: stiffness, one number or one an axis [1/s^2].
         kd: damping [1/s]; critical, 2 sqrt(kp), when None.
         weight: weight of its rows against other rows of the same level.
+        speed: largest norm of the velocity that feedback asks for, one number or one for each of
+            `blocks` [unit/s]; none, inf, when None.
 
     Attributes:
         name: what reports and messages call it.
@@ -49,7 +62,15 @@ class Task(ABC):
         reference: reference acceleration [unit/s^2].
     """
 
-    def __init__(self, name: str, *, kp: Numbers, kd: Numbers | None, weight: Numbers):
+    def __init__(
+        self,
+        name: str,
+        *,
+        kp: Numbers,
+        kd: Numbers | None,
+        weight: Numbers,
+        speed: Numbers | None = None,
+    ) -> None:
         self.name = name
         self.unit = "m"
         self.dim = 0
@@ -59,8 +80,13 @@ class Task(ABC):
         self._checked_gains(kp, kd)
         self._checked_weight(weight)
         self._gains = (copy(kp), copy(kd), copy(weight))
+        self._speed: Numbers | None = None
+        if speed is not None:
+            self.set_speed(speed)
         # What was set last, where that was plain numbers for bound rows.
         self._plain_weight: tuple[float, ...] | None = None
+        # The part of the error that is fed back; a frame's turn is near half a turn.
+        self._fade: Float64[np.ndarray, " m"] | float = 1.0
         # What was given before the number of rows was known.
         self._given: dict[int, Float64[np.ndarray, " m"]] = {}
 
@@ -90,7 +116,10 @@ class Task(ABC):
         rows[WEIGHT] = self._checked_weight(weight)
         for row, value in self._given.items():
             rows[row] = checked_target(value, self.dim, self._whats[row])
+        speed = self._usual_speed(robot) if self._speed is None else self._speed
+        speeds = self._checked_speed(speed, len(self.blocks))
         self._take_gains(rows)
+        self._take_speeds(speeds)
         self.jacobian: Float64[np.ndarray, "m nv"] = np.zeros((self.dim, robot.nv))
         self.drift: Float64[np.ndarray, " m"] = np.zeros(self.dim)
         self.error: Float64[np.ndarray, " m"] = np.zeros(self.dim)
@@ -102,7 +131,7 @@ class Task(ABC):
         return f"{type(self).__name__}({self.name!r}, {self.describe()})"
 
     def describe(self) -> str:
-        """Gains and weight in a few words."""
+        """Gains, weight and a speed that was set, in a few words."""
         kp, kd, weight = self._gains if self._robot is None else (self.kp, self.kd, self.weight)
         if kd is None:
             kd = 2.0 * np.sqrt(np.asarray(kp, dtype=np.float64))
@@ -160,6 +189,27 @@ class Task(ABC):
         """
         return self._gain(RATE)
 
+    @property
+    def speed(self) -> Float64[np.ndarray, " b"]:
+        """Largest speed that feedback asks of each of `blocks` [unit/s]; `set_speed` changes it."""
+        _ = self.robot
+        return self._speeds.copy()
+
+    def set_speed(self, speed: Numbers) -> None:
+        """Bounds the velocity that feedback asks for, from the next tick.
+
+        Args:
+            speed: largest norm, one number or one for each of `blocks` [unit/s]; inf for none.
+
+        Raises:
+            ConfigurationError: wrong length, NaN, or numbers that are not positive.
+        """
+        if self._robot is None:
+            self._checked_speed(speed, np.size(speed))
+            self._speed = copy(speed)
+        else:
+            self._take_speeds(self._checked_speed(speed, len(self.blocks)))
+
     def _gain(self, row: int) -> Float64[np.ndarray, " m"]:
         if self._robot is None:
             _ = self.robot  # the number of rows is unknown, and this says so
@@ -206,7 +256,7 @@ class Task(ABC):
         Raises:
             TargetError: wrong shape, NaN or infinite.
         """
-        self._give(SPEED, velocity)
+        self._give(GIVEN_VELOCITY, velocity)
 
     def _give(self, row: int, value: Numbers | None) -> None:
         """Puts a number a row, or NaN for none, in place of what feedback would ask for."""
@@ -266,10 +316,18 @@ class Task(ABC):
         what = f"{what} of task {self.name!r}{unit}"
         return checked_gain(value, self.dim or np.size(value), what, positive=positive)
 
+    def _checked_speed(self, value: Numbers, blocks: int) -> Float64[np.ndarray, " b"]:
+        return checked_speed(value, blocks, f"largest speed of task {self.name!r}")
+
+    def _take_speeds(self, speeds: Float64[np.ndarray, " b"]) -> None:
+        ends = [*accumulate(self.blocks, initial=0)]
+        self._speeds, self._block_rows = speeds, [np.arange(a, b) for a, b in pairwise(ends)]
+        self._gain_rows[SPEED] = np.repeat(speeds, self.blocks)
+
     @property
     def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
         """What `set_velocity` was given; None for nothing."""
-        given = self._gain_rows[SPEED]
+        given = self._gain_rows[GIVEN_VELOCITY]
         return None if np.isnan(given[0]) else given
 
     def evaluate(self, dynamics: Dynamics) -> None:
@@ -284,11 +342,38 @@ class Task(ABC):
         given = self._gain_rows[ACCELERATION]
         if not np.isnan(given[0]):
             self.reference = given
-        else:
-            reference = self._gain_rows[KP] * self.error
-            reference += self._gain_rows[KD] * self.error_rate
-            reference += feedforward
-            self.reference = reference
+            return
+        kp, kd = self._gain_rows[KP], self._gain_rows[KD]
+        self.reference = kp * (self._fade * self.error) + kd * self.error_rate + feedforward
+        if np.isfinite(self._speeds).any():
+            asked, cut = self._bound(dynamics)
+            missing = asked - self.jacobian @ dynamics.v
+            self.reference[cut] = (kd * missing + feedforward)[cut]
+
+    def asked_velocity(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
+        """Velocity J v that feedback asks for, after `evaluate` [unit/s].
+
+        Args:
+            dynamics: the state that was evaluated.
+        """
+        return self._bound(dynamics)[0]
+
+    def _bound(
+        self, dynamics: Dynamics
+    ) -> tuple[Float64[np.ndarray, " m"], Bool[np.ndarray, " m"]]:
+        """Velocity that feedback asks for, and the rows in which `speed` bounds it."""
+        # The rate of an error is the target's velocity less that of the robot, J v.
+        target = self.error_rate + self.jacobian @ dynamics.v
+        fed_back = (self._gain_rows[KP] > 0.0) & (self._gain_rows[KD] > 0.0)
+        asked, cut = target.copy(), np.zeros(self.dim, dtype=np.bool_)
+        error = self._fade * self.error
+        asked[fed_back] += self._gain_rows[RATE, fed_back] * error[fed_back]
+        for rows, speed in zip(self._block_rows, self._speeds.tolist(), strict=True):
+            block = rows[fed_back[rows]]
+            bound = max(speed, math.hypot(*target[block].tolist()))
+            if math.hypot(*asked[block].tolist()) > bound:
+                asked[block], cut[block] = saturate(bound, asked[block]), True
+        return asked, cut
 
     def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
         """Forgets targets that the task took from the robot itself, not those a user set."""
@@ -297,6 +382,10 @@ class Task(ABC):
     def blocks(self) -> tuple[int, ...]:
         """Sizes of the blocks of rows that share a unit and turn into one another as axes turn."""
         return (self.dim,)
+
+    def _usual_speed(self, robot: Robot) -> Numbers:  # noqa: ARG002
+        """What `speed` is where none was given; a user's own unit has no usual speed."""
+        return math.inf
 
     @abstractmethod
     def _resolve(self, robot: Robot) -> int:

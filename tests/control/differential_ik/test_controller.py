@@ -308,19 +308,19 @@ def test_a_stretched_arm_asks_for_no_wild_velocities(get_robot, follow, strategy
         assert max(fastest[-100:]) < 0.05
 
 
-def test_speeds_bound_what_a_task_asks_for(get_robot):
+def test_the_speed_of_a_task_bounds_the_velocity_that_it_asks_for(get_robot):
     robot = get_robot("biped20")
+    swing = FrameTask(RIGHT, kp=400.0, speed=(0.3, 0.2), name="swing")
     stack = on_one_foot(
         Stack(
             [SurfaceContact(LEFT), SurfaceContact(RIGHT)],
-            [[ComTask(kp=400.0)], [FrameTask(RIGHT, kp=400.0, name="swing")]],
+            [[ComTask(kp=400.0, speed=0.1)], [swing]],
         )
     )
-    speeds = {"com": 0.1, "swing": (0.3, 0.2)}
-    controller = DifferentialIK(robot, stack, dt=DT, speeds=speeds)
+    controller = DifferentialIK(robot, stack, dt=DT)
     home = RobotState(robot.q_home, np.zeros(robot.nv))
     controller.step(home)
-    com, swing = stack.task("com"), stack.task("swing")
+    com = stack.task("com")
     com.set_target(com.target_position + [0.0, 0.3, -0.4])
     swing.set_target(swing.target_position + [0.4, 0.0, 0.3], pin.exp3(np.array([0.0, 0.5, 0.0])))
     controller.step(home)
@@ -525,9 +525,6 @@ def test_wrong_settings_are_refused(get_robot):
         {"joints": ["left_knee", "left_knee"]},
         {"joints": "left_knee"},
         {"stance": "pelvis"},
-        {"speeds": {"tail": 1.0}},
-        {"speeds": {"com": 0.0}},
-        {"speeds": {"com": (1.0, 2.0)}},
         {"limit_time": -1.0},
     ]
     for settings in wrong:

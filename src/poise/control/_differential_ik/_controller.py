@@ -1,6 +1,6 @@
 """`DifferentialIK`: prioritised joint velocities."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +18,7 @@ from poise.control._strategy import bound_stack
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
-from poise.stack import Contact, Stack, checked_gain
+from poise.stack import Contact, Stack
 
 
 class DifferentialIK(Controller):
@@ -28,7 +28,7 @@ class DifferentialIK(Controller):
     Robots", sections 2.3 and 3.4, for any number of levels of the tasks that the torque controllers
     use. A floating base is taken to stand on one contact, the stance, which does not move; other
     active contacts are held above all tasks. A task asks for its target's velocity plus kp / kd
-    times its error, or for what `Task.set_velocity` gave it.
+    times its error, within its `speed`, or for what `Task.set_velocity` gave it.
 
     Joints may be led by joint tasks of their own: those move as they are asked to, within their
     limits, and all other tasks are served by the other joints, which make up for that.
@@ -51,8 +51,6 @@ class DifferentialIK(Controller):
         led: names of joint tasks whose joints are led, in levels of their own below all others.
         stance: name of the contact that the robot stands on, as long as it is active; the first
             active one of the stack when None.
-        speeds: largest norm of the velocity that a task asks for, by its name: one number, or one
-            for each of its blocks (position [m/s], then orientation [rad/s]).
         limit_time: time in which no joint may go farther than its limit [s], see
             `VelocityBounds`; at least `dt`, which is what a shorter one counts as.
         rank: what happens where an exact level loses rank; `RANK` when None.
@@ -79,7 +77,6 @@ class DifferentialIK(Controller):
         joints: Sequence[str] | None = None,
         led: Sequence[str] = (),
         stance: str | None = None,
-        speeds: Mapping[str, Numbers] | None = None,
         limit_time: float = 0.1,
         rank: RankTreatment | None = None,
         dynamics: Dynamics | None = None,
@@ -100,7 +97,6 @@ class DifferentialIK(Controller):
             index,
             leads,
             bounds,
-            _checked_speeds(speeds or {}, stack),
             checked_kind(rank or RANK, RankTreatment, "rank of the controller"),
             self.dt,
         )
@@ -188,16 +184,3 @@ def _check_gains(stack: Stack) -> None:
                 got=task.kd.tolist(),
                 wanted="kd > 0",
             )
-
-
-def _checked_speeds(
-    speeds: Mapping[str, Numbers], stack: Stack
-) -> dict[str, Float64[np.ndarray, " b"]]:
-    found: dict[str, Float64[np.ndarray, " b"]] = {}
-    for name, value in speeds.items():
-        task = stack.task(name)
-        what = f"largest speed of task {name!r}"
-        found[name] = checked_gain(value, len(task.blocks), what)
-        if found[name].min() <= 0.0:
-            raise ConfigurationError(f"{what} must be positive", got=value, wanted="> 0")
-    return found

@@ -5,7 +5,7 @@ The floating base under a stance contact: its velocity follows from the joints'.
 `HomeJacobians`: how far joints move contacts and tasks in the home posture.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -16,7 +16,7 @@ from poise.control._differential_ik._base import BASE, constrain, map_base
 from poise.control._differential_ik._kernels import VelocityLevel, VelocityLevels
 from poise.control._differential_ik._led import LedJoints
 from poise.control._differential_ik._limited import LimitedLevels
-from poise.dynamics import Dynamics, saturate
+from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack import Contact, Stack, StackRows, Task, checked_gain, home_jacobians
@@ -160,9 +160,9 @@ class VelocityRows:
 
     The stance contact does not move, which gives the base's velocity and takes the base out of
     every row. The contacts that are held beside it come first, with velocity zero; the levels of
-    the stack follow, with the velocities of `StackRows.update_velocities`, the norm of each block
-    of rows bounded where a bound was given. Joints that are led have known velocities, and what
-    these do to a row is taken off its velocity; their own rows are in no level.
+    the stack follow, with the velocities of `StackRows.update_velocities`. Joints that are led have
+    known velocities, and what these do to a row is taken off its velocity; their own rows are in no
+    level.
 
     Args:
         robot: the robot.
@@ -171,7 +171,6 @@ class VelocityRows:
         held: other contacts that are active.
         joints: indices of the joints that are solved for.
         led: joints that are led.
-        speeds: largest norm of the velocity that each block of a task's rows asks for, by name.
         home: Jacobians in the home posture, by which ranks are decided.
 
     Attributes:
@@ -196,7 +195,6 @@ class VelocityRows:
         joints: Int64[np.ndarray, " n"],
         led: LedJoints,
         *,
-        speeds: Mapping[str, Float64[np.ndarray, " b"]],
         home: HomeJacobians,
     ) -> None:
         self.stance, self._joints = stance, joints
@@ -206,11 +204,6 @@ class VelocityRows:
         self.stack_rows = rows = StackRows(
             robot, stack, held, stance=stance, collisions="behind", joints=moving
         )
-        self._blocks = [
-            (task, _bounded_blocks(task, place, speeds))
-            for task, place in rows.task_rows
-            if task.name in speeds
-        ]
         self._weight = np.ones(len(rows.target))
         self.jacobian: Float64[np.ndarray, "m n"] = np.zeros((len(rows.target), len(joints)))
         self.velocity: Float64[np.ndarray, " m"] = rows.target
@@ -250,10 +243,6 @@ class VelocityRows:
             dynamics: the state, up to date.
         """
         self.stack_rows.update_velocities(dynamics)
-        for task, blocks in self._blocks:
-            if task.given_velocity is None:
-                for block, largest in blocks:
-                    self.velocity[block] = saturate(largest, self.velocity[block])
         np.multiply(self.stack_rows.weight, self.stack_rows.weight, out=self._weight)
         self._weight *= ROW_WEIGHT
         if self.stance is not None:
@@ -277,11 +266,3 @@ class VelocityRows:
         none = self._joints[:0]
         map_base(np.zeros((0, nv)), none, np.zeros((0, 0)), np.zeros((0, 0)))
         constrain(self.stack_rows.J[:0], none, self._base_map, self.jacobian)
-
-
-def _bounded_blocks(
-    task: Task, rows: slice, speeds: Mapping[str, Float64[np.ndarray, " b"]]
-) -> list[tuple[slice, float]]:
-    ends = accumulate(task.blocks, initial=rows.start)
-    blocks = [slice(a, b) for a, b in pairwise(ends)]
-    return list(zip(blocks, speeds[task.name].tolist(), strict=True))

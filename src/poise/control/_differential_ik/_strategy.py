@@ -3,7 +3,6 @@
 `VelocityHierarchy`: the levels as a hierarchical QP with hard joint limits.
 """
 
-from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
@@ -169,7 +168,6 @@ class VelocityStrategy:
         joints: indices of the joints that are solved for.
         led: joints that are led.
         bounds: bounds of the velocities of those that are solved for.
-        speeds: largest norm of the velocity that each block of a task's rows asks for, by name.
         rank: what happens where an exact level of the closed form loses rank.
         dt: control period [s].
 
@@ -191,7 +189,6 @@ class VelocityStrategy:
         joints: Int64[np.ndarray, " n"],
         led: LedJoints,
         bounds: VelocityBounds,
-        speeds: Mapping[str, Float64[np.ndarray, " b"]],
         rank: RankTreatment,
         dt: float,
     ) -> None:
@@ -203,7 +200,7 @@ class VelocityStrategy:
         # With one more level, the self-collision limit.
         self._joined_form = ClosedForm(len(joints), _EXACT + 1, rank)
         self._q_index = joints + (robot.nq - robot.nj)
-        self._speeds, self._home = speeds, HomeJacobians(robot, stack)
+        self._home = HomeJacobians(robot, stack)
         self.weights = RowWeights(stack)
         self._stances = [c for c in stack.contacts if c.dim == 6]
         if robot.floating_base and not self._stances:
@@ -372,7 +369,6 @@ class VelocityStrategy:
                 [c for c in contacts if c is not stance],
                 self._joints,
                 self._led,
-                speeds=self._speeds,
                 home=self._home,
             )
             if self.name != "hqp":
