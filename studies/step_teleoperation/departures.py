@@ -30,10 +30,10 @@ DEPARTURES = (
     Departure(
         rule="servos of 70 /rad and 2.5 s/rad, over the joint's torque limit",
         paper="joints that do the commanded velocity, by servos whose gains are not given",
-        reason="the rules below hold on these and on stiff servos (1000 and 50). The paper's fall "
-        "on these in scenarios 1, 2 and 3; on the stiff ones the measured ZMP jumps and (14e) "
-        "holds at once, so that no foot leaves the ground there, or, where the ZMP is smoothed, "
-        "they fall, too",
+        reason="Poise's rules stand on these and on stiff servos (1000 and 50), where a foot "
+        "touches a block of scenario 1. The paper's fall on these in scenarios 1, 2 and 3; on the "
+        "stiff ones the measured ZMP jumps and (14e) holds at once, so that no foot leaves the "
+        "ground there, or, where the ZMP is smoothed, they fall, too",
     ),
     Departure(
         rule="devices are guarded (`DeviceGuard`)",
