@@ -17,7 +17,7 @@ PAGE = Path(__file__).with_name("studies.md")
 FINDINGS, SWING, RULES = "step-teleoperation findings", "fast swing", "rules"
 """Of the marks between which a table stands."""
 
-PARTS = ("cart-table", "scenario-1", "scenario-2", "scenario-3", "scenario-4", "rules")
+PARTS = ("cart-table", "scenario-1", "scenario-2", "scenario-3", "scenario-4", "g1", "rules")
 
 
 def main() -> None:

@@ -1,11 +1,12 @@
 """Figure 6: the COM shifter on the cart-table model, with three values of k_d."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from benchmarks.drawing import PALETTE
-from poise.locomotion import ComShifter
+from poise.locomotion import BodyRotator, ComShifter
 from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
 from studies.step_teleoperation.cart_table import CartFlywheelTable
@@ -40,6 +41,9 @@ def cart_table_section(_options: StudyOptions, progress: Progress) -> Section:
         prose=(
             "With the gain rule (30), `k_d = k_p / omega + omega`, the slower pole of (28) goes "
             "against its stable zero, and the ZMP arrives fast and without overshoot.",
+            "Equation (25b) is misprinted. With (24c), `r = r_hat - u_2 / W`, it gives "
+            "`r = 2 r_hat - r_ref`; (29), `r = r_ref`, takes `u_2 = W (r_hat - r_ref)`, which is "
+            "what (39a) has with the signs of (2).",
         ),
         figures=(_figure(responses),),
         findings=(
@@ -57,6 +61,7 @@ def cart_table_section(_options: StudyOptions, progress: Progress) -> Section:
             Finding(name="k_d of the fastest response that does not overshoot, over the rule's",
                     paper=1.0, ours=fastest, ok=abs(fastest - 1.0) < 0.02,
                     note="the fastest of 57 values from 0.8 to 1.5 times the rule's"),
+            *_rotated(),
         ),
         tables=(
             Table(
@@ -83,6 +88,45 @@ def _respond(kd: float) -> Response:
         )
         zmp[i] = table.zmp[0]
     return kd, zmp, com
+
+
+def _rotated() -> tuple[Finding, Finding]:
+    """Eq. (29) with the body rotator of (39a), and with that of (25b) as printed."""
+    weight = CartFlywheelTable(_HEIGHT, _MASS, np.zeros(2)).weight
+    rotator, reference = BodyRotator(weight), np.array([_STEP, 0.5 * _STEP])
+
+    def by_39a(cart_table_zmp: np.ndarray) -> np.ndarray:
+        about_x, about_y = rotator.momentum_rate(reference, cart_table_zmp)
+        # (2): the sense in which momentum about y and about x moves the ZMP.
+        return np.array([about_y, -about_x])
+
+    def by_25b(cart_table_zmp: np.ndarray) -> np.ndarray:
+        return weight * (reference - cart_table_zmp)
+
+    right, printed = (_off_reference(reference, rates) for rates in (by_39a, by_25b))
+    return (
+        Finding(name="(29): the ZMP off its reference with shifter and rotator, by (39a)",
+                paper=0.0, ours=1e3 * right, unit="mm", ok=right < 1e-9,
+                note="r = r_ref, whatever the state"),
+        Finding(name="(29): the ZMP off its reference, by (25b) as printed",
+                paper=0.0, ours=1e3 * printed, unit="mm", ok=printed < 1e-9,
+                note="a misprint: its sign makes (24c) r = 2 r_hat - r_ref, twice as far off as "
+                     "without a rotator"),
+    )  # fmt: skip
+
+
+def _off_reference(
+    reference: np.ndarray, momentum_rate: Callable[[np.ndarray], np.ndarray]
+) -> float:
+    """How far the ZMP is off its reference at most, with the shifter and u_2 by the CT-ZMP [m]."""
+    shifter, table = ComShifter(_HEIGHT), CartFlywheelTable(_HEIGHT, _MASS, np.zeros(2))
+    off = 0.0
+    for _ in range(round(_SECONDS / _DT)):
+        acceleration = shifter.acceleration(reference, table.position, table.velocity)
+        cart_table_zmp = shifter.cart_table_zmp(table.position, acceleration)
+        table.step(acceleration, momentum_rate(cart_table_zmp), _DT)
+        off = max(off, float(np.abs(table.zmp - reference).max()))
+    return off
 
 
 def _settling(zmp: np.ndarray) -> float:

@@ -2,19 +2,20 @@
 
 from dataclasses import fields
 
-from poise.apps.teleoperation import SCRIPTS
-from poise.locomotion import TeleopParameters
+from poise.apps.teleoperation import SCRIPTS, Script, TeleopRun
+from poise.locomotion import Mode, TeleopParameters
 from poise.robots import catalog, load_robot
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.runs import (
     fall_note,
+    first,
     least_margin,
     left_undone,
     run_script,
     script_parameters,
 )
-from studies.step_teleoperation.switch_section import AFTER
+from studies.step_teleoperation.switch_section import AFTER, lifted_finding
 
 
 def g1_section(options: StudyOptions, progress: Progress) -> Section:
@@ -23,26 +24,33 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
         return Section(prose=("G1 is not installed (extra `robots`): nothing was run.",))
     robot = load_robot("g1")
     scripts = [SCRIPTS[name](robot) for name in ("over_an_obstacle", "lift_one_foot")]
-    scripts += [
-        SCRIPTS["switch_feet"](robot, after) for after in AFTER[: 1 if options.quick else None]
-    ]
-    steps = Steps(progress, len(scripts))
-    findings, rows = [], []
-    for script in scripts:
+    timings = AFTER[: 1 if options.quick else None]
+    switches = [SCRIPTS["switch_feet"](robot, after) for after in timings]
+    steps = Steps(progress, len(scripts) + len(switches))
+    findings: list[Finding] = []
+    rows: list[tuple[str | float, ...]] = []
+    for script in (*scripts, *switches):
         steps.next()
         run = run_script(robot, script)
-        touched = bool(run.log.touched.any())
-        undone = left_undone(robot, run, script)
-        findings.append(
-            Finding(
-                name=f"G1, {script.name}: largest angle of the torso",
-                ours=float(run.log.tilt.max()),
-                unit="rad",
-                ok=not undone,
-                note=", ".join(undone) or "all was done that was led",
+        undone = ", ".join(left_undone(robot, run, script))
+        if script in switches:
+            after = timings[switches.index(script)]
+            findings.append(lifted_finding("G1, scenario 3", after, run))
+            findings.append(_landing(after, script, run))
+        else:
+            findings.append(
+                Finding(
+                    name=f"G1, {script.name}: largest angle of the torso",
+                    ours=float(run.log.tilt.max()),
+                    unit="rad",
+                    ok=not undone,
+                    note=undone or "all was done that was led",
+                )
             )
-        )
-        rows.append((script.name, fall_note(run), "yes" if touched else "no", least_margin(run)))
+        rows.append(
+            (script.name, fall_note(run), undone or "nothing", least_margin(run),
+             float(run.log.tilt.max()))
+        )  # fmt: skip
     steps.finish()
     paper, ours = TeleopParameters(), script_parameters(robot, scripts[1])
     changed = [f.name for f in fields(paper) if getattr(paper, f.name) != getattr(ours, f.name)]
@@ -52,7 +60,8 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="G1",
-                header="scenario | robot | touched a block | ZMP to edge, least [mm]",
+                header="scenario | robot | left undone | ZMP to edge, least [mm] | "
+                "torso, most [rad]",
                 rows=tuple(rows),
             ),
             Table(
@@ -61,4 +70,22 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
                 rows=tuple((n, getattr(paper, n), getattr(ours, n)) for n in changed),
             ),
         ),
+    )
+
+
+def _landing(after: float, script: Script, run: TeleopRun) -> Finding:
+    """How late the right foot of scenario 3 lands, which has to be down when the left one lifts."""
+    down = min(point.at for point in script.points if point.right and point.right[2] < 0.0)
+    landed = first(run.log, Mode.D, down)
+    late = None if landed is None else landed - down
+    return Finding(
+        name=f"G1, scenario 3, lift {after:.1f} s after landing: the right foot lands after its "
+        "device",
+        paper=after,
+        ours=late,
+        unit="s",
+        ok=late is not None and late <= after,
+        note="asked: before the left device is lifted. Near the ground a foot is led at "
+        "`lower_speed` to `touch_speed`, and a lift that comes before the other foot carries is "
+        "not taken: the device has to be lowered and lifted again",
     )

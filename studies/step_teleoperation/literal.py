@@ -171,7 +171,7 @@ class LiteralTeleoperator(StepTeleoperator):
         velocity = dynamics.com_velocity[:2] if self.feeds_back_measured else self._velocity
         self._acceleration = self._shifter.acceleration(reference, com, velocity)
         self._velocity = self._velocity + dt * self._acceleration
-        if self._paper_mode.single:
+        if self._rotator and self._paper_mode.single:
             x, y = (reference - self._cart_table_zmp(dynamics)).tolist()
             self._momentum = self._momentum + dt * (self.robot.weight * np.array([y, -x]))
 
@@ -241,7 +241,12 @@ class PaperWeights(StepTeleoperator):
 
     And nothing keeps one leg off the other: where that held the foot the ZMP would be compared for
     another swing than the paper's.
+
+    Attributes:
+        weighs_single: whether (39c) holds in single support; otherwise (39d) does in every mode.
     """
+
+    weighs_single: ClassVar[bool] = True
 
     def lead(self, state: RobotState) -> None:
         """One tick."""
@@ -250,16 +255,10 @@ class PaperWeights(StepTeleoperator):
         status = self.status
         if status is not None:
             error = (status.zmp_reference - status.zmp).tolist()
-            weigh_as_paper(self, error, single=self._counts_as_single(status.mode))
-
-    def _counts_as_single(self, mode: Mode) -> bool:
-        """Whether (39c) holds: in single support."""
-        return mode.single
+            weigh_as_paper(self, error, single=self.weighs_single and status.mode.single)
 
 
 class PaperDoubleWeights(PaperWeights):
-    """Likewise, but (39d) in every mode: our reading of the body rotator that is disabled."""
+    """Poise's rules, but (39d) in every mode: our reading of the disabled body rotator."""
 
-    def _counts_as_single(self, mode: Mode) -> bool:
-        del mode
-        return False
+    weighs_single = False

@@ -10,9 +10,9 @@ import numpy as np
 
 from benchmarks.drawing import PALETTE, REFERENCE
 from poise.apps.teleoperation import SCRIPTS, Script, TeleopRun
-from poise.locomotion import StepTeleoperator
+from poise.locomotion import Mode, StepTeleoperator
 from poise.robots import Robot, load_robot
-from studies.finding import Figure, Finding, Section, Table, draw
+from studies.finding import Cell, Figure, Finding, Section, Table, draw
 from studies.plan import Progress, Steps, StudyOptions
 from studies.step_teleoperation.literal import (
     AS_MEASURED,
@@ -21,7 +21,14 @@ from studies.step_teleoperation.literal import (
     PaperWeights,
 )
 from studies.step_teleoperation.pictures import films, snapshots
-from studies.step_teleoperation.runs import fall_note, least_margin, run_script, script_parameters
+from studies.step_teleoperation.runs import (
+    SOFT,
+    STIFF,
+    fall_note,
+    least_margin,
+    run_script,
+    script_parameters,
+)
 
 _FIRST_SWING = 3.0
 """When the script begins to swing [s]."""
@@ -34,14 +41,29 @@ _ENOUGH = 2.0
 
 _PAPER_ON, _PAPER_OFF = "(39c), on", "(39d), off"
 _WORDED_OFF = "(39c), off, as the paper's words have it"
+_ALONE = "the paper's rules alone"
 
-_ELSE: dict[str, tuple[type[StepTeleoperator], bool]] = {
+Leaders = dict[str, tuple[type[StepTeleoperator], bool]]
+"""What leads, and whether the rotator acts."""
+
+_WEIGHTED: Leaders = {
+    "constant, on": (StepTeleoperator, True),
+    "constant, off": (StepTeleoperator, False),
     _PAPER_ON: (PaperWeights, True),
     _PAPER_OFF: (PaperDoubleWeights, False),
     _WORDED_OFF: (PaperWeights, False),
-    "the paper's rules alone, on": (LiteralTeleoperator, True),
 }
-"""What leads, and whether the rotator acts, with other weights than Poise's."""
+"""By Poise's rules, with its own constant weights and with the paper's."""
+
+_LITERAL: Leaders = {"on": (LiteralTeleoperator, True), "(39c), off": (LiteralTeleoperator, False)}
+"""By the paper's rules alone, as its words have it."""
+
+_SETTINGS = {
+    f"servos {SOFT}": (SOFT, AS_MEASURED),
+    f"servos {STIFF}": (STIFF, AS_MEASURED),
+    f"servos {STIFF}, ZMP smoothed": (STIFF, {}),
+}
+"""What the paper's rules are run with: servos, and parameters."""
 
 
 class SwingFigures(NamedTuple):
@@ -63,28 +85,25 @@ class SwingFigures(NamedTuple):
 def swing_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     robot = load_robot("biped20")
-    steps = Steps(progress, (2 + len(_ELSE)) * len(WAYS))
+    steps = Steps(progress, (len(_WEIGHTED) + len(_SETTINGS) * len(_LITERAL)) * len(WAYS))
     figures: list[Figure] = []
     findings: list[Finding] = []
-    rows: list[tuple[str | float | None, ...]] = []
+    rows: list[tuple[Cell, ...]] = []
     notes: tuple[str, ...] = ()
     shown: list[tuple[str, str, TeleopRun]] = []
     for way in WAYS:
         axis = WAYS.index(way)
         script = SCRIPTS["swing_fast"](robot, way, 2 if options.quick else 3)
-        steps.next()
-        on = run_script(robot, script)
-        steps.next()
-        off = run_script(robot, script, rotator=False)
-        runs = {"constant, on": on, "constant, off": off} | _with_other_weights(
-            robot, script, steps
-        )
+        runs = _led(robot, script, _WEIGHTED, steps)
+        on, off = runs["constant, on"], runs["constant, off"]
         findings += _findings(way, runs, axis)
-        for name, run in runs.items():
-            rows.append(
-                (way, name, fall_note(run), *measure(run, axis), least_margin(run, _FIRST_SWING),
-                 float(run.log.tilt.max()))
-            )  # fmt: skip
+        rows += [_row(way, name, run, axis) for name, run in runs.items()]
+        for setting, (servos, changes) in _SETTINGS.items():
+            parameters = replace(script_parameters(robot, script), **changes)
+            runs = _led(robot, script, _LITERAL, steps, servos=servos, parameters=parameters)
+            rules = f"{_ALONE}, {setting}"
+            findings.append(_rescued(f"swing {way}, {rules}", list(runs.values()), axis))
+            rows += [_row(way, f"{rules}, {name}", run, axis) for name, run in runs.items()]
         figures.append(_figure(way, axis, on, off))
         if way == "forward":
             pictures, notes = snapshots(
@@ -109,7 +128,9 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
             "momentum at zero, by weight. Both readings are findings. Weights are Poise's constant "
             "ones, except where (39c) or (39d) is said: with the paper's own the rotator makes the "
             "ZMP's largest excursion little smaller, as each weight follows the very error that it "
-            "makes, so that claim does not come out.",
+            "makes, so that claim does not come out. The last rows of each way are the "
+            "paper's rules alone, (39c) with the rotator and without it, on Poise's servos and on "
+            "stiff ones, and there with a smoothed ZMP, too; numbers of a fall are left out.",
             *notes,
         ),
         findings=tuple(findings),
@@ -127,16 +148,20 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
     )  # fmt: skip
 
 
-def _with_other_weights(robot: Robot, script: Script, steps: Steps) -> dict[str, TeleopRun]:
-    """The same swing as the paper weighs it, and as its rules alone have it."""
+def _led(
+    robot: Robot, script: Script, leaders: Leaders, steps: Steps, **changes: Any
+) -> dict[str, TeleopRun]:
+    """The same swing under each leader; `changes` go to `run_script`."""
     runs: dict[str, TeleopRun] = {}
-    for name, (leader, rotator) in _ELSE.items():
+    for name, (leader, rotator) in leaders.items():
         steps.next()
-        changes: dict[str, Any] = {"leader": leader, "rotator": rotator}
-        if leader is LiteralTeleoperator:
-            changes["parameters"] = replace(script_parameters(robot, script), **AS_MEASURED)
-        runs[name] = run_script(robot, script, **changes)
+        runs[name] = run_script(robot, script, leader=leader, rotator=rotator, **changes)
     return runs
+
+
+def swings(run: TeleopRun) -> bool:
+    """Whether the right foot is in the air when the script begins to swing it."""
+    return bool((run.log.when(Mode.SL) & (run.log.time > _FIRST_SWING)).any())
 
 
 def measure(run: TeleopRun, axis: int) -> SwingFigures:
@@ -151,6 +176,14 @@ def measure(run: TeleopRun, axis: int) -> SwingFigures:
         1e3 * float(np.ptp(foot)),
         1e3 * float(np.sqrt(np.nanmean(error * error))),
     )
+
+
+def _row(way: Way, name: str, run: TeleopRun, axis: int) -> tuple[Cell, ...]:
+    numbers: tuple[Cell, ...] = (None,) * 5
+    if not run.fell:
+        numbers = (*measure(run, axis), least_margin(run, _FIRST_SWING))
+    swung = "" if swings(run) else ", no swing"
+    return (way, name, fall_note(run) + swung, *numbers, float(run.log.tilt.max()))
 
 
 _WEIGHTS = {
@@ -186,6 +219,22 @@ def _findings(way: Way, runs: dict[str, TeleopRun], axis: int) -> list[Finding]:
                 note="“almost the same foot motions”; asked: within 10%")
     )  # fmt: skip
     return findings
+
+
+def _rescued(name: str, runs: list[TeleopRun], axis: int) -> Finding:
+    """What the rotator is worth by the paper's rules alone, from runs with it and without."""
+    on, off = runs
+    note = "“effective”; asked: with it the robot swings its foot and stands. "
+    stood = swings(on) and not on.fell
+    if on.fell or off.fell:
+        longer = float(on.log.time[-1] - off.log.time[-1])
+        return Finding(name=f"{name}: on its feet longer with the rotator than without",
+                       ours=longer, unit="s", ok=stood and longer > 0.0,
+                       note=note + "Without it the paper's robot stands, too")  # fmt: skip
+    ratio = measure(off, axis).peak_to_peak / measure(on, axis).peak_to_peak
+    return Finding(name=f"{name}: ZMP peak to peak without over with rotator",
+                   ours=ratio, ok=stood and ratio >= _ENOUGH,
+                   note=f"{note}Asked: at least {_ENOUGH:g}")  # fmt: skip
 
 
 def _figure(way: Way, axis: int, on: TeleopRun, off: TeleopRun) -> Figure:

@@ -50,14 +50,7 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
         for after, run, numbers in zip(AFTER, runs, figures, strict=True)
     )  # fmt: skip
     findings = tuple(
-        Finding(
-            name=f"scenario 3, lift {after:.1f} s after landing: the left foot is lifted",
-            ours=None if (time := first(run.log, Mode.SR, 3.0)) is None else time,
-            unit="s",
-            ok=not run.fell and time is not None,
-            note="“appropriately realized” with all three timings: no fall, mode SR reached",
-        )
-        for after, run in zip(AFTER, runs, strict=True)
+        lifted_finding("scenario 3", after, run) for after, run in zip(AFTER, runs, strict=True)
     )
     return Section(
         prose=(
@@ -79,6 +72,24 @@ def switch_section(options: StudyOptions, progress: Progress) -> Section:
             ),
         ),
     )  # fmt: skip
+
+
+def lifted_finding(name: str, after: float, run: TeleopRun) -> Finding:
+    """The left foot's lift, the end of scenario 3.
+
+    Args:
+        name: of the scenario.
+        after: from the right device's touching the ground to the left one's lift [s].
+        run: of the script.
+    """
+    time = first(run.log, Mode.SR, 3.0)
+    return Finding(
+        name=f"{name}, lift {after:.1f} s after landing: the left foot is lifted",
+        ours=time,
+        unit="s",
+        ok=not run.fell and time is not None,
+        note="“appropriately realized” with all three timings: no fall, mode SR reached",
+    )
 
 
 def _measure(run: TeleopRun) -> tuple[float | None, float | None]:

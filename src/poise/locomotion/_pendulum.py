@@ -136,10 +136,13 @@ class ComShifter:
 
 
 class BodyRotator:
-    """The rate of angular momentum that puts the ZMP on its reference, eqs (25b) and (39a).
+    """The rate of angular momentum that puts the ZMP on its reference, eq. (39a).
 
         Ldot_x =  m g (r_ref,y - rhat_y)
         Ldot_y = -m g (r_ref,x - rhat_x)     with rhat the CT-ZMP
+
+    In (24) that is u_2 = W (rhat - r_ref), the negative of (25b) as printed, which gives
+    r = 2 rhat - r_ref.
 
     It cannot act for ever: the body would turn. What uses it decides when.
 

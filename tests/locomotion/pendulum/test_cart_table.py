@@ -26,6 +26,20 @@ def test_rotator_puts_the_zmp_on_its_reference():
     assert np.abs(table.momentum).max() > 1.0
 
 
+def test_the_printed_sign_of_25b_doubles_the_error():
+    """By (24c) u_2 = W (r_ref - rhat) gives r = 2 rhat - r_ref; (29) has it the other way round."""
+    table, reference = (
+        CartFlywheelTable(0.765, 65.0, np.array([0.02, -0.05])),
+        np.array([0.1, 0.03]),
+    )
+    shifter = ComShifter(0.765)
+    acceleration = shifter.acceleration(reference, table.position, table.velocity)
+    cart_table_zmp = shifter.cart_table_zmp(table.position, acceleration)
+    table.step(acceleration, table.weight * (reference - cart_table_zmp), 0.005)
+    np.testing.assert_allclose(table.zmp, 2.0 * cart_table_zmp - reference, atol=1e-12)
+    assert np.abs(table.zmp - reference).min() > 0.1
+
+
 def test_steps_add_up():
     rng = np.random.default_rng(0)
     whole = CartFlywheelTable(0.8, 50.0, np.zeros(2))

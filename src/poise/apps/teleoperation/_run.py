@@ -50,8 +50,8 @@ VELOCITY_TELEOP_PLANT = PlantConfig(
 )
 """Velocity servos with position feedback; physics 1 ms, control 5 ms, as Zhang and Kikuuwe have it.
 
-The servos are stiff enough that the commanded velocity is the velocity: with those of a standing
-robot that is commanded torques the ZMP lags by what the joints sag."""
+The servos are 3.5 times as stiff as a plant's own, with which the ZMP lags by what the joints
+sag."""
 
 TORQUE_TELEOP_PLANT = PlantConfig(actuation="torque", control_dt=2e-3, physics_dt=1e-3)
 """Torques, and the tick of the step teleoperator that commands them."""
