@@ -36,9 +36,7 @@ def run_far(trial: Far) -> bool:
 def far_section(options: StudyOptions, progress: Progress) -> Section:
     """Lead hands to targets far away, and turn the target of a pelvis."""
     trials = [Far(robot=name, doing=doing, distance=far) for name, doing, far in FAR_HANDS]
-    trials += [
-        Far(robot=name, doing="shared" if shared else "below") for name, shared in TURNED
-    ]
+    trials += [Far(robot=name, doing="shared" if shared else "below") for name, shared in TURNED]
     fell = run_each(run_far, bool, trials[:1] if options.quick else trials, progress, options)
     findings = tuple(
         Finding(

@@ -1,4 +1,4 @@
-"""Strictness: nearly dependent rows in the solver, and limits of the operational space formulation."""
+"""Strictness: nearly dependent rows in the solver, and limits per level in closed form."""
 
 from studies.finding import Finding, Section
 from studies.plan import Progress, StudyOptions

@@ -1,6 +1,7 @@
 """What the robot should do; each task gives rows and knows no solver."""
 
 from poise.stack._axes import (
+    LINEAR_SPEED as LINEAR_SPEED,
     Pose as Pose,
     checked_gain as checked_gain,
     checked_target as checked_target,

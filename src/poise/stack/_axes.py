@@ -67,12 +67,13 @@ def split_rows(index: np.ndarray) -> tuple[int, ...]:
     return tuple(size for size in (linear, len(index) - linear) if size)
 
 
-LINEAR_SPEED, ANGULAR_SPEED, TRUNK_SPEED = 2.5, np.pi, 0.8
+LINEAR_SPEED, ANGULAR_SPEED, TRUNK_SPEED, COM_SPEED = 2.5, np.pi, 0.8, 0.35
 """Speeds that feedback asks for at most where a task has none of its own [m/s, rad/s].
 
 Positions: what kp / kd = 5 1/s asks for half a metre away, which an arm reaches, so that plain
 feedback is left as it is within reach. Orientations: half a turn in a second. Pelvis and torso turn
-most of the mass: omega_lim of (17b) of Zhang and Kikuuwe."""
+most of the mass: omega_lim of (17b) of Zhang and Kikuuwe. CoM: over a sole that reaches 0.1 m
+ahead, sqrt(g / 0.8 m) times that takes the DCM to its edge."""
 
 
 def usual_speeds(index: np.ndarray, angular: float) -> list[float]:

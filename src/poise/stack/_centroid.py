@@ -10,7 +10,7 @@ from poise._checks import Numbers
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
-from poise.stack._axes import LINEAR_SPEED, parse_axes
+from poise.stack._axes import COM_SPEED, parse_axes
 from poise.stack._shipped import ShippedTask, VectorTarget
 from poise.stack._tables import Kind
 
@@ -23,7 +23,7 @@ class ComTask(ShippedTask[VectorTarget]):
         kp: stiffness [1/s^2].
         kd: damping [1/s]; critical when None.
         weight: weight of its rows in their level.
-        speed: largest speed that feedback asks for [m/s]; 2.5 when None.
+        speed: largest speed that feedback asks for [m/s]; 0.35 when None.
         name: what reports call it.
     """
 
@@ -87,7 +87,7 @@ class ComTask(ShippedTask[VectorTarget]):
         return len(self.chosen)
 
     def _usual_speed(self, robot: Robot) -> Numbers:  # noqa: ARG002
-        return LINEAR_SPEED
+        return COM_SPEED
 
 
 class MomentumTask(ShippedTask[VectorTarget]):

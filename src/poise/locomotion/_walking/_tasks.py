@@ -20,6 +20,7 @@ from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._swing import SwingFoot
 from poise.robots import Robot
 from poise.stack import (
+    LINEAR_SPEED,
     SMOOTH_RATE,
     ComTask,
     Contact,
@@ -365,7 +366,7 @@ def walking_stack(
     leans = any(robot.soles[sole].leans for sole in soles)
     pelvis = 1.0 if leans else _PELVIS
     balance: list[Task] = [
-        ComTask(kp=40.0),
+        ComTask(kp=40.0, speed=LINEAR_SPEED),
         FrameTask(robot.pelvis, "orientation", kp=100.0, weight=pelvis, name="pelvis"),
     ]
     feet: list[Task] = []

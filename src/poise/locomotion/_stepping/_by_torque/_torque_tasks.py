@@ -24,6 +24,7 @@ from poise.locomotion._stepping._stance import (
 )
 from poise.locomotion._walking import swing_braking
 from poise.stack import (
+    LINEAR_SPEED,
     SMOOTH_RATE,
     ComTask,
     FrameTask,
@@ -132,7 +133,7 @@ class TorqueTasks:
     def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask], solved_by: str) -> None:
         robot = biped.robot
         self._robot, self._dt, self._solved_by = robot, dt, solved_by
-        self._com = ComTask(kp=_KP_COM, weight=_BALANCE)
+        self._com = ComTask(kp=_KP_COM, weight=_BALANCE, speed=LINEAR_SPEED)
         self._feet = [FrameTask(sole, kp=_KP_FOOT, name=f"{sole} foot") for sole in biped.soles]
         frames = robot.model.frames
         pelvis, torso = (frames[robot.frame_id(f)].parentJoint for f in (robot.pelvis, robot.torso))
