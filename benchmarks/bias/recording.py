@@ -111,7 +111,7 @@ class BiasMotion:
                 task = FrameTask(hand, kp=_KP)
                 task.set_target(position=place.position.copy(), rotation=place.rotation.copy())
                 tasks.append(task)
-        self.stack = Stack([], [[task] for task in tasks])
+        self.stack = Stack([], [[task] for task in tasks], softening=0.0)
         self.stack.bind(robot)
         self.aim(0.0)
 

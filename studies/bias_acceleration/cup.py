@@ -132,7 +132,7 @@ class CupTasks:
         self.position = FrameTask(_HAND, "position", kp=kp, name="position")
         self.orientation = FrameTask(_HAND, "orientation", kp=kp, name="orientation")
         self.orientation.set_target(rotation=self.home)
-        self.stack = Stack([], [[self.position], [self.orientation]])
+        self.stack = Stack([], [[self.position], [self.orientation]], softening=0.0)
         self._way = Cubic(displacement=WAY, duration=DURATION)
         self.aim(0.0)
 

@@ -1,6 +1,7 @@
 """`RankTreatment`: what happens where a task loses a direction."""
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from jaxtyping import Float64
@@ -58,25 +59,14 @@ class RankTreatment:
         activation = t * t * (3.0 - 2.0 * t)
         return activation, activation / np.maximum(squares, self.low * self.low)
 
+    def damp(self, square: float) -> float:
+        """Least softening of a level that may be softened: low sqrt(1 - s^2 / high^2), or zero.
+
+        Args:
+            square: least squared singular value s^2 of the level.
+        """
+        return self.low * sqrt(max(1.0 - square / self.high**2, 0.0))
+
 
 PHYSICS_RANK = RankTreatment(low=1e-5, high=1e-4)
 """Contacts and the underactuated base give way nowhere; only what is redundant is dropped."""
-
-
-HELD_RANK = RankTreatment(low=0.01, high=0.05)
-"""Joints held at their limits: exact wherever they can move by themselves, which keeps singular
-values above 0.1 on the robots tried. Those that contacts decide, as legs in double support, give
-way before they ask the rest of the robot for the impossible."""
-
-
-def rank_of(level: int, constraints: int, tasks: RankTreatment) -> RankTreatment:
-    """The treatment of a level.
-
-    Args:
-        level: its index, the physics first.
-        constraints: number of leading levels that are no tasks, as in `LevelRows`.
-        tasks: treatment of the tasks.
-    """
-    if level >= constraints:
-        return tasks
-    return HELD_RANK if level else PHYSICS_RANK

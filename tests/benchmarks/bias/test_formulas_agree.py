@@ -80,10 +80,11 @@ def test_original_and_proposed_agree_with_projectors_at_random_states(get_any, n
 
 @pytest.mark.parametrize("name", ["arm6", "upper17", "panda"])
 def test_fused_is_what_poise_does(get_any, name):
-    """Where no limit and no demand acts: the acceleration that the controller means to cause."""
+    """Where no limit acts: the acceleration that the controller means to cause."""
     robot = get_any(name)
     hand = robot.hands[0]
-    stack = Stack(levels=[[FrameTask(hand, "position")], [FrameTask(hand, "orientation")]])
+    levels = [[FrameTask(hand, "position")], [FrameTask(hand, "orientation")]]
+    stack = Stack(levels=levels, softening=0.0)
     controller = OperationalSpaceController(robot, stack)
     world, rng, fused = World(robot, stack), np.random.default_rng(8), FusedRecursion()
     for seed in range(20):

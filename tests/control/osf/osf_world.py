@@ -43,7 +43,7 @@ def reload_with(robot, folder, change):
 
 
 def stack_for(robot, *, friction=0.7):
-    """Three or four levels that a robot of its kind is asked for."""
+    """Three or four levels that a robot of its kind is asked for, none of them softened."""
     posture = [PostureTask()]
     if robot.floating_base:
         return Stack(
@@ -54,13 +54,15 @@ def stack_for(robot, *, friction=0.7):
                 [FrameTask(robot.hands[1], "position")],
                 posture,
             ],
+            softening=0.0,
         )
     if len(robot.hands) > 1:
         levels = [[FrameTask(robot.hands[0])], [FrameTask(robot.hands[1], "position")], posture]
-        return Stack(levels=levels)
+        return Stack(levels=levels, softening=0.0)
     hand = robot.hands[0]
     return Stack(
-        levels=[[FrameTask(hand, "position")], [FrameTask(hand, "orientation_xy")], posture]
+        levels=[[FrameTask(hand, "position")], [FrameTask(hand, "orientation_xy")], posture],
+        softening=0.0,
     )
 
 
@@ -71,18 +73,19 @@ def redundant_stacks(robot):
     twice = [FrameTask(hand, "position"), FrameTask(hand, "position", name="again")]
     return {
         "the same task once more": (
-            Stack(contacts, [[twice[0]], [twice[1]], [PostureTask()]]),
+            Stack(contacts, [[twice[0]], [twice[1]], [PostureTask()]], softening=0.0),
             [0],
         ),
         "the same task twice in a level": (
             Stack(
                 contacts,
                 [[FrameTask(hand, "position", name="a"), FrameTask(hand, "position", name="b")]],
+                softening=0.0,
             ),
             [],
         ),
         "nothing left": (
-            Stack(contacts, [[PostureTask()], [FrameTask(other)], [ComTask()]]),
+            Stack(contacts, [[PostureTask()], [FrameTask(other)], [ComTask()]], softening=0.0),
             [] if contacts else [0],
         ),
         "more rows than freedom": (
@@ -93,6 +96,7 @@ def redundant_stacks(robot):
                     [JointTask(), FrameTask(hand), ComTask(), MomentumTask()],
                     [PostureTask()],
                 ],
+                softening=0.0,
             ),
             [0],
         ),
@@ -120,11 +124,11 @@ def random_references(stack, rng, size=1.0):
         task.set_acceleration(size * rng.normal(size=task.dim))
 
 
-def dense_recursion(rows, dynamics, count=None, rank=None, demand=None):
+def dense_recursion(rows, dynamics, count=None, rank=None):
     """S and N after a number of levels, from eqs (5) to (8), with explicit inverses and projectors.
 
-    Without `rank` it takes a pseudo-inverse, and ranks must be clear-cut; without `demand` nothing
-    is too much to ask for. The acceleration is S - N M^-1 h.
+    Without `rank` it takes a pseudo-inverse, and ranks must be clear-cut. The acceleration is
+    S - N M^-1 h.
     """
     M_inverse = np.linalg.inv(dynamics.M)
     N, S = np.eye(len(M_inverse)), np.zeros(len(M_inverse))
@@ -135,15 +139,10 @@ def dense_recursion(rows, dynamics, count=None, rank=None, demand=None):
         squares, U = np.linalg.eigh(J_p @ M_inverse @ J_p.T)
         if rank is None:
             U, squares = U[:, squares > 1e-8], squares[squares > 1e-8]
-            share, gain = np.ones(len(squares)), 1.0 / squares
+            gain = 1.0 / squares
         else:
-            share, gain = (rank if i else PHYSICS_RANK).activate(squares)
+            _, gain = (rank if i else PHYSICS_RANK).activate(squares)
         motion, step = M_inverse @ J_p.T @ U, gain * (U.T @ (c - J @ S))
-        if demand is not None and i and not demand.is_kept(motion @ step):
-            # Along directions of unit length, as the limit wants them.
-            s = np.sqrt(np.maximum(squares, rank.low**2))
-            step = demand.tempered(share, gain, s * (U.T @ (c - J @ S)), motion / s)
-            step = step * (U.T @ (c - J @ S))
         S = S + motion @ step
         N = N - motion @ (gain[:, None] * U.T) @ J_p
     return S, N

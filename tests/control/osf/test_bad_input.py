@@ -71,12 +71,6 @@ def test_a_torque_step_that_is_no_bound_is_refused(get_any, wrong):
         OperationalSpaceController(get_any("arm6"), torque_step=wrong)
 
 
-@pytest.mark.parametrize("wrong", [0.0, -5.0, math.nan])
-def test_a_demand_that_is_no_bound_is_refused(get_any, wrong):
-    with pytest.raises(ConfigurationError, match="demand"):
-        OperationalSpaceController(get_any("arm6"), demand=wrong)
-
-
 def test_steps_may_be_bounded_joint_by_joint(get_any):
     robot = get_any("arm6")
     bound = np.linspace(0.1, 0.6, 6)

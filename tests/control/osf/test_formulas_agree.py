@@ -21,7 +21,6 @@ from osf_world import (
 )
 
 from poise.control import OperationalSpaceController, RankTreatment
-from poise.control._osf._limits import DemandLimit
 from poise.control._osf._recursion import OperationalRecursion
 from poise.stack import FrameTask, JointLimit, JointTask, Stack
 
@@ -33,17 +32,16 @@ RANK = RankTreatment()
 
 @pytest.mark.parametrize("name", [*FIXED, *FLOATING])
 def test_the_recursion_agrees_with_projectors_at_random_states(get_any, name):
-    """Everywhere: where tasks are singular, and where they ask for too much, too."""
+    """Everywhere: where tasks are singular, too."""
     robot = get_any(name)
     world, rng = Rows(robot, stack_for(robot)), np.random.default_rng(1)
-    demand = DemandLimit(base=robot.base_dofs)
-    recursion, dynamics = OperationalRecursion(robot.nv, RANK, demand), world.dynamics
+    recursion, dynamics = OperationalRecursion(robot.nv, RANK), world.dynamics
     worst = 0.0
     for seed in range(STATES):
         random_references(world.stack, rng, 10.0 if seed % 2 else 1.0)
         rows = world.at(random_state(robot, seed, speed=0.5))
         found = dynamics.M @ recursion.resolve(rows, dynamics) + dynamics.h
-        wanted = dense_acceleration(rows, dynamics, rank=RANK, demand=demand)
+        wanted = dense_acceleration(rows, dynamics, rank=RANK)
         worst = max(worst, relative(found, dynamics.M @ wanted + dynamics.h))
     assert worst < 1e-9
 

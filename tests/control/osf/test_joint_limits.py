@@ -1,4 +1,4 @@
-"""Joints at their limits are held above the tasks."""
+"""Joints keep their bounds, and tasks have what these leave."""
 
 import math
 
@@ -80,7 +80,7 @@ def test_accelerations_keep_to_the_bounds_or_the_command_says_by_how_much_not(ge
     assert kept >= 8
 
 
-def test_a_held_joint_stands_above_the_tasks_and_leaves_them_the_rest(get_any):
+def test_a_joint_at_its_bound_leaves_the_tasks_the_rest(get_any):
     """A redundant arm still meets its hand with one joint held."""
     robot = get_any("panda")
     hand = FrameTask(robot.hands[0], "position")

@@ -1,16 +1,18 @@
 """`ContactForces`: which wrenches and torques bring an acceleration about."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise.control._osf._balance import Balance, measure, solve_nearest, weigh_base
+from poise.control._osf._bounded import BoundedAcceleration
+from poise.control._osf._kernels import is_inside
+from poise.control._osf._rows import OperationalRows
 from poise.dynamics import Dynamics
-from poise.hqp import HierarchicalProblem, LexicographicSolver
 from poise.robots import Robot
-from poise.stack import Contact, Stack, stacked_cones
+from poise.stack import Stack, stacked_cones
 
 TOLERANCE = 1e-6
 """Violation of a cone or limit, relative to the weight or the limit, that counts as none."""
@@ -21,11 +23,6 @@ _LEAST_LOAD = 1e-3
 _RANGE_TOLERANCE = 1e-10
 """Eigenvalue, relative to the largest, below which points do not carry a wrench of the base."""
 
-_MOST_CHANGES = 100
-"""Cap of the changes of the active set where cones and limits conflict: several times what robots
-that fall take, a third of a millisecond. No time caps it, so that a run is the same on a busy
-machine."""
-
 
 class ContactForces:
     """Splits M dv + h = S^T tau + J_c^T F into joint torques and contact wrenches.
@@ -35,13 +32,13 @@ class ContactForces:
     chosen nearest to a reference, in the metric W = sum C^T C with the rows C of each contact's
     cone over their bound at unit normal force: a wrench is far from zero when it is far out in its
     cone, and a contact that is being unloaded carries less. Where that leaves a cone or a torque
-    limit, a small hierarchical problem takes its place: base dynamics, then cones, then torque
-    limits, then the same metric.
+    limit, or the acceleration its own bounds, `BoundedAcceleration` finds other wrenches, and
+    another acceleration where it has to.
 
     Args:
         robot: the robot.
         stack: whose torque limits hold.
-        contacts: active contacts, evaluated before each solve.
+        rows: of the active contacts, filled before each solve.
 
     Attributes:
         contacts: active contacts.
@@ -49,17 +46,21 @@ class ContactForces:
         torque: joint torques, within their limits or not [N m].
         wrench: wrenches of all contacts behind one another [N, N m].
         reference: wrenches that the internal forces should come near [N, N m].
+        bounded: whether the last acceleration, or its nearest wrenches, left a limit, so that
+            others were looked for.
         base_error: largest base force that the contacts do not carry, over the weight.
         cone_error: largest violation of a cone or normal force bound, over the weight.
         torque_error: largest violation of a torque limit, over the limit.
     """
 
-    def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
-        self.contacts, self._limit = tuple(contacts), stack.torque_limit
+    def __init__(self, robot: Robot, stack: Stack, rows: OperationalRows) -> None:
+        contacts = rows.stack_rows.contacts
+        self.contacts, self._rows, self._limit = contacts, rows, stack.torque_limit
         self._base, self._weight = robot.base_dofs, robot.weight
         ends = np.cumsum([0, *(c.dim for c in contacts)]).tolist()
         self.slices = [slice(a, b) for a, b in pairwise(ends)]
-        self.base_error = self.cone_error = self.torque_error = 0.0
+        self.bounded, self.base_error = False, 0.0
+        self.cone_error = self.torque_error = 0.0
         # A surface carries any wrench of the base, so that its equations have full rank.
         self._carried = not contacts or any(c.dim == 6 for c in contacts)
         self._cone: Float64[np.ndarray, "rows c"] = stacked_cones(contacts)
@@ -86,26 +87,22 @@ class ContactForces:
         self.torque: Float64[np.ndarray, " nj"] = self._balance.torque
         self.wrench: Float64[np.ndarray, " c"] = self._balance.wrench
         self.reference: Float64[np.ndarray, " c"] = self._balance.reference
-        self._problem = _make_problem(self._base, self._cone, robot.nj) if contacts else None
-        self._solver = LexicographicSolver(max_changes=_MOST_CHANGES)
+        self._within = BoundedAcceleration(robot, rows, self._cone, self._limit)
         self._compile(robot.nv)
 
     def solve(
-        self,
-        acceleration: Float64[np.ndarray, " nv"],
-        dynamics: Dynamics,
-        jacobian: Float64[np.ndarray, "c nv"],
-    ) -> bool:
-        """Wrenches and torques of one acceleration.
+        self, acceleration: Float64[np.ndarray, " nv"], dynamics: Dynamics
+    ) -> Float64[np.ndarray, " nv"]:
+        """Wrenches and torques of one acceleration, or of the next best within cones and limits.
 
         Args:
-            acceleration: dv, which the contacts must allow.
+            acceleration: dv of all levels, which the contacts must allow.
             dynamics: the state.
-            jacobian: of all contacts, J_c.
 
         Returns:
-            Whether all cones and limits hold.
+            The acceleration that wrenches and torques bring about.
         """
+        jacobian = self._rows.contact_jacobian
         if self.contacts:
             self._read_bounds()
         if self._carried:
@@ -113,11 +110,16 @@ class ContactForces:
         else:
             self._solve_by_range(dynamics, acceleration, jacobian)
         self._read_errors()
-        if self._problem is not None and not self.ok:
-            self._solve_bounded(self._problem, jacobian)
+        self.bounded = not (self.ok and is_inside(acceleration, self._rows.bounds))
+        if not self.bounded:
+            return acceleration
+        found = self._within.solve(acceleration, dynamics, self._cost, self.reference)
+        if found is not None:
+            acceleration, self.wrench[:] = found
+            weigh_base(dynamics.M, dynamics.h, acceleration, jacobian, self._balance)
             measure(jacobian, self._balance)
             self._read_errors()
-        return self.ok
+        return acceleration
 
     def set_references(self, wrenches: Mapping[str, Float64[np.ndarray, " c"]]) -> None:
         """Fills `reference` from wrenches by the names of contacts; zero for those without."""
@@ -167,37 +169,4 @@ class ContactForces:
         weigh_base(M, np.zeros(nv), np.zeros(nv), jacobian, self._balance)
         solve_nearest(M, np.zeros(nv), np.zeros(nv), jacobian, self._balance)
         measure(jacobian, self._balance)
-
-    def _solve_bounded(
-        self, problem: HierarchicalProblem, jacobian: Float64[np.ndarray, "c nv"]
-    ) -> None:
-        """Wrenches nearest to the reference within cones and torque limits."""
-        base, force = self._base, self._balance.force
-        dynamics, torque = problem.level(0), problem.level(2)
-        dynamics.A[:] = jacobian[:, :base].T
-        dynamics.lower[:] = dynamics.upper[:] = force[:base]
-        torque.A[:] = jacobian[:, base:].T
-        np.subtract(force[base:], self._limit.upper, out=torque.lower)
-        np.subtract(force[base:], self._limit.lower, out=torque.upper)
-        for contact, rows in zip(self.contacts, self.slices, strict=True):
-            problem.x_lower[rows] = contact.wrench_lower
-            problem.x_upper[rows] = contact.wrench_upper
-        problem.H[:] = self._cost
-        np.matmul(self._cost, -self.reference, out=problem.g)
-        solution = self._solver.solve(problem)
-        if np.isfinite(np.add.reduce(solution.x)):
-            self.wrench[:] = solution.x
-
-
-def _make_problem(base: int, cone: Float64[np.ndarray, "rows c"], nj: int) -> HierarchicalProblem:
-    rows, size = cone.shape
-    problem = HierarchicalProblem.allocate(
-        size,
-        [base, rows, nj],
-        names=["base dynamics", "contacts", "torque limits"],
-        labels=[[("base", base)], [("cones", rows)], [("torques", nj)]],
-        bounds_level=1,
-    )
-    cones = problem.level(1)
-    cones.A[:], cones.lower[:], cones.upper[:] = cone, -np.inf, 0.0
-    return problem
+        is_inside(np.zeros(nv), self._rows.bounds)

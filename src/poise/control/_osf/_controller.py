@@ -1,12 +1,10 @@
 """`OperationalSpaceController`: prioritised torques in closed form."""
 
-import math
 from collections.abc import Sequence
 
 from poise._checks import Numbers, checked_kind
 from poise.control._controller import Controller
 from poise.control._fallback import RateLimit
-from poise.control._osf._limits import DemandLimit
 from poise.control._osf._strategy import OperationalStrategy
 from poise.control._rank import RankTreatment
 from poise.control._strategy import bound_stack
@@ -22,12 +20,12 @@ class OperationalSpaceController(Controller):
     all tasks, and `ContactForces` finds the wrenches that carry the base, internal forces among
     them.
 
-    A level that asks for more acceleration of a joint than `demand` is damped. Other inequalities
-    are no part of the formulation; they are met as follows. Joints whose acceleration
-    would leave the bounds of the stack's joint limit are held at the bound, above the tasks. Where
-    a contact's cone or a torque limit cannot be met by internal forces, tasks are let go from the
-    bottom up, the last of them partly, until it is. Tasks can be switched and re-ordered while
-    running: no torque changes by more than `torque_step` from one tick to the next.
+    Levels that cannot be met are softened as the stack says. Where the closed form leaves a
+    contact's cone, a torque limit or the bounds of joint, balance or self-collision limit,
+    `BoundedAcceleration` takes its place: bounds stand above the tasks, and tasks are let go from
+    the bottom up. Tasks of one level that conflict share by their weights over the mobility of
+    their rows in the home posture. Tasks can be switched and re-ordered while running: no torque
+    changes by more than `torque_step` from one tick to the next.
 
     `step` never raises. A state that is not finite gives the last good torque decayed towards
     damping, and says so in the command's status.
@@ -36,8 +34,6 @@ class OperationalSpaceController(Controller):
         robot: the robot.
         stack: contacts, limits and tasks; `default_stack(robot)` when None.
         rank: what happens where a task loses rank; the defaults of `RankTreatment` when None.
-        demand: largest acceleration that one level asks of a joint [rad/s^2], as `DemandLimit` has
-            it; `math.inf` for no bound.
         torque_step: largest change of a torque from tick to tick [N m], one number or one a joint;
             a tenth of the torque limits when None, `math.inf` for no bound.
         dynamics: shared with the estimator of the state, see `Controller`; its own when None.
@@ -52,16 +48,12 @@ class OperationalSpaceController(Controller):
         stack: Stack | None = None,
         *,
         rank: RankTreatment | None = None,
-        demand: float = 50.0,
         torque_step: Numbers | None = None,
         dynamics: Dynamics | None = None,
     ) -> None:
         stack = bound_stack(robot, stack)
-        limit = None
-        if demand != math.inf:
-            limit = DemandLimit(acceleration=demand, base=robot.base_dofs)
         rank = checked_kind(rank or RankTreatment(), RankTreatment, "rank of the controller")
-        self._operational = OperationalStrategy(robot, stack, rank, limit)
+        self._operational = OperationalStrategy(robot, stack, rank)
         super().__init__(
             self._operational, rate_limit=RateLimit(robot, torque_step), dynamics=dynamics
         )

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._compiled import compiled, factor_leading, part, solve_leading, solve_lower
-from poise.control._osf._rows import LevelRows
+from poise.control._osf._rows import BoundRows, LevelRows
 from poise.control._row_factor import (
     add_row,
     factor_rows,
@@ -16,24 +16,25 @@ from poise.control._row_factor import (
     turn,
     turn_back,
 )
+from poise.control._strategy import UNSOFTENED
+
+SLACK = 1e-6
+"""How far outside its bounds an acceleration may be by rounding [rad/s^2, m/s^2]."""
+
+TINY = 1e-12
+"""Keeps directions in which softening has nothing to choose from dividing by zero."""
 
 
-class Bounds(NamedTuple):
+class Ordinary(NamedTuple):
     """What makes a level an ordinary one.
 
     Attributes:
         physics: least singular value of the physics' rows.
-        held: of rows of joints that are held.
         tasks: of the tasks' rows.
-        demand: largest acceleration that a level asks of a joint [rad/s^2]; infinite for any.
-        base: number of coordinates before the joints.
     """
 
     physics: float
-    held: float
     tasks: float
-    demand: float
-    base: int
 
 
 class Work(NamedTuple):
@@ -72,22 +73,22 @@ def make_work(n: int) -> Work:
 @compiled
 def resolve(
     M: Float64[np.ndarray, "n n"],
-    h: Float64[np.ndarray, " n"],
+    motion: tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " nj"]],
     levels: LevelRows,
-    bounds: Bounds,
+    ordinary: Ordinary,
     work: Work,
     dv: Float64[np.ndarray, " n"],
 ) -> tuple[int, bool]:
-    """The acceleration of one state, as long as levels keep their rank and ask for little enough.
+    """The acceleration of one state, as long as levels keep their rank.
 
     The first level that does not may still take all that is left, with nothing lost on the way; so
     does a posture below tasks that leave it less freedom than it has rows.
 
     Args:
         M: mass matrix.
-        h: nonlinear effects.
+        motion: nonlinear effects h, and the joint accelerations that softened levels refer to.
         levels: rows of the state.
-        bounds: what makes a level an ordinary one.
+        ordinary: what makes a level an ordinary one.
         work: memory.
         dv: receives the acceleration.
 
@@ -95,9 +96,10 @@ def resolve(
         How many leading levels are ordinary ones, and whether `dv` is the answer; if not, the
         levels from there on are to be taken one by one, from `work.S` and `work.B`.
     """
+    h, reference = motion
     _factor_mass(M, work.L)
-    regular = _factor_levels(levels, bounds, work)
-    regular = _add_levels(levels, bounds, work, regular)
+    regular = _factor_levels(levels, ordinary, reference, work)
+    _add_levels(levels, work, regular)
     for i in range(len(dv)):
         dv[i] = work.S[i]
     taken = int(levels.ends[regular])
@@ -105,7 +107,29 @@ def resolve(
         _let_go(h, work, taken, dv)
         return regular, True
     find_rest(work, taken)
-    return regular, _take_rest(levels, bounds, work, regular, dv)
+    return regular, _take_rest(levels, ordinary, work, regular, dv)
+
+
+@compiled
+def is_inside(dv: Float64[np.ndarray, " n"], bounds: BoundRows) -> bool:
+    """Whether an acceleration keeps its bounds up to `SLACK`; NaN does.
+
+    Args:
+        dv: acceleration.
+        bounds: what it should keep.
+    """
+    base = len(dv) - len(bounds.lower)
+    for i in range(len(bounds.lower)):
+        value = dv[base + i]
+        if value > bounds.upper[i] + SLACK or value < bounds.lower[i] - SLACK:
+            return False
+    for row in range(len(bounds.least)):
+        value = 0.0
+        for j in range(len(dv)):
+            value += bounds.rows[row, j] * dv[j]
+        if value > bounds.most[row] + SLACK or value < bounds.least[row] - SLACK:
+            return False
+    return True
 
 
 @compiled
@@ -119,21 +143,6 @@ def find_rest(work: Work, taken: int) -> None:
     fill_complement(work.B, work.X, taken, work.tau)
     for i in range(len(work.B) - taken):
         _to_acceleration(work.L, work.B, i)
-
-
-@compiled
-def sum_levels(levels: LevelRows, work: Work, count: int, S: Float64[np.ndarray, " n"]) -> None:
-    """The acceleration after some of the ordinary levels of the last state, as in eq (17).
-
-    Args:
-        levels: the rows of `resolve`.
-        work: its memory.
-        count: how many levels.
-        S: receives the acceleration.
-    """
-    _turn_part(work, 0, int(levels.ends[count]))
-    for i in range(len(S)):
-        S[i] = work.z[0, i]
 
 
 @part
@@ -186,9 +195,13 @@ def _to_acceleration(
 
 
 @part
-def _factor_levels(levels: LevelRows, bounds: Bounds, work: Work) -> int:
+def _factor_levels(
+    levels: LevelRows, ordinary: Ordinary, reference: Float64[np.ndarray, " nj"], work: Work
+) -> int:
     """Factors the leading levels; returns how many keep their rank."""
     n, ends, X, tau = len(work.L), levels.ends, work.X, work.tau
+    for level in range(len(levels.softened)):
+        levels.softened[level] = 0.0
     for level in range(len(ends) - 1):
         begin, end = int(ends[level]), int(ends[level + 1])
         if end > n:
@@ -200,18 +213,63 @@ def _factor_levels(levels: LevelRows, bounds: Bounds, work: Work) -> int:
                 X[row, j] = scale * levels.jacobian[row, j]
             _divide_row(work.L, X, row)
         factor_rows(X, begin, end, tau)
-        if not keeps_rank(X, begin, end, _least(levels, bounds, level), work.G):
+        if not keeps_rank(X, begin, end, _least(ordinary, level), work.G):
             return level
         solve_lower(X, begin, end, work.y)
+        if levels.softening[level] > 0.0:
+            _soften(levels, reference, work, level)
     return len(ends) - 1
 
 
 @part
-def _least(levels: LevelRows, bounds: Bounds, level: int) -> float:
-    """Singular value from which a level's direction is controlled exactly, as `rank_of` has it."""
-    if level >= levels.constraints:
-        return bounds.tasks
-    return bounds.held if level > 0 else bounds.physics
+def _soften(
+    levels: LevelRows, reference: Float64[np.ndarray, " nj"], work: Work, level: int
+) -> None:
+    """Softens a level whose block L_k of the staircase is regular, if that can change it.
+
+    With p what the joints accelerate beside the reference in the strict answer and D their
+    acceleration for a unit of each coordinate that the levels above leave, the least squares of
+    |W L_k x_k|^2 + mu^2 |D x + p|^2, W = `mobility`, is what the level's own coordinates x_k
+    change by; those of the levels below are theirs. Its rows change by mu |p| at most.
+    """
+    begin, end, mu = int(levels.ends[level]), int(levels.ends[level + 1]), levels.softening[level]
+    D, G, X, x, S = work.F, work.G, work.X, work.z[1], work.z[0]
+    size, base, strain = len(S) - begin, len(S) - len(reference), 0.0
+    _turn_part(work, 0, end)
+    for j in range(len(reference)):
+        S[base + j] -= reference[j]
+        strain += S[base + j] * S[base + j]
+    if mu * sqrt(strain) <= UNSOFTENED:
+        return
+    levels.softened[level] = mu
+    for i in range(size):
+        for j in range(len(S)):
+            D[i, j] = 0.0
+        D[i, begin + i] = 1.0
+    turn_back(D, 0, size, X, end, work.tau)
+    for i in range(size):
+        _to_acceleration(work.L, D, i)
+        own, total = D[i, base:], 0.0
+        for k in range(len(own)):
+            total += own[k] * S[base + k]
+        x[i] = -mu * mu * total
+        for j in range(i + 1):
+            other, total = D[j, base:], 0.0
+            for k in range(len(own)):
+                total += own[k] * other[k]
+            G[i, j] = mu * mu * total + (TINY if i == j else 0.0)
+            for row in range(begin + i, end):
+                G[i, j] += levels.mobility[row] ** 2 * X[row, begin + i] * X[row, begin + j]
+    factor_leading(G, size)
+    solve_leading(G, size, x)
+    for row in range(begin, end):
+        work.y[row] += x[row - begin]
+
+
+@part
+def _least(ordinary: Ordinary, level: int) -> float:
+    """Singular value from which a level's direction is controlled exactly."""
+    return ordinary.tasks if level > 0 else ordinary.physics
 
 
 @part
@@ -225,27 +283,15 @@ def _turn_part(work: Work, begin: int, end: int) -> None:
 
 
 @part
-def _add_levels(levels: LevelRows, bounds: Bounds, work: Work, regular: int) -> int:
-    """S after the leading levels; returns how many of them ask for no more than is allowed."""
+def _add_levels(levels: LevelRows, work: Work, regular: int) -> None:
+    """S after the leading levels."""
     S, z = work.S, work.z
     for i in range(len(S)):
         S[i] = 0.0
     for level in range(regular):
         _turn_part(work, int(levels.ends[level]), int(levels.ends[level + 1]))
-        if level >= levels.constraints and not _is_kept(z, bounds):
-            return level
         for i in range(len(S)):
             S[i] += z[0, i]
-    return regular
-
-
-@part
-def _is_kept(z: Float64[np.ndarray, "2 n"], bounds: Bounds) -> bool:
-    """Whether the first row asks no more of any joint than is allowed; False for NaN."""
-    kept = True
-    for i in range(bounds.base, z.shape[1]):
-        kept = kept and abs(z[0, i]) <= bounds.demand
-    return kept or np.isinf(bounds.demand)
 
 
 @part
@@ -268,7 +314,7 @@ def _let_go(
 
 @part
 def _take_rest(
-    levels: LevelRows, bounds: Bounds, work: Work, level: int, dv: Float64[np.ndarray, " n"]
+    levels: LevelRows, ordinary: Ordinary, work: Work, level: int, dv: Float64[np.ndarray, " n"]
 ) -> bool:
     """Gives a level all that is left, by least squares, if it loses no direction of that.
 
@@ -276,20 +322,20 @@ def _take_rest(
 
     Args:
         levels: the rows.
-        bounds: what makes a level an ordinary one.
+        ordinary: what makes a level an ordinary one.
         work: memory, with the basis of what is left.
         level: which one.
         dv: S, to which is added.
 
     Returns:
-        Whether it was: no singular value of A is too small, and not too much is asked for.
+        Whether it was: no singular value of A is too small, and the level is not to be softened.
     """
     begin, end = int(levels.ends[level]), int(levels.ends[level + 1])
     left, G, F, z = len(dv) - begin, work.G, work.F, work.z
-    if end - begin < left:
+    if end - begin < left or levels.may_soften[level]:
         return False
     _square(levels, work, begin, end, left)
-    least = _least(levels, bounds, level)
+    least = _least(ordinary, level)
     for i in range(left):
         for j in range(i):
             F[i, j] = G[i, j]
@@ -299,13 +345,10 @@ def _take_rest(
     x = z[1]
     solve_leading(G, left, x)
     for j in range(len(dv)):
-        z[0, j] = 0.0
+        step = 0.0
         for i in range(left):
-            z[0, j] += x[i] * work.B[i, j]
-    if level >= levels.constraints and not _is_kept(z, bounds):
-        return False
-    for j in range(len(dv)):
-        dv[j] += z[0, j]
+            step += x[i] * work.B[i, j]
+        dv[j] += step
     return True
 
 

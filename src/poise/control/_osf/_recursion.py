@@ -4,10 +4,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._compiled import say_if_slow
-from poise.control._osf._kernels import Bounds, find_rest, make_work, resolve, sum_levels
-from poise.control._osf._limits import DemandLimit
+from poise.control._osf._kernels import TINY, Ordinary, find_rest, make_work, resolve
 from poise.control._osf._rows import LevelRows
-from poise.control._rank import HELD_RANK, PHYSICS_RANK, RankTreatment, rank_of
+from poise.control._rank import PHYSICS_RANK, RankTreatment
 from poise.dynamics import Dynamics
 
 
@@ -32,87 +31,94 @@ class OperationalRecursion:
     the basis of what is left, with activations of directions as `RankTreatment` has them; both ways
     give the same numbers where both apply. The first way is compiled.
 
+    Rows are scaled by w, `LevelRows.scale`, in which they are about one where a task moves freely.
+    A level that cannot be met takes, of what the levels above leave, the least squares of its
+    scaled rows. One that is softened by mu > 0 takes, over the directions of its rows,
+
+        min |W (J_i dv - target_i)|^2 + mu^2 |dv_J - d|^2
+
+    with the weights W of its tasks and the joint accelerations d of `Softening`, and keeps all
+    these directions: what is left to the levels below does not depend on mu. Where it loses rank
+    without having an error, mu is as large as `RankTreatment.damp` says for its rows.
+
     Args:
         n: number of generalized coordinates.
         rank: what happens where a level below the physics loses rank.
-        demand: what happens where a level asks for too much; None for nothing.
 
     Attributes:
-        regular: number of leading levels that kept their rank, and asked for no more than is
-            allowed, at the last state.
+        regular: number of leading levels that kept their rank at the last state.
     """
 
-    def __init__(self, n: int, rank: RankTreatment, demand: DemandLimit | None = None) -> None:
-        self._rank, self._demand = rank, demand
-        most, base = (np.inf, 0) if demand is None else (demand.acceleration, demand.base)
-        self._bounds = Bounds(PHYSICS_RANK.high, HELD_RANK.high, rank.high, float(most), int(base))
-        self._work = make_work(n)
-        self.regular = 0
+    def __init__(self, n: int, rank: RankTreatment) -> None:
+        self._rank = rank
+        self._ordinary = Ordinary(float(PHYSICS_RANK.high), float(rank.high))
+        self._work, self._zero, self.regular = make_work(n), np.zeros(n), 0
         self._compile(n)
 
-    def resolve(self, levels: LevelRows, dynamics: Dynamics) -> Float64[np.ndarray, " n"]:
+    def resolve(
+        self,
+        levels: LevelRows,
+        dynamics: Dynamics,
+        reference: Float64[np.ndarray, " nj"] | None = None,
+    ) -> Float64[np.ndarray, " n"]:
         """The acceleration of one state.
 
         Directions that no level decides are left without force: they accelerate by -M^-1 h.
 
         Args:
-            levels: rows of the state, the physics first.
+            levels: rows of the state, the physics first; `softened` is filled.
             dynamics: the state.
+            reference: joint accelerations d that softened levels refer to; zero when None
+                [rad/s^2].
 
         Returns:
             The generalized acceleration dv; the force is `M dv + h`.
         """
-        self._levels, self._h = levels, dynamics.h
-        dv = np.empty(len(dynamics.h))
-        self.regular, done = resolve(dynamics.M, self._h, levels, self._bounds, self._work, dv)
-        return dv if done else self._settle(self._tail())[-1]
-
-    def steps(self) -> list[Float64[np.ndarray, " n"]]:
-        """Accelerations of the last state with one more level each time, `resolve`'s at the end.
-
-        The first has the physics only; directions that later levels decide are held without
-        acceleration in it, not let go.
-        """
-        first: list[Float64[np.ndarray, " n"]] = []
-        for count in range(1, self.regular + 1):
-            first.append(np.empty(len(self._h)))
-            sum_levels(self._levels, self._work, count, first[-1])
-        find_rest(self._work, int(self._levels.ends[self.regular]))
-        return self._settle([*first, *self._tail()])
+        M, h, dv = dynamics.M, dynamics.h, np.empty(len(dynamics.h))
+        reference = self._zero if reference is None else reference
+        self.regular, done = resolve(M, (h, reference), levels, self._ordinary, self._work, dv)
+        return dv if done else self._take_tail(levels, reference, h)
 
     def _compile(self, n: int) -> None:
         """Resolves nothing once, so that nothing is compiled in a tick."""
         nothing, zero = LevelRows.nothing(n), np.zeros(n)
         say_if_slow(resolve, "operational space control")
-        resolve(np.eye(n), zero, nothing, self._bounds, self._work, zero)
+        resolve(np.eye(n), (zero, zero), nothing, self._ordinary, self._work, zero)
         find_rest(self._work, 0)
-        sum_levels(nothing, self._work, 0, zero)
 
-    def _tail(self) -> list[Float64[np.ndarray, " n"]]:
-        """S after each level from the first on that is no ordinary one."""
-        levels, S = self._levels, self._work.S.copy()
+    def _take_tail(
+        self,
+        levels: LevelRows,
+        reference: Float64[np.ndarray, " nj"],
+        h: Float64[np.ndarray, " n"],
+    ) -> Float64[np.ndarray, " n"]:
+        """The acceleration with the levels from the first on that is no ordinary one."""
+        S = self._work.S.copy()
         left = len(S) - int(levels.ends[self.regular])
-        self._basis = self._work.B[:left].T
+        basis = self._work.B[:left].T
         # What is left of each direction of the basis: N in the mass metric.
-        self._left = np.eye(left)
-        found: list[Float64[np.ndarray, " n"]] = []
+        N = np.eye(left)
         for i, level in enumerate(levels.slices[self.regular :], start=self.regular):
-            rank = rank_of(i, levels.constraints, self._rank)
             scale = levels.scale[level]
             rows, target = levels.jacobian[level] * scale[:, None], levels.target[level] * scale
-            A = (rows @ self._basis) @ self._left
+            A = (rows @ basis) @ N
             squares, V = np.linalg.eigh(A.T @ A)
-            activation, gain = rank.activate(squares)
-            projection = V.T @ (A.T @ (target - rows @ S))
-            motion = self._basis @ V
-            if self._demand is not None and i >= levels.constraints:
-                gain = self._demand.tempered(activation, gain, projection, motion)
-            S = S + motion @ (gain * projection)
-            self._left -= (V * activation) @ V.T
-            found.append(S)
-        return found
-
-    def _settle(self, found: list[Float64[np.ndarray, " n"]]) -> list[Float64[np.ndarray, " n"]]:
-        """Accelerations dv = S - N M^-1 h: what no level decides is let go."""
-        let_go = self._basis @ (self._left @ (self._basis.T @ self._h))
-        return [S - let_go for S in found]
+            missing, motion = target - rows @ S, basis @ V
+            if levels.may_soften[i]:
+                activation, _ = PHYSICS_RANK.activate(squares)
+                W, D = levels.mobility[level][:, None], motion[-len(reference) :]
+                least = float(squares[activation > 0.0].min(initial=np.inf))
+                square = float(levels.softening[i]) ** 2
+                square += (self._rank.damp(least) * float(W.min(initial=np.inf))) ** 2
+                levels.softened[i] = np.sqrt(square)
+                own, off = W * (A @ V), S[-len(reference) :] - reference
+                H = own.T @ own + square * D.T @ D + TINY * np.eye(left)
+                wanted = own.T @ (W[:, 0] * missing) - square * D.T @ off
+                step = activation * np.linalg.solve(H, wanted)
+            else:
+                activation, gain = (self._rank if i else PHYSICS_RANK).activate(squares)
+                step = gain * (V.T @ (A.T @ missing))
+            S = S + motion @ step
+            N -= (V * activation) @ V.T
+        # What no level decides is let go: it has no force.
+        return S - basis @ (N @ (basis.T @ h))

@@ -9,7 +9,7 @@ from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot
@@ -25,18 +25,24 @@ class LevelRows(NamedTuple):
     Attributes:
         jacobian: J_i, stacked.
         target: xdd_i,ref - Jdot_i v, stacked.
-        scale: what a row is multiplied by where ranks are decided: its weight over the mobility
-            sqrt(J M^-1 J^T) that its block of rows has in the home posture.
+        scale: what a row is multiplied by, where ranks are decided and where a level that cannot
+            be met takes least squares: its weight over the mobility sqrt(J M^-1 J^T) that its block
+            of rows has in the home posture.
         ends: where each level ends; the first entry is zero.
-        constraints: number of leading levels that are no tasks: the physics, joints that are
-            held, and bounds of the balance limit that are. No `DemandLimit` touches them.
+        mobility: that mobility of each row; weight over scale.
+        softening: weight mu of each level's softening term; 0 for none.
+        may_soften: whether a level is one of `Softening.levels`.
+        softened: receives the weight of each level that is softened, else zero.
     """
 
     jacobian: Float64[np.ndarray, "t nv"]
     target: Float64[np.ndarray, " t"]
     scale: Float64[np.ndarray, " t"]
     ends: Int64[np.ndarray, " ends"]
-    constraints: int = 1
+    mobility: Float64[np.ndarray, " t"]
+    softening: Float64[np.ndarray, " levels"]
+    may_soften: Bool[np.ndarray, " levels"]
+    softened: Float64[np.ndarray, " levels"]
 
     @property
     def slices(self) -> list[slice]:
@@ -46,34 +52,26 @@ class LevelRows(NamedTuple):
     @classmethod
     def nothing(cls, nv: int) -> "LevelRows":
         """No level at all, for a robot of so many coordinates."""
-        return cls(np.zeros((0, nv)), np.zeros(0), np.zeros(0), np.zeros(1, dtype=np.int64))
-
-    def with_held(
-        self,
-        rows: Float64[np.ndarray, "k nv"],
-        acceleration: Float64[np.ndarray, " k"],
-        scale: Float64[np.ndarray, " k"],
-    ) -> "LevelRows":
-        """The same rows with one more level behind the physics and what is held already.
-
-        Args:
-            rows: coefficients of what is held at a bound.
-            acceleration: the bounds.
-            scale: the rows' scale.
-        """
-        at = int(self.ends[self.constraints])
-        after = self.ends[self.constraints :] + len(rows)
-        return LevelRows(
-            jacobian=_insert(self.jacobian, rows, at),
-            target=_insert(self.target, acceleration, at),
-            scale=_insert(self.scale, scale, at),
-            ends=np.concatenate((self.ends[: self.constraints + 1], after)),
-            constraints=self.constraints + 1,
-        )
+        none, ends = np.zeros(0), np.zeros(1, dtype=np.int64)
+        return cls(np.zeros((0, nv)), none, none, ends, none, none, none.astype(np.bool_), none)
 
 
-def _insert(old: np.ndarray, new: np.ndarray, at: int) -> np.ndarray:
-    return np.concatenate((old[:at], new, old[at:]))
+class BoundRows(NamedTuple):
+    """Bounds that accelerations should keep, of joints and of rows.
+
+    Attributes:
+        lower: of the joints, which are the last coordinates [rad/s^2].
+        upper: of the joints [rad/s^2].
+        rows: coefficients of the rows of balance and self-collision limit.
+        least: lower bounds of these rows [m/s^2].
+        most: upper bounds of these rows [m/s^2].
+    """
+
+    lower: Float64[np.ndarray, " nj"]
+    upper: Float64[np.ndarray, " nj"]
+    rows: Float64[np.ndarray, "m nv"]
+    least: Float64[np.ndarray, " m"]
+    most: Float64[np.ndarray, " m"]
 
 
 class RowScales:
@@ -89,7 +87,6 @@ class RowScales:
 
     Attributes:
         base: scales of the base's own equation of motion, one a base coordinate.
-        joints: scales of rows that are single coordinates, one a coordinate of `v`.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -99,7 +96,6 @@ class RowScales:
         self._scales: dict[Contact | Task, Float64[np.ndarray, " m"]] = {}
         base = robot.base_dofs
         self.base = self._blocks(self._home.M[:base], (3, 3) if base else ())
-        self.joints: Float64[np.ndarray, " nv"] = 1.0 / np.sqrt(np.diagonal(self._mobility))
 
     def learn(self, stack: Stack) -> None:
         """Measures contacts and tasks that are new; before they serve in a tick.
@@ -117,11 +113,6 @@ class RowScales:
     def of(self, owner: Contact | Task) -> Float64[np.ndarray, " m"]:
         """Scales of the rows of a contact or a task that was learned."""
         return self._scales[owner]
-
-    def of_rows(self, rows: Float64[np.ndarray, "m nv"]) -> Float64[np.ndarray, " m"]:
-        """Scales of rows that nobody learned, each by itself."""
-        squares = np.einsum("ij,jk,ik->i", rows, self._mobility, rows)
-        return 1.0 / np.sqrt(squares)
 
     def _blocks(
         self, jacobian: Float64[np.ndarray, "m nv"], blocks: Sequence[int]
@@ -154,6 +145,7 @@ class OperationalRows:
     Attributes:
         stack_rows: the rows of the stack.
         levels: all rows of the last state.
+        bounds: what accelerations should keep at the last state.
         contact_jacobian: J_c, of all contacts.
     """
 
@@ -178,7 +170,23 @@ class OperationalRows:
             scale[place] = scales.of(owner)
         scale[rows.own_rows] = scales.base[: self._base]
         ends = np.append(0, rows.ends)
-        self.levels = LevelRows(rows.J[:count], rows.target[:count], scale.copy(), ends)
+        self._softening, self._soft = rows.softening, [1 + i for i in rows.softening.levels]
+        may_soften = np.zeros(len(ends) - 1, dtype=np.bool_)
+        may_soften[self._soft] = True
+        self.levels = LevelRows(
+            rows.J[:count],
+            rows.target[:count],
+            scale.copy(),
+            ends,
+            1.0 / scale,
+            np.zeros(len(may_soften)),
+            may_soften,
+            np.zeros(len(may_soften)),
+        )
+        limit, own = stack.joint_limit, rows.limit_rows
+        self.bounds = BoundRows(
+            limit.lower, limit.upper, rows.J[own], rows.target[own], rows.upper[own]
+        )
         self.contact_jacobian: Float64[np.ndarray, "c nv"] = rows.J[rows.contact_rows]
 
     def fill(self, dynamics: Dynamics) -> None:
@@ -189,6 +197,8 @@ class OperationalRows:
         """
         self.stack_rows.update(dynamics)
         np.multiply(self._scale, self.stack_rows.weight[: self._count], out=self.levels.scale)
+        if self._soft:
+            self.levels.softening[self._soft] = self._softening.weights
         if self._base:
             self._fill_base(dynamics)
 

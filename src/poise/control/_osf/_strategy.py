@@ -9,22 +9,16 @@ from jaxtyping import Float64
 from poise._checks import Numbers
 from poise.control._excess import excess
 from poise.control._osf._contact_forces import TOLERANCE, ContactForces
-from poise.control._osf._limits import DemandLimit, truncate_levels
+from poise.control._osf._kernels import SLACK
 from poise.control._osf._recursion import OperationalRecursion
-from poise.control._osf._rows import LevelRows, OperationalRows, RowScales
+from poise.control._osf._rows import OperationalRows, RowScales
 from poise.control._rank import RankTreatment
-from poise.control._strategy import Answer
+from poise.control._strategy import Answer, softening_notes
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.hqp import SolveStatus
 from poise.robots import Robot
 from poise.stack import Contact, ContactSets, Stack, Task, checked_target
-
-_LIMIT_ROUNDS = 4
-"""How often joints that would leave their limits are held before the rest is accepted."""
-
-_SLACK = 1e-6
-"""How far outside its bounds a joint's acceleration may be by rounding [rad/s^2]."""
 
 
 class OperationalStrategy:
@@ -34,7 +28,6 @@ class OperationalStrategy:
         robot: the robot.
         stack: contacts, limits and tasks, bound to the robot.
         rank: what happens where a task loses rank.
-        demand: what happens where a level asks for too much; None for nothing.
 
     Attributes:
         robot: the robot.
@@ -48,14 +41,11 @@ class OperationalStrategy:
 
     commands: Literal["torque", "velocity"] = "torque"
 
-    def __init__(
-        self, robot: Robot, stack: Stack, rank: RankTreatment, demand: DemandLimit | None
-    ) -> None:
+    def __init__(self, robot: Robot, stack: Stack, rank: RankTreatment) -> None:
         self.robot, self.stack = robot, stack
-        self.recursion = OperationalRecursion(robot.nv, rank, demand)
+        self.recursion = OperationalRecursion(robot.nv, rank)
         self._scales = RowScales(robot)
         self._wrenches: dict[str, Float64[np.ndarray, " c"]] = {}
-        self._all_forces = ContactSets(stack, self._make_forces)
         self._set_stack(stack)
         # What is compiled is compiled now, not in the first tick.
         excess(np.zeros(robot.nv), robot.base_dofs, np.zeros(robot.nj), np.zeros(robot.nj))
@@ -73,7 +63,10 @@ class OperationalStrategy:
     @property
     def softened(self) -> dict[int, float]:
         """Weight of the softening term of each level that was softened, counted from zero."""
-        return {}
+        if not self._solved:
+            return {}
+        weights = self._current.levels.softened[1:].tolist()
+        return {level: mu for level, mu in enumerate(weights) if mu > 0.0}
 
     @property
     def size(self) -> tuple[int, int]:
@@ -113,9 +106,8 @@ class OperationalStrategy:
     def reset(self) -> None:
         """Forgets what the last tick found."""
         self._solved = False
-        self._held = np.zeros(self.robot.nj, dtype=np.bool_)
-        self._bounds, self._bound_error = np.zeros(self.robot.nj), 0.0
-        self._held_rows: dict[int, float] = {}
+        self._bound_error = 0.0
+        self._held_joints, self._held_rows = list[int](), list[int]()
 
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
         """Takes up rows and forces of a set of active contacts."""
@@ -140,26 +132,19 @@ class OperationalStrategy:
     def solve(self) -> Answer:
         """Accelerations of all levels, then the wrenches and torques that bring them about."""
         rows, forces, dynamics = self._current, self.forces, self._dynamics
-        acceleration = self._accelerations(rows.levels)
-        if not forces.solve(acceleration, dynamics, rows.contact_jacobian):
-            acceleration = truncate_levels(
-                self.recursion.steps(),
-                lambda a: forces.solve(a, dynamics, rows.contact_jacobian),
-            )
+        reference = rows.stack_rows.softening.reference
+        wanted = self.recursion.resolve(rows.levels, dynamics, reference)
+        acceleration = forces.solve(wanted, dynamics)
         self._solved = True
+        self._find_held(acceleration)
         return Answer(
             SolveStatus.OPTIMAL,
             forces.torque.copy(),
             self._measure(acceleration),
             acceleration,
             rows.stack_rows.wrenches(forces.wrench.copy()),
-            self._is_held_back(),
+            forces.bounded and rows.stack_rows.is_held(acceleration),
         )
-
-    def _is_held_back(self) -> bool:
-        """Whether a row of the balance limit is held."""
-        balance = self._current.stack_rows.balance
-        return balance is not None and any(row < balance.dim for row in self._held_rows)
 
     def task_residuals(self) -> dict[str, float]:
         """Norm of what each task could not meet at the last solve [unit/s^2]."""
@@ -168,15 +153,15 @@ class OperationalStrategy:
     def explain(self) -> str:
         """What could not be met at the last tick, in words."""
         forces, notes = self.forces, list[str]()
-        names = [self.robot.joint_names[i] for i in np.flatnonzero(self._held)]
+        names = [self.robot.joint_names[i] for i in self._held_joints]
         if names:
             notes.append("held at their limits: " + ", ".join(names))
         limits = self._current.stack_rows.limits
-        if self._held_rows:
-            labels = [label for limit in limits for label in limit.labels]
-            held = [name for name, count in labels for _ in range(count)]
-            names = sorted({held[i] for i in self._held_rows})
-            notes.append("held back by the " + ", ".join(names))
+        labels = [label for limit in limits for label in limit.labels]
+        rows = [name for name, count in labels for _ in range(count)]
+        held = sorted({rows[i] for i in self._held_rows})
+        if held:
+            notes.append("held back by the " + ", ".join(held))
         for error, what in (
             (forces.base_error, "base dynamics miss {:.2g} of the weight"),
             (forces.cone_error, "contacts are asked for {:.2g} of the weight outside their cones"),
@@ -185,7 +170,8 @@ class OperationalStrategy:
         ):
             if error > TOLERANCE:
                 notes.append(what.format(error))
-        return "; ".join(notes) or "contacts and limits hold"
+        words = "; ".join(notes) or "contacts and limits hold"
+        return "\n".join([words, *softening_notes(self.softened)])
 
     def _set_stack(self, stack: Stack) -> None:
         if not stack.levels:
@@ -199,76 +185,26 @@ class OperationalStrategy:
         self._prepared = ContactSets(
             stack, lambda c: OperationalRows(self.robot, stack, c, self._scales)
         )
+        self._all_forces = ContactSets(stack, self._make_forces)
         self._current = self._prepared.of(stack.active_contacts)
         self.forces = self._all_forces.of(stack.active_contacts)
         self.reset()
 
     def _make_forces(self, contacts: tuple[Contact, ...]) -> ContactForces:
-        forces = ContactForces(self.robot, self.stack, contacts)
+        forces = ContactForces(self.robot, self.stack, self._prepared.of(contacts))
         forces.set_references(self._wrenches)
         return forces
 
-    def _accelerations(self, rows: LevelRows) -> Float64[np.ndarray, " nv"]:
-        """Accelerations of all levels, with joints and balance held that would leave their limits.
-
-        Of the rows of balance and self-collision limit the one that is farthest out is held in each
-        round: the next is often met then, and edges on both sides of a corner are held together
-        where it is not.
-        """
-        acceleration = self.recursion.resolve(rows, self._dynamics)
-        self._held = np.zeros(self.robot.nj, dtype=np.bool_)
-        self._held_rows = {}
-        for _ in range(2 * _LIMIT_ROUNDS):
-            # Joints first: what they give up may have been what leaned on the balance.
-            if not (self._hold_joints(acceleration) or self._hold_limit(acceleration)):
-                break
-            acceleration = self.recursion.resolve(self._with_held(rows), self._dynamics)
-        return acceleration
-
-    def _hold_joints(self, acceleration: Float64[np.ndarray, " nv"]) -> bool:
-        """Holds the joints that leave their limits; whether there are new ones."""
-        limit, base = self.stack.joint_limit, self.robot.base_dofs
-        if not excess(acceleration, base, limit.lower, limit.upper) > _SLACK:
-            return False
-        joints = acceleration[base:]
-        outside = (joints < limit.lower - _SLACK) | (joints > limit.upper + _SLACK)
-        outside &= ~self._held
-        if outside.any():
-            target = np.clip(joints, limit.lower, limit.upper)
-            self._bounds = np.where(self._held, self._bounds, target)
-            self._held |= outside
-        return bool(outside.any())
-
-    def _hold_limit(self, acceleration: Float64[np.ndarray, " nv"]) -> bool:
-        """Holds the row of the limits that is farthest out; whether there is a new one."""
-        stack_rows = self._current.stack_rows
-        own = stack_rows.limit_rows
-        if not stack_rows.excess(acceleration, own) > _SLACK:
-            return False
-        values = stack_rows.J[own] @ acceleration
-        over, under = values - stack_rows.upper[own], stack_rows.target[own] - values
-        outside = np.maximum(over, under)
-        outside[list(self._held_rows)] = -np.inf
-        worst = int(np.argmax(outside))
-        if not outside[worst] > _SLACK:
-            return False
-        bound = stack_rows.upper if over[worst] > under[worst] else stack_rows.target
-        self._held_rows[worst] = float(bound[own][worst])
-        return True
-
-    def _with_held(self, rows: LevelRows) -> LevelRows:
-        """The levels with what is held behind the physics."""
-        index = np.flatnonzero(self._held)
-        if len(index):
-            columns = index + self.robot.base_dofs
-            selection = np.eye(self.robot.nv)[columns]
-            rows = rows.with_held(selection, self._bounds[index], self._scales.joints[columns])
-        if self._held_rows:
-            stack_rows = self._current.stack_rows
-            held = stack_rows.J[stack_rows.limit_rows][list(self._held_rows)]
-            target = np.array(list(self._held_rows.values()))
-            rows = rows.with_held(held, target, self._scales.of_rows(held))
-        return rows
+    def _find_held(self, acceleration: Float64[np.ndarray, " nv"]) -> None:
+        """Finds the joints and rows of limits that bounds hold back."""
+        self._held_joints, self._held_rows = [], []
+        if self.forces.bounded:
+            bounds, joints = self._current.bounds, acceleration[self.robot.base_dofs :]
+            values = bounds.rows @ acceleration
+            at = np.minimum(joints - bounds.lower, bounds.upper - joints) < SLACK
+            rows = np.minimum(values - bounds.least, bounds.most - values) < SLACK
+            self._held_joints = np.flatnonzero(at).tolist()
+            self._held_rows = np.flatnonzero(rows).tolist()
 
     def _measure(self, acceleration: Float64[np.ndarray, " nv"]) -> tuple[float, ...]:
         """Residuals: dynamics and torque limits, contacts and joint limits, then the levels."""
