@@ -7,7 +7,7 @@ from jaxtyping import Float64
 import poise
 
 _FACTORS = (1.0, 5.0, 10.0)
-"""What the hands ask for, over what they ask for first."""
+"""Factors on the hands' first reference accelerations."""
 
 _HANDS = 2.0
 """Standard deviation of the hands' reference accelerations at first [m/s^2, rad/s^2]."""

@@ -55,7 +55,7 @@ _TORQUE_RATE = 250.0
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a robot.
+    """Outcome of a trial.
 
     Attributes:
         fell: whether it fell.

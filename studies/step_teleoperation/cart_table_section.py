@@ -118,7 +118,7 @@ def _rotated() -> tuple[Finding, Finding]:
 def _off_reference(
     reference: np.ndarray, momentum_rate: Callable[[np.ndarray], np.ndarray]
 ) -> float:
-    """How far the ZMP is off its reference at most, with the shifter and u_2 by the CT-ZMP [m]."""
+    """Return the largest ZMP error with the shifter and u_2 by the CT-ZMP [m]."""
     shifter, table = ComShifter(_HEIGHT), CartFlywheelTable(_HEIGHT, _MASS, np.zeros(2))
     off = 0.0
     for _ in range(round(_SECONDS / _DT)):

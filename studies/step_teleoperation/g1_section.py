@@ -74,7 +74,7 @@ def g1_section(options: StudyOptions, progress: Progress) -> Section:
 
 
 def _landing(after: float, script: Script, run: TeleopRun) -> Finding:
-    """How late the right foot of scenario 3 lands, which has to be down when the left one lifts."""
+    """Return the delay of the right foot's touchdown in scenario 3, due before the left lift."""
     down = min(point.at for point in script.points if point.right and point.right[2] < 0.0)
     landed = first(run.log, Mode.D, down)
     late = None if landed is None else landed - down

@@ -51,7 +51,7 @@ _RUNS = (
 
 
 _STOOD = "stood"
-"""What the table has of a run in which all was done that was led."""
+"""Table entry of a run in which every command was carried out."""
 
 
 class _Variant(NamedTuple):
@@ -125,7 +125,7 @@ def rules_section(options: StudyOptions, progress: Progress) -> Section:
 
 
 def _runs(robot: Robot, variant: _Variant) -> list[str]:
-    """What became of the robot in four scenarios and under the bad operator, as `_RUNS`."""
+    """Outcomes of four scenarios and of the bad operator, as `_RUNS`."""
 
     def settings(parameters: TeleopParameters) -> dict[str, Any]:
         return {"parameters": replace(parameters, **variant.changes), "leader": variant.leader}

@@ -120,7 +120,7 @@ def beyond(robot: Robot, log: TeleopLog, script: Script) -> float:
 
 
 _LIFTED = 0.5
-"""A foot that gets up to less than this share of how high it is led was not lifted."""
+"""Share of the commanded height below which a foot counts as not lifted."""
 
 
 def left_undone(robot: Robot, run: TeleopRun, script: Script) -> list[str]:

@@ -44,7 +44,7 @@ _WORDED_OFF = "(39c), off, as the paper's words have it"
 _ALONE = "the paper's rules alone"
 
 Leaders = dict[str, tuple[type[StepTeleoperator], bool]]
-"""What leads, and whether the rotator acts."""
+"""Teleoperator of a run, with or without the rotator."""
 
 _WEIGHTED: Leaders = {
     "constant, on": (StepTeleoperator, True),
@@ -63,7 +63,7 @@ _SETTINGS = {
     f"servos {STIFF}": (STIFF, AS_MEASURED),
     f"servos {STIFF}, ZMP smoothed": (STIFF, {}),
 }
-"""What the paper's rules are run with: servos, and parameters."""
+"""Servos and parameters of the paper's rules."""
 
 
 class SwingFigures(NamedTuple):
@@ -160,7 +160,7 @@ def _led(
 
 
 def swings(run: TeleopRun) -> bool:
-    """Whether the right foot is in the air when the script begins to swing it."""
+    """Return whether the right foot is in the air when the script begins to swing it."""
     return bool((run.log.when(Mode.SL) & (run.log.time > _FIRST_SWING)).any())
 
 
@@ -222,7 +222,7 @@ def _findings(way: Way, runs: dict[str, TeleopRun], axis: int) -> list[Finding]:
 
 
 def _rescued(name: str, runs: list[TeleopRun], axis: int) -> Finding:
-    """What the rotator is worth by the paper's rules alone, from runs with it and without."""
+    """Compare runs of the paper's rules with and without the rotator."""
     on, off = runs
     note = "“effective”; asked: with it the robot swings its foot and stands. "
     stood = swings(on) and not on.fell

@@ -57,12 +57,7 @@ class Backend(Protocol):
 
 
 def make_backend(name: str) -> Backend:
-    """Return a QP solver.
-
-    Raises:
-        UnknownNameError: no such backend.
-        MissingExtraError: the backend is not installed.
-    """
+    """Return a QP solver."""
     if name not in ACCURACY:
         raise UnknownNameError("no such QP backend", got=name, choices=ACCURACY)
     if name == "daqp":
@@ -100,10 +95,6 @@ def proximal_point(
     weight converges fastest, but magnifies the solver's own tolerance: where rows are missed, a
     larger one is tried. Of 2,000 random hierarchies all were right so, against 2 to 13 silently
     wrong with any single weight, and 2 to 7 with DAQP's own proximal iterations.
-
-    Args:
-        qp: the problem.
-        solve: solves with the Hessian and gradient that it is given, and the problem's rows.
     """
     curvatures = np.linalg.eigvalsh(qp.P)
     if curvatures[0] > DEFINITE * curvatures[-1]:

@@ -90,11 +90,7 @@ class Reduction:
         )
 
     def held_rows(self, slop: float = 0.0) -> TwoSidedRows:
-        """Return the held inequalities in y, widened by rounding so that `y = 0` meets them.
-
-        Args:
-            slop: further widening, relative to the rows' size.
-        """
+        """Return the held inequalities in y, widened by rounding so that `y = 0` meets them."""
         rows = self.rows(self.held)
         room = slop * np.maximum(1.0, self.norms[self.held] * float(np.linalg.norm(self.point)))
         return TwoSidedRows(

@@ -48,12 +48,7 @@ class Certificate:
 
 
 def certify_point(problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]) -> Certificate:
-    """Check the optimality conditions of every level and of the final cost at a point.
-
-    Args:
-        problem: the problem that `x` claims to solve.
-        x: the point.
-    """
+    """Check the optimality conditions of every level and of the final cost at a point."""
     return _Certifier(problem, x).run()
 
 
@@ -105,17 +100,7 @@ class _Certifier:
     def _balance(
         self, gradient: Float64[np.ndarray, " n"], size: float, most: Float64[np.ndarray, " nm"]
     ) -> tuple[float, Float64[np.ndarray, " nm"]]:
-        """Find multipliers that cancel the gradient as far as possible.
-
-        Args:
-            gradient: what is to be balanced.
-            size: unit of the error: the forces before they cancel, so that it stays meaningful
-                where the gradient itself has to vanish.
-            most: size of each row's multiplier at most.
-
-        Returns:
-            What is left, and the multipliers.
-        """
+        """Find multipliers that cancel the gradient as far as possible."""
         found = np.zeros(len(self.slacks))
         if size == 0.0 or not np.any(gradient):
             return 0.0, found
@@ -147,9 +132,6 @@ def _nearest(
 
     What would have to be more than `most` is as much as that. So the sizes are no worse than those
     found, but where several are at their most others may come nearer.
-
-    Returns:
-        How far from it they stay, and the sizes.
     """
     # SciPy's optimizers take long to import, and no tick needs them.
     from scipy.optimize import nnls

@@ -24,11 +24,7 @@ def is_sound(problem: HierarchicalProblem) -> bool:
 
 
 def faults(problem: HierarchicalProblem) -> list[str]:
-    """What keeps the numbers from being a problem, by the labels of the rows: see `is_sound`.
-
-    Args:
-        problem: any; of a sound one nothing is said.
-    """
+    """List the faults of a problem's numbers by the labels of their rows, see `is_sound`."""
     lower, upper, weights = problem.lower, problem.upper, problem.weights
     wrong = np.isnan(lower) | np.isnan(upper) | (lower == np.inf) | (upper == -np.inf)
     wrong |= ~(np.isfinite(weights) & (weights > 0.0))

@@ -72,14 +72,7 @@ def find_slacks(
     values: Float64[np.ndarray, " nm"],
     slacks: Float64[np.ndarray, " nm"],
 ) -> None:
-    """Signed distances of row values outside `[lower, upper]`.
-
-    Args:
-        lower: bounds of the variables, then of the rows.
-        upper: bounds of the variables, then of the rows.
-        values: of all of them at a point.
-        slacks: receives them.
-    """
+    """Signed distances of row values outside `[lower, upper]`."""
     for i in range(len(values)):
         slacks[i] = max(values[i] - upper[i], 0.0) - max(lower[i] - values[i], 0.0)
 
@@ -93,16 +86,7 @@ def find_residuals(
     values: Float64[np.ndarray, " nm"],
     residuals: Float64[np.ndarray, " p"],
 ) -> None:
-    """`|W w|` of each level.
-
-    Args:
-        lower: bounds of the variables, then of the rows.
-        upper: bounds of the variables, then of the rows.
-        weights: of their slack.
-        level_of: which level each belongs to.
-        values: of all of them at a point.
-        residuals: receives them.
-    """
+    """`|W w|` of each level."""
     residuals[:] = 0.0
     for i in range(len(values)):
         slack = max(values[i] - upper[i], 0.0) - max(lower[i] - values[i], 0.0)

@@ -359,10 +359,6 @@ def _falls_for_ever(problem: HierarchicalProblem, flat: Float64[np.ndarray, "n k
 
     Strategies go to the end of such a direction by what curves elsewhere: where nothing does, only
     equalities hold it.
-
-    Args:
-        problem: with a final cost.
-        flat: directions along which H does not curve, orthonormal.
     """
     slope = problem.g @ flat
     least = RANGE_TOLERANCE * max(1.0, float(np.abs(problem.g).max()))

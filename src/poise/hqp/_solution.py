@@ -244,12 +244,6 @@ def failure(
     """Return the answer where there is no point: x is zero, and everything in it is finite.
 
     The residuals of a bad problem say nothing and are zero; a sound one's are those of x = 0.
-
-    Args:
-        problem: the problem.
-        status: why there is no point.
-        strategy: its name.
-        start: when the solve began, by `perf_counter` [s].
     """
     x, levels = np.zeros(problem.n), np.zeros(len(problem.levels))
     slacks, residuals, scales = np.zeros(problem.n + problem.m), levels, levels + 1.0

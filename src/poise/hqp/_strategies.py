@@ -47,13 +47,7 @@ class Solver(Protocol):
         ...
 
     def follow(self, problem: HierarchicalProblem, last: object) -> None:
-        """Make the next solve, of a problem, begin where a solver of another one ended.
-
-        Args:
-            problem: what is solved next.
-            last: the other solver; what it found for rows of the same labels is what counts. One
-                of another kind says nothing.
-        """
+        """Make the next solve, of a problem, begin where a solver of another one ended."""
         ...
 
     def reset(self) -> None:

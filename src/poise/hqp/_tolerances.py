@@ -116,12 +116,7 @@ LEAP_PATIENCE = 4
 
 
 def changes_allowed(n: int, m: int) -> int:
-    """Changes of the active set after which a search ends with the point that it has.
-
-    Args:
-        n: number of variables.
-        m: number of rows.
-    """
+    """Changes of the active set after which a search ends with the point that it has."""
     return 50 + 10 * (n + m)
 
 

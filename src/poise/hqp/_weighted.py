@@ -97,14 +97,7 @@ def _forms(problem: HierarchicalProblem, ratio: float) -> Iterator[QP]:
 
 
 def _tasks_as_cost(problem: HierarchicalProblem, ratio: float, first: int, soft: int) -> QP:
-    """The usual form on a robot: the lowest levels are terms of the cost, and need no slack.
-
-    Args:
-        problem: the problem.
-        ratio: of the weights of two levels.
-        first: the first level that is a term of the cost; from here on all can be.
-        soft: the first level of which each row has a slack; those before it are hard.
-    """
+    """The usual form on a robot: the lowest levels are terms of the cost, and need no slack."""
     count, n = len(problem.levels), problem.n
     # The dearest task weighs one: DAQP takes rows that a large Hessian shrinks for empty ones.
     ratio = min(ratio, WEIGHT_SPAN ** (1.0 / (count - first)))

@@ -25,16 +25,6 @@ def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, " m"]:
     A mask is a group ("position"), a group with letters ("orientation_xy"), or several of these
     joined by "+" ("position_z+orientation"). Where there is one group its name may be left out
     ("xy").
-
-    Args:
-        axes: the mask.
-        groups: first row of each group of three axes.
-
-    Returns:
-        Row indices, ascending.
-
-    Raises:
-        ConfigurationError: the mask cannot be read, or names an axis twice.
     """
     rows: list[int] = []
     for term in checked_kind(axes, str, "an axis mask").split("+"):
@@ -58,11 +48,7 @@ def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, " m"]:
 
 
 def split_rows(index: np.ndarray) -> tuple[int, ...]:
-    """Number of position rows and of orientation rows of a pose mask, those that are there.
-
-    Args:
-        index: row indices from `parse_axes`, positions from 0 and orientations from 3.
-    """
+    """Number of position rows and of orientation rows of a pose mask, those that are there."""
     linear = int(np.count_nonzero(index < 3))
     return tuple(size for size in (linear, len(index) - linear) if size)
 
@@ -77,12 +63,7 @@ ahead, sqrt(g / 0.8 m) times that takes the DCM to its edge."""
 
 
 def usual_speeds(index: np.ndarray, angular: float) -> list[float]:
-    """The usual speed of each block of rows of a pose mask, see `split_rows`.
-
-    Args:
-        index: row indices from `parse_axes`.
-        angular: that of orientations [rad/s].
-    """
+    """The usual speed of each block of rows of a pose mask, see `split_rows`."""
     linear = int(np.count_nonzero(index < 3))
     return [LINEAR_SPEED] * (linear > 0) + [angular] * (linear < len(index))
 
@@ -94,17 +75,7 @@ _ORTHOGONALITY_TOLERANCE = 1e-6
 def checked_gain(
     value: Numbers, dim: int, what: str, *, positive: bool = False
 ) -> Float64[np.ndarray, " m"]:
-    """A gain or weight per axis, from a scalar or a vector; a copy.
-
-    Args:
-        value: one number, or one a row.
-        dim: number of rows.
-        what: what it is, for messages.
-        positive: whether zero is refused, too.
-
-    Raises:
-        ConfigurationError: wrong length, not a number, negative or not finite.
-    """
+    """A gain or weight per axis, from a scalar or a vector; a copy."""
     array = _as_array(value, what, ConfigurationError)
     if array.shape not in ((), (dim,)):
         raise ConfigurationError(
@@ -120,16 +91,7 @@ def checked_gain(
 
 
 def checked_speed(value: Numbers, blocks: int, what: str) -> Float64[np.ndarray, " b"]:
-    """A largest speed per block of rows, from a scalar or a vector; a copy.
-
-    Args:
-        value: one number, or one a block; inf for none.
-        blocks: number of blocks.
-        what: what it is, for messages.
-
-    Raises:
-        ConfigurationError: wrong length, not a number, NaN or not positive.
-    """
+    """A largest speed per block of rows, from a scalar or a vector; a copy."""
     array = _as_array(value, what, ConfigurationError)
     if array.shape not in ((), (blocks,)):
         raise ConfigurationError(
@@ -143,27 +105,14 @@ def checked_speed(value: Numbers, blocks: int, what: str) -> Float64[np.ndarray,
 
 
 def checked_target(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:
-    """A target vector of known length: the same array where it is one already, to be copied.
-
-    Raises:
-        TargetError: wrong shape, not numbers, NaN or infinite.
-    """
+    """A target vector of known length: the same array where it is one already, to be copied."""
     if not _is_finite_array(value, (dim,)):
         value = _checked_array(value, (dim,), what)
     return value
 
 
 def checked_rates(value: Numbers, alone: slice | None, what: str) -> Float64[np.ndarray, "6"]:
-    """Rates of a pose, linear then angular: the same array where it is one already, to be copied.
-
-    Args:
-        value: six numbers, or three of one kind where those may stand alone.
-        alone: which three of the six may; None for none.
-        what: what messages call it.
-
-    Raises:
-        TargetError: wrong shape, not numbers, NaN or infinite.
-    """
+    """Return rates of a pose, linear then angular; an array is not copied."""
     if _is_finite_array(value, (6,)):
         return value
     wanted, array = "(6,), linear then angular", _as_array(value, what, TargetError)
@@ -177,15 +126,7 @@ def checked_rates(value: Numbers, alone: slice | None, what: str) -> Float64[np.
 
 
 def checked_rotation(value: Numbers, what: str) -> Float64[np.ndarray, "3 3"]:
-    """A rotation matrix: the same array where it is one already, to be copied.
-
-    Args:
-        value: a matrix, or a quaternion (x, y, z, w).
-        what: what messages call it.
-
-    Raises:
-        TargetError: wrong shape, NaN, not orthogonal with determinant one, not of length one.
-    """
+    """A rotation matrix: the same array where it is one already, to be copied."""
     if not _is_finite_array(value, (3, 3)):
         value = _checked_array(_from_quaternion(value, what), (3, 3), what)
     (a, b, c), (d, e, f), (g, h, i) = value.tolist()
@@ -212,15 +153,7 @@ orientation."""
 
 
 def split_pose(value: Pose, what: str) -> tuple[Numbers, Numbers] | None:
-    """Position and orientation of a pose; None for anything else, such as a position.
-
-    Args:
-        value: what was given.
-        what: what messages call it.
-
-    Raises:
-        TargetError: a 4 x 4 matrix whose last row is not that of a pose.
-    """
+    """Position and orientation of a pose; None for anything else, such as a position."""
     if isinstance(value, pin.SE3):
         return value.translation, value.rotation
     if (

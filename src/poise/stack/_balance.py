@@ -285,12 +285,7 @@ class _Leg:
     straight: float
 
     def bounds(self, shortest: float, longest: float) -> tuple[float, float]:
-        """Bounds of the distance of hip and ankle, within which home always lies [m].
-
-        Args:
-            shortest: by the length of the straight leg.
-            longest: by the length of the straight leg.
-        """
+        """Bounds of the distance of hip and ankle, within which home always lies [m]."""
         return min(shortest * self.straight, self.home), max(longest * self.straight, self.home)
 
 

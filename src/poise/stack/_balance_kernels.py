@@ -69,16 +69,7 @@ def bound_balance(
     rows: Rows,
     work: Float64[np.ndarray, " work"],
 ) -> None:
-    """Rows for the edges of the support, the angular momentum, then one a leg.
-
-    Args:
-        v: velocity.
-        motion: what the dynamics found.
-        owners: contacts among them.
-        line: of the limit.
-        rows: receives the rows: bounds, distances to the edges as their errors.
-        work: room.
-    """
+    """Rows for the edges of the support, the angular momentum, then one a leg."""
     for i in range(line[COUNT]):
         row = line[FIRST] + i
         for k in range(len(v)):

@@ -247,15 +247,7 @@ def _is_rectangle(lower: object, upper: object) -> bool:
 def _rectangle_cone(
     friction: float, x: float, y: float, torsion: float | None, *, yaws: bool
 ) -> Float64[np.ndarray, "rows 6"]:
-    """The cone of a rectangle, see `SurfaceContact`.
-
-    Args:
-        friction: Coulomb coefficient.
-        x: half the length [m].
-        y: half the width [m].
-        torsion: bound of the yaw moment per normal force [m]; what friction holds when None.
-        yaws: whether there is a yaw moment to bound.
-    """
+    """The cone of a rectangle, see `SurfaceContact`."""
     f_x, f_y, f_z, m_x, m_y, m_z = np.eye(6)
     pairs = [(f_x, friction * f_z), (f_y, friction * f_z), (m_x, y * f_z), (m_y, x * f_z)]
     if yaws and torsion is not None:
@@ -277,10 +269,6 @@ def _edge_cone(friction: float, half: float) -> Float64[np.ndarray, "10 6"]:
         |f_x| <= friction f_z,  |f_y| <= friction f_z,  |m_y| <= half f_z
         |half f_y + friction m_y| <= friction half f_z - m_z
         |half f_y - friction m_y| <= friction half f_z + m_z
-
-    Args:
-        friction: Coulomb coefficient.
-        half: of the edge's length [m].
     """
     f_x, f_y, f_z, _, m_y, m_z = np.eye(6)
     pairs = [

@@ -46,11 +46,7 @@ class Owner:
     _alone: "Evaluation | None" = None
 
     def evaluate_alone(self, dynamics: Dynamics) -> Rows:
-        """Evaluates it apart from all others.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Evaluates it apart from all others."""
         if self._alone is None:
             wrench_dim = self.dim if self.kind is Kind.CONTACT else 0
             whole = slice(0, self.dim)
@@ -59,32 +55,18 @@ class Owner:
         return self._alone.rows
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Takes what was never set of its target from the robot.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Takes what was never set of its target from the robot."""
 
     def reset(self) -> None:
         """Forgets what was taken from the robot."""
 
     def view(self, rows: Rows, own: slice, nv: int) -> None:
-        """Takes views of its rows as its attributes.
-
-        Args:
-            rows: what was evaluated.
-            own: its rows.
-            nv: columns of its Jacobian.
-        """
+        """Takes views of its rows as its attributes."""
         self.jacobian = rows.matrix[rows.first + own.start : rows.first + own.stop, :nv]
         self.drift, self.reference = rows.drift[own], rows.reference[own]
 
     def write_constants(self, J: Float64[np.ndarray, "m nv"]) -> None:
-        """Writes coefficients that never change.
-
-        Args:
-            J: its rows, zero.
-        """
+        """Writes coefficients that never change."""
 
 
 @once_a_robot
@@ -180,12 +162,7 @@ class Evaluation:
             owner.evaluation = None
 
     def update(self, dynamics: Dynamics, *, velocities: bool = False) -> None:
-        """Evaluates all for one state; tasks without a target hold what the robot does now.
-
-        Args:
-            dynamics: the state, up to date.
-            velocities: whether right-hand sides are velocities, not accelerations.
-        """
+        """Evaluates all for one state; tasks without a target hold what the robot does now."""
         if not self.owners:
             return
         if not self._run(dynamics, velocities):

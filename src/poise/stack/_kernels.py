@@ -58,7 +58,7 @@ _HUGE = 1e150
 """Speeds are cut to this, whose square does not overflow."""
 
 _STEEPNESS = 4.0
-"""How much steeper than an error grows its feedback fades near half a turn: kd^2 / kp of critical
+"""Slope at which feedback fades near half a turn, over that of the error: kd^2 / kp of critical
 damping, with which the velocity asked for changes by kd a radian, as fast as damping follows."""
 
 _FADING = math.pi * _STEEPNESS / (1.0 + _STEEPNESS)
@@ -78,20 +78,7 @@ def evaluate(
     velocities: bool,
     work: Float64[np.ndarray, " work"],
 ) -> bool:
-    """Writes the rows of all owners for one state.
-
-    Args:
-        q: configuration.
-        v: velocity.
-        motion: what the dynamics found for them.
-        owners: tasks and contacts.
-        rows: receives their rows.
-        velocities: whether right-hand sides are velocities, not accelerations.
-        work: as many numbers as any owner needs.
-
-    Returns:
-        Whether every task has a target; where one has none the rows are not finished.
-    """
+    """Writes the rows of all owners for one state."""
     for i in range(len(owners.table)):
         line = owners.table[i]
         kind, target = int(line[KIND]), int(line[START] + GAINS * line[COUNT])
@@ -152,16 +139,7 @@ def _ask(
     end: int,
     velocities: bool,
 ) -> None:
-    """Feedback of a block of a task's rows as in `Task`, or what was given in its place.
-
-    Args:
-        rows: with what `_write` left there; receives references and right-hand sides.
-        parameters: of all owners.
-        line: of the task.
-        begin: first row of the block in the task.
-        end: where it ends.
-        velocities: whether right-hand sides are velocities, not accelerations.
-    """
+    """Feedback of a block of a task's rows as in `Task`, or what was given in its place."""
     m, gains, first = line[COUNT], line[START], line[FIRST]
     asked_square = target_square = 0.0
     for i in range(begin, end):
@@ -236,13 +214,7 @@ def _contact(
 def _move_to_edge(
     parameters: Float64[np.ndarray, " p"], edge: int, work: Float64[np.ndarray, " work"]
 ) -> None:
-    """Moves a frame aside to the lower edge of its sole, along its y, with velocity and bias.
-
-    Args:
-        parameters: of the contact.
-        edge: place of its `edge_distance`, which is zero where it does not stand on an edge.
-        work: the frame at 0, along its own axes.
-    """
+    """Moves a frame aside to the lower edge of its sole, along its y, with velocity and bias."""
     tilt = work[ROTATION + 7]
     aside = -parameters[edge] * min(max(tilt / FULL_TILT, -1.0), 1.0)
     for i in range(3):
@@ -436,14 +408,7 @@ def _fade(turn: Float64[np.ndarray, " k"], at: int) -> float:
 def _along(
     twist: Float64[np.ndarray, " k"], at: int, component: int, work: Float64[np.ndarray, " work"]
 ) -> float:
-    """A component of a twist: along an axis of the world, or about one of the frame's own.
-
-    Args:
-        twist: six numbers along the world's axes, linear part first.
-        at: where they begin.
-        component: 0 to 5; or `OWN_AXES` and on for turning about the frame's own axes.
-        work: the frame at 0.
-    """
+    """A component of a twist: along an axis of the world, or about one of the frame's own."""
     if component < OWN_AXES:
         return twist[at + component]
     axis = ROTATION + component - OWN_AXES
@@ -531,10 +496,6 @@ def _see_from(work: Float64[np.ndarray, " work"], root: int) -> None:
 
     With offset p_f - p_r and slip v_f - v_r, the velocity seen is slip - omega_r x offset, and the
     drift carries the centripetal and Coriolis terms of the turning root.
-
-    Args:
-        work: the frame at 0; it is overwritten.
-        root: where the root's numbers begin.
     """
     w = root + VELOCITY + 3
     for i in range(3):

@@ -17,16 +17,7 @@ bits."""
 def find_hull(
     points: Float64[np.ndarray, "n 2"], count: int, hull: Float64[np.ndarray, "k 2"]
 ) -> int:
-    """Andrew's monotone chain, exact on a grid of 4 nm; collinear points are left out.
-
-    Args:
-        points: overwritten.
-        count: how many there are.
-        hull: receives the corners, counter-clockwise; room for twice as many.
-
-    Returns:
-        How many corners there are: none for fewer than three different points, two for a line.
-    """
+    """Andrew's monotone chain, exact on a grid of 4 nm; collinear points are left out."""
     x, y = (points[0, 0], points[0, 1]) if count > 0 else (0.0, 0.0)
     for i in range(count):
         points[i, 0] = round((points[i, 0] - x) / _GRID)
@@ -51,13 +42,7 @@ def find_hull(
 
 @part
 def nearest_inside(hull: Float64[np.ndarray, "k 2"], x: float, y: float) -> tuple[float, float]:
-    """The point itself where a polygon holds it, else the nearest of the outline.
-
-    Args:
-        hull: corners, counter-clockwise.
-        x: the point [m].
-        y: its second coordinate [m].
-    """
+    """The point itself where a polygon holds it, else the nearest of the outline."""
     inside, least, near_x, near_y, count = True, np.inf, x, y, len(hull)
     for i in range(count):
         ax, ay = hull[i, 0], hull[i, 1]

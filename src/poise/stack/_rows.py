@@ -159,24 +159,13 @@ class StackRows:
         """Has the rows written into a strategy's own memory from now on, without another copy.
 
         Rows of the strategy's own are left alone.
-
-        Args:
-            matrix: receives the coefficients, in its first columns.
-            first: where the rows begin in it.
-            bounds: receive the right-hand sides, as lower and upper bounds of equalities.
-            weight: receives the weights.
-            wrench_bounds: receive the lower and upper bounds of the wrenches.
         """
         weight[:] = self.weight
         self.evaluation.write_into(matrix, first, *bounds, weight, *wrench_bounds)
         self._take(self.evaluation.rows)
 
     def write_cones_into(self, matrix: Float64[np.ndarray, "cone w"]) -> None:
-        """Has `cone` written into a strategy's own memory from now on.
-
-        Args:
-            matrix: receives it.
-        """
+        """Has `cone` written into a strategy's own memory from now on."""
         rows = _spans([len(c.cone) for c in self.contacts])
         self.cone: Float64[np.ndarray, "cone w"] = matrix
         self.cone[:] = stacked_cones(self.contacts)
@@ -208,11 +197,7 @@ class StackRows:
         ]
 
     def update(self, dynamics: Dynamics) -> None:
-        """Evaluates limits, contacts and tasks for a state: rows on accelerations.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Evaluates limits, contacts and tasks for a state: rows on accelerations."""
         limit = self._stack.joint_limit
         limit.evaluate(dynamics)
         self.evaluation.update(dynamics)
@@ -230,11 +215,7 @@ class StackRows:
         bound_settling(q, v, *evaluated, limit.viability, self.settling_room, *bounds)
 
     def update_own(self, dynamics: Dynamics) -> None:
-        """Evaluates for a state what is not compiled: tasks of a user's own.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Evaluate the tasks of a user for a state."""
         for task, J, target, upper, weight, error in self._own_views:
             evaluate_own(task, dynamics)
             J[:], error[:] = task.jacobian, task.error
@@ -246,9 +227,6 @@ class StackRows:
 
         A task asks for its target's velocity plus its error fed back, (kp / kd) error, or for the
         velocity that it was given; contacts do not move.
-
-        Args:
-            dynamics: the state, up to date.
         """
         if self._stance is not None:
             self._stance.evaluate(dynamics)
@@ -265,26 +243,13 @@ class StackRows:
     def measure(
         self, x: Float64[np.ndarray, " n"], J: Float64[np.ndarray, "m n"] | None = None
     ) -> Float64[np.ndarray, " ends"]:
-        """What an answer leaves over of contacts and of each level, relative to the level's scale.
-
-        Args:
-            x: accelerations, or velocities.
-            J: coefficients of x where they are others than `J`, as with an eliminated stance.
-
-        Returns:
-            |W (J x - target)| / max(1, |W target|), of the contacts first and then of each level;
-            overwritten by the next call.
-        """
+        """Return the relative residuals of the contacts and of each level; overwritten."""
         rows, bounds = self.J if J is None else J, (self.contact_rows.stop, self.ends)
         _measure(rows, self.target, self.weight, bounds, x, self._missing, self._residuals)
         return self._residuals
 
     def is_held(self, x: Float64[np.ndarray, " n"]) -> bool:
-        """Whether the balance limit holds an answer back: one of its rows is at its bound.
-
-        Args:
-            x: accelerations; what follows them is left alone.
-        """
+        """Return whether a row of the balance limit is at its bound."""
         return self.excess(x, self.balance_rows) >= -_AT_BOUND
 
     @property
@@ -304,21 +269,13 @@ class StackRows:
         """How far an answer is beyond the bounds of rows of limits, at most [m/s^2, m/s].
 
         Negative where all of them hold with room; minus infinity for no rows.
-
-        Args:
-            x: accelerations; what follows them is left alone.
-            rows: some of the rows.
         """
         own = self.evaluation.rows
         matrix, first = own.matrix, own.first + rows.start
         return _excess(matrix, first, self.target[rows], self.upper[rows], x, self._nv)
 
     def task_residuals(self, missing: Float64[np.ndarray, " m"] | None = None) -> dict[str, float]:
-        """Norm of what each task could not meet, unweighted, by its name [unit/s^2, unit/s].
-
-        Args:
-            missing: J x - target; what was measured last when None.
-        """
+        """Norm of what each task could not meet, unweighted, by its name [unit/s^2, unit/s]."""
         left = self._missing if missing is None else missing
         return {task.name: float(np.linalg.norm(left[rows])) for task, rows in self.task_rows}
 
@@ -359,24 +316,14 @@ class StackRows:
 
 
 def is_compiled(task: Task) -> bool:
-    """Whether a task's formulas are compiled, and evaluated with all others of that kind.
-
-    Args:
-        task: the task.
-    """
+    """Return whether a task's formulas are compiled, and evaluated with all others."""
     return isinstance(task, ShippedTask) and task.is_compiled
 
 
 def home_jacobians(
     home: Dynamics, owners: Iterable[Contact | Task]
 ) -> dict[Contact | Task, Float64[np.ndarray, "m nv"]]:
-    """Jacobians of contacts and tasks in one posture, by which loss of rank is measured.
-
-    Args:
-        home: the posture, up to date.
-        owners: contacts and tasks, bound to the robot; tasks forget targets that they took from
-            the robot.
-    """
+    """Jacobians of contacts and tasks in one posture, by which loss of rank is measured."""
     found: dict[Contact | Task, Float64[np.ndarray, "m nv"]] = {}
     for owner in owners:
         if isinstance(owner, Task):
@@ -390,11 +337,7 @@ def home_jacobians(
 
 
 def stacked_cones(contacts: Sequence[Contact]) -> Float64[np.ndarray, "cone w"]:
-    """The rows C of all wrench cones C F <= 0, on all wrenches.
-
-    Args:
-        contacts: in the order of their wrenches.
-    """
+    """The rows C of all wrench cones C F <= 0, on all wrenches."""
     rows = _spans([len(c.cone) for c in contacts])
     columns = _spans([c.dim for c in contacts])
     cones = np.zeros((sum(len(c.cone) for c in contacts), sum(c.dim for c in contacts)))

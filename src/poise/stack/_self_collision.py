@@ -279,12 +279,7 @@ class SelfCollisionRows(Owner):
         self._distances, self._pairs = rows.error[own], rows.error_rate[own]
 
     def let_pass(self, *, legs: bool, everything: bool) -> None:
-        """Which pairs have no bound for a while.
-
-        Args:
-            legs: those of a leg and a leg.
-            everything: all of them.
-        """
+        """Which pairs have no bound for a while."""
         self._margins[:] = np.where((self._legs & legs) | everything, _NEVER, self._least)
 
     def rooms(self) -> list[float]:

@@ -48,12 +48,7 @@ either axis, distance of the axes, its rate, and what the pair is ranked by."""
 
 
 def room_for(frames: int, capsules: int) -> int:
-    """Numbers of work space.
-
-    Args:
-        frames: how many carry capsules.
-        capsules: how many there are.
-    """
+    """Numbers of work space."""
     return KINEMATICS * frames + _PLACED * capsules + _CHOSEN_PAIR * PAIRS
 
 
@@ -66,17 +61,7 @@ def bound_self_collision(
     velocities: bool,
     work: Float64[np.ndarray, " work"],
 ) -> None:
-    """Rows for the distances of the pairs that are about to be nearest.
-
-    Args:
-        motion: what the dynamics found.
-        owners: the limit among them.
-        line: of the limit.
-        rows: receives the rows: lower bounds, distances as their errors, pairs as their errors'
-            rates.
-        velocities: whether rows are on velocities.
-        work: `room_for` numbers.
-    """
+    """Rows for the distances of the pairs that are about to be nearest."""
     first, nv = int(line[FIRST]), motion.J.shape[1]
     for row in range(first, first + PAIRS):
         for k in range(nv):

@@ -70,17 +70,6 @@ def bound_settling(
     would take the robot off its soles. An ankle at its limit on a bump, asked for b at readings of
     3 mrad beyond it, kicked G1 until it hopped. Where an ankle's sole is tilted beyond its range
     the joint's own stop holds it.
-
-    Args:
-        q: configuration.
-        v: velocity.
-        owners: contacts, which come first, among them.
-        rows: theirs, evaluated for this state.
-        viability: of the joints.
-        room: to work in.
-        lower: lower bounds of the joints' accelerations; those beside contacts are replaced
-            [rad/s^2].
-        upper: upper ones.
     """
     first = len(v) - len(lower)
     for i in range(len(lower)):

@@ -50,11 +50,7 @@ class VectorTarget:
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
     ) -> None:
-        """Sets the target; rates that are not given are zero.
-
-        Raises:
-            TargetError: wrong shape, NaN or infinite.
-        """
+        """Sets the target; rates that are not given are zero."""
         memory, dim, (what, what_velocity, what_acceleration) = self.memory, self._dim, self._whats
         position = checked_target(position, dim, what)
         if velocity is not None:
@@ -111,11 +107,7 @@ class PoseTarget:
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
     ) -> None:
-        """Sets what is given; rates belong to what is given beside them.
-
-        Raises:
-            TargetError: wrong shape, NaN, not a rotation, or two of them.
-        """
+        """Sets what is given; rates belong to what is given beside them."""
         what, what_velocity, what_acceleration = self._whats
         pose = None if position is None else split_pose(position, what)
         if pose is not None:
@@ -207,13 +199,7 @@ class ShippedTask(Owner, Task, Generic[T]):
         self._target.release_hold()
 
     def view(self, rows: Rows, own: slice, nv: int) -> None:
-        """Takes views of its rows as its attributes.
-
-        Args:
-            rows: what was evaluated.
-            own: its rows.
-            nv: columns of its Jacobian.
-        """
+        """Takes views of its rows as its attributes."""
         super().view(rows, own, nv)
         self.error, self.error_rate = rows.error[own], rows.error_rate[own]
         self._fade = rows.fade[own]

@@ -99,12 +99,7 @@ class Softening:
         self._settings = np.array([softening, DAMPING])
 
     def read_from(self, rows: Rows, *, velocities: bool = False) -> None:
-        """Read the rows of a stack from now on.
-
-        Args:
-            rows: where they are evaluated.
-            velocities: whether right-hand sides are velocities, so that damping is rest.
-        """
+        """Read the rows of a stack from now on."""
         self._settings[1] = 0.0 if velocities else DAMPING
         self.terms = Terms(
             target=rows.target,
@@ -126,11 +121,7 @@ class Softening:
         return find_softening(self.terms.address, v, x, first)
 
     def by_level(self, weights: Float64[np.ndarray, " s"]) -> dict[int, float]:
-        """Return the weights that are not zero, by the index of their level.
-
-        Args:
-            weights: of as many of `levels`.
-        """
+        """Return the weights that are not zero, by the index of their level."""
         return {k: mu for k, mu in zip(self.levels, weights.tolist(), strict=False) if mu > 0.0}
 
 
@@ -144,17 +135,7 @@ def _refers_to_all(level: Sequence[Task], robot: Robot) -> bool:
 def find_softening(
     terms_at: int, v: Float64[np.ndarray, " nv"], x: Float64[np.ndarray, " n"], first: int
 ) -> float:
-    """Write weights and reference of the softening terms of evaluated rows.
-
-    Args:
-        terms_at: address of `Terms`.
-        v: generalized velocity; the joints' stand last.
-        x: an answer.
-        first: place of the first joint in it.
-
-    Returns:
-        Largest change that a term can make to its level's weighted rows, `mu |x_J - d|`.
-    """
+    """Write weights and reference of the softening terms of evaluated rows."""
     terms = view(Terms, terms_at)
     most, reference, base = 0.0, terms.reference, len(v) - len(terms.reference)
     for k in range(len(terms.spans)):

@@ -26,10 +26,6 @@ def is_held(task: Task, contacts: Sequence[Contact]) -> bool:
 
     A point contact decides where its frame is, but not how it is turned, and one on an edge not
     how it rolls.
-
-    Args:
-        task: the task.
-        contacts: active contacts.
     """
     return isinstance(task, FrameTask) and any(
         c.frame == task.frame and task.components <= set(c.chosen.tolist()) for c in contacts

@@ -72,14 +72,7 @@ def outline_support(
     line: Int64[np.ndarray, " entries"],
     work: Float64[np.ndarray, " work"],
 ) -> Support:
-    """Outlines of where the ZMP can be now, and of where the divergent component is caught.
-
-    Args:
-        motion: what the dynamics found.
-        owners: contacts among them.
-        line: of the balance limit.
-        work: room.
-    """
+    """Outlines of where the ZMP can be now, and of where the DCM is caught."""
     size = len(owners.corners) // CORNERS
     # Points of whole and of smaller rectangles, then the outlines of both.
     reach = owners.corners[: POINTS * size]
@@ -107,11 +100,7 @@ def _gather(
     catch: Float64[np.ndarray, "k 2"],
     work: Float64[np.ndarray, " work"],
 ) -> tuple[int, float]:
-    """Corners of the contacts that carry, of their whole rectangles and of smaller ones.
-
-    Returns:
-        How many contacts there are, none where one is no ground; and their mean height.
-    """
+    """Corners of the contacts that carry, of their whole rectangles and of smaller ones."""
     parameters, at = owners.parameters, line[START]
     count, height = 0, 0.0
     for other in owners.table:
@@ -155,11 +144,7 @@ def _press(
     points: Float64[np.ndarray, "k 2"],
     feet: int,
 ) -> int:
-    """Where each foot can press, alone and with the next one's help, after the feet's corners.
-
-    Returns:
-        How many points there are.
-    """
+    """Outline the CoP of each foot, alone and with the next one's help, after the corners."""
     foot, last = 0, 4 * feet
     weight = -motion.mass[0] * motion.gravity[2]
     for other in owners.table:

@@ -384,7 +384,7 @@ class Task(ABC):
         return (self.dim,)
 
     def _usual_speed(self, robot: Robot) -> Numbers:  # noqa: ARG002
-        """What `speed` is where none was given; a user's own unit has no usual speed."""
+        """Return the default of `speed`; the unit of a custom task has none."""
         return math.inf
 
     @abstractmethod
@@ -401,15 +401,7 @@ class TaskFaultError(ConfigurationError):
 
 
 def evaluate_own(task: Task, dynamics: Dynamics) -> None:
-    """Evaluates a task that may be a user's own.
-
-    Args:
-        task: bound to the robot.
-        dynamics: the state, up to date.
-
-    Raises:
-        TaskFaultError: it raised, or its arrays do not fit its number of rows.
-    """
+    """Evaluates a task that may be a user's own."""
     try:
         task.evaluate(dynamics)
         m, nv = task.dim, dynamics.robot.nv

@@ -150,15 +150,7 @@ def _bound_change(
     per_second: Float64[np.ndarray, " nj"],
     tick: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
 ) -> None:
-    """Bounds of a tick: the limit's own, and no farther from the last command than allowed.
-
-    Args:
-        own: lower and upper bounds [N m].
-        last: the last command [N m].
-        seconds: since then [s].
-        per_second: how fast torques may change [N m/s].
-        tick: receives lower and upper bounds [N m].
-    """
+    """Bounds of a tick: the limit's own, and no farther from the last command than allowed."""
     for i in range(len(last)):
         most = seconds * per_second[i]
         tick[0][i] = max(own[0][i], last[i] - most)

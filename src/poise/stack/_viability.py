@@ -100,14 +100,7 @@ class ViableAcceleration:
         lower: Float64[np.ndarray, " nj"],
         upper: Float64[np.ndarray, " nj"],
     ) -> None:
-        """Bounds in [-a_max, a_max], which never cross.
-
-        Args:
-            q: positions [rad].
-            v: velocities [rad/s].
-            lower: receives the lower bounds [rad/s^2].
-            upper: receives the upper bounds [rad/s^2].
-        """
+        """Bounds in [-a_max, a_max], which never cross."""
         _bounds(q, v, self.viability, lower, upper)
 
 
@@ -133,17 +126,7 @@ def bound_joint(
     lower: Float64[np.ndarray, " nj"],
     upper: Float64[np.ndarray, " nj"],
 ) -> None:
-    """The bounds of one joint.
-
-    Args:
-        i: which.
-        q: its position [rad].
-        v: its velocity [rad/s].
-        braking: with what it plans to stop [rad/s^2].
-        viability: of all joints.
-        lower: receives the lower bound [rad/s^2].
-        upper: receives the upper one.
-    """
+    """The bounds of one joint."""
     settings, v_max = (viability.a_max, viability.dt, braking), viability.v_max[i]
     upper[i] = largest_acceleration(viability.q_max[i] - q, v, v_max, settings)
     lower[i] = -largest_acceleration(q - viability.q_min[i], -v, v_max, settings)
@@ -162,12 +145,6 @@ def braking_asked(s: float, v: float, b: float, viability: Viability) -> float:
 
     and comes back slowly: at 0.05 rad/s, which noise shows, it is asked for 0.13 rad/s^2 and not
     for 5, and 2 mrad beyond the limit for 0.1 and not for 8, with the defaults.
-
-    Args:
-        s: distance to the limit [rad].
-        v: velocity towards it [rad/s].
-        b: braking [rad/s^2].
-        viability: of all joints.
     """
     approach = max(v, 0.0)
     distance = max(s, viability.margin, 0.5 * _STOP_FRACTION * viability.dt * approach, _TINY)

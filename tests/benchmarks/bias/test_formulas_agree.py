@@ -80,7 +80,7 @@ def test_original_and_proposed_agree_with_projectors_at_random_states(get_any, n
 
 @pytest.mark.parametrize("name", ["arm6", "upper17", "panda"])
 def test_fused_is_what_poise_does(get_any, name):
-    """Where no limit acts: the acceleration that the controller means to cause."""
+    """Intended acceleration of the controller while no limit acts."""
     robot = get_any(name)
     hand = robot.hands[0]
     levels = [[FrameTask(hand, "position")], [FrameTask(hand, "orientation")]]

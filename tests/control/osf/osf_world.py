@@ -43,7 +43,7 @@ def reload_with(robot, folder, change):
 
 
 def stack_for(robot, *, friction=0.7):
-    """Three or four levels that a robot of its kind is asked for, none of them softened."""
+    """Three or four levels of tasks for a robot of its kind, strict."""
     posture = [PostureTask()]
     if robot.floating_base:
         return Stack(

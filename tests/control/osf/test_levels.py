@@ -1,4 +1,4 @@
-"""What a level misses does not depend on what is asked of the levels below it."""
+"""Residuals of a level do not depend on the levels below it."""
 
 import math
 
@@ -14,7 +14,7 @@ from poise.stack import FrameTask, JointLimit, JointTask, PostureTask, Stack
 
 @pytest.mark.parametrize("name", ["panda", "upper17", "humanoid33", "g1"])
 def test_asking_a_level_for_more_costs_no_level_above(get_any, name):
-    """Where bounds of joints, balance, cones and torque limits cut in, too."""
+    """Also with active bounds of joints, balance, cones and torque limits."""
     robot, bounded, compared = get_any(name), 0, 0
     plain = stack_for(robot)
     limit = JointLimit(acceleration_max=30.0)

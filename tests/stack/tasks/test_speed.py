@@ -78,7 +78,7 @@ def test_frame_feedback_is_the_formula_block_by_block(robot, seed, distance):
     task.evaluate(dynamics)
     reference, _ = expected(task, dynamics, task.error, velocity, acceleration)
     assert task.reference == pytest.approx(reference, rel=1e-9, abs=1e-9)
-    # What is missing is said whole.
+    # The error is reported unsaturated.
     assert task.error[:3] == pytest.approx(distance * way, rel=1e-9)
 
 

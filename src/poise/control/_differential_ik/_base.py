@@ -16,14 +16,7 @@ def map_base(
     X: Float64[np.ndarray, "b n"],
     A: Float64[np.ndarray, "b b"],
 ) -> None:
-    """X = -J_b^-1 J_j by elimination with the largest pivots, see `base_from_joints`.
-
-    Args:
-        J: Jacobian of the contact frame that stands still.
-        joints: indices of the joints that X is for.
-        X: receives the base's velocity by theirs.
-        A: scratch.
-    """
+    """X = -J_b^-1 J_j by elimination with the largest pivots, see `base_from_joints`."""
     size = len(A)
     for i in range(size):
         for j in range(size):
@@ -54,14 +47,7 @@ def constrain(
     X: Float64[np.ndarray, "b n"],
     out: Float64[np.ndarray, "m n"],
 ) -> None:
-    """Rows J_j + J_b X, see `constrained`.
-
-    Args:
-        J: rows on the whole velocity.
-        joints: indices of the joints that the answer is for.
-        X: the base's velocity by theirs; without rows for a base that does not move.
-        out: receives the rows.
-    """
+    """Rows J_j + J_b X, see `constrained`."""
     base = len(X)
     for row in range(len(J)):
         own, found = J[row], out[row]

@@ -29,16 +29,6 @@ def right_inverse(
 
     Equation (22c) of Zhang and Kikuuwe, which has no answer where J J^T cannot be inverted. There,
     directions get the activation that `rank` gives them, from one down to zero.
-
-    Args:
-        jacobian: J.
-        velocity: v.
-        scale: what rows are multiplied by where ranks are decided: one over the size that their
-            block of rows has in the home posture.
-        rank: what happens to directions that are lost.
-
-    Returns:
-        The step, and P = J^+ J, which projects on the space that J takes from those below it.
     """
     rows, scaled = jacobian * scale[:, None], velocity * scale
     squares, directions = np.linalg.eigh(rows @ rows.T)
@@ -58,11 +48,6 @@ def robust_step(
     Equation (22e) of Zhang and Kikuuwe: it minimises |J x - v|^2_W + |x|^2, so that |x| is at most
     sqrt(w) |v| / 2 for a weight w, singular or not. It is found as B^T (B B^T + I)^-1 sqrt(W) v
     with B = sqrt(W) J, which is the same.
-
-    Args:
-        jacobian: J.
-        velocity: v.
-        weight: diagonal of W, not negative.
     """
     root = np.sqrt(weight)
     rows = jacobian * root[:, None]
@@ -140,12 +125,7 @@ class ClosedForm:
     def solve(
         self, levels: VelocityLevels, joint_weight: Float64[np.ndarray, " n"]
     ) -> Float64[np.ndarray, " n"]:
-        """Joint velocities u [rad/s], see `solve_levels`.
-
-        Args:
-            levels: most important first.
-            joint_weight: diagonal of W_B.
-        """
+        """Joint velocities u [rad/s], see `solve_levels`."""
         u = np.empty(len(joint_weight))
         served, taken = serve_levels(levels, joint_weight, self.exact, self.rank.high, self.work, u)
         if served == len(levels.ends) - 1:

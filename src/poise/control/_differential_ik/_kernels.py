@@ -118,20 +118,7 @@ def serve_levels(
     work: Work,
     u: Float64[np.ndarray, " n"],
 ) -> tuple[int, int]:
-    """Serves levels as `solve_levels` does, up to the first that loses rank.
-
-    Args:
-        levels: most important first.
-        joint_weight: diagonal of W_B.
-        exact: how many levels are met exactly.
-        least: singular value below which rank is being lost.
-        work: memory.
-        u: receives the joint velocities.
-
-    Returns:
-        How many levels were served, and how many directions they took. If levels are left, z and B
-        in `work` say what these are to go on from.
-    """
+    """Serves levels as `solve_levels` does, up to the first that loses rank."""
     n, count, taken = len(u), len(levels.ends) - 1, 0
     for i in range(n):
         work.shrink[i] = 1.0 / sqrt(joint_weight[i])
@@ -163,11 +150,7 @@ def serve_levels(
 
 @compiled
 def drop_rounding(u: Float64[np.ndarray, " n"]) -> None:
-    """Lets joints rest that nothing moves: the next tick's weights go by the signs of velocities.
-
-    Args:
-        u: joint velocities [rad/s].
-    """
+    """Zero velocities that are rounding: the next tick's weights go by their signs."""
     largest = 0.0
     for i in range(len(u)):
         largest = max(largest, abs(u[i]))
@@ -181,16 +164,7 @@ def drop_rounding(u: Float64[np.ndarray, " n"]) -> None:
 def _serve_level(
     levels: VelocityLevels, level: int, exact: bool, least: float, work: Work, taken: int
 ) -> bool:
-    """Finds the coordinates y that a level decides; returns whether it keeps its rank.
-
-    Args:
-        levels: all levels.
-        level: which one.
-        exact: whether by the right inverse (22c); else by the SR-inverse (22e).
-        least: singular value below which rank is being lost; zero where that does not matter.
-        work: memory.
-        taken: how many coordinates the levels above decide.
-    """
+    """Finds the coordinates y that a level decides; returns whether it keeps its rank."""
     X, y, begin = work.X, work.y, int(levels.ends[level])
     end = taken + int(levels.ends[level + 1]) - begin
     if end > len(y):

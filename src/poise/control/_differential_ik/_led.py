@@ -54,12 +54,7 @@ class LedJoints:
     def within_limits(
         self, asked: Float64[np.ndarray, " k"], q: Float64[np.ndarray, " nq"]
     ) -> Float64[np.ndarray, " k"]:
-        """Their velocities [rad/s].
-
-        Args:
-            asked: what their tasks ask for [rad/s].
-            q: configuration [m, rad].
-        """
+        """Their velocities [rad/s]."""
         lower, upper = self._bounds.at(q[self._places])
         self.held = (asked < lower) | (asked > upper)
         return np.minimum(np.maximum(asked, lower), upper)

@@ -53,18 +53,7 @@ class LimitedLevels:
         lower: Float64[np.ndarray, " n"],
         upper: Float64[np.ndarray, " n"],
     ) -> tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-        """`hold_within_bounds`, with no row broken that can be kept.
-
-        Args:
-            form: solves the levels.
-            joined_form: solves them with one more exact one.
-            joint_weight: diagonal of W_B.
-            lower: lower bounds of the joint velocities [rad/s].
-            upper: upper bounds, not below the lower ones.
-
-        Returns:
-            Joint velocities [rad/s], and which joints are held.
-        """
+        """`hold_within_bounds`, with no row broken that can be kept."""
         bounds = joint_weight, lower, upper
         u, held = hold_within_bounds(form, self._levels, *bounds)
         taken = 0
@@ -76,11 +65,7 @@ class LimitedLevels:
         return u, held
 
     def compile(self, form: ClosedForm) -> None:
-        """Looks for rows where none is broken, so that nothing is compiled in a tick.
-
-        Args:
-            form: as `joined_form` of `hold`.
-        """
+        """Looks for rows where none is broken, so that nothing is compiled in a tick."""
         self._take(form, np.ones(len(self._free)), np.full(len(self._free), np.nan), 0)
 
     def _take(
@@ -109,23 +94,7 @@ def _take_rows(
     work: Work,
     u: Float64[np.ndarray, " n"],
 ) -> int:
-    """Takes rows up, the worst first, until an answer without joints' bounds breaks none.
-
-    Args:
-        levels: without the rows.
-        limits: the rows.
-        joined: receives both.
-        order: the rows in the order in which they were taken up.
-        taken: how many were.
-        joint_weight: diagonal of W_B.
-        exact: how many levels of both are met exactly.
-        least: see `serve_levels`; where rank is being lost no more rows are looked for.
-        work: memory.
-        u: the answer that rows are looked for in; overwritten.
-
-    Returns:
-        How many rows are taken up.
-    """
+    """Takes rows up, the worst first, until an answer without joints' bounds breaks none."""
     while taken < len(order):
         worst = _worst(limits, order, taken, u)
         if worst < 0:

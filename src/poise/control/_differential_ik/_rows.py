@@ -44,21 +44,12 @@ class RowWeights:
         self._tasks = {task.name: task for _, task in stack.tasks()}
 
     def __getitem__(self, task: Task | str) -> Float64[np.ndarray, " m"]:
-        """Weights of a task's rows, a copy.
-
-        Raises:
-            UnknownNameError: no such task.
-        """
+        """Weights of a task's rows, a copy."""
         weight = self._task(task).weight
         return ROW_WEIGHT * weight * weight
 
     def __setitem__(self, task: Task | str, weight: Numbers) -> None:
-        """Sets the weights of a task's rows, one number or one a row.
-
-        Raises:
-            ConfigurationError: a wrong length, or weights that are not positive.
-            UnknownNameError: no such task.
-        """
+        """Sets the weights of a task's rows, one number or one a row."""
         found = self._task(task)
         what = f"row weight of task {found.name!r}"
         rows = checked_gain(weight, found.dim, what)
@@ -135,13 +126,7 @@ class HomeJacobians:
     def scale(
         self, owner: Contact | Task, stance: Contact | None, joints: Int64[np.ndarray, " n"]
     ) -> Float64[np.ndarray, " m"]:
-        """One over the size of an owner's rows; rows that turn into one another share the largest.
-
-        Args:
-            owner: a contact or a task of the stack.
-            stance: the contact that stands; None for a fixed base.
-            joints: joints that may move.
-        """
+        """Return one over the size of an owner's rows; rows of a block share the largest."""
         jacobian = self._jacobians[owner]
         if stance is not None:
             jacobian = constrained(jacobian, base_from_joints(self._jacobians[stance]))
@@ -160,7 +145,7 @@ class VelocityRows:
 
     The stance contact does not move, which gives the base's velocity and takes the base out of
     every row. The contacts that are held beside it come first, with velocity zero; the levels of
-    the stack follow, with the velocities of `StackRows.update_velocities`. Joints that are led have
+    the stack follow, with the velocities of `StackRows.update_velocities`. Joints of led tasks have
     known velocities, and what these do to a row is taken off its velocity; their own rows are in no
     level.
 
@@ -237,11 +222,7 @@ class VelocityRows:
         self._compile(robot.nv)
 
     def fill(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Writes one state's rows."""
         self.stack_rows.update_velocities(dynamics)
         np.multiply(self.stack_rows.weight, self.stack_rows.weight, out=self._weight)
         self._weight *= ROW_WEIGHT

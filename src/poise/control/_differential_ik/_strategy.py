@@ -115,12 +115,7 @@ class VelocityHierarchy:
         )
 
     def solve(self, lower: Float64[np.ndarray, " n"], upper: Float64[np.ndarray, " n"]) -> Solution:
-        """Solves for the rows as they are.
-
-        Args:
-            lower: lower bounds of the joint velocities [rad/s].
-            upper: upper bounds.
-        """
+        """Solves for the rows as they are."""
         problem = self.problem
         problem.x_lower[:], problem.x_upper[:] = lower, upper
         problem.A[:] = self._rows.jacobian[self._order]

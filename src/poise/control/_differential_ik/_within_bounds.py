@@ -48,17 +48,6 @@ def solve_within_bounds(
     levels something, levels are let go from the bottom up for as long as it helps. Where even the
     first level, the contacts, would be missed, everything else slows down in proportion instead.
     A good answer, not always the best: the hierarchical QP finds that.
-
-    Args:
-        levels: most important first.
-        joint_weight: diagonal of W_B.
-        lower: lower bounds of the joint velocities [rad/s].
-        upper: upper bounds, not below the lower ones.
-        exact: how many levels are met exactly where that is possible.
-        rank: what happens to directions that are lost.
-
-    Returns:
-        Joint velocities [rad/s], and which joints are held.
     """
     form = ClosedForm(len(joint_weight), exact, rank)
     return hold_within_bounds(form, VelocityLevels.of(levels), joint_weight, lower, upper)
@@ -71,18 +60,7 @@ def hold_within_bounds(
     lower: Float64[np.ndarray, " n"],
     upper: Float64[np.ndarray, " n"],
 ) -> tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """`solve_within_bounds` by a closed form that is there already.
-
-    Args:
-        form: solves levels without bounds.
-        levels: most important first.
-        joint_weight: diagonal of W_B.
-        lower: lower bounds of the joint velocities [rad/s].
-        upper: upper bounds, not below the lower ones.
-
-    Returns:
-        Joint velocities [rad/s], and which joints are held.
-    """
+    """`solve_within_bounds` by a closed form that is there already."""
     u, held = _hold(form, levels, joint_weight, lower, upper)
     if not held.any():
         return u, held

@@ -50,15 +50,7 @@ def solve_nearest(
     J: Float64[np.ndarray, "c nv"],
     balance: Balance,
 ) -> None:
-    """Force, nearest wrenches, torques and errors where the contacts carry any base wrench.
-
-    Args:
-        M: mass matrix.
-        h: nonlinear effects.
-        dv: acceleration.
-        J: Jacobian of all contacts.
-        balance: receives them.
-    """
+    """Force, nearest wrenches, torques and errors where the contacts carry any base wrench."""
     weigh_base(M, h, dv, J, balance)
     if len(balance.wrench) > 0:
         # Positive definite, or NaN, which stays.
@@ -79,14 +71,6 @@ def weigh_base(
     """The force, and the base's equations J_c,u^T F = force_u on the wrenches' multiplier.
 
     Wrenches of least cost are F = reference + W^-1 J_c,u multiplier.
-
-    Args:
-        M: mass matrix.
-        h: nonlinear effects.
-        dv: acceleration.
-        J: Jacobian of all contacts.
-        balance: whose `force`, `weighted`, `system` and, with the right-hand side, `multiplier` are
-            filled.
     """
     for i in range(len(h)):
         row, total = M[i], h[i]
@@ -111,12 +95,7 @@ def weigh_base(
 
 @compiled
 def measure(J: Float64[np.ndarray, "c nv"], balance: Balance) -> None:
-    """Torques of the wrenches, and what base, cones and torque limits miss; NaN stays NaN.
-
-    Args:
-        J: Jacobian of all contacts.
-        balance: whose `torque` and `errors` are filled.
-    """
+    """Torques of the wrenches, and what base, cones and torque limits miss; NaN stays NaN."""
     base, errors, force = len(balance.system), balance.errors, balance.force
     errors[0] = errors[1] = errors[2] = 0.0
     for i in range(len(force)):

@@ -56,14 +56,7 @@ class _Stage:
         dynamics: Dynamics,
         wrenches: _Wrenches,
     ) -> Float64[np.ndarray, " n"]:
-        """The answer: [dv; F].
-
-        Args:
-            acceleration: what undecided directions come near.
-            targets: of the rows of all levels.
-            dynamics: the state.
-            wrenches: what undecided wrenches come near.
-        """
+        """The answer: [dv; F]."""
         nv, problem = self._nv, self.problem
         self._fill_levels(targets)
         self._fill_bounds()
@@ -156,14 +149,7 @@ class BoundedAcceleration:
         cost: Float64[np.ndarray, "c c"],
         reference: Float64[np.ndarray, " c"],
     ) -> tuple[Float64[np.ndarray, " nv"], Float64[np.ndarray, " c"]] | None:
-        """The acceleration, and wrenches; None where nothing finite was found.
-
-        Args:
-            acceleration: a, at the state that the rows are of.
-            dynamics: the state.
-            cost: metric of the wrenches.
-            reference: wrenches that they should come near.
-        """
+        """The acceleration, and wrenches; None where nothing finite was found."""
         nv, levels, wrenches = self._nv, self._rows.levels, _Wrenches(cost, reference)
         targets = levels.jacobian @ acceleration
         softening = self._rows.stack_rows.softening

@@ -93,15 +93,7 @@ class ContactForces:
     def solve(
         self, acceleration: Float64[np.ndarray, " nv"], dynamics: Dynamics
     ) -> Float64[np.ndarray, " nv"]:
-        """Wrenches and torques of one acceleration, or of the next best within cones and limits.
-
-        Args:
-            acceleration: dv of all levels, which the contacts must allow.
-            dynamics: the state.
-
-        Returns:
-            The acceleration that wrenches and torques bring about.
-        """
+        """Wrenches and torques of one acceleration, or of the next best within cones and limits."""
         jacobian = self._rows.contact_jacobian
         if self.contacts:
             self._read_bounds()

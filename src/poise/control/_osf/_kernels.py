@@ -19,7 +19,7 @@ from poise.control._row_factor import (
 from poise.control._strategy import UNSOFTENED
 
 SLACK = 1e-6
-"""How far outside its bounds an acceleration may be by rounding [rad/s^2, m/s^2]."""
+"""Rounding of an acceleration beyond its bounds [rad/s^2, m/s^2]."""
 
 TINY = 1e-12
 """Keeps directions in which softening has nothing to choose from dividing by zero."""
@@ -83,18 +83,6 @@ def resolve(
 
     The first level that does not may still take all that is left, with nothing lost on the way; so
     does a posture below tasks that leave it less freedom than it has rows.
-
-    Args:
-        M: mass matrix.
-        motion: nonlinear effects h, and the joint accelerations that softened levels refer to.
-        levels: rows of the state.
-        ordinary: what makes a level an ordinary one.
-        work: memory.
-        dv: receives the acceleration.
-
-    Returns:
-        How many leading levels are ordinary ones, and whether `dv` is the answer; if not, the
-        levels from there on are to be taken one by one, from `work.S` and `work.B`.
     """
     h, reference = motion
     _factor_mass(M, work.L)
@@ -112,12 +100,7 @@ def resolve(
 
 @compiled
 def is_inside(dv: Float64[np.ndarray, " n"], bounds: BoundRows) -> bool:
-    """Whether an acceleration keeps its bounds up to `SLACK`; NaN does.
-
-    Args:
-        dv: acceleration.
-        bounds: what it should keep.
-    """
+    """Return whether an acceleration keeps its bounds up to `SLACK`; NaN does."""
     base = len(dv) - len(bounds.lower)
     for i in range(len(bounds.lower)):
         value = dv[base + i]
@@ -134,12 +117,7 @@ def is_inside(dv: Float64[np.ndarray, " n"], bounds: BoundRows) -> bool:
 
 @compiled
 def find_rest(work: Work, taken: int) -> None:
-    """Accelerations that leave the leading levels alone, in the rows of `work.B`.
-
-    Args:
-        work: memory of `resolve`.
-        taken: how many rows these levels have.
-    """
+    """Accelerations that leave the leading levels alone, in the rows of `work.B`."""
     fill_complement(work.B, work.X, taken, work.tau)
     for i in range(len(work.B) - taken):
         _to_acceleration(work.L, work.B, i)
@@ -150,10 +128,6 @@ def _factor_mass(M: Float64[np.ndarray, "n n"], L: Float64[np.ndarray, "n n"]) -
     """M = L^T L, from the last coordinate on: no limb gets coefficients of another.
 
     Section 6.5 of Featherstone, "Rigid Body Dynamics Algorithms" (2008). NaN stays NaN.
-
-    Args:
-        M: mass matrix; its lower triangle is read.
-        L: receives the factor in its lower triangle.
     """
     n = len(M)
     for i in range(n):
@@ -319,16 +293,6 @@ def _take_rest(
     """Gives a level all that is left, by least squares, if it loses no direction of that.
 
     With A = J B and c = target - J S it adds B (A^T A)^-1 A^T c; later levels find nothing.
-
-    Args:
-        levels: the rows.
-        ordinary: what makes a level an ordinary one.
-        work: memory, with the basis of what is left.
-        level: which one.
-        dv: S, to which is added.
-
-    Returns:
-        Whether it was: no singular value of A is too small, and the level is not to be softened.
     """
     begin, end = int(levels.ends[level]), int(levels.ends[level + 1])
     left, G, F, z = len(dv) - begin, work.G, work.F, work.z

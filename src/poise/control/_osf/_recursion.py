@@ -38,7 +38,7 @@ class OperationalRecursion:
         min |W (J_i dv - target_i)|^2 + mu^2 |dv_J - d|^2
 
     with the weights W of its tasks and the joint accelerations d of `Softening`, and keeps all
-    these directions: what is left to the levels below does not depend on mu. Where it loses rank
+    these directions: the null space for the levels below does not depend on mu. Where it loses rank
     without having an error, mu is as large as `RankTreatment.damp` says for its rows.
 
     Args:
@@ -64,15 +64,6 @@ class OperationalRecursion:
         """The acceleration of one state.
 
         Directions that no level decides are left without force: they accelerate by -M^-1 h.
-
-        Args:
-            levels: rows of the state, the physics first; `softened` is filled.
-            dynamics: the state.
-            reference: joint accelerations d that softened levels refer to; zero when None
-                [rad/s^2].
-
-        Returns:
-            The generalized acceleration dv; the force is `M dv + h`.
         """
         M, h, dv = dynamics.M, dynamics.h, np.empty(len(dynamics.h))
         reference = self._zero if reference is None else reference

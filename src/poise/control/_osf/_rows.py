@@ -101,9 +101,6 @@ class RowScales:
         """Measures contacts and tasks that are new; before they serve in a tick.
 
         They are evaluated in the home posture, and tasks forget it again.
-
-        Args:
-            stack: contacts and tasks, bound to the robot.
         """
         owners = [*stack.contacts, *(task for _, task in stack.tasks())]
         new = [owner for owner in owners if owner not in self._scales]
@@ -190,11 +187,7 @@ class OperationalRows:
         self.contact_jacobian: Float64[np.ndarray, "c nv"] = rows.J[rows.contact_rows]
 
     def fill(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Writes one state's rows."""
         self.stack_rows.update(dynamics)
         np.multiply(self._scale, self.stack_rows.weight[: self._count], out=self.levels.scale)
         if self._soft:

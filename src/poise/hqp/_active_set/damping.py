@@ -17,12 +17,7 @@ from poise.hqp._tolerances import SINGULAR_ROUNDS, SINGULAR_TOLERANCE
 
 @part
 def damp_equalities(problem: Problem, work: Work) -> None:
-    """Moves the bounds of equalities whose level is nearer to a singularity than its damping.
-
-    Args:
-        problem: the problem.
-        work: whose shift is found; sides are as they were.
-    """
+    """Moves the bounds of equalities whose level is nearer to a singularity than its damping."""
     rows, factor, sides = work.rows, work.factor, work.duals.chosen
     for i in range(len(rows.side)):
         sides[i], rows.shift[i] = rows.side[i], 0.0

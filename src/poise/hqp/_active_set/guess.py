@@ -56,13 +56,7 @@ _ALL_LEVELS = -1
 
 @part
 def guess(problem: Problem, work: Work) -> None:
-    """Chooses the sides of all rows anew.
-
-    Args:
-        problem: the problem.
-        work: whose sides are set; where they were and what they were needed for says with which
-            rows each level begins. Everything that a factorisation left is lost.
-    """
+    """Chooses the sides of all rows anew."""
     guessed = work.guessed
     prepare_rows(problem, guessed, work.duals.chosen, work.rows.shift)
     count = unchanged = 0

@@ -116,16 +116,7 @@ def reflect_rows(X: Matrix, begin: int, end: int, column: int, v: Vector, tau: f
 def add_rows(
     total: Vector, rows: Matrix, factors: Vector, chosen: Indices, count: int, offset: int
 ) -> None:
-    """Adds combinations of rows to a vector.
-
-    Args:
-        total: what is added to.
-        rows: the rows.
-        factors: of each row, from `offset` on.
-        chosen: which rows.
-        count: how many of them.
-        offset: where the factor of the first row stands.
-    """
+    """Adds combinations of rows to a vector."""
     n, i = len(total), 0
     while i + 4 <= count:
         a, b, c, d = chosen[i], chosen[i + 1], chosen[i + 2], chosen[i + 3]

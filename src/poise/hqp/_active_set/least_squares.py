@@ -14,13 +14,7 @@ from poise.hqp._tolerances import CANCELLATION, DEPENDENCE_TOLERANCE, STEEP
 
 @part
 def find_slacks_of_conflict(factor: Factor, squares: LeastSquares, level: int) -> None:
-    """Divides a level's slack among its rows.
-
-    Args:
-        factor: whose slack of the dependent rows is what they miss where all pivots are met.
-        squares: room.
-        level: which.
-    """
+    """Divides a level's slack among its rows."""
     begin, end, first = factor.begin[level], factor.begin[level + 1], factor.first[level]
     rank = factor.rank[level]
     count, dependent = end - begin - rank, begin + rank
@@ -137,14 +131,7 @@ def _solve_tall(
 
 @part
 def solve_damped(squares: LeastSquares, count: int, damping: float, u: Vector) -> None:
-    """Least squares of the columns in T, and of damping times u = 0.
-
-    Args:
-        squares: whose T and right side are overwritten.
-        count: how many rows the columns have.
-        damping: of all u.
-        u: receives the solution.
-    """
+    """Least squares of the columns in T, and of damping times u = 0."""
     rank, T, taus = len(u), squares.T, squares.tau
     size = count + rank
     rhs = squares.rhs[:size]

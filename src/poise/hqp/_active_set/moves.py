@@ -45,15 +45,7 @@ from poise.hqp._tolerances import (
 
 @part
 def exchange(problem: Problem, work: Work) -> bool:
-    """Changes one row: drops the largest multiplier of the wrong sign, or adds a violated row.
-
-    Args:
-        problem: the problem.
-        work: whose target is the optimum of its active set; its point becomes the better of both.
-
-    Returns:
-        Whether there was nothing to change.
-    """
+    """Change one row: drop the worst multiplier of the wrong sign, or add a violated row."""
     state, points = work.state, work.points
     largest = find_violations(problem, work.rows, points.target, points.target_values)
     signs = deactivate_wrong_signs(problem, work, LARGEST)
@@ -73,15 +65,7 @@ def exchange(problem: Problem, work: Work) -> bool:
 
 @part
 def leap(problem: Problem, work: Work) -> bool:
-    """Changes many rows at once.
-
-    Args:
-        problem: the problem.
-        work: whose target is the optimum of its active set; its point becomes the better of both.
-
-    Returns:
-        Whether there was nothing to change.
-    """
+    """Change many rows; return whether there was nothing to change."""
     state, points = work.state, work.points
     turn = state.turn
     state.turn += 1
@@ -169,30 +153,14 @@ def _step_until_blocked(problem: Problem, rows: Rows, points: Points, state: Sta
 
 @part
 def find_values(A: Matrix, x: Vector, values: Vector) -> None:
-    """Values of all bounds and rows at a point.
-
-    Args:
-        A: rows of all levels.
-        x: the point.
-        values: receives them.
-    """
+    """Values of all bounds and rows at a point."""
     copy(values[: len(x)], x)
     multiply(A, x, values[len(x) :])
 
 
 @part
 def find_violations(problem: Problem, rows: Rows, x: Vector, values: Vector) -> float:
-    """How far, signed, a point violates each inactive row, by the row's norm.
-
-    Args:
-        problem: the problem.
-        rows: receive it.
-        x: the point.
-        values: of all bounds and rows there.
-
-    Returns:
-        The largest.
-    """
+    """Find the signed violations of inactive rows, by their norms; return the largest."""
     size, largest = FEASIBILITY_TOLERANCE * norm_of(x), 0.0
     for i in range(len(values)):
         rows.violation[i] = 0.0
@@ -217,12 +185,7 @@ def count_violations(rows: Rows) -> int:
 
 @part
 def activate(rows: Rows, least: float) -> None:
-    """Makes rows active that are violated by at least so much.
-
-    Args:
-        rows: in which `find_violations` looked for them.
-        least: how much.
-    """
+    """Makes rows active that are violated by at least so much."""
     for i in range(len(rows.violation)):
         far = rows.violation[i]
         if far != 0.0 and abs(far) >= least:
@@ -258,12 +221,7 @@ def is_better(problem: Problem, rows: Rows, points: Points, answer: Answer) -> b
 
 @part
 def measure(problem: Problem, work: Work) -> bool:
-    """Slacks of all rows, residuals of all levels; returns whether all that was found is finite.
-
-    Args:
-        problem: the problem.
-        work: whose answer is found at its point.
-    """
+    """Slacks of all rows, residuals of all levels; returns whether all that was found is finite."""
     answer, values = work.answer, work.points.values
     lower, upper, weights, level = problem.lower, problem.upper, problem.weights, work.rows.level
     find_slacks(lower, upper, values, answer.slacks)

@@ -43,15 +43,6 @@ def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
     A level's slack is its own multiplier, and the levels above balance it. Of a row's multipliers,
     highest level first, the first that is not zero must have the sign of its side; the others are
     free.
-
-    Args:
-        problem: the problem.
-        work: whose target is the optimum of its active set.
-        ratio: rows are deactivated whose multiplier of the wrong sign is at least this part of the
-            largest such, or `LARGEST`, or `FIRST`.
-
-    Returns:
-        How many rows were deactivated.
     """
     factor, rows, multipliers = work.factor, work.rows, work.duals.multipliers
     state = work.state
@@ -130,14 +121,7 @@ def _slack_force(factor: Factor, level: int) -> float:
 
 @part
 def _is_clear(factor: Factor, place: int, size: float, reach: float) -> bool:
-    """Whether an active row's slack is more than rounding, by its force or in its own unit.
-
-    Args:
-        factor: in which the row's level is solved.
-        place: where the row stands.
-        size: of its level's forces.
-        reach: of x, |y| = |Q^T x|.
-    """
+    """Return whether an active row's slack exceeds rounding, by its force or its unit."""
     slack = abs(factor.slack[place])
     own = abs(factor.bound[place]) + factor.size[place] * reach
     return bool(slack * factor.size[place] > DUAL_TOLERANCE * size or slack > DUAL_TOLERANCE * own)
@@ -274,12 +258,7 @@ def _free_signs(rows: Rows, factor: Factor, level: int, size: float) -> None:
 
 @part
 def is_optimal(problem: Problem, work: Work) -> bool:
-    """Whether rows are where they should be, everything balances, and every sign is right.
-
-    Args:
-        problem: the problem.
-        work: whose point and multipliers are to be the optimum's.
-    """
+    """Return whether rows, balances and signs are those of the optimum."""
     if work.state.doubtful != 0:
         return False
     factor, duals, norm = work.factor, work.duals, work.rows.norm
@@ -304,7 +283,7 @@ def is_optimal(problem: Problem, work: Work) -> bool:
 
 @part
 def _has_wrong_sign(work: Work, reach: float) -> bool:
-    """Whether the first multiplier of a row that is clear of any rounding has the wrong sign."""
+    """Return whether the first multiplier of a row beyond rounding has the wrong sign."""
     factor, rows, decided = work.factor, work.rows, work.duals.forces
     levels = len(factor.rank)
     active = factor.begin[levels]
@@ -358,11 +337,7 @@ def _row_error(problem: Problem, rows: Rows, factor: Factor, values: Vector, rea
 
 @part
 def natural_reach(factor: Factor) -> float:
-    """How far x is where it meets the rows that are active one by one.
-
-    Args:
-        factor: the active rows.
-    """
+    """Return the largest distance to x that meets one active row alone."""
     reach = 0.0
     for place in range(factor.begin[len(factor.rank)]):
         if factor.size[place] > 0.0:

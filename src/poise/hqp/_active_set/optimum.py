@@ -45,12 +45,7 @@ _SIGN_FREE = 8
 
 @part
 def find_optimum(problem: Problem, work: Work) -> None:
-    """Factors the active rows and finds their optimum.
-
-    Args:
-        problem: the problem.
-        work: receives the optimum as its target.
-    """
+    """Factors the active rows and finds their optimum."""
     factor, target = work.factor, work.points.target
     n, levels = len(target), len(factor.rank)
     start = _first_changed(work.rows, levels)
@@ -90,14 +85,7 @@ def _first_changed(rows: Rows, levels: int) -> int:
 
 @part
 def factor_level(problem: Problem, rows: Rows, factor: Factor, level: int) -> None:
-    """Turns the coordinates that the levels above have left so that a level's rows are a trapezoid.
-
-    Args:
-        problem: the problem.
-        rows: of which some are active.
-        factor: receives the level's rows, their order, and its rank; those above are factored.
-        level: whose rows.
-    """
+    """Turn the coordinates that the levels above leave: a level's rows become a trapezoid."""
     n, R = len(factor.y), factor.R
     begin, first = factor.begin[level], factor.first[level]
     free = _gather(problem, rows, factor, level, begin, 1)
@@ -230,13 +218,7 @@ def _update_left(factor: Factor, begin: int, end: int, column: int) -> None:
 
 @part
 def solve_level(factor: Factor, squares: LeastSquares, level: int) -> None:
-    """Gives a level the least slack that is left to it.
-
-    Args:
-        factor: in which the level is factored, and those above it are solved.
-        squares: room.
-        level: which.
-    """
+    """Gives a level the least slack that is left to it."""
     begin, end = factor.begin[level], factor.begin[level + 1]
     first, rank = factor.first[level], factor.rank[level]
     y, rhs, slack = factor.y, factor.rhs, factor.slack
@@ -295,15 +277,7 @@ def _write_out_guarded(factor: Factor, level: int) -> None:
 def solve_cost(
     problem: Problem, factor: Factor, cost: FinalCost, target: Vector, chosen: Indices
 ) -> None:
-    """Moves the target to the least final cost that leaves all levels as they are.
-
-    Args:
-        problem: the problem.
-        factor: the levels, solved; receives the coordinates that they leave.
-        cost: room.
-        target: meets the levels, and is overwritten.
-        chosen: scratch.
-    """
+    """Moves the target to the least final cost that leaves all levels as they are."""
     n, taken = len(target), factor.first[len(factor.rank)]
     free = n - taken
     _make_basis(factor, cost, taken)
@@ -330,14 +304,7 @@ def solve_cost(
 
 @part
 def find_gradient(H: Matrix, g: Vector, x: Vector, out: Vector) -> None:
-    """H x + g.
-
-    Args:
-        H: of the final cost.
-        g: of the final cost.
-        x: the point.
-        out: receives it.
-    """
+    """H x + g."""
     multiply(H, x, out)
     for i in range(len(x)):
         out[i] += g[i]

@@ -10,14 +10,7 @@ from poise.hqp._tolerances import FLOOR, RIDGE
 
 @part
 def prepare_rows(problem: Problem, guessed: Penalties, chosen: Indices, shift: Vector) -> None:
-    """Finds C, all rows M with their norms, and the rows' values at x_0; no row is active.
-
-    Args:
-        problem: the problem.
-        guessed: what was active becomes what was needed.
-        chosen: scratch.
-        shift: by how much damping moved the bounds.
-    """
+    """Finds C, all rows M with their norms, and the rows' values at x_0; no row is active."""
     (m, n), M = problem.A.shape, guessed.M
     _factor_cost(problem.H, guessed.C, chosen)
     for i in range(n):
@@ -109,13 +102,7 @@ def _add_combination(total: Vector, M: Matrix, factors: Vector, chosen: Indices)
 
 @part
 def refactor(guessed: Penalties, begin: int, count: int) -> None:
-    """Factors the system of the first rows of `order` anew.
-
-    Args:
-        guessed: whose system.
-        begin: the first row whose compliance is another.
-        count: how many rows the system has.
-    """
+    """Factors the system of the first rows of `order` anew."""
     solve_rhs(guessed, begin)
     for k in range(begin, count):
         add_row(guessed, k)
@@ -123,12 +110,7 @@ def refactor(guessed: Penalties, begin: int, count: int) -> None:
 
 @part
 def add_row(guessed: Penalties, place: int) -> None:
-    """Factors one more row of the system, the one that stands at a place in `order`.
-
-    Args:
-        guessed: whose G holds the factor, and whose rhs the right side divided by it.
-        place: where; those before it are factored.
-    """
+    """Factors one more row of the system, the one that stands at a place in `order`."""
     index = guessed.order[place]
     row, M, n = guessed.G[place], guessed.M[index], len(guessed.y)
     right = _right(guessed, place)
@@ -149,12 +131,7 @@ def add_row(guessed: Penalties, place: int) -> None:
 
 @part
 def solve_rhs(guessed: Penalties, count: int) -> None:
-    """Divides the right sides by the factor anew, their slack being another.
-
-    Args:
-        guessed: whose right sides are found.
-        count: how many rows the system has.
-    """
+    """Divides the right sides by the factor anew, their slack being another."""
     for k in range(count):
         row = guessed.G[k]
         left = _right(guessed, k)
@@ -172,13 +149,7 @@ def _right(guessed: Penalties, place: int) -> float:
 
 @part
 def remove_row(guessed: Penalties, place: int, count: int) -> None:
-    """Takes a row out of the system, and out of `order`; rotations mend the factor.
-
-    Args:
-        guessed: whose system.
-        place: where the row stands.
-        count: how many there were.
-    """
+    """Takes a row out of the system, and out of `order`; rotations mend the factor."""
     G, rhs = guessed.G, guessed.rhs
     for k in range(place, count - 1):
         guessed.order[k], guessed.multiplier[k] = guessed.order[k + 1], guessed.multiplier[k + 1]
@@ -197,13 +168,7 @@ def remove_row(guessed: Penalties, place: int, count: int) -> None:
 
 @part
 def find_multipliers(guessed: Penalties, count: int, out: Vector) -> None:
-    """Multipliers of the first rows of `order`.
-
-    Args:
-        guessed: whose system is factored.
-        count: how many rows it has.
-        out: receives them.
-    """
+    """Multipliers of the first rows of `order`."""
     for k in range(count):
         out[k] = guessed.rhs[k]
     for k in range(count - 1, -1, -1):
@@ -215,12 +180,7 @@ def find_multipliers(guessed: Penalties, count: int, out: Vector) -> None:
 
 @part
 def find_point(guessed: Penalties, count: int) -> None:
-    """C^T (x - x_0) and the values of all rows that the multipliers amount to.
-
-    Args:
-        guessed: whose y and values are found.
-        count: how many rows are active.
-    """
+    """C^T (x - x_0) and the values of all rows that the multipliers amount to."""
     n, y = len(guessed.y), guessed.y
     y[:] = 0.0
     for k in range(count):

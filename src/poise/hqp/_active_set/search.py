@@ -50,16 +50,7 @@ problem, with an answer that is no number."""
 
 @compiled
 def search(problem_at: int, work_at: int, changes: int) -> int:
-    """Searches from the active set in the workspace, or goes on where the last call ended.
-
-    Args:
-        problem_at: address of a `Problem`.
-        work_at: address of a `Work`; it receives the answer and its active set.
-        changes: of the active set, all calls together, after which to stop.
-
-    Returns:
-        `CONVERGED` or one of those below it.
-    """
+    """Searches from the active set in the workspace, or goes on where the last call ended."""
     problem, work = view(Problem, problem_at), view(Work, work_at)
     state, found = work.state, UNFINISHED
     if state.begun == 0 and not _begin_search(problem, work):

@@ -18,12 +18,7 @@ from poise.hqp._tolerances import DEPENDENCE_TOLERANCE, OPTIMALITY_TOLERANCE
 
 @part
 def find_moved(problem: Problem, work: Work) -> int:
-    """The first level whose residual is not the one that it was solved with, or -1.
-
-    Args:
-        problem: the problem.
-        work: whose point is the optimum of its active set.
-    """
+    """The first level whose residual is not the one that it was solved with, or -1."""
     rows, factor, answer = work.rows, work.factor, work.answer
     if work.state.unsettled == 0:
         return -1
@@ -47,16 +42,7 @@ def find_moved(problem: Problem, work: Work) -> int:
 
 @part
 def guard(problem: Problem, work: Work, level: int) -> bool:
-    """Keeps what little is left of a level's rows, where it was moved, from the levels below.
-
-    Args:
-        problem: the problem.
-        work: whose point is the optimum of its active set.
-        level: whose rows.
-
-    Returns:
-        Whether there were any that were not guarded.
-    """
+    """Keeps what little is left of a level's rows, where it was moved, from the levels below."""
     rows, factor, values = work.rows, work.factor, work.points.values
     reach, found = _reach(problem, factor), False
     for place in range(factor.begin[level] + factor.rank[level], factor.begin[level + 1]):
@@ -71,14 +57,10 @@ def guard(problem: Problem, work: Work, level: int) -> bool:
 
 @part
 def hangs_on_rank(problem: Problem, work: Work) -> bool:
-    """Whether a level would have less slack if a nearly dependent row counted as independent.
+    """Return whether a level would miss less if a nearly dependent row were independent.
 
     With equalities alone the same rows count as dependent however many levels follow. Inequalities
     that are active for a level below may take what was left of a row, or leave more of it.
-
-    Args:
-        problem: the problem.
-        work: whose point is the optimum of its active set.
     """
     factor, level_of = work.factor, work.rows.level
     least = DEPENDENCE_TOLERANCE * DEPENDENCE_TOLERANCE
@@ -97,7 +79,7 @@ def hangs_on_rank(problem: Problem, work: Work) -> bool:
 
 @part
 def _reach(problem: Problem, factor: Factor) -> float:
-    """How far x has to go for any active row, or for the final cost, alone."""
+    """Return the largest distance that one active row, or the final cost, alone takes x."""
     slope = curvature = 0.0
     for i in range(len(problem.g)):
         slope, curvature = max(slope, abs(problem.g[i])), max(curvature, abs(problem.H[i, i]))

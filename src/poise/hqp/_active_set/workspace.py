@@ -334,13 +334,7 @@ class Work(Block):
 
 
 def sizes_of(n: int, m: int, levels: int) -> dict[str, int]:
-    """What the names of sizes stand for in the annotations above.
-
-    Args:
-        n: number of variables.
-        m: number of rows.
-        levels: number of levels.
-    """
+    """Return the sizes that the annotations above name."""
     return {
         "n": n,
         "m": m,
@@ -354,13 +348,7 @@ def sizes_of(n: int, m: int, levels: int) -> dict[str, int]:
 
 
 def make_work(n: int, m: int, levels: int) -> Work:
-    """Everything the search keeps, empty.
-
-    Args:
-        n: number of variables.
-        m: number of rows.
-        levels: number of levels.
-    """
+    """Everything the search keeps, empty."""
     sizes = sizes_of(n, m, levels)
     rows, factor = allocate(Rows, sizes), allocate(Factor, sizes)
     points, cost = allocate(Points, sizes), allocate(FinalCost, sizes)
