@@ -161,7 +161,7 @@ class BoundedAcceleration:
             own = levels.slices[level]
             targets[own] = levels.target[own]
             stage.fill_dynamics(dynamics, self._limit)
-            stage.soften(weight, softening.reference)
+            stage.soften(weight, softening.terms.reference)
             x = stage.run(acceleration, targets, dynamics, wrenches)
             targets[own] = levels.jacobian[own] @ x[:nv]
             levels.softened[level] = weight

@@ -167,6 +167,7 @@ class OperationalRows:
             scale[place] = scales.of(owner)
         scale[rows.own_rows] = scales.base[: self._base]
         ends = np.append(0, rows.ends)
+        self._first_joint = robot.base_dofs
         self._softening, self._soft = rows.softening, [1 + i for i in rows.softening.levels]
         may_soften = np.zeros(len(ends) - 1, dtype=np.bool_)
         may_soften[self._soft] = True
@@ -191,7 +192,8 @@ class OperationalRows:
         self.stack_rows.update(dynamics)
         np.multiply(self._scale, self.stack_rows.weight[: self._count], out=self.levels.scale)
         if self._soft:
-            self.levels.softening[self._soft] = self._softening.weights
+            self._softening.find(dynamics.v, dynamics.v, self._first_joint)
+            self.levels.softening[self._soft] = self._softening.terms.weights
         if self._base:
             self._fill_base(dynamics)
 

@@ -84,6 +84,7 @@ class OperationalStrategy:
             joint_limit=old.joint_limit,
             balance_limit=old.balance_limit,
             self_collision_limit=old.self_collision_limit,
+            softening=old.softening,
         )
         stack.bind(self.robot)
         before = {task for _, task in old.tasks()}
@@ -132,7 +133,7 @@ class OperationalStrategy:
     def solve(self) -> Answer:
         """Accelerations of all levels, then the wrenches and torques that bring them about."""
         rows, forces, dynamics = self._current, self.forces, self._dynamics
-        reference = rows.stack_rows.softening.reference
+        reference = rows.stack_rows.softening.terms.reference
         wanted = self.recursion.resolve(rows.levels, dynamics, reference)
         acceleration = forces.solve(wanted, dynamics)
         self._solved = True

@@ -336,6 +336,11 @@ def swing_braking(robot: Robot) -> dict[str, float]:
     }
 
 
+_SOFTENING = 0.005
+"""Softening of the one level [m, rad]: a tenth of the default, as pelvis and torso, whose momentum
+catches the robot, weigh a thirtieth of the CoM."""
+
+
 def walking_stack(
     robot: Robot, arms: JointTask | None = None, neck: JointTask | None = None
 ) -> Stack:
@@ -391,4 +396,5 @@ def walking_stack(
         joint_limit=JointLimit(braking_of=swing_braking(robot)),
         # What hands that go along do was planned; whoever leads them may lead them anywhere.
         self_collision_limit=None if arms is None else SelfCollisionLimit(),
+        softening=_SOFTENING,
     )
