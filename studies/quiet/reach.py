@@ -48,7 +48,7 @@ class Reach:
         controller: "whole_body", "reduced", "osf" or "differential_ik".
         moves: displacement of each task's target [m].
         goals: whether `moves` are positions in the world.
-        softening: of the stack.
+        softening: of the stack; 0 for strict levels and feedback without bounds.
         rate_limited: whether torques have the rate limit of the default stack.
         collisions: whether the stack has a self-collision limit.
         push: steady force on the torso along x, over the robot's weight.
@@ -174,10 +174,19 @@ def _controller(trial: Reach, robot: Robot, period: float) -> Controller:
         torque_limit=plain.torque_limit if trial.rate_limited else TorqueLimit(),
         **changed,
     )
+    if trial.softening == 0.0:
+        _as_published(stack, robot)
     if trial.controller == "differential_ik":
         return DifferentialIK(robot, stack, dt=period, strategy="hqp")
     make = _TORQUE[trial.controller]
     return make(robot, stack)
+
+
+def _as_published(stack: Stack, robot: Robot) -> None:
+    """Take the bounds of feedback away."""
+    stack.bind(robot)
+    for _, task in stack.tasks():
+        task.set_speed(np.inf)
 
 
 class _Leader:

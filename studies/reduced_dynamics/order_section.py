@@ -41,6 +41,7 @@ def _balance_alone(stack: Stack) -> Stack:
         stack.levels[:1],
         torque_limit=stack.torque_limit,
         balance_limit=stack.balance_limit,
+        softening=stack.softening,
     )
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.drawing import PALETTE
-from poise.locomotion import BodyRotator, ComShifter
+from poise.locomotion import ComShifter
 from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
 from studies.step_teleoperation.cart_table import CartFlywheelTable
@@ -93,12 +93,10 @@ def _respond(kd: float) -> Response:
 def _rotated() -> tuple[Finding, Finding]:
     """Eq. (29) with the body rotator of (39a), and with that of (25b) as printed."""
     weight = CartFlywheelTable(_HEIGHT, _MASS, np.zeros(2)).weight
-    rotator, reference = BodyRotator(weight), np.array([_STEP, 0.5 * _STEP])
+    reference = np.array([_STEP, 0.5 * _STEP])
 
     def by_39a(cart_table_zmp: np.ndarray) -> np.ndarray:
-        about_x, about_y = rotator.momentum_rate(reference, cart_table_zmp)
-        # (2): the sense in which momentum about y and about x moves the ZMP.
-        return np.array([about_y, -about_x])
+        return weight * (cart_table_zmp - reference)
 
     def by_25b(cart_table_zmp: np.ndarray) -> np.ndarray:
         return weight * (reference - cart_table_zmp)

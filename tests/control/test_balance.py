@@ -23,6 +23,7 @@ def asked_away(robot, far, *, enabled=True):
     stack = Stack(plain.contacts, plain.levels, balance_limit=limit)
     stack.bind(robot)
     com = stack.task("com")
+    com.set_speed(np.inf)
     com.set_target(Dynamics(robot).com + np.array([far, 0.0, 0.0]))
     return stack
 

@@ -39,6 +39,7 @@ class Scripted:
         self.robot, self.stack, self.commands = robot, stack, commands
         self.answer = Answer(SolveStatus.OPTIMAL, np.ones(robot.nj), (0.0, 0.0))
         self.suspended, self.size, self.contacts, self.calls = (), (1, 1), (), []
+        self.softened = {}
 
     def prepare(self, contacts):
         changed, self.contacts = contacts != self.contacts, contacts

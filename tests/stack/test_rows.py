@@ -185,6 +185,7 @@ def test_a_kind_with_formulas_of_its_own_is_evaluated_by_them(robot, dynamics):
 def test_gains_and_weights_may_change_from_tick_to_tick(robot, stack, dynamics):
     rows = StackRows(robot, stack, stack.contacts)
     com = stack.task("com")
+    com.set_speed(np.inf)
     com.set_target(dynamics.com + 0.1)
     com.set_weight(17.0)
     rows.update(dynamics)
@@ -240,6 +241,7 @@ def test_rows_are_written_into_memory_of_a_problem_and_leave_own_rows_alone(robo
 
 def test_velocities_are_those_of_the_targets_with_errors_fed_back(robot, stack, dynamics):
     com, hand = stack.task("com"), stack.task("hand")
+    com.set_speed(np.inf)
     com.set_target(dynamics.com + [0.1, 0.0, -0.2], [0.3, 0.4, 0.5])
     hand.set_velocity([1.0, 2.0, 3.0])
     rows = StackRows(robot, stack, stack.contacts)

@@ -90,7 +90,9 @@ def controller(robot, levels):
         [*hands.values()],
         [PostureTask(kp=100.0)],
     ]
-    stack = Stack([SurfaceContact(sole) for sole in robot.soles], everything[:levels])
+    stack = Stack(
+        [SurfaceContact(sole) for sole in robot.soles], everything[:levels], softening=0.0
+    )
     return WholeBodyController(robot, stack), com, hands
 
 

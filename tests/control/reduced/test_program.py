@@ -162,7 +162,7 @@ def test_a_hand_that_its_limits_hold_back_misses_as_much_as_in_the_whole_problem
     """LQP 1 does not know the arm's limits, and what it decided is not obeyed where they count."""
     robot = get_robot(name)
     frames = stances(robot)["double support"]
-    hand = FrameTask(robot.hands[0], "position", kp=20.0)
+    hand = FrameTask(robot.hands[0], "position", kp=20.0, speed=np.inf)
     both = Both(robot, frames, [balance(robot), [hand]])
     hand.set_target([3.0, 2.0, 2.0])
     limited = 0

@@ -99,6 +99,7 @@ class CarriedHand:
 
 def followed(task, still):
     """The same of any frame task."""
+    task.set_speed(np.inf)
     task.evaluate(still)
     acceleration = task.reference - task.kp * task.error - task.kd * task.error_rate
     return task.target_position, task.target_rotation, task.error_rate.copy(), acceleration

@@ -246,7 +246,7 @@ def test_orientation_feedback_fades_near_half_a_turn(robot, angle):
 
 def test_usual_speeds(robot):
     usual = [
-        (ComTask(), [2.5]),
+        (ComTask(), [0.35]),
         (FrameTask("left_hand"), [2.5, math.pi]),
         (FrameTask("left_hand", "orientation_z"), [math.pi]),
         (FrameTask("pelvis"), [2.5, 0.8]),
