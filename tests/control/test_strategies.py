@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import poise
-from poise.hqp import ACCURACY
+from poise.hqp import ACCURACY, SolveStatus
 
 
 def run(
@@ -76,6 +76,7 @@ def test_exactly_straight_legs_send_no_search_round_in_circles(get_robot):
     assert controller.step(poise.RobotState(q, np.zeros(robot.nv))).status.ok
     solution = controller.strategy.current.solution
     assert solution is not None
-    assert solution.ok
+    # Rows of contacts depend on one another to within rounding: the solver may say so.
+    assert solution.status in (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
     n, m = controller.strategy.current.full.problem.shape
     assert solution.iterations < 3 * (n + m)
