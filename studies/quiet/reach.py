@@ -1,13 +1,16 @@
 """`run_reach`: a robot whose targets move and rest, and its motion in the last second."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.control import (
+    Command,
     Controller,
     DifferentialIK,
     OperationalSpaceController,
@@ -34,6 +37,8 @@ _TORQUE: dict[str, Any] = {
     "reduced": ReducedController,
     "osf": OperationalSpaceController,
 }
+
+Vector = Float64[np.ndarray, " n"]
 
 Move = tuple[str, tuple[float, float, float]]
 """Name of a task, and displacement of its target, or where it goes [m]."""
@@ -102,26 +107,17 @@ def run_reach(trial: Reach) -> Rest:
     period = 1e-3 if trial.robot in ARMS else 2e-3
     controller = _controller(trial, robot, period)
     by_velocity = isinstance(controller, DifferentialIK)
-    config = PlantConfig(
-        control_dt=period,
-        actuation="velocity" if by_velocity else "torque",
-        sensors=typical_sensors() if trial.sensed else PlantConfig().sensors,
-    )
-    plant = Plant(robot, config, seed=1)
     lead = _Leader(controller.stack, trial)
     limits = robot.v_max if by_velocity else robot.tau_max
-    estimator = LateEstimate(robot) if trial.sensed else None
-    last = round(1.0 / period)
-    commands, speeds, errors, good = [], [], [], []
-    if trial.push:
-        plant.push(robot.torso, (trial.push * robot.mass * GRAVITY, 0.0, 0.0), trial.seconds)
-    for tick in rollout(plant, controller, lead, estimator=estimator, duration=trial.seconds):
-        command = tick.command.velocity if by_velocity else tick.command.torque
-        assert command is not None
-        commands.append(command.copy())
-        speeds.append(float(np.abs(tick.truth.v[-robot.nj :]).max()))
+    run = _follow if by_velocity else _simulate
+    commands, speeds, errors, good = list[Vector](), list[float](), list[float](), list[bool]()
+    fallen, last = False, round(1.0 / period)
+    for command, values, speed, fell in run(trial, robot, controller, lead, period):
+        fallen |= fell
+        commands.append(values.copy())
+        speeds.append(speed)
         errors.append(lead.error())
-        good.append(tick.command.status.ok)
+        good.append(command.status.ok)
     steps = np.abs(np.diff(np.array(commands[-last:]), axis=0)) / limits
     far = np.flatnonzero(np.array(errors) > 1e-3)
     reached = float(far[-1] + 1) * period - REST_FROM - REACH_TIME if len(far) else 0.0
@@ -131,8 +127,51 @@ def run_reach(trial: Reach) -> Rest:
         error=errors[-1],
         to_1mm=np.inf if errors[-1] > 1e-3 else max(reached, 0.0),
         ok=float(np.mean(good)),
-        fell=bool(plant.fallen),
+        fell=fallen,
     )
+
+
+def _simulate(
+    trial: Reach, robot: Robot, controller: Controller, lead: "_Leader", period: float
+) -> Iterator[tuple[Command, Vector, float, bool]]:
+    """Yield command, torques and largest joint speed of each tick, and whether the robot fell."""
+    sensors = typical_sensors() if trial.sensed else PlantConfig().sensors
+    plant = Plant(robot, PlantConfig(control_dt=period, sensors=sensors), seed=1)
+    estimator = LateEstimate(robot) if trial.sensed else None
+    if trial.push:
+        plant.push(robot.torso, (trial.push * robot.mass * GRAVITY, 0.0, 0.0), trial.seconds)
+    for tick in rollout(plant, controller, lead, estimator=estimator, duration=trial.seconds):
+        torque = tick.command.torque
+        assert torque is not None
+        yield tick.command, torque, float(np.abs(tick.truth.v[-robot.nj :]).max()), plant.fallen
+
+
+def _follow(
+    trial: Reach, robot: Robot, controller: Controller, lead: "_Leader", period: float
+) -> Iterator[tuple[Command, Vector, float, bool]]:
+    """Yield the same of joints that follow velocities exactly, the first sole at its place."""
+    model, data = robot.model, robot.model.createData()
+    q, v = robot.q_home.copy(), np.zeros(robot.nv)
+    sole = robot.frame_id(next(iter(robot.soles))) if robot.floating_base else 0
+
+    def placed(q: Vector) -> pin.SE3:
+        pin.framesForwardKinematics(model, data, q)
+        return data.oMf[sole].copy()
+
+    stance = placed(q)
+    for k in range(round(trial.seconds / period)):
+        state = RobotState(q.copy(), v.copy(), time=k * period)
+        lead.lead(state)
+        command = controller.step(state)
+        velocity = command.velocity
+        assert velocity is not None
+        before = q.copy()
+        q[-robot.nj :] += period * velocity
+        if robot.floating_base:
+            base = pin.XYZQUATToSE3(q[:7])
+            q[:7] = pin.SE3ToXYZQUAT(stance * placed(q).inverse() * base)
+        v = np.asarray(pin.difference(model, before, q)) / period
+        yield command, velocity, float(np.abs(velocity).max()), False
 
 
 def random_moves(name: str, count: int, seed: int) -> list[tuple[Move, ...]]:
