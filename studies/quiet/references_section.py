@@ -139,8 +139,7 @@ class _FarHand:
         if begins:
             walker.set_velocity(_WALK, 0.0, 0.0)
             carried = walker.carried["left_hand"]
-            still = np.zeros(3)
-            carried.set_target(carried.target_position + self._ahead, still, still)
+            carried.set_target(carried.target_position + self._ahead)
         walker.lead(state)
 
 

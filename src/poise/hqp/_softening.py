@@ -192,19 +192,23 @@ class SoftenedSolver:
         """Soften what was softened last, then what the answer shows to need it, from below."""
         weights = self._weights.tolist()
         soft = [was and mu > 0.0 for was, mu in zip(self._soft, weights, strict=True)]
-        status, x = SolveStatus.FAILED, self._solver.x
         while True:
             if any(soft):
                 status, x = self._solve_softened(soft)
-            if status not in _USABLE or not any(soft):
+            else:
                 status, x = self._solver.run(self._problem), self._solver.x
+            if status not in _USABLE:
+                # A stage without an answer: strict levels may have one.
+                soft = self._soft = [False] * len(soft)
+                status, x = self._solver.run(self._problem), self._solver.x
+                break
             strain = self._strain(x)
             more = [
                 k
                 for k, is_soft in enumerate(soft)
                 if not is_soft and not weights[k] * strain <= self._tolerance
             ]
-            if status not in _USABLE or not more:
+            if not more:
                 break
             soft[more[-1]] = True
         self._x, self._measure = x, measure_point(self._problem, x)
