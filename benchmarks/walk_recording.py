@@ -69,11 +69,12 @@ def walk_stack(robot: Robot, kind: str) -> Stack:
         levels.append([FrameTask(robot.torso, "orientation", kp=50.0, name="torso")])
         momentum = MomentumTask("angular", kd=5.0, weight=0.1, name="momentum")
         levels.append([PostureTask(), momentum])
-    # The paper's problem has neither a balance limit nor a bound on the change of torques.
+    # The paper's problem has no balance limit, no bound on the change of torques, no softening.
     return Stack(
         paper_contacts(robot)[:2],
         levels,
         balance_limit=BalanceLimit(enabled=False),
+        softening=0.0,
     )
 
 

@@ -33,9 +33,7 @@ TORQUE_CONTROLLERS = {
     "cascade": lambda robot, stack: poise.WholeBodyController(robot, stack, strategy="cascade"),
     "weighted": lambda robot, stack: poise.WholeBodyController(robot, stack, strategy="weighted"),
     "reduced": poise.ReducedController,
-    "osf": lambda robot, stack: poise.OperationalSpaceController(
-        robot, stack, demand=np.inf, torque_step=np.inf
-    ),
+    "osf": lambda robot, stack: poise.OperationalSpaceController(robot, stack, torque_step=np.inf),
 }
 
 

@@ -60,7 +60,7 @@ def test_what_happened_first_is_told_first_and_how_it_ended_last(hard):
 
 
 def test_torques_at_their_limit_and_the_zmp_at_the_edge_are_seen():
-    falling = run(1.0, duration=1.2, controller="whole_body")
+    falling = run(1.5, duration=1.2, controller="whole_body")
     told = " ".join(event.what for event in events_of(falling))
     assert "ZMP at the edge" in told
     assert "at its limit" in told

@@ -52,6 +52,7 @@ def stepping(robot, **settings):
         contacts,
         [[ComTask()], [FrameTask(right, name="foot"), FrameTask(robot.torso, "orientation")]],
         self_collision_limit=SelfCollisionLimit(**settings),
+        softening=0.0,
     )
     stack.bind(robot)
     contacts[1].release(0.0)

@@ -19,6 +19,7 @@ controller: {{name: differential_ik, strategy: {strategy}}}
 plant: {{control_dt: 0.005}}
 stack:
   contacts: [surface: {{frame: left_sole}}, surface: {{frame: right_sole}}]
+  softening: 0.0
   levels:
     - - com: {{kp: 100}}
       - frame: {{frame: pelvis, axes: orientation, kp: 100, name: pelvis}}
