@@ -145,7 +145,7 @@ class VelocityRows:
 
     The stance contact does not move, which gives the base's velocity and takes the base out of
     every row. The contacts that are held beside it come first, with velocity zero; the levels of
-    the stack follow, with the velocities of `StackRows.update_velocities`. Joints of led tasks have
+    the stack follow, with the velocities of `StackRows.update_velocities`. Joints of `led` have
     known velocities, and what these do to a row is taken off its velocity; their own rows are in no
     level.
 
