@@ -138,9 +138,9 @@ class SoftenedSolver:
 
     def run(self) -> SolveStatus:
         """Solve the problem as it is; the answer stays here until the next call."""
-        solver = self._solver
+        solver, strict = self._solver, None
         if not self._any_soft:
-            status = solver.run(self._problem)
+            strict = status = solver.run(self._problem)
             if status not in _USABLE or self._find(solver.x) <= self._tolerance:
                 if self._measure is not None:
                     self._measure, self.softened[:] = None, 0.0
@@ -148,7 +148,7 @@ class SoftenedSolver:
         else:
             self._find(solver.x)
         begin = perf_counter()
-        self._status = self._solve()
+        self._status = self._solve(strict)
         self._seconds = perf_counter() - begin
         return self._status
 
@@ -188,15 +188,16 @@ class SoftenedSolver:
             timings={"total": self._seconds},
         )
 
-    def _solve(self) -> SolveStatus:
-        """Soften what was softened last, then what the answer shows to need it, from below."""
+    def _solve(self, strict: SolveStatus | None) -> SolveStatus:
+        """Soften the last levels again, then those that strain, from below; `strict` if solved."""
         weights = self._weights.tolist()
         soft = [was and mu > 0.0 for was, mu in zip(self._soft, weights, strict=True)]
         while True:
             if any(soft):
                 status, x = self._solve_softened(soft)
             else:
-                status, x = self._solver.run(self._problem), self._solver.x
+                status = strict or self._solver.run(self._problem)
+                x = self._solver.x
             if status not in _USABLE:
                 # A stage without an answer: strict levels may have one.
                 soft = self._soft = [False] * len(soft)
