@@ -8,8 +8,7 @@ mujoco = pytest.importorskip("mujoco")
 
 from poise.errors import RobotError  # noqa: E402
 from poise.robots import describe, load_robot  # noqa: E402
-from poise.robots._document import parse  # noqa: E402
-from poise.robots._mjcf_facts import read_facts  # noqa: E402
+from poise.robots._document import read_document  # noqa: E402
 
 MODEL = """<mujoco model="odd">
   <compiler angle="degree" autolimits="true" meshdir="meshes"/>
@@ -343,7 +342,7 @@ def test_how_the_root_stands_is_read_in_any_spelling(case, framed):
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    upright = read_facts(parse(text, "plain.xml"), None).upright
+    upright = read_document(text, "plain.xml").facts.upright
     np.testing.assert_allclose(upright.ravel(), data.body("trunk").xmat, rtol=0, atol=1e-12)
 
 
@@ -370,16 +369,20 @@ def test_an_equality_that_is_switched_off_ties_nothing(case):
     for active, ties in (("true", 1), ("false", 0)):
         tied = TIED[case].format(f'active="{active}"')
         text = plain(after=f"<equality>{tied}</equality>")
-        facts = read_facts(parse(text, "plain.xml"), None)
-        assert len(facts.followers) + len(facts.loops) == ties
+        facts = read_document(text, "plain.xml").facts
+        assert len(facts.couplings) + len(facts.remarks) == ties
 
 
 BAD = {
-    "two robots": ('<body name="marker" pos="1 0 0">', '<body name="marker"><joint/>', "marker"),
+    "two robots": (
+        '<body name="marker" pos="1 0 0">',
+        '<body name="marker"><freejoint/><body name="arm"><joint/><geom size="0.1"/></body>',
+        "several robots.*'marker', 'trunk'.*one with a free joint",
+    ),
     "a ball": (
         'name="left_hip"/>',
         'name="left_hip" type="ball" range="0 9"/>',
-        "left_hip.*BALL.*hinge",
+        "left_hip.*ball joint.*three hinges",
     ),
     "a mesh that gives the mass": (
         'type="capsule"',

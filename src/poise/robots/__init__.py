@@ -14,7 +14,7 @@ from poise.robots._inverse_kinematics import (
     inverse_kinematics as inverse_kinematics,
 )
 from poise.robots._loader import description_template, load_robot
-from poise.robots._meshes import mesh_path as mesh_path
+from poise.robots._mesh_files import mesh_path as mesh_path
 from poise.robots._mjcf_compile import anchor_assets as anchor_assets, make_spec as make_spec
 from poise.robots._once import once_a_robot as once_a_robot
 from poise.robots._posture import standing_posture as standing_posture

@@ -2,33 +2,20 @@
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._show import few
-from poise._yaml import read_text
 from poise.errors import RobotError
-from poise.robots._base import followers_of, leaders_of, settle_base
-from poise.robots._document import Document, mend_inertias, parse, write_limits
-from poise.robots._kinematics import build_model, hinges
+from poise.robots._assembly import assemble
+from poise.robots._inputs import RobotInput, open_document
+from poise.robots._kinematics import hinges
 from poise.robots._limbs import Arms, Limbs, Pair, find_arms, find_limbs, no_feet
-from poise.robots._limits import tighten_torques
-from poise.robots._meshes import asset_folders, drop_missing_meshes
-from poise.robots._mjcf_facts import MjcfFacts, read_facts
 from poise.robots._proposal import Draft, Proposal, mount_on
 from poise.robots._proposed_arms import Hand, bend_arms, find_hand
 from poise.robots._proposed_feet import FeetFinder, Foot, main_frame, part_legs
-from poise.robots._proposed_limits import (
-    find_endless,
-    find_stuck,
-    propose_armature,
-    propose_limits,
-    propose_positions,
-)
-from poise.robots._robot import ModelSource
+from poise.robots._proposed_limits import propose_armature, propose_limits, propose_positions
 from poise.robots._stance import Stance, find_stance
 from poise.robots._unit_remarks import remark_on_angles, remark_on_weight
 
@@ -54,8 +41,8 @@ _MARGIN = 0.02
 """Distance that a home posture keeps from position limits [rad]."""
 
 
-def describe(path: str | Path) -> Proposal:
-    """Propose a description for a URDF or MJCF file, each guess with its reason.
+def describe(model: RobotInput, geometry: pin.GeometryModel | None = None) -> Proposal:
+    """Propose a description for a robot's model, each guess with its reason.
 
     Feet are the two mirrored chains of joints that reach lowest; soles the largest rectangles on
     the flat lower faces of their collision or visual shapes; hands and torso follow from the other
@@ -64,7 +51,8 @@ def describe(path: str | Path) -> Proposal:
     and rotor inertias, is estimated.
 
     Args:
-        path: the model file.
+        model: a path, XML text or any other model that `load_robot` takes.
+        geometry: shapes of a `pin.Model`.
 
     Returns:
         The proposal; `Proposal.text` is the file to save as `<stem>.poise.yaml` beside the model.
@@ -73,64 +61,42 @@ def describe(path: str | Path) -> Proposal:
         RobotError: the file cannot be read, it has more than two legs, or neither feet with flat
             faces nor arms are found.
     """
-    path = Path(path)
-    return _Describer(path).proposal()
+    return _Describer(model, geometry).proposal()
 
 
 class _Describer:
     """One file on its way to a proposal."""
 
-    def __init__(self, path: Path) -> None:
-        self._path, self._where = path, path.name
-        self._draft = Draft()
-        document = self._read()
+    def __init__(self, given: RobotInput, geometry: pin.GeometryModel | None) -> None:
+        document = open_document(given, geometry)
+        self._where, self._draft = document.where, Draft()
         self._links, self._joints = document.links(), document.joints()
-        directory, packages = asset_folders(document, path)
-        self._mjcf = read_facts(document, directory) if document.kind == "mjcf" else None
-        self._says_fixed = _says_fixed(document, self._mjcf)
-        settle_base(document, "floating")
-        self._locked = find_stuck(document)
+        self._facts = document.facts
+        self._says_fixed, self._upright = self._facts.fixed, self._facts.upright
+        self._locked = document.stuck()
         if self._locked:
             stuck = ", ".join(self._locked)
             self._draft.remarks.append(f"limits of these joints leave no room: {stuck}")
-        mended = mend_inertias(document)
-        if mended:
-            self._draft.remarks.append(
-                f"inertias that no body has are made possible: {few(mended)}"
-            )
-        followers = followers_of(document, self._mjcf)
-        self._grips = leaders_of(document, self._mjcf)
-        endless = find_endless(document)
-        if document.kind == "urdf":
-            write_limits(document, endless, {}, {})
-        source = ModelSource(
-            kind=document.kind,
-            text=document.text,
-            directory=directory,
-            package_dirs=packages,
-            locked_joints=tuple(dict.fromkeys([*followers, *self._locked])),
+        endless = dict.fromkeys(document.endless(), (-math.pi, math.pi))
+        assembly = assemble(
+            document,
+            "floating",
+            position=endless,
+            velocity={},
+            torque={},
+            locked=self._locked,
         )
-        missing = drop_missing_meshes(document.root, source, self._where)
-        self._lost_meshes = missing
-        self._source = ModelSource(
-            kind=source.kind,
-            text=document.text,
-            directory=directory,
-            package_dirs=packages,
-            locked_joints=source.locked_joints,
-        )
-        self._model = build_model(self._source, floating=True, armature={}, where=self._where)
+        self._model, self._source = assembly.model, assembly.source
+        self._grips, self._lost_meshes = assembly.grips, assembly.lost_meshes
+        self._draft.remarks += assembly.remarks
         if not sum(float(inertia.mass) for inertia in self._model.inertias) > 0.0:
             raise RobotError(
                 f"{self._where} has no mass",
                 got="no link with one",
                 wanted="an <inertial> with a positive mass in its links",
             )
-        if self._mjcf is not None:
-            tighten_torques(self._model, self._mjcf.torque)
         self._draft.remarks += remark_on_angles(self._model)
         propose_positions(self._draft, self._model, endless, self._source.locked_joints)
-        self._upright = self._mjcf.upright if self._mjcf is not None else np.eye(3)
 
     def proposal(self) -> Proposal:
         """The whole description."""
@@ -154,9 +120,6 @@ class _Describer:
                 self._upright = y_up
                 self._draft.remarks.append("y of the root link points up")
         return limbs
-
-    def _read(self) -> Document:
-        return parse(read_text(self._path, error=RobotError), self._where, self._path.parent)
 
     def _fixed(self, arms: Arms) -> None:
         limits = self._draft.facts.pop("limits", None)
@@ -293,7 +256,7 @@ class _Describer:
 
     def _start(self) -> dict[str, float]:
         """Joint positions to begin with: a keyframe for standing, where there is one."""
-        poses = self._mjcf.poses if self._mjcf is not None else {}
+        poses = self._facts.poses
         for wanted in ("home", "stand", "knees"):
             for name, pose in poses.items():
                 if wanted in name.lower():
@@ -380,15 +343,6 @@ class _Describer:
 
 def _left(forward: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
     return np.cross([0.0, 0.0, 1.0], forward)
-
-
-def _says_fixed(document: Document, mjcf: MjcfFacts | None) -> bool:
-    """Whether a file hangs its root on the world."""
-    if mjcf is not None:
-        return not mjcf.free
-    parents = {p.get("link") for p in document.root.iter("parent")}
-    children = {c.get("link") for c in document.root.iter("child")}
-    return "world" in parents - children
 
 
 def _floor(size: float) -> float:

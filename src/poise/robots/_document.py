@@ -1,4 +1,4 @@
-"""A robot's URDF or MJCF document, read and brought into the form the rest of Poise relies on.
+"""A robot's document, read into the form that the rest of Poise relies on.
 
 In that form a floating base has no joint in the document (whoever builds a model adds one to the
 root link), a fixed base hangs on a link called `world`, every URDF hinge has limits, and an MJCF
@@ -6,221 +6,229 @@ document includes no other file and names all its bodies and joints.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.errors import RobotError
-from poise.robots._urdf_numbers import INERTIA, check_numbers, is_number
+from poise.robots._robot import ModelSource
 
-_HINGES = ("revolute", "continuous", "prismatic")
-_KINDS = {"robot": "urdf", "mujoco": "mjcf"}
+Base = Literal["floating", "fixed"]
+
+WORLD = "world"
+"""The link that a fixed base hangs on."""
+
+INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+"""Attributes of a URDF's <inertia>."""
+
+_ROUNDING = 1e-6
+"""Inertias are written with about so many digits, by which a computed one may be off."""
+
+
+class Coupling(NamedTuple):
+    """A joint that follows another one: q_follower = offset + ratio q_leader."""
+
+    follower: str
+    leader: str
+    offset: float = 0.0
+    ratio: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Document:
-    """A parsed document.
+class Facts:
+    """Facts about a robot in sections of a document that its own form lacks.
 
     Attributes:
-        kind: its format.
-        root: its root element; functions of this module change it in place.
+        fixed: the document hangs its root on the world.
+        free: it has a floating joint before its root.
+        upright: world_R_base of the root link where the document puts it.
+        poses: joint positions by keyframe [rad, m].
+        torque: largest torque or force by joint, from actuators [N m, N].
+        couplings: joints that follow others.
+        remarks: parts of the document that are left out, as sentences.
+    """
+
+    fixed: bool
+    free: bool = False
+    upright: Float64[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    poses: Mapping[str, dict[str, float]] = field(default_factory=dict[str, dict[str, float]])
+    torque: Mapping[str, float] = field(default_factory=dict[str, float])
+    couplings: tuple[Coupling, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+class Document(ABC):
+    """A parsed document, changed in place by its methods.
+
+    Args:
+        root: its root element.
         where: the file or the robot's name, for messages.
+        name: of the robot.
+        directory: folder of relative paths; None for a document that names no files.
+        packages: further folders that hold packages, or are one.
     """
 
     kind: Literal["urdf", "mjcf"]
-    root: ET.Element
-    where: str
+    link_tag: str
+
+    def __init__(
+        self,
+        root: ET.Element,
+        where: str,
+        name: str,
+        directory: Path | None = None,
+        packages: Sequence[Path] = (),
+    ) -> None:
+        self.root, self.where, self.name = root, where, name
+        self.directory = None if directory is None else directory.resolve()
+        self.package_dirs: tuple[Path, ...] = tuple(packages)
+        self.remarks: list[str] = []
+        """Faults of the document that were repaired, as sentences."""
+        self.armature: dict[str, float] = {}
+        """Rotor inertias by joint that the document's format cannot hold [kg m^2]."""
+        self._tidy()
+        if not self.links():
+            raise RobotError(f"{where} has no links", got=f"<{root.tag}>", wanted="a robot")
+        for tag, names in (("link", self.links()), ("joint", self.joints())):
+            if "" in names:
+                raise RobotError(f"{where} has a {tag} without a name", wanted="names for all")
+            if twice := sorted({n for n in names if names.count(n) > 1}):
+                raise RobotError(f"{where} has two {tag}s of one name", got=twice)
+        self._check()
+        self._check_inertias()
 
     @property
     def text(self) -> str:
         """The document as text."""
         return ET.tostring(self.root, encoding="unicode")
 
-    def links(self) -> tuple[str, ...]:
-        """Names of the links (URDF) or bodies (MJCF)."""
-        tag = "link" if self.kind == "urdf" else "body"
-        return tuple(e.get("name", "") for e in self.root.iter(tag) if e.get("name"))
+    def source(self, locked: Iterable[str] = ()) -> ModelSource:
+        """The document as a robot keeps it.
 
+        Args:
+            locked: joints that are welded at zero.
+        """
+        return ModelSource(
+            kind=self.kind,
+            text=self.text,
+            directory=self.directory,
+            package_dirs=self.package_dirs,
+            locked_joints=tuple(locked),
+        )
+
+    def links(self) -> tuple[str, ...]:
+        """Names of the links or bodies."""
+        return tuple(e.get("name", "") for e in self.root.iter(self.link_tag))
+
+    @abstractmethod
     def joints(self) -> tuple[str, ...]:
         """Names of the joints that move, without a floating base."""
-        if self.kind == "urdf":
-            joints = (j for j in self.root.findall("joint") if j.get("type") in _HINGES)
-        else:
-            worlds = self.root.findall("worldbody")
-            joints = (j for w in worlds for j in w.iter("joint") if j.get("type") != "free")
-        return tuple(j.get("name", "") for j in joints)
 
+    @cached_property
+    def facts(self) -> Facts:
+        """Facts in sections that `settle` takes out."""
+        return self._read_facts()
 
-def parse(text: str, where: str, directory: Path | None = None) -> Document:
-    """Parse URDF or MJCF text.
+    @abstractmethod
+    def _read_facts(self) -> Facts:
+        """Read them."""
 
-    Args:
-        text: the document.
-        where: the file or the robot's name, for messages.
-        directory: where the files that an MJCF document includes are looked for.
+    @abstractmethod
+    def settle(self, base: Base) -> str:
+        """Give the document its final form, and return its root link.
 
-    Returns:
-        The document.
+        Raises:
+            RobotError: no single root, or a joint that contradicts `base`.
+        """
 
-    Raises:
-        RobotError: the text is no XML, neither URDF nor MJCF, or has no links or a nameless one.
-    """
-    try:
-        root = ET.fromstring(text)
-    except ET.ParseError as error:
-        raise RobotError(f"{where} is not valid XML: {error}") from None
-    kind = _KINDS.get(root.tag)
-    if kind is None:
-        raise RobotError(
-            f"{where} is neither URDF nor MJCF",
-            got=f"<{root.tag}>",
-            wanted="<robot> (URDF) or <mujoco> (MJCF) as the root element",
-        )
-    if kind == "urdf":
-        _drop_extensions(root)
-        _tidy_shapes(root)
-    else:
-        _include(root, directory, where, depth=0)
-        _name_all(root)
-    document = Document(kind="urdf" if kind == "urdf" else "mjcf", root=root, where=where)
-    _check_names(document)
-    return document
+    @abstractmethod
+    def build(self, *, floating: bool) -> pin.Model:
+        """Build Pinocchio's model of the settled document, with all its joints.
 
+        Raises:
+            RobotError: it cannot be built.
+        """
 
-def end_of(joint: ET.Element, tag: str) -> str:
-    """The parent or child link of a URDF joint; empty where it names none."""
-    element = joint.find(tag)
-    return "" if element is None else element.get("link", "")
+    @abstractmethod
+    def meshes(self) -> dict[str, Path | None]:
+        """Mesh files by the name that the document has for them; None where there is no file."""
 
+    @abstractmethod
+    def drop_meshes(self, names: set[str]) -> list[str]:
+        """Take meshes out, and return bodies whose mass comes from one of them."""
 
-def write_limits(
-    document: Document,
-    position: Mapping[str, tuple[float, float]],
-    velocity: Mapping[str, float],
-    torque: Mapping[str, float],
-) -> None:
-    """Write limits into a URDF document; a joint that turns without end becomes a hinge.
+    def free_names(self, taken: set[str]) -> None:
+        """Rename frames that have the name of a role, which means the role."""
+        del taken
 
-    A hinge without limits gets limits of zero, which the loader reports later.
+    def write_limits(
+        self,
+        position: Mapping[str, tuple[float, float]],
+        velocity: Mapping[str, float],
+        torque: Mapping[str, float],
+    ) -> None:
+        """Write limits by joint into a document that keeps some [rad, rad/s, N m]."""
+        del position, velocity, torque
 
-    Args:
-        document: a URDF document, changed in place.
-        position: position limits by joint [rad].
-        velocity: velocity limits by joint [rad/s].
-        torque: torque limits by joint [N m].
-    """
-    for joint in document.root.findall("joint"):
-        if joint.get("type") not in _HINGES:
-            continue
-        name = joint.get("name", "")
-        limit = joint.find("limit")
-        if limit is None:
-            limit = ET.SubElement(joint, "limit")
-        if joint.get("type") == "continuous":
-            joint.set("type", "revolute")
-            limit.set("lower", "0")
-            limit.set("upper", "0")
-        if name in position:
-            limit.set("lower", repr(position[name][0]))
-            limit.set("upper", repr(position[name][1]))
-        for key, values in (("velocity", velocity), ("effort", torque)):
-            limit.set(key, repr(values[name]) if name in values else limit.get(key, "0"))
-
-
-def mend_inertias(document: Document) -> list[str]:
-    """Make a URDF's rotational inertias possible: no principal one above the sum of the others.
-
-    The largest is lowered to that sum, in both engines' models; MuJoCo refuses such a body.
-
-    Args:
-        document: a document, changed in place; MuJoCo has checked an MJCF itself.
-
-    Returns:
-        The links whose inertia was changed.
-    """
-    if document.kind != "urdf":
+    def mend_inertias(self) -> list[str]:
+        """Make rotational inertias possible, and return the links whose inertia was changed."""
         return []
-    mended: list[str] = []
-    for link in document.root.findall("link"):
-        inertial, element = link.find("inertial"), link.find("inertial/inertia")
-        if inertial is None or element is None:
-            continue
-        _, inertia = _inertial_numbers(inertial)
-        values, axes = np.linalg.eigh(inertia)
-        most = values[0] + values[1]
-        if values[2] <= most * (1.0 + _ROUNDING) or most <= 0.0:
-            continue
-        values[2] = most
-        possible = axes * values @ axes.T
-        for key, (i, j) in zip(INERTIA, _ENTRIES, strict=True):
-            element.set(key, repr(float(possible[i, j])))
-        mended.append(link.get("name", ""))
-    return mended
 
+    def stuck(self) -> list[str]:
+        """Joints whose equal limits mean that they are fixed."""
+        return []
 
-_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-"""Where ixx, ixy, ixz, iyy, iyz, izz stand."""
+    def endless(self) -> list[str]:
+        """Joints without position limits."""
+        return []
 
+    @abstractmethod
+    def _tidy(self) -> None:
+        """Repair faults that published models have, and take out other programs' elements."""
 
-def _check_names(document: Document) -> None:
-    if not document.links():
-        raise RobotError(f"{document.where} has no links", got=f"<{document.root.tag}>")
-    names = document.joints()
-    if "" in names:
-        raise RobotError(f"{document.where} has a joint without a name", wanted="names for all")
-    twice = sorted({n for n in names if names.count(n) > 1})
-    if twice:
-        raise RobotError(f"{document.where} has two joints of one name", got=twice)
-    if document.kind == "urdf":
-        _check_ends(document)
-        check_numbers(document.root, document.where)
-    _check_inertias(document)
+    @abstractmethod
+    def _check(self) -> None:
+        """Refuse faults that nobody can repair."""
 
-
-def _check_ends(document: Document) -> None:
-    links = document.links()
-    for joint in document.root.findall("joint"):
-        for tag in ("parent", "child"):
-            if end_of(joint, tag) not in links:
+    def _check_inertias(self) -> None:
+        """Refuse masses and inertias below zero; zero is checked where it matters."""
+        for element in self.root.iter(self.link_tag):
+            inertial = element.find("inertial")
+            if inertial is None:
+                continue
+            mass, inertia = inertial_numbers(inertial)
+            values = np.linalg.eigvalsh(inertia)
+            if mass < 0.0 or values[0] < -_ROUNDING * max(abs(values)) - 1e-12:
+                found = ", ".join(f"{v:.4g}" for v in values)
                 raise RobotError(
-                    f"{document.where}: {tag} of joint {joint.get('name')!r} is no link",
-                    got=end_of(joint, tag),
-                    choices=links,
+                    f"{self.where}: {self.link_tag} {element.get('name')!r} has a negative mass "
+                    "or inertia",
+                    got=f"mass {mass:g} kg, principal inertias {found} kg m^2",
+                    wanted="an <inertial> with a mass and principal inertias above zero",
                 )
 
 
-_ROUNDING = 1e-6
-"""Part of the largest inertia that a written one may be below zero by its rounding."""
+def possible_inertia(inertia: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "3 3"] | None:
+    """An inertia whose largest principal moment is the others' sum; None for one that needs none.
+
+    No body has a larger one, and MuJoCo refuses it.
+    """
+    values, axes = np.linalg.eigh(inertia)
+    most = values[0] + values[1]
+    if values[2] <= most * (1.0 + _ROUNDING) or most <= 0.0:
+        return None
+    values[2] = most
+    return axes * values @ axes.T
 
 
-def _check_inertias(document: Document) -> None:
-    """Find masses and inertias below zero, which no body has; zero is checked where it matters."""
-    tag = "link" if document.kind == "urdf" else "body"
-    for element in document.root.iter(tag):
-        inertial = element.find("inertial")
-        if inertial is None:
-            continue
-        mass, inertia = _inertial_numbers(inertial)
-        values = np.linalg.eigvalsh(inertia)
-        if mass < 0.0 or values[0] < -_ROUNDING * max(abs(values)) - 1e-12:
-            raise RobotError(
-                f"{document.where}: {tag} {element.get('name')!r} has a negative mass or inertia",
-                got=f"mass {mass:g} kg, principal inertias {_written(values)} kg m^2",
-                wanted="an <inertial> with a mass and principal inertias above zero",
-            )
-
-
-def _written(values: Iterable[float]) -> str:
-    return ", ".join(f"{v:.4g}" for v in values)
-
-
-def _inertial_numbers(
-    inertial: ET.Element,
-) -> tuple[float, Float64[np.ndarray, "3 3"]]:
+def inertial_numbers(inertial: ET.Element) -> tuple[float, Float64[np.ndarray, "3 3"]]:
     """The mass [kg] and the inertia [kg m^2] of an element; what it lacks is zero."""
     parts = {part.tag: part for part in inertial}
     if parts:
@@ -238,95 +246,72 @@ def _inertial_numbers(
 
 
 def _floats(text: str, count: int = 1) -> list[float]:
-    """The numbers of an attribute; zeros where it has not so many, for MuJoCo to complain about."""
+    """The numbers of an attribute; zeros where there are not so many: MuJoCo names the fault."""
     words = text.split()
     if len(words) != count or not all(is_number(w) for w in words):
         return [0.0] * count
     return [float(w) for w in words]
 
 
-_URDF_PARTS = ("link", "joint", "material")
+def is_number(word: str) -> bool:
+    """Whether a word is a finite number."""
+    try:
+        return bool(np.isfinite(float(word)))
+    except ValueError:
+        return False
 
 
-def _drop_extensions(root: ET.Element) -> None:
-    """Take out what other programs put into a URDF, which may have links and meshes of its own."""
-    for element in [e for e in root if e.tag not in _URDF_PARTS]:
-        root.remove(element)
-
-
-def _tidy_shapes(root: ET.Element) -> None:
-    """Take out what MuJoCo does not read: shapes of no size, and names that stand twice."""
-    seen: set[str] = set()
-    for link in root.findall("link"):
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
-            if _is_nothing(shape):
-                link.remove(shape)
-            elif (name := shape.get("name")) in seen:
-                del shape.attrib["name"]
-            elif name is not None:
-                seen.add(name)
-
-
-def _is_nothing(shape: ET.Element) -> bool:
-    """Whether a primitive shape has a size of zero."""
-    sizes = [
-        solid.get(key, "")
-        for solid in shape.iterfind("geometry/*")
-        for key in ("radius", "length", "size")
-        if solid.tag != "mesh" and solid.get(key)
-    ]
-    return any(is_number(word) and float(word) <= 0.0 for text in sizes for word in text.split())
-
-
-def _include(element: ET.Element, directory: Path | None, where: str, depth: int) -> None:
-    """Put the content of included MJCF files in the place of each <include>."""
-    for index, child in reversed(list(enumerate(element))):
-        if child.tag != "include":
-            _include(child, directory, where, depth)
-            continue
-        path = (directory or Path()) / child.get("file", "")
-        if depth > 10 or not path.is_file():
-            raise RobotError(
-                f"a file included by {where} cannot be found",
-                got=str(path),
-                wanted="the file at that place, or the <include> taken out",
-            )
-        try:
-            included = ET.fromstring(path.read_text(encoding="utf-8"))
-        except ET.ParseError as error:
-            raise RobotError(f"{path} is not valid XML: {error}") from None
-        _include(included, directory, path.name, depth + 1)
-        element.remove(child)
-        for k, inner in enumerate(included):
-            element.insert(index + k, inner)
-
-
-def _name_all(root: ET.Element) -> None:
-    """Name the bodies and joints that an MJCF document leaves without a name."""
-    worlds = root.findall("worldbody")
-    bodies = {b.get("name", "") for w in worlds for b in w.iter("body")}
-    joints = {j.get("name", "") for w in worlds for j in w.iter("joint")}
-    for number, body in enumerate(b for w in worlds for b in w.iter("body")):
-        if not body.get("name"):
-            _name(body, f"body{number + 1}", bodies)
-        hinges = [j for j in _own(body, "joint") if not j.get("name") and j.get("type") != "free"]
-        for k, joint in enumerate(hinges):
-            number_of_it = k + 1 if len(hinges) > 1 else ""
-            _name(joint, f"{body.get('name')}_joint{number_of_it}", joints)
-
-
-def _name(element: ET.Element, name: str, taken: set[str]) -> None:
-    """Give an element a name, or one like it where others have it."""
-    while name in taken:
+def free_name(name: str, taken: Iterable[str]) -> str:
+    """The name, with underscores behind it where it is taken."""
+    others = set(taken)
+    while name in others:
         name += "_"
-    element.set("name", name)
-    taken.add(name)
+    return name
 
 
-def _own(body: ET.Element, tag: str) -> Iterator[ET.Element]:
-    """Elements of a body itself, also where frames of the document stand around them."""
-    for child in body:
-        if child.tag == tag:
-            yield child
-        elif child.tag == "frame":
-            yield from _own(child, tag)
+def read_document(
+    text: str,
+    where: str,
+    directory: Path | None = None,
+    packages: Sequence[Path] = (),
+    name: str = "",
+) -> Document:
+    """Parse URDF or MJCF text.
+
+    Args:
+        text: the document.
+        where: the file or the robot's name, for messages.
+        directory: folder of its relative paths.
+        packages: further folders that hold packages, or are one.
+        name: of the robot; by default the document's own, or else the stem of `where`.
+
+    Raises:
+        RobotError: the text is neither URDF nor MJCF, or has a fault that cannot be repaired.
+    """
+    from poise.robots._mjcf import MjcfDocument
+    from poise.robots._urdf import UrdfDocument
+
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as error:
+        raise RobotError(f"{where} is not valid XML: {error}") from None
+    readers: dict[str, Any] = {"robot": (UrdfDocument, "name"), "mujoco": (MjcfDocument, "model")}
+    if root.tag not in readers:
+        raise RobotError(
+            f"{where} is neither URDF nor MJCF",
+            got=f"<{root.tag}>",
+            wanted="<robot> (URDF) or <mujoco> (MJCF) as the root element",
+        )
+    reader, key = readers[root.tag]
+    own = _plain(root.get(key, ""))
+    return reader(root, where, name or own or _plain(Path(where).stem), directory, packages)
+
+
+_UNNAMED = "MuJoCo_Model"
+"""The name that MuJoCo gives to a model without one."""
+
+
+def _plain(name: str) -> str:
+    """A name that may also be that of a folder; "" for one that says nothing."""
+    letters = "".join(c if c.isalnum() or c in "_+-." else "_" for c in name).strip("._")
+    return "" if letters == _UNNAMED else letters

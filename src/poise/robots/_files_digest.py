@@ -3,14 +3,17 @@
 import hashlib
 from pathlib import Path
 
-from poise._yaml import read_text
-from poise.errors import RobotError
-from poise.robots._document import parse
-from poise.robots._meshes import asset_folders, found_meshes
-from poise.robots._robot import ModelSource
+from poise.robots._inputs import XACRO, open_document
 
 DESCRIPTION_SUFFIX = ".poise.yaml"
 """Behind the stem of a model file, the name of its description beside it."""
+
+
+def description_of(path: Path) -> Path:
+    """The description beside a model file."""
+    name = path.name.removesuffix(XACRO)
+    stem = Path(name).stem if Path(name).suffix in (".urdf", ".xml", ".mjcf") else name
+    return path.with_name((stem if name != path.name else path.stem) + DESCRIPTION_SUFFIX)
 
 
 def files_digest(path: str | Path) -> str:
@@ -19,21 +22,17 @@ def files_digest(path: str | Path) -> str:
     These are the files that it includes, the meshes that are there, and the description beside it.
 
     Args:
-        path: a URDF or MJCF file.
+        path: a URDF, MJCF or xacro file.
 
     Raises:
         RobotError: it cannot be read.
     """
-    path = Path(path)
-    document = parse(read_text(path, error=RobotError), path.name, path.parent)
-    directory, packages = asset_folders(document, path)
-    source = ModelSource(
-        kind=document.kind, text=document.text, directory=directory, package_dirs=packages
-    )
-    digest = hashlib.sha256(source.text.encode())
-    for file in found_meshes(document.root, source):
-        digest.update(file.read_bytes())
-    description = path.with_name(path.stem + DESCRIPTION_SUFFIX)
+    document = open_document(Path(path))
+    digest = hashlib.sha256(document.text.encode())
+    for file in document.meshes().values():
+        if file is not None:
+            digest.update(file.read_bytes())
+    description = description_of(Path(path))
     if description.is_file():
         digest.update(description.read_bytes())
     return digest.hexdigest()[:8]

@@ -12,7 +12,7 @@ import pinocchio as pin
 from jaxtyping import Float64, Int
 
 from poise.errors import RobotError
-from poise.robots._meshes import mesh_path
+from poise.robots._mesh_files import mesh_path
 from poise.robots._mjcf_compile import compile_mjcf, mujoco_module, pose_of
 from poise.robots._robot import ModelSource
 
@@ -57,21 +57,7 @@ def union(shapes: Sequence[Balls]) -> Balls | None:
 def link_shapes(
     source: ModelSource, links: Iterable[str], where: str, *, outlines: bool = False
 ) -> dict[str, LinkShape]:
-    """The shapes of some links of a document whose missing meshes have been taken out.
-
-    Args:
-        source: the document.
-        links: names of links or bodies.
-        where: the file, for messages.
-        outlines: whether it is for their outlines alone: a link that touches with something then
-            does without what it looks like, and meshes are read as fast as can be.
-
-    Returns:
-        Shapes by link; a link without any is there with none.
-
-    Raises:
-        RobotError: a mesh cannot be read.
-    """
+    """The shapes of some links of a document whose missing meshes have been taken out."""
     wanted = set(links)
     if source.kind == "urdf":
         return _urdf_shapes(source, wanted, outlines)

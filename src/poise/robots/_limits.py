@@ -10,6 +10,7 @@ import pinocchio as pin
 from poise.errors import RobotError
 from poise.robots._description import Description, match_joints
 from poise.robots._robot import GRAVITY
+from poise.robots._urdf import crossed_limits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,11 +29,7 @@ class JointLimits:
 
 
 def described_limits(facts: Description, joints: tuple[str, ...]) -> JointLimits:
-    """Match the patterns of a description's limits with the joints of a document.
-
-    Raises:
-        RobotError: a pattern matches no joint.
-    """
+    """Match the patterns of a description's limits with the joints of a document."""
     where = f"{facts.where}: limits"
     return JointLimits(
         position=match_joints(facts.limits.position, joints, f"{where}.position"),
@@ -47,14 +44,7 @@ def apply_limits(
     velocity: Mapping[str, float] | None = None,
     torque: Mapping[str, float] | None = None,
 ) -> None:
-    """Put limits by joint into a model, in place of its own.
-
-    Args:
-        model: the model, changed in place.
-        position: lower and upper limits [rad].
-        velocity: largest speeds [rad/s].
-        torque: largest torques [N m].
-    """
+    """Put limits by joint into a model, in place of its own."""
     for joint, name in zip(model.joints, model.names, strict=True):
         if position and name in position:
             low, high = position[name]
@@ -66,30 +56,8 @@ def apply_limits(
             model.effortLimit[joint.idx_v] = torque[name]
 
 
-def tighten_torques(model: pin.Model, torque: Mapping[str, float]) -> None:
-    """Lower the torque limits of a model to those of its actuators.
-
-    Args:
-        model: the model, changed in place.
-        torque: largest torques by joint [N m].
-    """
-    for joint, name in zip(model.joints, model.names, strict=True):
-        if name in torque:
-            limit = float(model.effortLimit[joint.idx_v])
-            model.effortLimit[joint.idx_v] = min(limit, torque[name])
-
-
 def check_positions(model: pin.Model, *, floating: bool, where: str) -> None:
-    """Check that every joint has position limits that leave it room to move.
-
-    Args:
-        model: the model.
-        floating: whether its first joint is a free base.
-        where: the file or the robot's name, for messages.
-
-    Raises:
-        RobotError: limits are missing, zero, infinite or crossed; the message says whose.
-    """
+    """Check that every joint has position limits that leave it room to move."""
     lacking: list[str] = []
     crossed: dict[str, tuple[float, float]] = {}
     for name, joint in _joints(model, floating):
@@ -107,22 +75,6 @@ def check_positions(model: pin.Model, *, floating: bool, where: str) -> None:
             got={"limits.position": lacking},
             wanted="these limits in the model file, or under `limits` in its description",
         )
-
-
-def crossed_limits(where: str, crossed: Mapping[str, tuple[float, float]]) -> RobotError:
-    """What is said of lower limits above upper ones.
-
-    Args:
-        where: the file or the robot's name, for messages.
-        crossed: the limits by joint [rad or m].
-    """
-    said = (f"{name}: lower {low:g}, upper {high:g}" for name, (low, high) in crossed.items())
-    return RobotError(
-        f"{where} has joints whose lower limit is above the upper one",
-        got="; ".join(said),
-        wanted="lower below upper in the model file, or [lower, upper] under `limits.position` in "
-        "its description",
-    )
 
 
 def _is_size(value: float) -> bool:
@@ -145,16 +97,7 @@ _LEAST_PART, _LEAST = 0.003, 1e-3
 
 
 def assume_limits(model: pin.Model, soles: Iterable[str], *, floating: bool) -> list[str]:
-    """Fill in the velocity and torque limits that a model lacks.
-
-    Args:
-        model: the model with a frame for each sole, changed in place.
-        soles: names of those frames.
-        floating: whether its first joint is a free base.
-
-    Returns:
-        What was assumed, as sentences with names of the joints; empty where nothing was missing.
-    """
+    """Fill in the velocity and torque limits that a model lacks."""
     said: list[str] = []
     joints = _joints(model, floating)
     slow = [j for _, j in joints if not _is_size(float(model.velocityLimit[j.idx_v]))]

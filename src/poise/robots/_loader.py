@@ -1,8 +1,7 @@
-"""`load_robot`: from a name or a file to a `Robot`."""
+"""`load_robot`: from a name or a model to a `Robot`."""
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -10,90 +9,88 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._show import few
 from poise._yaml import read_text, read_yaml
 from poise.errors import RobotError, UnknownNameError
-from poise.robots._base import followers_of, settle_base
+from poise.robots._assembly import assemble
 from poise.robots._catalog import catalog_names, find_entry, open_entry
 from poise.robots._describe import describe
 from poise.robots._description import Description, Mount, match_joints, parse_description
-from poise.robots._document import Document, mend_inertias, parse, write_limits
-from poise.robots._files_digest import DESCRIPTION_SUFFIX
-from poise.robots._kinematics import add_roles, build_model, check_inertia
-from poise.robots._limits import (
-    apply_limits,
-    assume_limits,
-    check_positions,
-    described_limits,
-    tighten_torques,
-)
-from poise.robots._meshes import add_figure, asset_folders, drop_missing_meshes, has_shapes
-from poise.robots._mjcf_facts import MjcfFacts, read_facts
-from poise.robots._mjcf_world import free_site_names
+from poise.robots._document import Document, read_document
+from poise.robots._files_digest import description_of
+from poise.robots._inputs import RobotInput, open_document, path_of
+from poise.robots._kinematics import add_roles, check_inertia, hinges
+from poise.robots._limits import assume_limits, check_positions, described_limits
+from poise.robots._meshes import add_figure, has_shapes
 from poise.robots._posture import home_configuration
-from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
+from poise.robots._robot import FrameRole, Robot, Sole
 from poise.robots._role_check import check_roles
 from poise.robots._sole_check import soles_off_their_feet
 from poise.robots._sole_freedom import with_controlled_soles
 
 
 def load_robot(
-    name_or_path: str | Path, description: str | Path | Mapping[str, object] | None = None
+    name_or_model: RobotInput,
+    description: str | Path | Mapping[str, object] | None = None,
+    *,
+    geometry: pin.GeometryModel | None = None,
 ) -> Robot:
-    """Load a robot by its name in the catalog, or from a URDF or MJCF file.
+    """Load a robot by its name in the catalog, or from any model of it.
 
     Args:
-        name_or_path: a name that `poise robots` lists, `humanoid20` to `humanoid60`, or a file.
-        description: for a file, the YAML file (or its content) with the facts that the model file
-            does not hold; by default `<stem>.poise.yaml` beside it. Without either the facts are
-            guessed, as `describe` does, and a warning lists the guesses and `describe`'s remarks.
+        name_or_model: a name that `poise robots` lists, `humanoid20` to `humanoid60`; a path to a
+            URDF, MJCF or xacro file; XML text; a `pin.Model`, `mujoco.MjModel` or `mujoco.MjSpec`;
+            or a module of robot_descriptions.
+        description: the YAML file (or its content) with the facts that a model does not hold; by
+            default `<stem>.poise.yaml` beside a file. Without either the facts are guessed, as
+            `describe` does, and a warning lists the guesses and `describe`'s remarks.
+        geometry: shapes of a `pin.Model`.
 
     Returns:
-        The robot.
+        The robot, which has the name of the model: that of `<robot name>` or `<mujoco model>`.
 
     Raises:
         UnknownNameError: no such robot, link or joint.
-        RobotError: a file, mesh, inertia, limit or fact is missing or wrong.
+        RobotError: a file, mesh, inertia, limit or fact is missing or wrong, or this is no model.
         MissingExtraError: the robot's files come with an extra that is not installed.
     """
-    entry = find_entry(str(name_or_path)) if description is None else None
+    named = name_or_model if isinstance(name_or_model, str) and description is None else ""
+    entry = find_entry(named)
     if entry is not None:
         text, directory, packages = open_entry(entry)
-        document = parse(text, entry.name, directory)
-        return _assemble(entry.name, document, entry.description, directory, packages)[0]
-    path = Path(name_or_path)
-    if not path.suffix and not path.is_file():
-        raise UnknownNameError("unknown robot", got=str(name_or_path), choices=catalog_names())
-    text = read_text(path, error=RobotError)
-    document = parse(text, path.name, path.parent)
-    facts, guessed = _find_description(path, description)
+        document = read_document(text, entry.name, directory, packages, name=entry.name)
+        return _assemble(document, entry.description)[0]
+    path = path_of(name_or_model)
+    if path is not None and not path.suffix and not path.is_file():
+        raise UnknownNameError("unknown robot", got=str(path), choices=catalog_names())
+    document = open_document(name_or_model, geometry)
+    facts, guessed = _find_description(document, path, description, name_or_model, geometry)
     shown = has_shapes(document.root)
-    robot, notes = _assemble(path.stem, document, facts, *asset_folders(document, path))
+    robot, notes = _assemble(document, facts)
     if shown and not guessed:
         notes += soles_off_their_feet(robot)
     if guessed or notes:
         # A proposal's remarks and the notes of its load may say the same.
         notes = list(dict.fromkeys([*guessed, *notes]))
-        warnings.warn(f"{path.name}: {'; '.join(notes)}", stacklevel=2)
+        warnings.warn(f"{document.where}: {'; '.join(notes)}", stacklevel=2)
     return robot
 
 
-def description_template(path: str | Path) -> str:
-    """A description file to fill in, with the links and joints of a model file as comments.
+def description_template(model: RobotInput) -> str:
+    """A description file to fill in, with the links and joints of a model as comments.
 
     Args:
-        path: a URDF or MJCF file.
+        model: as `load_robot` takes it.
 
     Returns:
         YAML text.
 
     Raises:
-        RobotError: the file cannot be read.
+        RobotError: the model cannot be read.
     """
-    path = Path(path)
-    document = parse(read_text(path, error=RobotError), path.name, path.parent)
+    document = open_document(model)
+    stem = description_of(path_of(model) or Path(document.name)).name
     links, joints = ", ".join(document.links()), ", ".join(document.joints())
-    return f"""# Facts about {path.name}: save as {path.stem}{DESCRIPTION_SUFFIX} beside it.
+    return f"""# Facts about {document.where}: save as {stem} beside it.
 # Links: {links}
 # Joints: {joints}
 base: floating            # or: fixed
@@ -116,73 +113,66 @@ licence: not stated
 
 
 def _find_description(
-    path: Path, given: str | Path | Mapping[str, object] | None
+    document: Document,
+    path: Path | None,
+    given: str | Path | Mapping[str, object] | None,
+    model: RobotInput,
+    geometry: pin.GeometryModel | None,
 ) -> tuple[Description, list[str]]:
-    """The description of a file; where there is none, what was guessed and seen, as sentences."""
+    """The description of a model; where there is none, guesses and remarks as sentences."""
     if isinstance(given, Mapping):
-        return parse_description(dict(given), f"description of {path.name}"), []
-    file = Path(given) if given is not None else path.with_name(path.stem + DESCRIPTION_SUFFIX)
-    if given is None and not file.is_file():
-        proposal = describe(path)
-        facts = parse_description(proposal.facts, f"description guessed for {path.name}")
-        where_from = f"guessed, as there is no {file.name}: {proposal.summary}"
-        shown = f"{where_from} (`poise describe {path}` shows and writes it)"
+        return parse_description(dict(given), f"description of {document.where}"), []
+    file = description_of(path) if path is not None and given is None else None
+    if given is not None:
+        file = Path(given)
+    if given is None and (file is None or not file.is_file()):
+        proposal = describe(model, geometry)
+        facts = parse_description(proposal.facts, f"description guessed for {document.where}")
+        shown = f"guessed: {proposal.summary}"
+        if file is not None:
+            shown = f"guessed, as there is no {file.name}: {proposal.summary}"
+            shown += f" (`poise describe {path}` shows and writes it)"
         return facts, [shown, *proposal.remarks]
+    assert file is not None
     data = read_yaml(read_text(file, error=RobotError), file.name, error=RobotError)
     return parse_description(data, file.name), []
 
 
-def _assemble(
-    name: str,
-    document: Document,
-    facts: Description,
-    directory: Path | None,
-    packages: tuple[Path, ...],
-) -> tuple[Robot, list[str]]:
-    """The robot, and what was assumed or left out of it."""
-    floating = facts.base == "floating"
-    mjcf = read_facts(document, directory) if document.kind == "mjcf" else None
-    root = settle_base(document, facts.base)
+def _assemble(document: Document, facts: Description) -> tuple[Robot, list[str]]:
+    """The robot, and remarks on what was assumed, repaired or left out."""
+    floating, name, where = facts.base == "floating", document.name, document.where
     names = document.joints()
     limits = described_limits(facts, names)
     locked = match_joints(dict.fromkeys(facts.locked, True), names, f"{facts.where}: locked")
-    followers = [j for j in followers_of(document, mjcf) if j not in locked]
-    if document.kind == "urdf":
-        write_limits(document, limits.position, limits.velocity, limits.torque)
-    else:
-        free_site_names(document.root, {*facts.mounts(), "pelvis", "torso"})
-    source = ModelSource(
-        kind=document.kind,
-        text=document.text,
-        directory=directory,
-        package_dirs=packages,
-        locked_joints=(*locked, *followers),
-    )
-    notes = _left_out(mjcf, followers, drop_missing_meshes(document.root, source, name))
-    if mended := mend_inertias(document):
-        notes.append(f"inertias that no body has are made possible: {few(mended)}")
-    source = replace(source, text=document.text)
-    free = [n for n in names if n not in source.locked_joints]
-    # As limits, it may be that of a joint that somebody locked afterwards.
+    # As limits, an armature may be that of a joint that somebody locked afterwards.
     armature = match_joints(facts.armature, names, f"{facts.where}: armature")
-    armature = {joint: inertia for joint, inertia in armature.items() if joint in free}
+    assembly = assemble(
+        document,
+        facts.base,
+        position=limits.position,
+        velocity=limits.velocity,
+        torque=limits.torque,
+        locked=locked,
+        taken={*facts.mounts(), "pelvis", "torso"},
+    )
+    model, source = assembly.model, assembly.source
+    for joint_name, joint in hinges(model):
+        if joint_name in armature:
+            model.armature[joint.idx_v] = armature[joint_name]
+    free = [n for n in names if n not in source.locked_joints]
     posture = match_joints(facts.home, free, f"{facts.where}: home")
-    model = build_model(source, floating=floating, armature=armature, where=name)
-    check_inertia(model, name)
-    if document.kind == "urdf" and add_figure(document.root):
-        source = replace(source, text=document.text)
-    if mjcf is not None:
-        tighten_torques(model, mjcf.torque)
-    apply_limits(model, limits.position, limits.velocity, limits.torque)
-    check_positions(model, floating=floating, where=name)
-    roles = _roles(facts, root)
-    add_roles(model, roles, name)
+    check_inertia(model, where)
+    if add_figure(document.root):
+        source = document.source(source.locked_joints)
+    check_positions(model, floating=floating, where=where)
+    roles = _roles(facts, assembly.root)
+    add_roles(model, roles, where)
     assumed = assume_limits(model, facts.soles, floating=floating)
     # Pinocchio leaves lower ones that are above those of a model without limits, and refuses them.
     model.lowerVelocityLimit[:] = -model.velocityLimit
     model.lowerEffortLimit[:] = -model.effortLimit
     soles = {n: Sole(name=n, length=s.length, width=s.width) for n, s in facts.soles.items()}
-    q_home = home_configuration(model, soles, posture, floating=floating, where=name)
+    q_home = home_configuration(model, soles, posture, floating=floating, where=where)
     base_q, base_v, first = (7, 6, 2) if floating else (0, 0, 1)
     robot = Robot(
         name=name,
@@ -203,21 +193,10 @@ def _assemble(
         source=source,
     )
     check_roles(robot)
-    return with_controlled_soles(robot), [*(f"assumed are {a}" for a in assumed), *notes]
-
-
-def _left_out(mjcf: MjcfFacts | None, followers: list[str], meshes: list[str]) -> list[str]:
-    """What a robot does not take from its document, as sentences."""
-    notes: list[str] = []
-    if followers:
-        notes.append(f"joints that mimic others are locked at zero: {few(followers)}")
-    if mjcf is not None and mjcf.loops:
-        notes.append(f"loops that these equalities close are left open: {few(mjcf.loops)}")
-    if mjcf is not None and mjcf.springs:
-        notes.append(f"springs are left out: {few(mjcf.springs)}")
-    if meshes:
-        notes.append(f"meshes that cannot be found are missing in pictures: {few(meshes)}")
-    return notes
+    return with_controlled_soles(robot), [
+        *(f"assumed are {a}" for a in assumed),
+        *assembly.remarks,
+    ]
 
 
 def _roles(facts: Description, root: str) -> dict[str, FrameRole]:

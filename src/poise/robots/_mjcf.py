@@ -1,147 +1,375 @@
-"""`build_mjcf_model`: the Pinocchio model of the bodies, joints and sites that MuJoCo compiles."""
+"""MJCF: the robot in a document, facts of the sections around it, and what is taken out."""
 
-from collections.abc import Mapping
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from jaxtyping import Float64
 
+from poise._show import few
 from poise.errors import RobotError
-from poise.robots._mjcf_compile import compile_mjcf, mujoco_module, pose_of
-from poise.robots._robot import ModelSource
+from poise.robots._document import Base, Coupling, Document, Facts, free_name
+from poise.robots._mjcf_compile import (
+    asset_folder,
+    compile_mjcf,
+    mujoco_module,
+    parse_mjcf,
+    rotation_of,
+)
+from poise.robots._mjcf_model import build_mjcf_model
+
+_LEFT_OUT = (
+    "actuator", "contact", "custom", "deformable", "equality", "keyframe", "option", "sensor",
+    "size", "tendon",
+)  # fmt: skip
+"""Sections that the plant and the controller bring themselves, or that a `Robot` does not have."""
+
+_SPRINGS = ("stiffness", "springref", "springdamper")
+"""Attributes of joints that would push in the plant while the controller knows of no spring."""
+
+_PLACEMENT = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
+"""Attributes that place an MJCF body."""
+
+_BASE, _CARRIED, _GROUND = "base", ("body", "frame", "geom", "site"), ("plane", "hfield")
+"""The body that stands for a world from which limbs hang, what it holds, and what it does not."""
+
+_DEEPEST = 10
+"""Files that include each other in a circle are never deeper than this otherwise."""
+
+_QPOS_SIZE = {"FREE": 7, "BALL": 4}
+"""Positions of a joint in MuJoCo's `qpos`; a hinge or slide has one."""
 
 
-def build_mjcf_model(source: ModelSource, *, floating: bool, where: str) -> pin.Model:
-    """Build the Pinocchio model of a settled MJCF document, with its armature and friction.
+class MjcfDocument(Document):
+    """An MJCF document."""
 
-    Joints are in MuJoCo's order. A hinge turns its body about `pos` by q - `ref`; several joints of
-    one body follow each other, as MuJoCo has them.
+    kind = "mjcf"
+    link_tag = "body"
 
-    Args:
-        source: the document, settled.
-        floating: whether a free joint is put before the root body.
-        where: the file, for messages.
+    def joints(self) -> tuple[str, ...]:
+        worlds = self.root.findall("worldbody")
+        joints = (j for w in worlds for j in w.iter("joint") if j.get("type") != "free")
+        return tuple(j.get("name", "") for j in joints)
 
-    Raises:
-        RobotError: MuJoCo cannot compile it, or a joint has more than one degree of freedom.
-    """
-    mujoco, compiled = mujoco_module(where), compile_mjcf(source, where)
-    return _Builder(mujoco, compiled, base_name(source.text) if floating else None, where).model
+    def _tidy(self) -> None:
+        _include(self.root, self.directory, self.where, depth=0)
+        _name_all(self.root)
 
+    def _check(self) -> None:
+        """Refuse ball joints here: MuJoCo alone knows of classes that make one."""
+        for joint in self.root.iter("joint"):
+            if joint.get("type") == "ball":
+                raise RobotError(
+                    f"{self.where}: joint {joint.get('name')!r} is a ball joint",
+                    got="three degrees of freedom",
+                    wanted="three hinges in its place",
+                )
 
-def base_name(text: str) -> str:
-    """A name for the free joint before the root that a document's text has for nothing else."""
-    name = "root_joint"
-    while f'"{name}"' in text:
-        name += "_"
-    return name
+    @cached_property
+    def _robot(self) -> ET.Element:
+        """The robot's root body: that with a free joint, the only one that moves, or a new one.
 
-
-class _Builder:
-    """Pinocchio's model, body by body in MuJoCo's order."""
-
-    def __init__(self, mujoco: ModuleType, compiled: Any, base: str | None, where: str) -> None:
-        self._mujoco, self._compiled, self._where = mujoco, compiled, where
-        self.model = pin.Model()
-        self._joint_of = {0: 0}
-        """Pinocchio's joint that moves each body."""
-        self._placement = {0: pin.SE3.Identity()}
-        """Of each body in that joint."""
-        self._frame_of = {0: 0}
-        if base is not None:
-            self._joint_of[0] = self._add(base, 0, pin.JointModelFreeFlyer(), None)
-        armature, damping, friction = {}, {}, {}
-        for body in range(1, compiled.nbody):
-            for joint in self._add_body(body):
-                name, dof = compiled.joint(joint).name, int(compiled.jnt_dofadr[joint])
-                armature[name] = float(compiled.dof_armature[dof])
-                damping[name] = float(np.ravel(compiled.dof_damping[dof])[0])
-                friction[name] = float(compiled.dof_frictionloss[dof])
-        self._set_by_joint(armature, damping, friction)
-        for site in range(compiled.nsite):
-            self._add_site(site)
-
-    def _add(self, name: str, parent: int, joint: Any, placement: pin.SE3 | None) -> int:
-        start = pin.SE3.Identity() if placement is None else placement
-        index = self.model.addJoint(parent, joint, start, name)
-        self.model.addJointFrame(index, -1)
-        return int(index)
-
-    def _add_body(self, body: int) -> list[int]:
-        compiled = self._compiled
-        above = int(compiled.body_parentid[body])
-        moved_by = self._joint_of[above]
-        here = self._placement[above] * pose_of(compiled.body_pos[body], compiled.body_quat[body])
-        first = int(compiled.body_jntadr[body])
-        joints = list(range(first, first + int(compiled.body_jntnum[body])))
-        for joint in joints:
-            moved_by, here = self._add_joint(joint, moved_by, here)
-        self._joint_of[body], self._placement[body] = moved_by, here
-        inertia = pin.Inertia(
-            float(compiled.body_mass[body]), np.zeros(3), np.diag(compiled.body_inertia[body])
-        )
-        principal = pose_of(compiled.body_ipos[body], compiled.body_iquat[body])
-        self.model.appendBodyToJoint(moved_by, inertia, here * principal)
-        name = compiled.body(body).name
-        self._frame_of[body] = int(
-            self.model.addBodyFrame(name, moved_by, here, self._frame_of[above])
-        )
-        return joints
-
-    def _add_joint(self, joint: int, parent: int, here: pin.SE3) -> tuple[int, pin.SE3]:
-        compiled, kinds = self._compiled, self._mujoco.mjtJoint
-        name, kind = compiled.joint(joint).name, compiled.jnt_type[joint]
-        axis = np.array(compiled.jnt_axis[joint], dtype=np.float64)
-        anchor = pin.SE3(np.eye(3), np.array(compiled.jnt_pos[joint], dtype=np.float64))
-        reference = -float(compiled.qpos0[compiled.jnt_qposadr[joint]])
-        if kind == kinds.mjJNT_HINGE:
-            model = pin.JointModelRevoluteUnaligned(axis)
-            zero = pin.SE3(pin.exp3(reference * axis), np.zeros(3))
-        elif kind == kinds.mjJNT_SLIDE:
-            model = pin.JointModelPrismaticUnaligned(axis)
-            zero = pin.SE3(np.eye(3), reference * axis)
-        else:
+        Bodies without joints are scenery, and so are those with nothing but a free joint. Where
+        several limbs hang from the world, a new body stands for it.
+        """
+        bodies = [b for w in self.root.findall("worldbody") for b in _bodies(w)]
+        moving = [b for b in bodies if any(_is_hinge(j) for j in b.iter("joint"))]
+        free = [b for b in moving if _free_joints(b)]
+        others = [b.get("name", "") for b in moving if free and b not in free]
+        if not moving or len(free) > 1:
             raise RobotError(
-                f"joint {name!r} of {self._where} has the wrong type",
-                got=kinds(kind).name,
-                wanted="a hinge or slide with one position variable",
+                f"{self.where} has {'several robots' if moving else 'nothing that moves'}",
+                got=[b.get("name") for b in (free or bodies)],
+                wanted="one body with joints under <worldbody>, or one with a free joint",
             )
-        index = self._add(name, parent, model, here * anchor * zero)
-        low, high = compiled.jnt_range[joint]
-        limited, place = bool(compiled.jnt_limited[joint]), self.model.joints[index].idx_q
-        self.model.lowerPositionLimit[place] = low if limited else -np.inf
-        self.model.upperPositionLimit[place] = high if limited else np.inf
-        dof = self.model.joints[index].idx_v
-        self.model.velocityLimit[dof] = np.inf
-        forced = bool(compiled.jnt_actfrclimited[joint])
-        force = float(np.abs(compiled.jnt_actfrcrange[joint]).max()) if forced else np.inf
-        self.model.effortLimit[dof] = force
-        return index, anchor.inverse()
+        if others:
+            self.remarks.append(f"bodies beside the robot are left out: {few(others)}")
+        if free or len(moving) == 1:
+            return (free or moving)[0]
+        names = [b.get("name", "") for b in moving]
+        self.remarks.append(f"the world is the base, from which several limbs hang: {few(names)}")
+        base = ET.Element("body", name=free_name(_BASE, self.links()))
+        for world in self.root.findall("worldbody"):
+            base.extend([c for c in world if c.tag in _CARRIED and c.get("type") not in _GROUND])
+            world[:] = []
+        self.root.findall("worldbody")[0].append(base)
+        return base
 
-    def _add_site(self, site: int) -> None:
-        compiled = self._compiled
-        body = int(compiled.site_bodyid[site])
-        name = compiled.site(site).name
-        if not name or self.model.existFrame(name):
-            return
-        place = self._placement[body] * pose_of(compiled.site_pos[site], compiled.site_quat[site])
-        kind = pin.FrameType.OP_FRAME
-        self.model.addFrame(
-            pin.Frame(name, self._joint_of[body], self._frame_of[body], place, kind), False
+    def _read_facts(self) -> Facts:
+        mujoco, robot = mujoco_module(self.where), self._robot
+        spec = parse_mjcf(self.root, self.directory, self.where)
+        poses, upright = _poses(mujoco, spec, robot.get("name", ""))
+        kinds, active = mujoco.mjtEq, [e for e in spec.equalities if e.active]
+        coupled = [e for e in active if e.type == kinds.mjEQ_JOINT]
+        loops = [
+            e.name or f"{e.name1} - {e.name2}"
+            for e in active
+            if e.type in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and e.name2
+        ]
+        springs = [j.name for j in spec.joints if np.any(np.asarray(j.stiffness) != 0.0)]
+        left_out = {
+            "loops that these equalities close are left open": loops,
+            "springs are left out": springs,
+            "tendons are left out": [t.name for t in spec.tendons],
+        }
+        return Facts(
+            fixed=not _free_joints(robot),
+            free=bool(_free_joints(robot)),
+            upright=self._orientation() if upright is None else upright,
+            poses=poses,
+            torque=_torques(mujoco, spec),
+            couplings=tuple(
+                # Without a second joint an equality holds the first one where it is.
+                Coupling(e.name1, e.name2, float(e.data[0]), float(e.data[1]) if e.name2 else 0.0)
+                for e in coupled
+            ),
+            remarks=tuple(f"{said}: {few(names)}" for said, names in left_out.items() if names),
         )
 
-    def _set_by_joint(
-        self,
-        armature: Mapping[str, float],
-        damping: Mapping[str, float],
-        friction: Mapping[str, float],
-    ) -> None:
-        # Only once all joints are there: adding one makes these vectors anew.
-        model = self.model
-        for joint, name in zip(model.joints, model.names, strict=True):
-            if name in armature:
-                model.armature[joint.idx_v] = armature[name]
-                model.damping[joint.idx_v] = damping[name]
-                model.upperDryFrictionLimit[joint.idx_v] = friction[name]
-                model.lowerDryFrictionLimit[joint.idx_v] = -friction[name]
+    def _orientation(self) -> Float64[np.ndarray, "3 3"]:
+        """How the root body stands in the world, whatever it and the frames around it are."""
+        alone = ET.Element("mujoco")
+        for compiler in self.root.findall("compiler"):
+            units = {k: v for k, v in compiler.attrib.items() if k in ("angle", "eulerseq")}
+            ET.SubElement(alone, "compiler", units)
+        place = ET.SubElement(alone, "worldbody")
+        worlds = self.root.findall("worldbody")
+        for frame in (f for world in worlds for f in _frames_in(world, self._robot)):
+            place = ET.SubElement(place, "frame", _placement_of(frame))
+        ET.SubElement(place, "body", _placement_of(self._robot))
+        return rotation_of(parse_mjcf(alone, None, self.where).compile().body_quat[1])
+
+    def settle(self, base: Base) -> str:
+        robot, floating = self._robot, base == "floating"
+        free = _free_joints(robot)
+        if free and not floating:
+            raise RobotError(
+                f"{self.where} has a free joint, which contradicts a fixed base",
+                got=robot.get("name"),
+                wanted="base: floating in its description, with the soles it stands on",
+            )
+        for joint in free:
+            robot.remove(joint)
+        if floating:
+            for key in _PLACEMENT:
+                robot.attrib.pop(key, None)
+        self._take_out_scenery(robot, floating=floating)
+        return robot.get("name", "")
+
+    def _take_out_scenery(self, robot: ET.Element, *, floating: bool) -> None:
+        """Leave the robot's bodies; sites beside a fixed root are frames that tasks may name."""
+        for tag in _LEFT_OUT:
+            for element in self.root.findall(tag):
+                self.root.remove(element)
+        for joint in self.root.iter("joint"):
+            for key in _SPRINGS:
+                joint.attrib.pop(key, None)
+        for body in self.root.iter("body"):
+            body.attrib.pop("gravcomp", None)
+        kept = () if floating else ("site",)
+        for world in self.root.findall("worldbody"):
+            frames = _frames_in(world, robot)
+            for place in [world, *frames]:
+                own = [c for c in place if c is robot or c in frames or c.tag in kept]
+                place[:] = own
+            if floating and frames:
+                classes = (e.get("childclass") for e in (robot, *reversed(frames)))
+                if nearest := next(filter(None, classes), None):
+                    robot.set("childclass", nearest)
+                world[:] = [robot]
+        bodies = {body.get("name") for body in self.root.iter("body")}
+        for parent in list(self.root.iter()):
+            for child in [c for c in parent if c.tag in ("light", "camera")]:
+                if child.get("target") not in (None, *bodies):
+                    parent.remove(child)
+
+    def build(self, *, floating: bool) -> pin.Model:
+        compiled = compile_mjcf(self.source(), self.where)
+        return build_mjcf_model(compiled, floating=floating, where=self.where)
+
+    def free_names(self, taken: set[str]) -> None:
+        for site in self.root.iter("site"):
+            if site.get("name") in taken:
+                site.set("name", f"{site.get('name')}_site")
+
+    def meshes(self) -> dict[str, Path | None]:
+        said = [c.get("strippath") for c in self.root.findall("compiler") if c.get("strippath")]
+        strip, folder = said[-1:] == ["true"], asset_folder(self.root, "meshdir")
+        names = {n for e in self.root.iter("mesh") if (n := e.get("file"))}
+        places = {n: folder / (Path(n).name if strip else n) for n in sorted(names)}
+        if self.directory is not None:
+            places = {name: self.directory / place for name, place in places.items()}
+        return {name: place if place.is_file() else None for name, place in places.items()}
+
+    def drop_meshes(self, names: set[str]) -> list[str]:
+        meshes = [m for m in self.root.iter("mesh") if m.get("file") in names]
+        lost = {m.get("name") or Path(m.get("file", "")).stem for m in meshes}
+        lighter = self._weighed_by(lost)
+        for parent in list(self.root.iter()):
+            for child in list(parent):
+                if child in meshes or (child.tag == "geom" and child.get("mesh") in lost):
+                    parent.remove(child)
+        return lighter
+
+    def _weighed_by(self, meshes: set[str]) -> list[str]:
+        """Bodies whose mass comes from one of some meshes, with MuJoCo's classes and options."""
+        mujoco, spec = mujoco_module(self.where), parse_mjcf(self.root, self.directory, self.where)
+        sources, options = mujoco.mjtInertiaFromGeom, spec.compiler
+        low, high = options.inertiagrouprange
+        automatic = options.inertiafromgeom == sources.mjINERTIAFROMGEOM_AUTO
+        weighed: list[str] = []
+        for body in spec.bodies:
+            if body.explicitinertial and automatic:
+                continue
+            if options.inertiafromgeom == sources.mjINERTIAFROMGEOM_FALSE:
+                continue
+            lost = [g for g in body.geoms if g.meshname in meshes and low <= g.group <= high]
+            # A mass that is not given is not a number, and follows from the density.
+            if any((g.density if np.isnan(g.mass) else g.mass) > 0.0 for g in lost):
+                weighed.append(body.name)
+        return weighed
+
+
+def _free_joints(body: ET.Element) -> list[ET.Element]:
+    return [j for j in body if j.tag == "freejoint" or j.get("type") == "free"]
+
+
+def _is_hinge(joint: ET.Element) -> bool:
+    return joint.get("type") != "free"
+
+
+def _bodies(element: ET.Element) -> Iterator[ET.Element]:
+    for child in element:
+        if child.tag == "body":
+            yield child
+        elif child.tag == "frame":
+            yield from _bodies(child)
+
+
+def _frames_in(place: ET.Element, body: ET.Element) -> list[ET.Element]:
+    """Frames around a body, outermost first."""
+    for frame in place.findall("frame"):
+        if body in list(frame):
+            return [frame]
+        if inner := _frames_in(frame, body):
+            return [frame, *inner]
+    return []
+
+
+def _placement_of(element: ET.Element) -> dict[str, str]:
+    return {key: element.attrib[key] for key in _PLACEMENT if key in element.attrib}
+
+
+def _torques(mujoco: ModuleType, spec: Any) -> dict[str, float]:
+    """The largest force of each joint's actuators, where any of their ranges says so."""
+    found: dict[str, float] = {}
+    for motor in spec.actuators:
+        joint_kinds = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+        force = _force_of(mujoco, motor) if motor.trntype in joint_kinds else None
+        if force is not None:
+            found[motor.target] = found.get(motor.target, 0.0) + force
+    return found
+
+
+def _force_of(mujoco: ModuleType, motor: Any) -> float | None:
+    """Gear times the tighter of the force's range and, for a plain motor, the control's."""
+    gear = abs(float(motor.gear[0]))
+    sizes: list[float] = []
+    if _limited(mujoco, motor.forcelimited, motor.forcerange):
+        sizes.append(float(np.abs(motor.forcerange).max()))
+    plain = (
+        motor.gaintype == mujoco.mjtGain.mjGAIN_FIXED
+        and motor.biastype == mujoco.mjtBias.mjBIAS_NONE
+    )
+    if plain and _limited(mujoco, motor.ctrllimited, motor.ctrlrange):
+        sizes.append(abs(float(motor.gainprm[0])) * float(np.abs(motor.ctrlrange).max()))
+    return gear * min(sizes) if sizes and min(sizes) * gear > 0.0 else None
+
+
+def _limited(mujoco: ModuleType, flag: Any, span: Float64[np.ndarray, "2"]) -> bool:
+    if flag == mujoco.mjtLimited.mjLIMITED_AUTO:
+        return bool(span[0] < span[1])
+    # Not its truth: MuJoCo gives an enum, of which every member is true.
+    return bool(flag == mujoco.mjtLimited.mjLIMITED_TRUE)
+
+
+def _poses(
+    mujoco: ModuleType, spec: Any, root: str
+) -> tuple[dict[str, dict[str, float]], Float64[np.ndarray, "3 3"] | None]:
+    """Joint positions of each keyframe, and how the first of them turns a free base."""
+    address: dict[str, int] = {}
+    base, size = None, 0
+    for body in spec.bodies:
+        for joint in body.joints:
+            kind = mujoco.mjtJoint(joint.type).name.removeprefix("mjJNT_")
+            if kind == "FREE" and body.name == root:
+                base = size
+            elif kind not in _QPOS_SIZE:
+                address[joint.name] = size
+            size += _QPOS_SIZE.get(kind, 1)
+    upright = None
+    poses: dict[str, dict[str, float]] = {}
+    for number, key in enumerate(spec.keys):
+        qpos = np.asarray(key.qpos, dtype=np.float64)
+        if len(qpos) != size:
+            continue
+        if base is not None and not poses:
+            upright = rotation_of(qpos[base + 3 : base + 7])
+        poses[key.name or f"key{number}"] = {n: float(qpos[i]) for n, i in address.items()}
+    return poses, upright
+
+
+def _include(element: ET.Element, directory: Path | None, where: str, depth: int) -> None:
+    """Put the content of included files in the place of each <include>."""
+    for index, child in reversed(list(enumerate(element))):
+        if child.tag != "include":
+            _include(child, directory, where, depth)
+            continue
+        path = (directory or Path()) / child.get("file", "")
+        if depth > _DEEPEST or not path.is_file():
+            raise RobotError(
+                f"a file included by {where} cannot be found",
+                got=str(path),
+                wanted="the file at that place, or the <include> taken out",
+            )
+        try:
+            included = ET.fromstring(path.read_text(encoding="utf-8"))
+        except ET.ParseError as error:
+            raise RobotError(f"{path} is not valid XML: {error}") from None
+        _include(included, directory, path.name, depth + 1)
+        element.remove(child)
+        for k, inner in enumerate(included):
+            element.insert(index + k, inner)
+
+
+def _name_all(root: ET.Element) -> None:
+    """Name the bodies and joints that a document leaves without a name."""
+    worlds = root.findall("worldbody")
+    bodies = {b.get("name", "") for w in worlds for b in w.iter("body")}
+    joints = {j.get("name", "") for w in worlds for j in w.iter("joint")}
+    for number, body in enumerate(b for w in worlds for b in w.iter("body")):
+        if not body.get("name"):
+            _name(body, f"body{number + 1}", bodies)
+        hinges = [j for j in _own(body, "joint") if not j.get("name") and _is_hinge(j)]
+        for k, joint in enumerate(hinges):
+            number_of_it = k + 1 if len(hinges) > 1 else ""
+            _name(joint, f"{body.get('name')}_joint{number_of_it}", joints)
+
+
+def _name(element: ET.Element, name: str, taken: set[str]) -> None:
+    element.set("name", free_name(name, taken))
+    taken.add(element.get("name", ""))
+
+
+def _own(body: ET.Element, tag: str) -> Iterator[ET.Element]:
+    """Elements of a body itself, also where frames of the document stand around them."""
+    for child in body:
+        if child.tag == tag:
+            yield child
+        elif child.tag == "frame":
+            yield from _own(child, tag)

@@ -20,11 +20,7 @@ from poise.robots._robot import ModelSource
 
 
 def mujoco_module(where: str) -> ModuleType:
-    """MuJoCo, which reads MJCF.
-
-    Raises:
-        MissingExtraError: it is not installed.
-    """
+    """MuJoCo, which reads MJCF."""
     try:
         return importlib.import_module("mujoco")
     except ModuleNotFoundError:
@@ -32,16 +28,7 @@ def mujoco_module(where: str) -> ModuleType:
 
 
 def compile_mjcf(source: ModelSource, where: str, pictured: Set[str] = frozenset()) -> Any:
-    """MuJoCo's compiled model of a settled document.
-
-    Args:
-        source: the document.
-        where: the file, for messages.
-        pictured: bodies whose meshes are read although no inertia comes from them.
-
-    Raises:
-        RobotError: MuJoCo cannot compile it.
-    """
+    """MuJoCo's compiled model of a settled document."""
     mujoco = mujoco_module(where)
     spec = parse_mjcf(ET.fromstring(source.text), source.directory, where)
     spec.compiler.fusestatic = False
@@ -56,16 +43,7 @@ def compile_mjcf(source: ModelSource, where: str, pictured: Set[str] = frozenset
 
 
 def parse_mjcf(root: ET.Element, directory: Path | None, where: str) -> Any:
-    """MuJoCo's specification of a document, not yet compiled.
-
-    Args:
-        root: the document's root element.
-        directory: where its relative paths start.
-        where: the file, for messages.
-
-    Raises:
-        RobotError: MuJoCo cannot read it.
-    """
+    """MuJoCo's specification of a document, not yet compiled."""
     mujoco = mujoco_module(where)
     if directory is not None:
         root = ET.fromstring(ET.tostring(root, encoding="unicode"))
@@ -84,14 +62,6 @@ def make_spec(
     MuJoCo itself takes a sparse one from 60 degrees of freedom on, whatever else is in the scene.
     MuJoCo 4.0.0 may then factor a wrong Hessian in Newton's method (its issue 3767): convergence is
     slow, and accelerations are wrong.
-
-    Args:
-        mujoco: the module.
-        root: the document's root element.
-        assets: contents of files that the document names.
-
-    Raises:
-        ValueError: MuJoCo cannot read it.
     """
     text = ET.tostring(root, encoding="unicode")
     spec = mujoco.MjSpec.from_string(text, assets=dict(assets or {}))
@@ -100,12 +70,7 @@ def make_spec(
 
 
 def anchor_assets(root: ET.Element, directory: Path) -> None:
-    """Make the folders for meshes and textures absolute, for a document read from a string.
-
-    Args:
-        root: the document's root element, changed in place.
-        directory: where its relative paths start.
-    """
+    """Make the folders for meshes and textures absolute, for a document read from a string."""
     folders = {k: str(directory / asset_folder(root, k)) for k in ("meshdir", "texturedir")}
     # The last of several sections wins, each for what it says.
     for compiler in root.findall("compiler") or [ET.SubElement(root, "compiler")]:
@@ -113,12 +78,7 @@ def anchor_assets(root: ET.Element, directory: Path) -> None:
 
 
 def asset_folder(root: ET.Element, key: str) -> Path:
-    """The folder for meshes or textures that a document names.
-
-    Args:
-        root: the document's root element.
-        key: "meshdir" or "texturedir".
-    """
+    """The folder for meshes or textures that a document names."""
     folder = Path()
     for compiler in root.findall("compiler"):
         folder = Path(compiler.get(key, compiler.get("assetdir", str(folder))))

@@ -7,9 +7,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.robots._document import Document
 from poise.robots._kinematics import hinges
-from poise.robots._limits import apply_limits, assume_limits, crossed_limits
+from poise.robots._limits import apply_limits, assume_limits
 from poise.robots._proposal import Draft
 
 _RUN_UP = 0.004
@@ -21,42 +20,6 @@ _LEAST_ROTOR = 0.02
 
 _MOST_ROTOR = 0.01
 """None is assumed larger than that inertia, or than this where the joint moves less [kg m^2]."""
-
-
-def find_stuck(document: Document) -> list[str]:
-    """Joints of a URDF whose limits are equal: they are meant to be fixed.
-
-    Raises:
-        RobotError: a lower limit is above the upper one, which is no way to fix a joint.
-    """
-    if document.kind != "urdf":
-        return []
-    stuck: list[str] = []
-    for joint in document.root.findall("joint"):
-        limit = joint.find("limit")
-        if joint.get("type") not in ("revolute", "prismatic") or limit is None:
-            continue
-        low, high = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
-        name = joint.get("name", "")
-        if low > high:
-            raise crossed_limits(document.where, {name: (low, high)})
-        if low == high:
-            stuck.append(name)
-    return stuck
-
-
-def find_endless(document: Document) -> dict[str, tuple[float, float]]:
-    """One turn for each joint of a URDF that turns without end."""
-    if document.kind != "urdf":
-        return {}
-    joints = document.root.findall("joint")
-    ends = {
-        j.get("name", "")
-        for j in joints
-        if j.get("type") == "continuous"
-        or (j.get("type") == "revolute" and j.find("limit") is None)
-    }
-    return dict.fromkeys(sorted(ends), (-math.pi, math.pi))
 
 
 def propose_positions(

@@ -1,0 +1,175 @@
+"""`assemble`: from a document to the model of a robot, each coupled pair as one joint."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import pinocchio as pin
+
+from poise._show import few
+from poise.errors import RobotError
+from poise.robots._document import Base, Coupling, Document
+from poise.robots._kinematics import hinges
+from poise.robots._limits import apply_limits
+from poise.robots._mesh_files import drop_missing_meshes
+from poise.robots._robot import ModelSource
+
+_GEAR = 2.0
+"""An output moves more than so many times the mass of its gear; mirrored fingers are equal."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assembly:
+    """A document's robot.
+
+    Attributes:
+        model: Pinocchio's, without the joints that are welded.
+        source: the settled document.
+        root: its root link.
+        grips: joints that drive others, as those of grippers do.
+        lost_meshes: files that are not there.
+        remarks: what was repaired, left out and welded, as sentences.
+    """
+
+    model: pin.Model
+    source: ModelSource
+    root: str
+    grips: frozenset[str]
+    lost_meshes: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+def assemble(
+    document: Document,
+    base: Base,
+    *,
+    position: Mapping[str, tuple[float, float]],
+    velocity: Mapping[str, float],
+    torque: Mapping[str, float],
+    locked: Iterable[str] = (),
+    taken: Iterable[str] = (),
+) -> Assembly:
+    """Settle a document and build its model.
+
+    Args:
+        document: as read; changed in place.
+        base: whether its root is free.
+        position: limits by joint, in place of the document's own [rad, m].
+        velocity: likewise [rad/s, m/s].
+        torque: likewise [N m, N].
+        locked: joints to weld at zero.
+        taken: names of frames that are roles.
+
+    Raises:
+        RobotError: the document cannot be a robot; the message says why.
+    """
+    facts, floating = document.facts, base == "floating"
+    root = document.settle(base)
+    document.write_limits(position, velocity, torque)
+    document.free_names(set(taken))
+    lost = drop_missing_meshes(document)
+    remarks = [*document.remarks, *facts.remarks]
+    if lost:
+        remarks.append(f"meshes that cannot be found are missing in pictures: {few(lost)}")
+    if mended := document.mend_inertias():
+        remarks.append(f"inertias that no body has are made possible: {few(mended)}")
+    model = document.build(floating=floating)
+    _check_freedoms(model, floating, document.where)
+    for name, joint in hinges(model):
+        own = document.armature.get(name, 0.0)
+        model.armature[joint.idx_v] = max(own, float(model.armature[joint.idx_v]))
+        limit = float(model.effortLimit[joint.idx_v])
+        model.effortLimit[joint.idx_v] = min(limit, facts.torque.get(name, limit))
+    fixed = set(locked)
+    free = [c for c in facts.couplings if not {c.follower, c.leader} & fixed]
+    # A follower of a locked joint stands still, too.
+    still = [c.follower for c in facts.couplings if c.leader in fixed]
+    swapped = _gears(model, free)
+    apply_limits(model, position, velocity, torque)
+    gears = [gear for gear, _ in swapped]
+    followers = [c.follower for c in free if c.follower not in [output for _, output in swapped]]
+    followers += still
+    if followers:
+        remarks.append(f"joints that mimic others are locked at zero: {few(followers)}")
+    if gears:
+        outputs = few([output for _, output in swapped])
+        remarks.append(
+            f"gears are one joint with their output, which has their torque, speed and rotor: "
+            f"{outputs}"
+        )
+    source = document.source(dict.fromkeys([*locked, *followers, *gears]))
+    return Assembly(
+        model=_welded(model, source.locked_joints),
+        source=source,
+        root=root,
+        grips=frozenset(c.leader for c in free if c.leader and c.leader not in gears),
+        lost_meshes=tuple(lost),
+        remarks=tuple(remarks),
+    )
+
+
+def _check_freedoms(model: pin.Model, floating: bool, where: str) -> None:
+    for joint in list(model.joints)[2 if floating else 1 :]:
+        if joint.nv != 1 or joint.nq != 1:
+            raise RobotError(
+                f"joint {model.names[joint.id]!r} of {where} has the wrong type",
+                got=joint.shortname(),
+                wanted="a hinge or slide with one position variable",
+            )
+
+
+def _gears(model: pin.Model, couplings: Sequence[Coupling]) -> list[tuple[str, str]]:
+    """Leaders that move little of what their follower does: the output stands for both.
+
+    With q_output = offset + ratio q_gear the output has the gear's torque over |ratio|, its speed
+    times |ratio|, and its rotor inertia over ratio^2.
+    """
+    data = model.createData()
+    pin.computeSubtreeMasses(model, data)
+    outputs: dict[str, Coupling] = {}
+    for coupling in couplings:
+        if not coupling.leader or coupling.ratio == 0.0:
+            continue
+        gear, output = (model.getJointId(n) for n in (coupling.leader, coupling.follower))
+        if data.mass[output] > _GEAR * data.mass[gear]:
+            kept = outputs.setdefault(coupling.leader, coupling)
+            if data.mass[output] > data.mass[model.getJointId(kept.follower)]:
+                outputs[coupling.leader] = coupling
+    for coupling in outputs.values():
+        _take_on(model, coupling)
+    return [(gear, coupling.follower) for gear, coupling in outputs.items()]
+
+
+def _take_on(model: pin.Model, coupling: Coupling) -> None:
+    """Give an output its gear's drive and limits."""
+    gear, output = (
+        model.joints[model.getJointId(name)] for name in (coupling.leader, coupling.follower)
+    )
+    ratio = abs(coupling.ratio)
+    for limits, factor in ((model.effortLimit, 1.0 / ratio), (model.velocityLimit, ratio)):
+        if limits[gear.idx_v] > 0.0:
+            own = limits[output.idx_v] if limits[output.idx_v] > 0.0 else float("inf")
+            limits[output.idx_v] = min(own, factor * limits[gear.idx_v])
+    model.armature[output.idx_v] += model.armature[gear.idx_v] / ratio**2
+    ends = sorted(
+        coupling.offset + coupling.ratio * float(limit[gear.idx_q])
+        for limit in (model.lowerPositionLimit, model.upperPositionLimit)
+    )
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    if ends[0] < ends[1]:
+        low[output.idx_q] = max(low[output.idx_q], ends[0])
+        high[output.idx_q] = min(high[output.idx_q], ends[1])
+
+
+def _welded(model: pin.Model, names: Sequence[str]) -> pin.Model:
+    """The model without some joints, at zero; rotor inertias of the others stay theirs."""
+    if not names:
+        return model
+    armature = {n: model.armature[j.idx_v] for n, j in hinges(model)}
+    joints = [model.getJointId(name) for name in names]
+    # Pinocchio refuses lower limits above the upper ones, as those of a model without any are.
+    model.lowerVelocityLimit[:] = -model.velocityLimit
+    model.lowerEffortLimit[:] = -model.effortLimit
+    model = pin.buildReducedModel(model, joints, pin.neutral(model))
+    for name, joint in hinges(model):
+        model.armature[joint.idx_v] = armature[name]
+    return model

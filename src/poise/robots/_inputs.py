@@ -1,0 +1,106 @@
+"""`open_document`: one document from whatever a user has of a robot."""
+
+import os
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pinocchio as pin
+
+from poise._yaml import read_text
+from poise.errors import MissingExtraError, RobotError
+from poise.robots._document import Document, read_document
+from poise.robots._mjcf_write import mjcf_of
+from poise.robots._noise import captured
+from poise.robots._urdf import urdf_of
+
+RobotInput = Any
+"""A path, XML text, `pin.Model`, `mujoco.MjModel`, `mujoco.MjSpec` or a module with a path."""
+
+WANTED = (
+    "a name of `poise robots`, a path to URDF, MJCF or xacro, XML text, a pinocchio.Model, a "
+    "mujoco.MjModel or MjSpec, or a module of robot_descriptions"
+)
+
+XACRO = ".xacro"
+
+_PATHS = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
+"""Attributes of a module of robot_descriptions that name its file."""
+
+
+def path_of(given: RobotInput) -> Path | None:
+    """The file that an input names; None for one that is no file.
+
+    Raises:
+        RobotError: a module names none.
+    """
+    if isinstance(given, ModuleType):
+        path = next((getattr(given, key) for key in _PATHS if hasattr(given, key)), None)
+        if path is None:
+            raise RobotError(
+                f"module {given.__name__} names no model", got=given, wanted=" or ".join(_PATHS)
+            )
+        return Path(path)
+    if isinstance(given, os.PathLike):
+        return Path(os.fspath(given))
+    return None if not isinstance(given, str) or given.lstrip()[:1] == "<" else Path(given)
+
+
+def open_document(given: RobotInput, geometry: pin.GeometryModel | None = None) -> Document:
+    """Read a robot's document.
+
+    Args:
+        given: see `RobotInput`; text is XML where it begins with "<".
+        geometry: shapes of a `pin.Model`.
+
+    Raises:
+        RobotError: it is of no such kind, cannot be read, or has a fault that cannot be repaired.
+        MissingExtraError: it is a xacro file or MJCF and the extra that reads it is not installed.
+    """
+    path = path_of(given)
+    if geometry is not None and not isinstance(given, pin.Model):
+        raise RobotError("geometry comes with a model", got=given, wanted="a pinocchio.Model")
+    if path is not None:
+        expanded = path.suffix == XACRO and path.is_file()
+        text = _expanded(path) if expanded else read_text(path, error=RobotError)
+        return read_document(text, path.name, path.parent, _package_of(given))
+    if isinstance(given, str):
+        return read_document(given, "text", Path())
+    if isinstance(given, pin.Model):
+        document = read_document(urdf_of(given, geometry), given.name or "pin.Model")
+        document.armature = {
+            str(name): float(given.armature[joint.idx_v])
+            for name, joint in zip(given.names, given.joints, strict=True)
+            if joint.nv == 1
+        }
+        return document
+    kind = type(given).__name__
+    if kind in ("MjModel", "MjSpec") and type(given).__module__.startswith("mujoco"):
+        return read_document(mjcf_of(given), kind)
+    raise RobotError("this is no robot", got=given, wanted=WANTED)
+
+
+def _package_of(given: RobotInput) -> tuple[Path, ...]:
+    package = getattr(given, "PACKAGE_PATH", None)
+    return () if package is None else (Path(package).parent, Path(package))
+
+
+def _expanded(path: Path) -> str:
+    """URDF or MJCF text of a xacro file, with packages found above it and beside its own."""
+    try:
+        import xacro
+        from xacrodoc import packages
+    except ModuleNotFoundError:
+        what = f"Reading {path.name}, which is xacro,"
+        raise MissingExtraError("xacrodoc", "xacro", what) from None
+    path = path.resolve()
+    own = next((p for p in path.parents if (p / "package.xml").is_file()), path.parent)
+    packages.look_in([str(own.parent)])
+    packages.walk_up_from(path)
+    with captured():
+        try:
+            return xacro.process_file(str(path)).toxml()
+        # Expressions in a file raise anything.
+        except Exception as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+    raise RobotError(f"{path.name} cannot be expanded by xacro: {reason}")
