@@ -21,6 +21,9 @@ __all__ = [
 _MAX_CHOICES = 60
 """More names than this do not help a reader; the nearest ones are shown first."""
 
+_LONGEST = 1000
+"""Of a longer value the first letters are shown: a screen holds some 2,000."""
+
 _NOTHING = object()
 
 
@@ -48,11 +51,12 @@ class PoiseError(Exception):
         self.choices = tuple(choices) if choices is not None else ()
         parts = [what]
         if got is not _NOTHING:
-            parts.append(f"got {got!r}")
+            said = repr(got)
+            parts.append(f"got {said if len(said) <= _LONGEST else said[:_LONGEST] + '...'}")
         if wanted:
             parts.append(f"wanted {wanted}")
         if choices is not None:
-            parts.append(f"choices: {_list_choices(str(self.got), self.choices)}")
+            parts.append(f"choices: {_list_choices(str(self.got)[:_LONGEST], self.choices)}")
         super().__init__("; ".join(parts))
 
     def located(self, place: str) -> "PoiseError":

@@ -17,6 +17,10 @@ _GEAR = 2.0
 """An output moves more than so many times the mass of its gear; mirrored fingers are equal."""
 
 
+_WRITTEN = 1e-4
+"""Keyframes are written with about so many digits [rad, m]."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Assembly:
     """A document's robot.
@@ -27,6 +31,8 @@ class Assembly:
         root: its root link.
         grips: joints that drive others, as those of grippers do.
         lost_meshes: files that are not there.
+        poses: joint positions by keyframe, within the limits [rad, m].
+        clipped: keyframes that were not, as sentences.
         remarks: what was repaired, left out and welded, as sentences.
     """
 
@@ -35,6 +41,8 @@ class Assembly:
     root: str
     grips: frozenset[str]
     lost_meshes: tuple[str, ...]
+    poses: dict[str, dict[str, float]]
+    clipped: tuple[str, ...]
     remarks: tuple[str, ...]
 
 
@@ -97,13 +105,37 @@ def assemble(
             f"{outputs}"
         )
     source = document.source(dict.fromkeys([*locked, *followers, *gears]))
+    poses, clipped = _within_limits(model, facts.poses)
     return Assembly(
         model=_welded(model, source.locked_joints),
+        poses=poses,
+        clipped=clipped,
         source=source,
         root=root,
         grips=frozenset(c.leader for c in free if c.leader and c.leader not in gears),
         lost_meshes=tuple(lost),
         remarks=tuple(remarks),
+    )
+
+
+def _within_limits(
+    model: pin.Model, poses: Mapping[str, Mapping[str, float]]
+) -> tuple[dict[str, dict[str, float]], tuple[str, ...]]:
+    """Poses with each joint inside its limits, and sentences about those that were not."""
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    ends = {name: (low[joint.idx_q], high[joint.idx_q]) for name, joint in hinges(model)}
+    clipped = {
+        pose: {name: min(max(at, ends[name][0]), ends[name][1]) for name, at in joints.items()}
+        for pose, joints in poses.items()
+    }
+    beyond = {
+        pose: [name for name, at in joints.items() if abs(at - clipped[pose][name]) > _WRITTEN]
+        for pose, joints in poses.items()
+    }
+    return clipped, tuple(
+        f"keyframe {pose!r} is outside the limits and clipped: {few(names)}"
+        for pose, names in beyond.items()
+        if names
     )
 
 

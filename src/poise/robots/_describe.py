@@ -88,7 +88,8 @@ class _Describer:
         )
         self._model, self._source = assembly.model, assembly.source
         self._grips, self._lost_meshes = assembly.grips, assembly.lost_meshes
-        self._draft.remarks += assembly.remarks
+        self._draft.remarks += [*assembly.remarks, *assembly.clipped]
+        self._poses = assembly.poses
         if not sum(float(inertia.mass) for inertia in self._model.inertias) > 0.0:
             raise RobotError(
                 f"{self._where} has no mass",
@@ -256,7 +257,7 @@ class _Describer:
 
     def _start(self) -> dict[str, float]:
         """Joint positions to begin with: a keyframe for standing, where there is one."""
-        poses = self._facts.poses
+        poses = self._poses
         for wanted in ("home", "stand", "knees"):
             for name, pose in poses.items():
                 if wanted in name.lower():

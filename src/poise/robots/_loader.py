@@ -1,5 +1,6 @@
 """`load_robot`: from a name or a model to a `Robot`."""
 
+import os
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -60,7 +61,7 @@ def load_robot(
         document = read_document(text, entry.name, directory, packages, name=entry.name)
         return _assemble(document, entry.description)[0]
     path = path_of(name_or_model)
-    if path is not None and not path.suffix and not path.is_file():
+    if path is not None and not path.suffix and not os.path.isfile(path):
         raise UnknownNameError("unknown robot", got=str(path), choices=catalog_names())
     document = open_document(name_or_model, geometry)
     facts, guessed = _find_description(document, path, description, name_or_model, geometry)

@@ -95,7 +95,8 @@ class MjcfDocument(Document):
         self.remarks.append(f"the world is the base, from which several limbs hang: {few(names)}")
         base = ET.Element("body", name=free_name(_BASE, self.links()))
         for world in self.root.findall("worldbody"):
-            base.extend([c for c in world if c.tag in _CARRIED and c.get("type") not in _GROUND])
+            parts = [c for c in world if c.tag in _CARRIED and c.get("type") not in _GROUND]
+            base.extend([c for c in parts if not _free_joints(c)])
             world[:] = []
         self.root.findall("worldbody")[0].append(base)
         return base

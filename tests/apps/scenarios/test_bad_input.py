@@ -1,5 +1,7 @@
 """Bad scenarios: a PoiseError with what came, what was wanted and what there is, and no tick."""
 
+from dataclasses import replace
+
 import pytest
 from dry_run import forbid_ticks, prepare
 
@@ -363,3 +365,20 @@ def test_a_scenario_made_in_python_is_checked_too():
     late = CheckPlan(metric="com_travel", at_most=1.0, begin=9.0)
     with pytest.raises(ConfigurationError, match="outside the run"):
         Scenario(name="s", duration=5.0, checks=(late,))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "robot", "needs"),
+    [
+        ("push", "arm6", "two feet; got .*wanted a robot with left_sole, right_sole"),
+        ("squat", "arm6", "two feet and two hands; got .*left_hand, right_hand"),
+        ("reach_arm", "biped20", "a hand; got .*wanted a robot with hand"),
+    ],
+)
+def test_a_robot_without_the_limbs_of_a_scenario_is_refused_by_what_it_lacks(
+    scenario, robot, needs
+):
+    with pytest.raises(
+        ConfigurationError, match=f"scenario '{scenario}' needs a robot with {needs}"
+    ):
+        prepare(replace(load_scenario(scenario), robot=robot))

@@ -14,6 +14,7 @@ from poise.apps.scenarios._size import (
     without_hands,
 )
 from poise.control import Controller
+from poise.errors import ConfigurationError
 from poise.estimation import PayloadEstimator, StateEstimator
 from poise.robots import Robot, load_robot
 from poise.sim import Estimator, Plant, Push
@@ -57,6 +58,7 @@ def stage_scenario(scenario: Scenario) -> Stage:
     robot = load_robot(scenario.robot)
     ratio = size_ratio(scenario, robot)
     scenario = without_hands(sized(scenario, ratio), robot)
+    _check_limbs(scenario, robot)
     cast = cast_of(scenario, robot)
     validate_checks(scenario.checks, cast.leader.stack, robot)
     checks = sized_checks(scenario.checks, cast.leader.stack, ratio)
@@ -81,6 +83,28 @@ def stage_scenario(scenario: Scenario) -> Stage:
         leader=cast.leader,
         estimator=estimator,
         pushes=pushes,
+    )
+
+
+def _check_limbs(scenario: Scenario, robot: Robot) -> None:
+    """Refuse a robot without the soles and hands that a scenario's stack names."""
+    plan = scenario.stack
+    if plan is None:
+        return
+    recipes = [*plan.contacts, *(task for level in plan.levels for task in level)]
+    named = [frame for r in recipes if isinstance(frame := r.arguments.get("frame"), str)]
+    there = robot.frame_names()
+    soles, hands = ([n for n in dict.fromkeys(named) if part in n] for part in ("sole", "hand"))
+    # Where some are there, others are misspelt, and the list of names helps.
+    soles, hands = ([] if {*names} & {*there} else names for names in (soles, hands))
+    if not soles and not hands:
+        return
+    feet = "two feet" if len(soles) == 2 else "a foot" if soles else ""
+    arms = "two hands" if len(hands) == 2 else "a hand" if hands else ""
+    raise ConfigurationError(
+        f"scenario {scenario.name!r} needs a robot with {' and '.join(filter(None, [feet, arms]))}",
+        got=f"{robot.name} with soles {list(robot.soles)} and hands {list(robot.hands)}",
+        wanted=f"a robot with {', '.join([*soles, *hands])}",
     )
 
 

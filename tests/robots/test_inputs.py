@@ -1,0 +1,431 @@
+"""Inputs that a new user brings: each is loaded with a remark, or refused in one line."""
+
+import re
+import types
+import warnings
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from poise.errors import PoiseError, RobotError
+from poise.robots import describe, load_robot
+
+INERTIA = '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/>'
+BOX = '<collision><geometry><box size="0.2 0.1 0.04"/></geometry></collision>'
+
+
+def link(name, mass=1.0, shape=""):
+    inertial = f'<inertial><mass value="{mass}"/>{INERTIA}</inertial>' if mass else ""
+    return f'<link name="{name}">{inertial}{shape}</link>'
+
+
+def joint(name, parent, child, xyz, axis="0 1 0", kind="revolute", inside=None):
+    limit = '<limit lower="-1.5" upper="1.5" effort="60" velocity="8"/>'
+    return (
+        f'<joint name="{name}" type="{kind}"><origin xyz="{xyz}"/><parent link="{parent}"/>'
+        f'<child link="{child}"/><axis xyz="{axis}"/>{limit if inside is None else inside}</joint>'
+    )
+
+
+def biped(extra="", foot=BOX):
+    """A biped with legs of five joints and feet that are boxes, as URDF text."""
+    parts = ['<robot name="walker one">', link("trunk", 10.0)]
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        chain = [
+            ("hip_yaw", "thigh_1", f"0 {y} 0", "0 0 1", 0.5),
+            ("hip_roll", "thigh_2", "0 0 0", "1 0 0", 0.5),
+            ("hip_pitch", "thigh", "0 0 0", "0 1 0", 2.0),
+            ("knee", "shin", "0 0 -0.3", "0 1 0", 2.0),
+            ("ankle_pitch", "ankle", "0 0 -0.3", "0 1 0", 0.5),
+            ("ankle_roll", "foot", "0 0 0", "1 0 0", 1.0),
+        ]
+        parent = "trunk"
+        for name, child, xyz, axis, mass in chain:
+            child = f"{side}_{child}"
+            parts.append(link(child, mass, foot if name == "ankle_roll" else ""))
+            parts.append(joint(f"{side}_{name}", parent, child, xyz, axis))
+            parent = child
+    return "".join([*parts, extra, "</robot>"])
+
+
+def finger(name, inside):
+    """A gripper's finger on the trunk, whose joint holds more elements."""
+    limit = '<limit lower="0" upper="0.5" effort="5" velocity="2"/>'
+    return link(name, 0.01) + joint(
+        f"{name}_joint", "trunk", name, "0.1 0 0", inside=limit + inside
+    )
+
+
+ARM = """<mujoco model="arm"><compiler angle="radian"/>{before}<worldbody>{world}
+  <body name="base" pos="0 0 0.5">{root}<geom size="0.05" mass="2"/>
+    <body name="upper"><joint name="shoulder" axis="0 1 0" range="-2 2" actuatorfrcrange="-50 50"/>
+      <geom type="capsule" size="0.03" fromto="0 0 0 0 0 0.3" mass="1"/>
+      <body name="lower" pos="0 0 0.3"><joint name="elbow" axis="0 1 0" range="-2 2"
+        actuatorfrcrange="-50 50"/>
+        <geom type="capsule" size="0.03" fromto="0 0 0 0 0 0.3" mass="1"/>
+        <body name="palm" pos="0 0 0.3"><joint name="wrist" axis="1 0 0" range="-2 2"
+          actuatorfrcrange="-50 50"/><geom size="0.04" mass="0.3"/>{tip}</body></body></body>{side}
+  </body></worldbody>{after}</mujoco>"""
+"""An arm of three joints as MJCF."""
+
+
+def arm(**parts):
+    return ARM.format(
+        **dict.fromkeys(("before", "world", "root", "tip", "side", "after"), "") | parts
+    )
+
+
+def loaded(given, description=None, **options):
+    """A robot, and all that was remarked."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        robot = load_robot(given, description, **options)
+    return robot, " ".join(str(w.message) for w in said)
+
+
+HEAD = link("head")
+FIXED = {"base": "fixed"}
+
+
+def module_of(**paths):
+    module = types.ModuleType("some_description")
+    vars(module).update(paths)
+    return module
+
+
+def kinds(tmp_path):
+    """Each kind of input, by name: the input, further options, the robot's name and its joints."""
+    text, folder = biped(), tmp_path / "pkg"
+    folder.mkdir()
+    urdf, mjcf, xacro = (folder / n for n in ("model.urdf", "arm.xml", "walker.urdf.xacro"))
+    urdf.write_text(text)
+    mjcf.write_text(arm())
+    header = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" '
+    (folder / "part.xacro").write_text(
+        f'{header}><xacro:macro name="tag">{link("tag")}'
+        f"{joint('tag', 'trunk', 'tag', '0 0 0.3')}</xacro:macro></robot>"
+    )
+    xacro.write_text(
+        text.replace("<robot ", header).replace(
+            "</robot>", '<xacro:include filename="part.xacro"/><xacro:tag/></robot>'
+        )
+    )
+    model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+    geometry = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
+    return {
+        "a path as text": (str(urdf), {}, "walker_one", 12),
+        "a path": (urdf, {}, "walker_one", 12),
+        "URDF text": (text, {}, "walker_one", 12),
+        "MJCF text": (arm(), {}, "arm", 3),
+        "an MJCF file": (mjcf, {}, "arm", 3),
+        "a xacro file": (xacro, {}, "walker_one", 13),
+        "a Pinocchio model": (model, {"geometry": geometry}, "walker_one", 12),
+        "a MuJoCo model": (mujoco.MjModel.from_xml_string(arm()), {}, "arm", 3),
+        "a MuJoCo specification": (mujoco.MjSpec.from_string(arm()), {}, "arm", 3),
+        "a module with a URDF": (
+            module_of(URDF_PATH=str(urdf), PACKAGE_PATH=str(folder)), {}, "walker_one", 12),
+        "a module with an MJCF": (module_of(MJCF_PATH=str(mjcf)), {}, "arm", 3),
+        "a module with a xacro": (module_of(XACRO_PATH=str(xacro)), {}, "walker_one", 13),
+        "a name": ("arm6", {}, "arm6", 6),
+    }  # fmt: skip
+
+
+KINDS = [
+    "a path as text", "a path", "URDF text", "MJCF text", "an MJCF file", "a xacro file",
+    "a Pinocchio model", "a MuJoCo model", "a MuJoCo specification", "a module with a URDF",
+    "a module with an MJCF", "a module with a xacro", "a name",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_input_is_loaded_under_the_name_of_its_model(tmp_path, kind):
+    given, options, name, joints = kinds(tmp_path)[kind]
+    robot, _ = loaded(given, **options)
+    assert (robot.name, robot.nj) == (name, joints)
+
+
+ACCEPTED = {
+    "two materials in one visual": (
+        biped(foot=BOX + '<visual><geometry><box size="0.2 0.1 0.04"/></geometry>'
+              '<material name="a"><color rgba="1 0 0 1"/></material>'
+              '<material name="b"><color rgba="0 1 0 1"/></material></visual>'),
+        "of several materials of a shape the first is taken: left_foot, right_foot",
+    ),
+    "elements of a simulator": (biped('<gazebo reference="trunk"><link name="x"/></gazebo>'), ""),
+    "a shape without size": (biped(foot=BOX + BOX.replace("0.2 0.1 0.04", "0 0 0")), ""),
+    "shapes of one name": (biped(foot=BOX.replace("<collision>", '<collision name="c">')), ""),
+    "an inertia that no body has": (
+        biped().replace('izz="0.02"', 'izz="0.5"', 1),
+        "inertias that no body has are made possible: trunk",
+    ),
+    "a mesh that is missing": (
+        biped(foot=BOX + '<visual><geometry><mesh filename="a.stl"/></geometry></visual>'),
+        "meshes that cannot be found are missing in pictures: a.stl",
+    ),
+    "a joint that turns without end": (
+        biped(HEAD + joint("neck", "trunk", "head", "0 0 0.3", kind="continuous", inside="")),
+        "position limits of 1 joint",
+    ),
+    "a revolute joint without bounds": (
+        biped(HEAD + joint("neck", "trunk", "head", "0 0 0.3",
+                                   inside='<limit effort="5" velocity="2"/>')),
+        "position limits of 1 joint",
+    ),
+    "a joint without room": (
+        biped(HEAD + joint("neck", "trunk", "head", "0 0 0.3",
+                                   inside='<limit lower="0" upper="0" effort="5" velocity="2"/>')),
+        "limits of these joints leave no room: neck",
+    ),
+    "a joint that mimics another": (
+        biped(finger("one", "") + finger("two", '<mimic joint="one_joint"/>')),
+        "joints that mimic others are locked at zero: two_joint",
+    ),
+    "limits in degrees": (
+        biped().replace('lower="-1.5"', 'lower="-90"', 1),
+        "look like degrees in place of radians: left_hip_yaw",
+    ),
+    "an absurd torque limit": (
+        biped().replace('effort="60"', 'effort="50000"', 2),
+        "torque limits that no motor of a robot of this weight has: left_hip_yaw (50000 N m), "
+        "left_hip_roll (50000 N m)",
+    ),
+    "several root bodies, one of them free": (
+        arm(world='<body name="door" pos="2 0 0"><joint range="-1 1"/><geom size="0.1"/></body>'
+            '<body name="ball"><freejoint/><geom size="0.1"/></body>'),
+        "the world is the base, from which several limbs hang: door, base",
+    ),
+    "a tendon": (
+        arm(after='<tendon><fixed name="cord"><joint joint="elbow" coef="1"/></fixed></tendon>'),
+        "tendons are left out: cord",
+    ),
+    "a loop": (
+        arm(after='<equality><connect name="rod" body1="palm" body2="base" anchor="0 0 0"/>'
+            "</equality>"),
+        "loops that these equalities close are left open: rod",
+    ),
+    "a spring": (
+        arm().replace('name="wrist"', 'name="wrist" stiffness="3"'),
+        "springs are left out: wrist",
+    ),
+    "a keyframe outside its limits": (
+        arm(after='<keyframe><key name="home" qpos="3 0.5 0"/></keyframe>'),
+        "keyframe 'home' is outside the limits and clipped: shoulder",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ACCEPTED)
+def test_a_fault_that_published_models_have_is_repaired_with_a_remark(case, capfd):
+    text, remark = ACCEPTED[case]
+    robot, said = loaded(text)
+    assert remark in said
+    assert robot.nj >= 3
+    assert capfd.readouterr() == ("", "")
+
+
+LONG = "x" * 5000
+KINDS_WANTED = (
+    "wanted a name of `poise robots`, a path to URDF, MJCF or xacro, XML text, a pinocchio"
+)
+SDF = "<sdf version='1.7'/>"
+
+REFUSED = {
+    "a number": (3, f"this is no robot; got 3; {KINDS_WANTED}"),
+    "nothing": (None, f"this is no robot; got None; {KINDS_WANTED}"),
+    "a list": (["g1"], f"this is no robot; got ['g1']; {KINDS_WANTED}"),
+    "bytes": (b"<robot/>", f"this is no robot; got b'<robot/>'; {KINDS_WANTED}"),
+    "a module of something else": (
+        types.ModuleType("json5"),
+        "module json5 names no model; got <module 'json5'>; wanted URDF_PATH or MJCF_PATH or",
+    ),
+    "an unknown name": ("g2", "unknown robot; got 'g2'; choices: g1,"),
+    "a missing file": ("g2.urdf", "cannot read a file (No such file or directory); got 'g2.urdf'"),
+    "a text that is no name": (LONG, "unknown robot; got 'xxx"),
+    "text that is not XML": ("<robot", "text is not valid XML: "),
+    "another format": (
+        SDF,
+        "text is neither URDF nor MJCF; got '<sdf>'; wanted <robot> (URDF) or <mujoco> (MJCF) as",
+    ),
+    "no links": ("<robot name='r'/>", "text has no links; got '<robot>'; wanted a robot"),
+    "xacro under another name": (
+        biped('<xacro:wheel xmlns:xacro="http://www.ros.org/wiki/xacro"/>'),
+        "text is a xacro file, which is not expanded; got 'elements of xacro'; wanted the suffix "
+        ".xacro, which Poise expands with `pip install poise[xacro]`",
+    ),
+    "two links of one name": (biped(HEAD + HEAD), "text has two links of one name; got ['head']"),
+    "two joints of one name": (
+        biped(HEAD + joint("left_knee", "trunk", "head", "0 0 0.3")),
+        "text has two joints of one name; got ['left_knee']",
+    ),
+    "a link without a name": (biped("<link/>"), "text has a link without a name; wanted names for"),
+    "a mimic of an unknown joint": (
+        biped(finger("two", '<mimic joint="thumb"/>')),
+        "text: joint 'two_joint' mimics a joint that does not exist; got 'thumb'; choices: ",
+    ),
+    "a planar joint": (
+        biped(HEAD + joint("neck", "trunk", "head", "0 0 0.3", kind="planar")),
+        "text: joint 'neck' is of a type that Poise has not; got 'planar'; wanted revolute, ",
+    ),
+    "a floating joint inside": (
+        biped(HEAD + joint("neck", "trunk", "head", "0 0 0.3", kind="floating", inside="")),
+        "text has a floating joint that is not its base; got ['neck']; wanted at most one, from",
+    ),
+    "an axis of zeros": (
+        biped(HEAD + joint("neck", "trunk", "head", "0 0 0.3", axis="0 0 0")),
+        "text: the axis of joint 'neck' has no direction; got '0 0 0'; wanted three numbers",
+    ),
+    "limits that cross": (
+        biped().replace('lower="-1.5"', 'lower="2"', 1),
+        "text has joints whose lower limit is above the upper one; got 'left_hip_yaw: lower 2, ",
+    ),
+    "two inertials of a link": (
+        biped().replace("</inertial>", "</inertial><inertial/>", 1),
+        "text: link 'trunk' has two <inertial>; wanted one of them",
+    ),
+    "a negative mass": (
+        biped().replace('value="10.0"', 'value="-1"'),
+        "text: link 'trunk' has a negative mass or inertia; got 'mass -1 kg, principal inertias",
+    ),
+    "letters for numbers": (
+        biped().replace('xyz="0 0.1 0"', 'xyz="0 a 0"'),
+        "text: xyz in <origin> of joint 'left_hip_yaw' is not 3 numbers; got '0 a 0'; wanted 3",
+    ),
+    "two roots": (biped(HEAD), "text has no single root link; got ['trunk', 'head']; wanted one"),
+    "a joint of no link": (
+        biped(joint("neck", "trunk", "hat", "0 0 0.3")),
+        "text: child of joint 'neck' is no link; got 'hat'; choices: ",
+    ),
+    "a ball joint": (
+        arm(tip='<body name="eye"><joint name="socket" type="ball"/><geom size="0.01"/></body>'),
+        "text: joint 'socket' is a ball joint; got 'three degrees of freedom'; wanted three hinges",
+    ),
+    "several robots": (
+        arm(root="<freejoint/>", world='<body name="other"><freejoint/><geom size="0.1"/><body '
+            'name="tail"><joint range="-1 1"/><geom size="0.1"/></body></body>'),
+        "text has several robots; got ['other', 'base']; wanted one body with joints under",
+    ),
+    "nothing that moves": (
+        '<mujoco><worldbody><body name="rock"><geom size="1"/></body></worldbody></mujoco>',
+        "text has nothing that moves; got ['rock']; wanted one body with joints under",
+    ),
+    "a missing include": (
+        '<mujoco><include file="gone.xml"/></mujoco>',
+        "a file included by text cannot be found; got ",
+    ),
+    "a base that floats without legs": (
+        arm(root="<freejoint/>"),
+        "no feet are found in text; got 'a free base",
+    ),
+    "a robot on wheels": (
+        arm(root="<freejoint/>", side="".join(
+            f'<body name="wheel{k}" pos="{x} {y} 0"><joint name="wheel{k}" axis="0 1 0"/>'
+            '<geom type="cylinder" size="0.1 0.02" zaxis="0 1 0" mass="1"/></body>'
+            for k, (x, y) in enumerate([(0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)]))),
+        "no feet are found in text; got 'a free base, and joints that turn without end, as wheels "
+        "do: wheel0, wheel1, wheel2, wheel3'; wanted two legs",
+    ),
+    "feet that are balls": (
+        biped(foot='<collision><geometry><sphere radius="0.05"/></geometry></collision>'),
+        "foot 'left_foot' of text has no flat face to stand on; got ",
+    ),
+    "no mass": (
+        re.sub(r"<inertial>.*?</inertial>", "", biped()),
+        "text has no mass; got 'no link with one'; wanted an <inertial> with a positive mass",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_anything_else_is_refused_in_one_line(case, capfd):
+    given, message = REFUSED[case]
+    with pytest.raises(PoiseError) as error:
+        loaded(given)
+    assert str(error.value).startswith(message)
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 2000
+    assert capfd.readouterr() == ("", "")
+
+
+def test_of_several_bodies_the_one_with_a_free_joint_is_the_robot():
+    door = '<body name="door" pos="2 0 0"><joint range="-1 1"/><geom size="0.1"/></body>'
+    on_base = {"link": "base", "length": 0.1, "width": 0.1}
+    stands = {"base": "floating", "pelvis": "base", "torso": "base", "soles": {"sole": on_base}}
+    robot, said = loaded(arm(root="<freejoint/>", world=door), stands)
+    assert robot.joint_names == ("shoulder", "elbow", "wrist")
+    assert "bodies beside the robot are left out: door" in said
+
+
+def test_geometry_alone_is_refused():
+    text = biped()
+    model = pin.buildModelFromXML(text)
+    geometry = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
+    with pytest.raises(RobotError, match=r"^geometry comes with a model; got .*pinocchio.Model"):
+        load_robot(text, geometry=geometry)
+
+
+def test_a_robot_is_the_same_from_text_from_pinocchio_and_from_mujoco():
+    """Mass matrices at a random posture, from one MJCF document read in three ways."""
+    text = arm(before="<option/>").replace('name="elbow"', 'name="elbow" armature="0.05" ref="0.3"')
+    limits = {"limits": {"velocity": {".*": 5.0}}}
+    robots = [
+        loaded(given, FIXED | limits)[0]
+        for given in (text, mujoco.MjModel.from_xml_string(text), mujoco.MjSpec.from_string(text))
+    ]
+    robots.append(loaded(robots[0].model, FIXED | limits)[0])
+    q = np.random.default_rng(3).uniform(-1.0, 1.0, 3)
+    M, *others = [pin.crba(r.model, r.model.createData(), q) for r in robots]
+    for other, robot in zip(others, robots[1:], strict=True):
+        np.testing.assert_allclose(np.triu(other), np.triu(M), rtol=0, atol=1e-12)
+        for limit in ("q_min", "q_max", "v_max", "tau_max"):
+            np.testing.assert_allclose(getattr(robot, limit), getattr(robots[0], limit))
+
+
+def gears(ratio=-0.5):
+    """A gear on the base that drives the shoulder: q_shoulder = ratio q_gear."""
+    gear = (
+        '<body name="gear"><joint name="gear" axis="0 1 0" range="-3 3" armature="0.01" '
+        'actuatorfrcrange="-8 8"/><geom type="cylinder" size="0.02 0.01" mass="0.02"/></body>'
+    )
+    tied = (
+        f'<equality><joint joint1="shoulder" joint2="gear" polycoef="0 {ratio} 0 0 0"/></equality>'
+    )
+    text = arm(side=gear, after=tied)
+    return text.replace('range="-2 2" actuatorfrcrange="-50 50"', 'range="-2 2"', 1)
+
+
+def test_a_gear_and_its_output_are_one_joint_with_the_motor_of_the_gear():
+    """The output has torque over |ratio|, range times it and rotor inertia over its square."""
+    robot, said = loaded(gears(), FIXED)
+    assert robot.joint_names == ("shoulder", "elbow", "wrist")
+    assert "gears are one joint with their output" in said
+    shoulder = robot.joint_index("shoulder")
+    assert robot.tau_max[shoulder] == pytest.approx(8.0 / 0.5)
+    assert robot.model.armature[shoulder] == pytest.approx(0.01 / 0.5**2)
+    assert (robot.q_min[shoulder], robot.q_max[shoulder]) == (-1.5, 1.5)
+
+
+def test_a_gear_and_its_output_move_as_mujoco_moves_them_coupled():
+    """The acceleration under a torque at the gear, against MuJoCo's with a stiff equality."""
+    stiff = 'solref="0.002 1" solimp="0.9999 0.9999 0.001 0.5 2"'
+    text = gears().replace("<joint joint1", f"<joint {stiff} joint1")
+    text = text.replace("<worldbody>", '<option><flag contact="disable"/></option><worldbody>')
+    robot, _ = loaded(text, FIXED)
+    model = mujoco.MjModel.from_xml_string(text)
+    data, torque = mujoco.MjData(model), 2.0
+    data.qfrc_applied[model.joint("gear").dofadr] = torque
+    mujoco.mj_forward(model, data)
+    ours = pin.aba(
+        robot.model, robot.model.createData(), np.zeros(3), np.zeros(3),
+        np.array([torque / -0.5, 0.0, 0.0]),
+    )  # fmt: skip
+    theirs = [float(data.qacc[model.joint(n).dofadr[0]]) for n in robot.joint_names]
+    # The gear's own inertia about its axis is neglected: 4e-6 of 0.01 kg m^2.
+    np.testing.assert_allclose(ours, theirs, rtol=2e-3)
+
+
+def test_the_keyframe_is_clipped_into_the_home_posture():
+    proposal = describe(arm(after='<keyframe><key name="home" qpos="3 0.5 0"/></keyframe>'))
+    assert proposal.facts["home"]["shoulder"] <= 2.0
+    assert proposal.facts["home"]["elbow"] == pytest.approx(0.5)
