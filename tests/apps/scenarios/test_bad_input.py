@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from dry_run import forbid_ticks, prepare
 
-from poise.apps.scenarios import Scenario, load_scenario
+from poise.apps.scenarios import Scenario, load_scenario, run_scenario
 from poise.apps.scenarios._scenario import CheckPlan
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 
@@ -381,4 +381,4 @@ def test_a_robot_without_the_limbs_of_a_scenario_is_refused_by_what_it_lacks(
     with pytest.raises(
         ConfigurationError, match=f"scenario '{scenario}' needs a robot with {needs}"
     ):
-        prepare(replace(load_scenario(scenario), robot=robot))
+        run_scenario(replace(load_scenario(scenario), robot=robot))
