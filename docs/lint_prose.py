@@ -19,7 +19,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-FOLDERS = ("src", "studies", "benchmarks", "tests")
+FOLDERS = ("src", "studies", "benchmarks", "bundled_robots", "tests")
 MAIN = ("origin/main", "main")
 
 PHRASES = (

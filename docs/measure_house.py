@@ -32,6 +32,9 @@ PACKAGES = {
 }
 """Packages that are counted under another name than their own."""
 
+LABORATORY = ("studies", "benchmarks", "bundled_robots")
+"""Folders of Python beside the library that are counted with the studies."""
+
 ONBOARDING = ("apps/strangers", "cli/_describe.py")
 """Folders and files below `src/poise` that propose, try and show descriptions of new robots."""
 
@@ -89,14 +92,14 @@ def package(path: Path) -> str:
 
 
 def sizes(folder: Path) -> dict[str, dict[str, int]]:
-    """Rows and files of each package, of docs, of tests, and of studies with benchmarks."""
+    """Rows and files of each package, of docs, of tests, and of `LABORATORY`."""
     groups: defaultdict[str, list[Path]] = defaultdict(list)
     library = folder / "src/poise"
     for path in source_files(library, ".py", *TEMPLATES):
         groups[package(path.relative_to(library))].append(path)
     groups["docs"] = source_files(folder / "docs", ".py", ".md", *TEMPLATES)
     groups["tests"] = source_files(folder / "tests", ".py", *TEMPLATES)
-    for name in ("studies", "benchmarks"):
+    for name in LABORATORY:
         groups["studies and benchmarks"] += source_files(folder / name, ".py", *TEMPLATES)
     return {name: {"rows": rows(files), "files": len(files)} for name, files in groups.items()}
 
@@ -239,9 +242,7 @@ def measure(folder: Path) -> dict[str, object]:
     """Figures of one checkout; files and lines of the library are those of Python alone."""
     root = folder / "src/poise"
     library = source_files(root, ".py")
-    laboratory = [
-        p for name in ("benchmarks", "studies") for p in source_files(folder / name, ".py")
-    ]
+    laboratory = [p for name in LABORATORY for p in source_files(folder / name, ".py")]
     both = [*library, *laboratory]
     return {
         "sizes": sizes(folder),

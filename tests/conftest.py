@@ -19,7 +19,6 @@ from poise._compiled import find_unkept
 from poise.errors import MissingExtraError
 from poise.hqp import LexicographicSolver
 from poise.robots import load_robot
-from poise.robots._parametric import generate
 
 DESCRIPTIONS = Path(robots.__file__).parent / "descriptions"
 
@@ -121,7 +120,7 @@ def get_robot_without(tmp_path_factory):
         for sole in facts["soles"].values():
             sole["width"] = width
         path = tmp_path_factory.mktemp("welded") / "welded.urdf"
-        path.write_text(generate("humanoid", 33), encoding="utf-8")
+        path.write_text(_load("humanoid33").source.text, encoding="utf-8")
         return load_robot(path, description=facts | {"locked": list(joints)})
 
     return get

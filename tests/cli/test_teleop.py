@@ -143,9 +143,8 @@ def test_a_recording_of_a_robot_from_a_file_is_played_with_that(in_folder, capsy
     from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
     from poise.locomotion import ScriptedDevice
     from poise.robots import load_robot
-    from poise.robots._parametric import generate
 
-    (in_folder / "mona.urdf").write_text(generate("biped", 20), encoding="utf-8")
+    (in_folder / "mona.urdf").write_text(load_robot("biped20").source.text, encoding="utf-8")
     facts = yaml.safe_load((files("poise.robots") / "descriptions" / "biped20.yaml").read_bytes())
     del facts["catalog"]
     (in_folder / "mona.poise.yaml").write_text(yaml.safe_dump(facts), encoding="utf-8")

@@ -116,14 +116,14 @@ def test_a_base_that_does_not_exist_is_an_error(repository):
     assert repository.lint("--base", "nowhere") == (2, [])
 
 
-def test_only_python_files_of_the_four_folders_are_read_and_moved_ones_are_not_new(repository):
+def test_only_python_files_of_the_folders_are_read_and_moved_ones_are_not_new(repository):
     for name in ("docs/page.py", "src/page.html", "setup.py"):
         repository.write(name, "# Somebody.\n")
-    for name in ("src/a/b.py", "studies/a.py", "benchmarks/a.py", "tests/a.py"):
+    names = [f"{folder}/a/b.py" for folder in sorted(lint_prose.FOLDERS)]
+    for name in names:
         repository.write(name, "# Somebody.\n")
     repository.git("mv", "src/old.py", "src/moved.py")
     repository.commit()
-    names = ["benchmarks/a.py", "src/a/b.py", "studies/a.py", "tests/a.py"]
     assert repository.lint() == (1, [f"{name}:1: Somebody" for name in names])
     for name in names:
         (repository.folder / name).unlink()

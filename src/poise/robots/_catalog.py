@@ -2,19 +2,19 @@
 
 import importlib.metadata
 import re
+import zipfile
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import resources
 from pathlib import Path
 
 from poise._schema import Count, Positive, Text, checked, read
 from poise._yaml import read_text, read_yaml
 from poise.errors import MissingExtraError, RobotError
 from poise.robots._description import Description, parse_description
-from poise.robots._parametric import MAX_JOINTS, MIN_JOINTS, generate
 
 _DATA_PACKAGE, _DATA_EXTRA = "example-robot-data", "robots"
 _DATA_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
+_FOLDER = Path(__file__).parent
 _FAMILY = re.compile(r"humanoid([1-9]\d*)")
 _ORDER = ("humanoid33", "biped20", "g1")
 """These stand first in the list; the others follow by name."""
@@ -23,18 +23,17 @@ _ORDER = ("humanoid33", "biped20", "g1")
 @checked(RobotError)
 @dataclass(frozen=True, kw_only=True)
 class _About:
-    """What a description file of the catalog says besides: see `CatalogEntry`."""
+    """The section `catalog` of a description file: see `CatalogEntry`."""
 
     summary: Text
     joints: Count
     mass: Positive
-    generator: Text | None = None
-    file: Text | None = None
+    file: Text
 
 
 @dataclass(frozen=True, kw_only=True)
 class CatalogEntry:
-    """What the catalog says about a robot without loading it.
+    """Facts about a robot of the catalog that are known without loading it.
 
     Attributes:
         name: the name that `load_robot` takes.
@@ -42,11 +41,10 @@ class CatalogEntry:
         joints: number of actuated joints.
         mass: total mass [kg].
         licence: licence of the model's files.
-        installed: whether it can be loaded here.
-        source: where the document comes from: "made in code" or the package's name.
+        installed: True where it can be loaded here.
+        source: where the document comes from: "bundled" or the package's name.
         description: the facts, as a user's description file holds them.
-        generator: the generator of a robot made in code, else None.
-        file: the model file inside example-robot-data, else None.
+        file: the model file, among the bundled ones or inside example-robot-data.
     """
 
     name: str
@@ -57,8 +55,7 @@ class CatalogEntry:
     installed: bool
     source: str
     description: Description
-    generator: str | None = None
-    file: str | None = None
+    file: str
 
 
 def catalog() -> tuple[CatalogEntry, ...]:
@@ -71,8 +68,7 @@ def catalog() -> tuple[CatalogEntry, ...]:
 
 def catalog_names() -> tuple[str, ...]:
     """Names of the robots in the catalog."""
-    folder = resources.files("poise.robots").joinpath("descriptions")
-    names = {f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml")}
+    names = {path.stem for path in _FOLDER.glob("descriptions/*.yaml")}
     return (*_ORDER, *sorted(names - set(_ORDER)))
 
 
@@ -80,7 +76,7 @@ def find_entry(name: str) -> CatalogEntry | None:
     """The entry of a name, the humanoids of other joint counts included; None if there is none.
 
     Raises:
-        RobotError: a humanoid with a number of joints that cannot be made.
+        RobotError: a humanoid with a number of joints that is not bundled.
     """
     if name in catalog_names():
         return _read_entry(name)
@@ -88,14 +84,15 @@ def find_entry(name: str) -> CatalogEntry | None:
     if family is None:
         return None
     joints = int(family[1])
-    if not MIN_JOINTS <= joints <= MAX_JOINTS:
+    stems = (file.removesuffix(".urdf") for file in _bundled_files())
+    counts = sorted(int(m[1]) for stem in stems if (m := _FAMILY.fullmatch(stem)))
+    if joints not in counts:
         raise RobotError(
             "no parametric humanoid has that many joints",
             got=name,
-            wanted=f"humanoid{MIN_JOINTS} to humanoid{MAX_JOINTS}",
+            wanted=f"humanoid{counts[0]} to humanoid{counts[-1]}",
         )
-    base = _read_entry("humanoid33")
-    return replace(base, name=name, joints=joints)
+    return replace(_read_entry("humanoid33"), name=name, joints=joints, file=f"{name}.urdf")
 
 
 def open_entry(entry: CatalogEntry) -> tuple[str, Path | None, tuple[Path, ...]]:
@@ -104,10 +101,11 @@ def open_entry(entry: CatalogEntry) -> tuple[str, Path | None, tuple[Path, ...]]
     Raises:
         MissingExtraError: example-robot-data is not installed.
     """
-    if entry.generator is not None:
-        return generate(entry.generator, entry.joints), None, ()
+    if entry.file in _bundled_files():
+        with _open_bundled() as models:
+            return models.read(entry.file).decode(), None, ()
     folder = _data_folder()
-    if folder is None or entry.file is None:
+    if folder is None:
         raise MissingExtraError(_DATA_PACKAGE, _DATA_EXTRA, f"robot {entry.name!r}")
     path = folder / entry.file
     # The files name their meshes package://example-robot-data/robots/...
@@ -117,26 +115,36 @@ def open_entry(entry: CatalogEntry) -> tuple[str, Path | None, tuple[Path, ...]]
 @cache
 def _read_entry(name: str) -> CatalogEntry:
     where = f"{name}.yaml"
-    file = resources.files("poise.robots").joinpath("descriptions", where)
-    data = read_yaml(file.read_text(encoding="utf-8"), where, error=RobotError)
+    text = read_text(_FOLDER / "descriptions" / where, error=RobotError)
+    data = read_yaml(text, where, error=RobotError)
     about = read(_About, data.pop("catalog"), where, error=RobotError)
     description = parse_description(data, where)
+    bundled = about.file in _bundled_files()
     return CatalogEntry(
         name=name,
         summary=about.summary,
         joints=about.joints,
         mass=about.mass,
         licence=description.licence,
-        installed=about.generator is not None or _data_folder() is not None,
-        source="made in code" if about.generator is not None else _DATA_PACKAGE,
+        installed=bundled or _data_folder() is not None,
+        source="bundled" if bundled else _DATA_PACKAGE,
         description=description,
-        generator=about.generator,
         file=about.file,
     )
 
 
+def _open_bundled() -> zipfile.ZipFile:
+    return zipfile.ZipFile(_FOLDER / "models" / "bundled.zip")
+
+
+@cache
+def _bundled_files() -> frozenset[str]:
+    with _open_bundled() as models:
+        return frozenset(models.namelist())
+
+
 def _data_folder() -> Path | None:
-    """Where example-robot-data lies, None if it is not installed."""
+    """Folder of example-robot-data, None if it is not installed."""
     try:
         distribution = importlib.metadata.distribution(_DATA_PACKAGE)
     except importlib.metadata.PackageNotFoundError:

@@ -21,12 +21,12 @@ from poise.robots._files_digest import description_of
 from poise.robots._inputs import RobotInput, open_document, path_of
 from poise.robots._kinematics import add_roles, check_inertia, hinges
 from poise.robots._limits import assume_limits, check_positions, described_limits
-from poise.robots._meshes import add_figure, has_shapes
 from poise.robots._posture import home_configuration
 from poise.robots._robot import FrameRole, Robot, Sole
 from poise.robots._role_check import check_roles
 from poise.robots._sole_check import soles_off_their_feet
 from poise.robots._sole_freedom import with_controlled_soles
+from poise.robots._meshes import add_figure, has_shapes
 
 
 def load_robot(

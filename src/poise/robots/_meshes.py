@@ -1,52 +1,43 @@
 """A stick figure for a URDF document without pictures, so that it can be seen when simulated."""
 
+import math
 import xml.etree.ElementTree as ET
 
-import numpy as np
+from poise.robots._urdf import end_of
 
-from poise.robots._parametric import PALETTE, Shape, add_shape, rod, sphere
-
-_ROD, _BALL = 0.02, 0.03
-"""Radii of a stick and of the ball at each link's origin [m]."""
-
-_SHORT = 0.01
-"""Offsets shorter than this need no stick [m]."""
+_RADIUS = 0.02
+"""Radius of the figure's sticks, and of the balls at their ends, which hide shorter sticks [m]."""
 
 
 def has_shapes(root: ET.Element) -> bool:
-    """Whether a document has anything to see or to touch."""
+    """True where a document has anything to see or to touch."""
     return any(root.find(path) is not None for path in ("link/visual", "link/collision", ".//geom"))
 
 
 def add_figure(root: ET.Element) -> bool:
-    """Draw sticks between the joints of a URDF document, if it has no visual and no collision.
-
-    Inertias stay as they are: only pictures are added.
-
-    Args:
-        root: the document's root element, changed in place.
-
-    Returns:
-        Whether anything was drawn.
-    """
+    """Draw sticks between the joints of a URDF without shapes; True where any were drawn."""
     if root.tag != "robot" or has_shapes(root):
         return False
     links = {link.get("name", ""): link for link in root.findall("link")}
     for link in links.values():
         if link.find("inertial") is not None:
-            _draw(link, sphere(_BALL, colour="joint"))
+            _draw(link, "sphere")
     for joint in root.findall("joint"):
-        parent, origin = joint.find("parent"), joint.find("origin")
-        if parent is None or origin is None:
-            continue
-        end = np.array([float(x) for x in origin.get("xyz", "0 0 0").split()])
-        if np.linalg.norm(end) > _SHORT:
-            _draw(links[parent.get("link", "")], rod((0.0, 0.0, 0.0), end.tolist(), _ROD))
+        origin = joint.find("origin")
+        text = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
+        x, y, z = map(float, text.split())
+        length = math.hypot(x, y, z)
+        if length > _RADIUS:
+            stick = _draw(links[end_of(joint, "parent")], "cylinder", length=repr(length))
+            # The cylinder's z axis is tilted about y, then turned about z.
+            rpy = f"0 {math.atan2(math.hypot(x, y), z)} {math.atan2(y, x)}"
+            ET.SubElement(stick, "origin", xyz=f"{x / 2} {y / 2} {z / 2}", rpy=rpy)
     return True
 
 
-def _draw(link: ET.Element, shape: Shape) -> None:
+def _draw(link: ET.Element, solid: str, **size: str) -> ET.Element:
+    """Add a visual of one solid at the link's origin."""
     visual = ET.SubElement(link, "visual")
-    add_shape(visual, shape)
-    material = ET.SubElement(visual, "material", name=f"figure_{shape.colour}")
-    ET.SubElement(material, "color", rgba=" ".join(map(str, PALETTE[shape.colour])))
+    geometry = ET.SubElement(visual, "geometry")
+    ET.SubElement(geometry, solid, {"radius": repr(_RADIUS), **size})
+    return visual

@@ -1,9 +1,9 @@
 """The parametric humanoid: any number of joints from 20 to 60, one look, one mass."""
 
-from poise.robots._parametric._limbs import add_arm, add_leg
-from poise.robots._parametric._proportions import Proportions, share_joints
-from poise.robots._parametric._tree import Tree
-from poise.robots._parametric._trunk import (
+from bundled_robots.limbs import add_arm, add_leg
+from bundled_robots.proportions import Proportions, share_joints
+from bundled_robots.tree import Tree
+from bundled_robots.trunk import (
     HEAD_HEIGHT,
     add_column,
     head_shapes,

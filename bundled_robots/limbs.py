@@ -5,9 +5,9 @@ An arm of the parametric humanoid: four joints or more between the torso and the
 
 from typing import Literal, NamedTuple
 
-from poise.robots._parametric._proportions import Proportions
-from poise.robots._parametric._solids import Shape, box, capsule, drum, slab, sphere
-from poise.robots._parametric._tree import Hinge, Tree
+from bundled_robots.proportions import Proportions
+from bundled_robots.solids import Shape, box, capsule, drum, slab, sphere
+from bundled_robots.tree import Hinge, Tree
 
 
 class _ArmJoint(NamedTuple):

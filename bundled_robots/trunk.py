@@ -2,9 +2,9 @@
 
 from typing import Literal
 
-from poise.robots._parametric._proportions import Proportions
-from poise.robots._parametric._solids import Shape, box, capsule, drum, slab, sphere
-from poise.robots._parametric._tree import Hinge, Tree
+from bundled_robots.proportions import Proportions
+from bundled_robots.solids import Shape, box, capsule, drum, slab, sphere
+from bundled_robots.tree import Hinge, Tree
 
 HEAD_HEIGHT = 0.22
 """From the last joint of the neck to the crown of a robot of 1.8 m [m]."""

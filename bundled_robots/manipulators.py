@@ -2,11 +2,11 @@
 
 from typing import Literal
 
-from poise.robots._parametric._limbs import add_arm
-from poise.robots._parametric._proportions import Proportions
-from poise.robots._parametric._solids import Shape, box, capsule, drum, slab
-from poise.robots._parametric._tree import Hinge, Tree
-from poise.robots._parametric._trunk import head_shapes, torso_shapes
+from bundled_robots.limbs import add_arm
+from bundled_robots.proportions import Proportions
+from bundled_robots.solids import Shape, box, capsule, drum, slab
+from bundled_robots.tree import Hinge, Tree
+from bundled_robots.trunk import head_shapes, torso_shapes
 
 _UPPER_BODY = Proportions(
     height=1.7, mass=60.0, sole_length=0.28, sole_width=0.14, hip_offset=0.1, accent="blue"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from poise.robots._parametric._solids import Shape, combined_inertia
+from bundled_robots.solids import Shape, combined_inertia
 
 PALETTE = {
     "shell": (0.90, 0.91, 0.93, 1.0),

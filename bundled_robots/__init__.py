@@ -1,0 +1,1 @@
+"""Make the documents of the robots that Poise ships: `python -m bundled_robots`."""
