@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from poise._show import few
 from poise.errors import RobotError
-from poise.robots._document import Base, Coupling, Document
+from poise.robots._document import Base, Coupling, Document, JointLimits
 from poise.robots._kinematics import hinges
 from poise.robots._limits import apply_limits
 from poise.robots._mesh_files import drop_missing_meshes
@@ -49,10 +49,8 @@ class Assembly:
 def assemble(
     document: Document,
     base: Base,
+    limits: JointLimits,
     *,
-    position: Mapping[str, tuple[float, float]],
-    velocity: Mapping[str, float],
-    torque: Mapping[str, float],
     locked: Iterable[str] = (),
     taken: Iterable[str] = (),
 ) -> Assembly:
@@ -61,9 +59,7 @@ def assemble(
     Args:
         document: as read; changed in place.
         base: whether its root is free.
-        position: limits by joint, in place of the document's own [rad, m].
-        velocity: likewise [rad/s, m/s].
-        torque: likewise [N m, N].
+        limits: in place of the document's own.
         locked: joints to weld at zero.
         taken: names of frames that are roles.
 
@@ -72,7 +68,7 @@ def assemble(
     """
     facts, floating = document.facts, base == "floating"
     root = document.settle(base)
-    document.write_limits(position, velocity, torque)
+    document.write_limits(limits)
     document.free_names(set(taken))
     lost = drop_missing_meshes(document)
     remarks = [*document.remarks, *facts.remarks]
@@ -92,7 +88,7 @@ def assemble(
     # A follower of a locked joint stands still, too.
     still = [c.follower for c in facts.couplings if c.leader in fixed]
     swapped = _gears(model, free)
-    apply_limits(model, position, velocity, torque)
+    apply_limits(model, limits)
     gears = [gear for gear, _ in swapped]
     followers = [c.follower for c in free if c.follower not in [output for _, output in swapped]]
     followers += still

@@ -9,6 +9,7 @@ from jaxtyping import Float64
 
 from poise.errors import RobotError
 from poise.robots._assembly import assemble
+from poise.robots._document import JointLimits
 from poise.robots._inputs import RobotInput, open_document
 from poise.robots._kinematics import hinges
 from poise.robots._limbs import Arms, Limbs, Pair, find_arms, find_limbs, no_feet
@@ -81,9 +82,7 @@ class _Describer:
         assembly = assemble(
             document,
             "floating",
-            position=endless,
-            velocity={},
-            torque={},
+            JointLimits(position=endless),
             locked=self._locked,
         )
         self._model, self._source = assembly.model, assembly.source
@@ -151,7 +150,7 @@ class _Describer:
         self._draft.reasons["home"] = f"{said}, inside the limits [rad]"
         if limits is not None:
             self._draft.facts["limits"] = limits
-        propose_limits(self._draft, self._model, (), floating=True)
+        propose_limits(self._draft, self._model, ())
         propose_armature(self._draft, self._model, q)
         self._lock(arms.fingers)
 
@@ -215,7 +214,7 @@ class _Describer:
         self._explain(stance, back, elbows=bool(bent))
         if limits is not None:
             self._draft.facts["limits"] = limits
-        propose_limits(self._draft, self._model, soles, floating=True)
+        propose_limits(self._draft, self._model, soles)
         propose_armature(self._draft, self._model, stance.q)
         self._lock([*limbs.arms.fingers, *beyond])
 

@@ -161,36 +161,12 @@ class Description:
 
 
 def parse_description(data: Mapping[Any, Any], where: str) -> Description:
-    """Check the content of a description file and make it a `Description`.
-
-    Args:
-        data: the file's content, as the YAML parser gave it.
-        where: the file, for messages.
-
-    Returns:
-        The description. Names of links and joints are checked later, against the document.
-
-    Raises:
-        RobotError: a fact is missing or has the wrong kind, a key is unknown, a length negative, a
-            pattern no regular expression.
-    """
+    """Check the content of a description file and make it a `Description`."""
     return replace(read(Description, data, where, error=RobotError), where=where)
 
 
 def match_joints(patterns: Mapping[str, T], joints: Iterable[str], what: str) -> dict[str, T]:
-    """Give each joint the value of the last pattern that matches its whole name.
-
-    Args:
-        patterns: values by regular expression.
-        joints: names of the joints.
-        what: where the patterns stand, for messages.
-
-    Returns:
-        Values by joint, for the joints that a pattern matches.
-
-    Raises:
-        RobotError: a pattern matches no joint.
-    """
+    """Give each joint the value of the last pattern that matches its whole name."""
     names = tuple(joints)
     found: dict[str, T] = {}
     for pattern, value in patterns.items():

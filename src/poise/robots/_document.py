@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -39,6 +40,14 @@ class Coupling(NamedTuple):
     leader: str
     offset: float = 0.0
     ratio: float = 1.0
+
+
+class JointLimits(NamedTuple):
+    """Limits by joint that stand in place of a document's own."""
+
+    position: Mapping[str, tuple[float, float]] = MappingProxyType({})  # [rad, m]
+    velocity: Mapping[str, float] = MappingProxyType({})  # [rad/s, m/s]
+    torque: Mapping[str, float] = MappingProxyType({})  # [N m, N]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,14 +177,9 @@ class Document(ABC):
         """Rename frames that have the name of a role, which means the role."""
         del taken
 
-    def write_limits(
-        self,
-        position: Mapping[str, tuple[float, float]],
-        velocity: Mapping[str, float],
-        torque: Mapping[str, float],
-    ) -> None:
-        """Write limits by joint into a document that keeps some [rad, rad/s, N m]."""
-        del position, velocity, torque
+    def write_limits(self, limits: JointLimits) -> None:
+        """Write limits into a document that keeps some."""
+        del limits
 
     def mend_inertias(self) -> list[str]:
         """Make rotational inertias possible, and return the links whose inertia was changed."""

@@ -2,65 +2,46 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from poise.errors import RobotError
 from poise.robots._description import Description, match_joints
+from poise.robots._document import JointLimits
+from poise.robots._kinematics import hinges
 from poise.robots._robot import GRAVITY
 from poise.robots._urdf import crossed_limits
 
 
-@dataclass(frozen=True, kw_only=True)
-class JointLimits:
-    """Limits by joint, for the joints whose limits the description gives.
-
-    Attributes:
-        position: lower and upper limit [rad].
-        velocity: largest speed [rad/s].
-        torque: largest torque [N m].
-    """
-
-    position: dict[str, tuple[float, float]]
-    velocity: dict[str, float]
-    torque: dict[str, float]
-
-
 def described_limits(facts: Description, joints: tuple[str, ...]) -> JointLimits:
     """Match the patterns of a description's limits with the joints of a document."""
-    where = f"{facts.where}: limits"
+    given, where = facts.limits, f"{facts.where}: limits"
     return JointLimits(
-        position=match_joints(facts.limits.position, joints, f"{where}.position"),
-        velocity=match_joints(facts.limits.velocity, joints, f"{where}.velocity"),
-        torque=match_joints(facts.limits.torque, joints, f"{where}.torque"),
+        position=match_joints(given.position, joints, f"{where}.position"),
+        velocity=match_joints(given.velocity, joints, f"{where}.velocity"),
+        torque=match_joints(given.torque, joints, f"{where}.torque"),
     )
 
 
-def apply_limits(
-    model: pin.Model,
-    position: Mapping[str, tuple[float, float]] | None = None,
-    velocity: Mapping[str, float] | None = None,
-    torque: Mapping[str, float] | None = None,
-) -> None:
+def apply_limits(model: pin.Model, limits: JointLimits) -> None:
     """Put limits by joint into a model, in place of its own."""
-    for joint, name in zip(model.joints, model.names, strict=True):
-        if position and name in position:
-            low, high = position[name]
+    for name, joint in hinges(model):
+        if name in limits.position:
+            low, high = limits.position[name]
             model.lowerPositionLimit[joint.idx_q] = low
             model.upperPositionLimit[joint.idx_q] = high
-        if velocity and name in velocity:
-            model.velocityLimit[joint.idx_v] = velocity[name]
-        if torque and name in torque:
-            model.effortLimit[joint.idx_v] = torque[name]
+        model.velocityLimit[joint.idx_v] = limits.velocity.get(
+            name, model.velocityLimit[joint.idx_v]
+        )
+        model.effortLimit[joint.idx_v] = limits.torque.get(name, model.effortLimit[joint.idx_v])
 
 
-def check_positions(model: pin.Model, *, floating: bool, where: str) -> None:
+def check_positions(model: pin.Model, where: str) -> None:
     """Check that every joint has position limits that leave it room to move."""
     lacking: list[str] = []
     crossed: dict[str, tuple[float, float]] = {}
-    for name, joint in _joints(model, floating):
+    for name, joint in hinges(model):
         low = float(model.lowerPositionLimit[joint.idx_q])
         high = float(model.upperPositionLimit[joint.idx_q])
         if low > high:
@@ -96,10 +77,10 @@ _LEAST_PART, _LEAST = 0.003, 1e-3
 """No joint is assumed weaker than this, in weight times leg length, or than this [N m]."""
 
 
-def assume_limits(model: pin.Model, soles: Iterable[str], *, floating: bool) -> list[str]:
+def assume_limits(model: pin.Model, soles: Iterable[str]) -> list[str]:
     """Fill in the velocity and torque limits that a model lacks."""
     said: list[str] = []
-    joints = _joints(model, floating)
+    joints = hinges(model)
     slow = [j for _, j in joints if not _is_size(float(model.velocityLimit[j.idx_v]))]
     for joint in slow:
         model.velocityLimit[joint.idx_v] = _SPEED[joint_kind(joint)]
@@ -126,10 +107,6 @@ def _by_kind(model: pin.Model, limits: Mapping[int, float], *, turns: str, slide
             spread = " to ".join(dict.fromkeys(ends))
             parts.append(f"{spread} {unit} for {_names(model, list(of_kind))}")
     return " and ".join(parts)
-
-
-def _joints(model: pin.Model, floating: bool) -> list[tuple[str, pin.JointModel]]:
-    return list(zip(model.names, model.joints, strict=True))[2 if floating else 1 :]
 
 
 def _names(model: pin.Model, joints: list[int]) -> str:

@@ -21,12 +21,12 @@ from poise.robots._files_digest import description_of
 from poise.robots._inputs import RobotInput, open_document, path_of
 from poise.robots._kinematics import add_roles, check_inertia, hinges
 from poise.robots._limits import assume_limits, check_positions, described_limits
+from poise.robots._meshes import add_figure, has_shapes
 from poise.robots._posture import home_configuration
 from poise.robots._robot import FrameRole, Robot, Sole
 from poise.robots._role_check import check_roles
 from poise.robots._sole_check import soles_off_their_feet
 from poise.robots._sole_freedom import with_controlled_soles
-from poise.robots._meshes import add_figure, has_shapes
 
 
 def load_robot(
@@ -150,9 +150,7 @@ def _assemble(document: Document, facts: Description) -> tuple[Robot, list[str]]
     assembly = assemble(
         document,
         facts.base,
-        position=limits.position,
-        velocity=limits.velocity,
-        torque=limits.torque,
+        limits,
         locked=locked,
         taken={*facts.mounts(), "pelvis", "torso"},
     )
@@ -165,10 +163,10 @@ def _assemble(document: Document, facts: Description) -> tuple[Robot, list[str]]
     check_inertia(model, where)
     if add_figure(document.root):
         source = document.source(source.locked_joints)
-    check_positions(model, floating=floating, where=where)
+    check_positions(model, where)
     roles = _roles(facts, assembly.root)
     add_roles(model, roles, where)
-    assumed = assume_limits(model, facts.soles, floating=floating)
+    assumed = assume_limits(model, facts.soles)
     # Pinocchio leaves lower ones that are above those of a model without limits, and refuses them.
     model.lowerVelocityLimit[:] = -model.velocityLimit
     model.lowerEffortLimit[:] = -model.effortLimit

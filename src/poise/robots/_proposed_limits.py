@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise.robots._document import JointLimits
 from poise.robots._kinematics import hinges
 from poise.robots._limits import apply_limits, assume_limits
 from poise.robots._proposal import Draft
@@ -42,7 +43,7 @@ def propose_positions(
         high = float(model.upperPositionLimit[joint.idx_q])
         if not (math.isfinite(low) and math.isfinite(high) and abs(high - low) < 1e300):
             unlimited[name] = (-math.pi, math.pi)
-    apply_limits(model, unlimited)
+    apply_limits(model, JointLimits(position=unlimited))
     free = [n for n in unlimited if n not in locked]
     if free:
         draft.facts["limits"] = {"position": {n: [-3.1416, 3.1416] for n in free}}
@@ -51,18 +52,17 @@ def propose_positions(
         )
 
 
-def propose_limits(draft: Draft, model: pin.Model, soles: Sequence[int], *, floating: bool) -> None:
+def propose_limits(draft: Draft, model: pin.Model, soles: Sequence[int]) -> None:
     """Limits of velocity and torque where the file has none.
 
     Args:
         draft: is told.
         model: is changed.
         soles: frames of the soles.
-        floating: whether the base floats.
     """
     before = model.velocityLimit.copy(), model.effortLimit.copy()
     names = [model.frames[i].name for i in soles]
-    said = assume_limits(model, names, floating=floating)
+    said = assume_limits(model, names)
     limits = draft.facts.setdefault("limits", {})
     for key, now, old in (
         ("velocity", model.velocityLimit, before[0]),

@@ -17,6 +17,7 @@ from poise.robots._document import (
     Coupling,
     Document,
     Facts,
+    JointLimits,
     free_name,
     inertial_numbers,
     is_number,
@@ -196,12 +197,7 @@ class UrdfDocument(Document):
             for shape in [*link.findall("visual"), *link.findall("collision")]:
                 yield link, shape
 
-    def write_limits(
-        self,
-        position: Mapping[str, tuple[float, float]],
-        velocity: Mapping[str, float],
-        torque: Mapping[str, float],
-    ) -> None:
+    def write_limits(self, limits: JointLimits) -> None:
         """Write limits by joint; a continuous joint becomes a hinge, and what it lacks is zero."""
         for joint in self._joints():
             if joint.get("type") not in _HINGES:
@@ -213,10 +209,10 @@ class UrdfDocument(Document):
             if joint.get("type") == "continuous":
                 joint.set("type", "revolute")
                 limit.attrib.update(lower="0", upper="0")
-            if name in position:
-                low, high = position[name]
+            if name in limits.position:
+                low, high = limits.position[name]
                 limit.attrib.update(lower=repr(low), upper=repr(high))
-            for key, values in (("velocity", velocity), ("effort", torque)):
+            for key, values in (("velocity", limits.velocity), ("effort", limits.torque)):
                 limit.set(key, repr(values[name]) if name in values else limit.get(key, "0"))
 
     def mend_inertias(self) -> list[str]:
