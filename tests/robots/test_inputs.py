@@ -153,6 +153,10 @@ ACCEPTED = {
               '<material name="b"><color rgba="0 1 0 1"/></material></visual>'),
         "of several materials of a shape the first is taken: left_foot, right_foot",
     ),
+    "a macro that xacro left behind": (
+        biped('<xacro:wheel xmlns:xacro="http://www.ros.org/wiki/xacro"/>'),
+        "macros that xacro left behind are left out: wheel",
+    ),
     "elements of a simulator": (biped('<gazebo reference="trunk"><link name="x"/></gazebo>'), ""),
     "a shape without size": (biped(foot=BOX + BOX.replace("0.2 0.1 0.04", "0 0 0")), ""),
     "shapes of one name": (biped(foot=BOX.replace("<collision>", '<collision name="c">')), ""),
@@ -250,8 +254,8 @@ REFUSED = {
     ),
     "no links": ("<robot name='r'/>", "text has no links; got '<robot>'; wanted a robot"),
     "xacro under another name": (
-        biped('<xacro:wheel xmlns:xacro="http://www.ros.org/wiki/xacro"/>'),
-        "text is a xacro file, which is not expanded; got 'elements of xacro'; wanted the suffix "
+        biped('<xacro:property name="r" value="1" xmlns:xacro="http://www.ros.org/wiki/xacro"/>'),
+        "text is a xacro file, which is not expanded; got ['property']; wanted the suffix "
         ".xacro, which Poise expands with `pip install poise[xacro]`",
     ),
     "two links of one name": (biped(HEAD + HEAD), "text has two links of one name; got ['head']"),

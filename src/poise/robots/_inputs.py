@@ -103,4 +103,9 @@ def _expanded(path: Path) -> str:
         # Expressions in a file raise anything.
         except Exception as error:
             reason = " ".join(str(error).split()) or type(error).__name__
-    raise RobotError(f"{path.name} cannot be expanded by xacro: {reason}")
+    raise RobotError(
+        f"{path.name} cannot be expanded by xacro: {reason}",
+        got=str(path),
+        wanted="a file that needs no arguments and whose packages are above it or beside its own, "
+        "or the URDF that xacro makes of it",
+    )

@@ -57,7 +57,8 @@ _COUNTS = {
 _ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """Where ixx, ixy, ixz, iyy, iyz, izz stand."""
 
-_XACRO = "xacro"
+_XACRO, _SOURCE = "xacro", frozenset({"include", "macro", "property", "arg"})
+"""Part of the namespace of xacro, and its elements that no expanded document has."""
 
 
 class UrdfDocument(Document):
@@ -257,12 +258,17 @@ class UrdfDocument(Document):
 
     def _tidy(self) -> None:
         """Take out elements of other programs, and parts of shapes that MuJoCo refuses to read."""
-        if any(str(e.tag).startswith("{") and _XACRO in str(e.tag) for e in self.root.iter()):
+        foreign = [e.tag.partition("}")[2] for e in self.root if _XACRO in e.tag.partition("}")[0]]
+        if _SOURCE & {*foreign} or any(
+            "${" in v for e in self.root.iter() for v in e.attrib.values()
+        ):
             raise RobotError(
                 f"{self.where} is a xacro file, which is not expanded",
-                got="elements of xacro",
+                got=sorted({*foreign}),
                 wanted="the suffix .xacro, which Poise expands with `pip install poise[xacro]`",
             )
+        if foreign:
+            self.remarks.append(f"macros that xacro left behind are left out: {few(foreign)}")
         for element in [e for e in self.root if e.tag not in _PARTS]:
             self.root.remove(element)
         coloured: list[str] = []
