@@ -91,7 +91,9 @@ def test_a_description_that_does_not_load_yet_is_written_with_what_to_mend(model
         model.write_text(re.sub(bare, r"\1", model.read_text(), count=1, flags=re.DOTALL))
     assert main(["describe", "stranger.urdf", "--out", "out", "--no-trial"]) == 1
     out = capsys.readouterr().out
-    assert "FAIL  load: stranger.urdf has moving links without mass; got ['right_wrist_roll']" in out
+    assert (
+        "FAIL  load: stranger.urdf has moving links without mass; got ['right_wrist_roll']" in out
+    )
     assert "`locked`" in out
     saved = model.parent / "out" / "stranger.poise.yaml"
     saved.write_text(saved.read_text() + "locked: [right_wrist_roll]\n")

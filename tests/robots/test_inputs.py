@@ -386,6 +386,27 @@ def test_a_robot_is_the_same_from_text_from_pinocchio_and_from_mujoco():
             np.testing.assert_allclose(getattr(robot, limit), getattr(robots[0], limit))
 
 
+def test_a_pinocchio_model_keeps_the_order_of_its_joints():
+    """MuJoCo's order, in which legs come right first, is not that of Pinocchio's URDF parser."""
+    sides = ("right", "left")
+    legs = "".join(
+        f'<body name="{side}_thigh" pos="0 {y} 0"><joint name="{side}_hip" range="-1 1" '
+        'actuatorfrcrange="-9 9" damping="0.2"/><geom size="0.05" mass="1"/></body>'
+        for side, y in zip(sides, (-0.1, 0.1), strict=True)
+    )
+    limits = {"limits": {"velocity": {".*": 5.0}}}
+    model = loaded(arm(side=legs), FIXED | limits)[0].model
+    robot = loaded(model, FIXED | limits)[0]
+    assert robot.joint_names == tuple(model.names)[1:]
+    q = np.linspace(-0.5, 0.5, robot.nq)
+    M, other = (np.triu(pin.crba(m, m.createData(), q)) for m in (model, robot.model))
+    np.testing.assert_allclose(other, M, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(robot.model.damping, model.damping)
+    frames = [m.frames[m.getFrameId("left_thigh")] for m in (model, robot.model)]
+    assert frames[0].placement.isApprox(frames[1].placement)
+    assert frames[0].parentJoint == frames[1].parentJoint
+
+
 def gears(ratio=-0.5):
     """A gear on the base that drives the shoulder: q_shoulder = ratio q_gear."""
     gear = (

@@ -12,7 +12,7 @@ from poise.errors import MissingExtraError, RobotError
 from poise.robots._document import Document, read_document
 from poise.robots._mjcf_write import mjcf_of
 from poise.robots._noise import captured
-from poise.robots._urdf import urdf_of
+from poise.robots._urdf import UrdfDocument, urdf_of
 
 RobotInput = Any
 """A path, XML text, `pin.Model`, `mujoco.MjModel`, `mujoco.MjSpec` or a module with a path."""
@@ -68,6 +68,8 @@ def open_document(given: RobotInput, geometry: pin.GeometryModel | None = None) 
         return read_document(given, "text", Path())
     if isinstance(given, pin.Model):
         document = read_document(urdf_of(given, geometry), given.name or "pin.Model")
+        assert isinstance(document, UrdfDocument)
+        document.order = tuple(given.names)[1:]
         document.armature = {
             str(name): float(given.armature[joint.idx_v])
             for name, joint in zip(given.names, given.joints, strict=True)

@@ -66,6 +66,8 @@ class UrdfDocument(Document):
 
     kind = "urdf"
     link_tag = "link"
+    order: tuple[str, ...] = ()
+    """Joints in an order that their model keeps; Pinocchio sorts those of a parent by name."""
 
     def joints(self) -> tuple[str, ...]:
         return tuple(j.get("name", "") for j in self._joints() if j.get("type") in _HINGES)
@@ -176,7 +178,7 @@ class UrdfDocument(Document):
         root = (pin.JointModelFreeFlyer(), name) if floating else ()
         with captured() as noise:
             try:
-                return pin.buildModelFromXML(text, *root)
+                return _in_order(pin.buildModelFromXML(text, *root), self.order)
             except (ValueError, RuntimeError, IndexError) as error:
                 reason = " ".join(str(error).split()) or type(error).__name__
         said = f" ({noise.text})" if noise.text else ""
@@ -436,6 +438,43 @@ def urdf_of(model: pin.Model, geometry: pin.GeometryModel | None = None) -> str:
     for shape in () if geometry is None else geometry.geometryObjects:
         _write_shape(links.get(int(shape.parentJoint)), shape)
     return ET.tostring(root, encoding="unicode")
+
+
+def _in_order(model: pin.Model, order: tuple[str, ...]) -> pin.Model:
+    """The model with its joints in an order in which each parent comes before its children."""
+    first = [name for name in model.names[1:] if name not in order]
+    names = [*first, *(name for name in order if model.existJointName(name))]
+    if not order or names == list(model.names)[1:]:
+        return model
+    ordered, moved, frames = pin.Model(), {0: 0}, {0: 0}
+    ordered.name = model.name
+    for name in names:
+        joint = model.joints[model.getJointId(name)]
+        q, v = (
+            slice(joint.idx_q, joint.idx_q + joint.nq),
+            slice(joint.idx_v, joint.idx_v + joint.nv),
+        )
+        index = moved[joint.id] = ordered.addJoint(
+            moved[int(model.parents[joint.id])],
+            pin.JointModel(joint),
+            model.jointPlacements[joint.id],
+            name,
+            model.effortLimit[v],
+            model.velocityLimit[v],
+            model.lowerPositionLimit[q],
+            model.upperPositionLimit[q],
+        )
+        ordered.appendBodyToJoint(index, model.inertias[joint.id], pin.SE3.Identity())
+    for number, frame in enumerate(model.frames[1:], start=1):
+        parent, above = moved[int(frame.parentJoint)], frames[int(frame.parentFrame)]
+        same = pin.Frame(frame.name, parent, above, frame.placement, frame.type)
+        frames[number] = int(ordered.addFrame(same, False))
+    for name in names:
+        v, other = (m.joints[m.getJointId(name)].idx_v for m in (ordered, model))
+        ordered.damping[v] = model.damping[other]
+        ordered.upperDryFrictionLimit[v] = model.upperDryFrictionLimit[other]
+        ordered.lowerDryFrictionLimit[v] = model.lowerDryFrictionLimit[other]
+    return ordered
 
 
 def _write_joint(root: ET.Element, model: pin.Model, index: int) -> ET.Element:
