@@ -11,8 +11,8 @@ from jaxtyping import Float64
 
 from poise._checks import checked_number
 from poise.errors import RobotError
-from poise.robots._inverse_kinematics import frame_error, inverse_kinematics
 from poise.robots._robot import Robot, Sole
+from poise.robots._stance import REACHED, StanceGoals, stand
 
 _FLAT_POSITION = 2e-3
 """Soles this far off one plane [m] cannot stand on it."""
@@ -29,20 +29,7 @@ def home_configuration(
     floating: bool,
     where: str,
 ) -> Float64[np.ndarray, " nq"]:
-    """The configuration of the joints with the base placed on the soles.
-
-    The first sole lies flat on z = 0; the middle of the soles is at x = y = 0, and their mean
-    direction is x.
-
-    Args:
-        model: the model, with a frame for each sole.
-        soles: the soles, by name.
-        posture: joint positions by name [rad]; the others are zero.
-        floating: whether the base is free.
-        where: the file or the robot's name, for messages.
-
-    Returns:
-        The configuration.
+    """The joints' configuration, first sole flat on z = 0, the soles' middle at x = y = 0, x ahead.
 
     Raises:
         RobotError: a joint is outside its limits, or the soles do not lie in one plane.
@@ -106,13 +93,8 @@ def standing_posture(
 ) -> Float64[np.ndarray, " nq"]:
     """The home posture with its legs changed so that the feet stand apart and the COM is low.
 
-    Soles lie level on the ground, side by side about the origin, the base is turned as at home, and
-    the COM is above the middle. Joints that are not of the legs stay as at home.
-
-    Args:
-        robot: a biped.
-        feet_apart: distance of the soles' centres, side by side [m]; as at home when None.
-        com_height: of the COM above the soles [m]; as at home when None.
+    The soles are side by side about the origin, the COM [m] is above their middle, the base turned
+    as at home. What is None is as at home.
 
     Raises:
         RobotError: no two soles, or a leg that does not get there within its limits.
@@ -131,58 +113,16 @@ def standing_posture(
     height = float(pin.centerOfMass(model, data, robot.q_home)[2])
     if com_height is not None:
         height = checked_number(com_height, "height of the COM [m]", above=0.0)
-    q, error = inverse_kinematics(
-        model,
-        robot.q_home,
-        _Stance(robot, frames, apart, height),
-        _leg_columns(robot),
-        tolerance=_TOLERANCE,
-        damping=1e-9,
-        step_max=0.2,
-        iterations=200,
-    )
-    joints = q[7:]
-    reached = float(np.abs(error).max()) < _TOLERANCE
-    if not reached or np.any(joints < robot.q_min) or np.any(joints > robot.q_max):
+    upright = pin.Quaternion(robot.q_home[3:7]).matrix()
+    goals = StanceGoals(model, frames, upright, apart, height, of_com=True)
+    joints = {j for sole in robot.soles for j in robot.leg_joints(sole)}
+    columns = [*range(6), *sorted(int(model.joints[j].idx_v) for j in joints)]
+    bounds = model.lowerPositionLimit, model.upperPositionLimit
+    q, levels = stand(model, robot.q_home, goals, columns, bounds)
+    if any(np.abs(error).max() > REACHED for error, _ in levels):
         raise RobotError(
             f"the legs of robot {robot.name!r} do not get there",
             got=f"feet {apart:.3f} m apart, COM {height:.3f} m high",
             wanted="a lower COM, or feet nearer to each other",
         )
     return q
-
-
-_TOLERANCE = 1e-9
-"""A standing posture misses its soles, COM and level base by less [m, rad]."""
-
-
-def _leg_columns(robot: Robot) -> list[int]:
-    """The base, and the joints of both legs, as columns of Jacobians."""
-    joints = [j for sole in robot.soles for j in robot.leg_joints(sole)]
-    return [*range(6), *sorted(int(robot.model.joints[j].idx_v) for j in joints)]
-
-
-class _Stance:
-    """What is missing to two soles side by side, a COM above their middle, a base as at home."""
-
-    def __init__(self, robot: Robot, frames: list[int], apart: float, height: float) -> None:
-        self._model, self._data = robot.model, robot.model.createData()
-        places = (np.array([0.0, side * 0.5 * apart, 0.0]) for side in (1.0, -1.0))
-        self._goals = [(i, pin.SE3(np.eye(3), p)) for i, p in zip(frames, places, strict=True)]
-        self._com = np.array([0.0, 0.0, height])
-        # The axes of a root link may point anywhere.
-        self._upright = pin.Quaternion(robot.q_home[3:7]).matrix()
-
-    def __call__(
-        self, q: Float64[np.ndarray, " nq"]
-    ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]:
-        model, data = self._model, self._data
-        pin.computeJointJacobians(model, data, q)
-        parts = [frame_error(model, data, frame, goal) for frame, goal in self._goals]
-        com_jacobian = pin.jacobianCenterOfMass(model, data, q)
-        parts.append((self._com - data.com[0], com_jacobian))
-        base_turn = np.eye(3, model.nv, k=3)
-        turn = pin.log3(data.oMi[1].rotation.T @ self._upright)
-        parts.append((turn, base_turn))
-        errors, jacobians = zip(*parts, strict=True)
-        return np.concatenate(errors), np.vstack(jacobians)
