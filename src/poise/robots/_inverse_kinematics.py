@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
 
-Level = tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]
+Level = tuple[Float64[np.ndarray, " _"], Float64[np.ndarray, "_ nv"]]
 """Errors of goals of one priority [m, rad], and the Jacobian whose motion removes them."""
 
 Bounds = tuple[Float64[np.ndarray, " nq"], Float64[np.ndarray, " nq"]]

@@ -12,7 +12,7 @@ from jaxtyping import Float64
 from poise._checks import checked_number
 from poise.errors import RobotError
 from poise.robots._robot import Robot, Sole
-from poise.robots._stance import REACHED, StanceGoals, stand
+from poise.robots._stance import REACHED, StanceGoals
 
 _FLAT_POSITION = 2e-3
 """Soles this far off one plane [m] cannot stand on it."""
@@ -29,11 +29,7 @@ def home_configuration(
     floating: bool,
     where: str,
 ) -> Float64[np.ndarray, " nq"]:
-    """The joints' configuration, first sole flat on z = 0, the soles' middle at x = y = 0, x ahead.
-
-    Raises:
-        RobotError: a joint is outside its limits, or the soles do not lie in one plane.
-    """
+    """The joints as described, the soles flat on z = 0 about the origin, their mean direction x."""
     q = pin.neutral(model)
     for name, angle in posture.items():
         q[model.joints[model.getJointId(name)].idx_q] = angle
@@ -64,14 +60,12 @@ def _check_limits(model: pin.Model, q: Float64[np.ndarray, " nq"], where: str) -
     for joint, name in zip(model.joints, model.names, strict=True):
         if joint.nq != 1:
             continue
-        low, high = (
-            float(model.lowerPositionLimit[joint.idx_q]),
-            float(model.upperPositionLimit[joint.idx_q]),
-        )
-        if not low <= q[joint.idx_q] <= high:
+        k = joint.idx_q
+        low, high = model.lowerPositionLimit[k], model.upperPositionLimit[k]
+        if not low <= q[k] <= high:
             raise RobotError(
                 f"home position of joint {name!r} of {where} is outside its limits",
-                got=float(q[joint.idx_q]),
+                got=float(q[k]),
                 wanted=f"{low:.4g} to {high:.4g} rad",
             )
 
@@ -91,14 +85,7 @@ def _check_flat(world_T_sole: pin.SE3, name: str, where: str) -> None:
 def standing_posture(
     robot: Robot, *, feet_apart: float | None = None, com_height: float | None = None
 ) -> Float64[np.ndarray, " nq"]:
-    """The home posture with its legs changed so that the feet stand apart and the COM is low.
-
-    The soles are side by side about the origin, the COM [m] is above their middle, the base turned
-    as at home. What is None is as at home.
-
-    Raises:
-        RobotError: no two soles, or a leg that does not get there within its limits.
-    """
+    """The home posture with other legs: soles side by side about the origin, COM so high [m]."""
     if not robot.floating_base or len(robot.soles) < 2:
         raise RobotError(
             f"robot {robot.name!r} has no feet to stand on", got=list(robot.soles), wanted="two"
@@ -107,18 +94,17 @@ def standing_posture(
     frames = [robot.frame_id(name) for name in list(robot.soles)[:2]]
     pin.framesForwardKinematics(model, data, robot.q_home)
     left, right = (data.oMf[i].translation for i in frames)
-    apart = float(left[1] - right[1])
+    apart, height = float(left[1] - right[1]), float(pin.centerOfMass(model, data)[2])
     if feet_apart is not None:
         apart = checked_number(feet_apart, "distance of the feet [m]", above=0.0)
-    height = float(pin.centerOfMass(model, data, robot.q_home)[2])
     if com_height is not None:
         height = checked_number(com_height, "height of the COM [m]", above=0.0)
     upright = pin.Quaternion(robot.q_home[3:7]).matrix()
-    goals = StanceGoals(model, frames, upright, apart, height, of_com=True)
+    goals = StanceGoals(model, frames, upright, apart, height, True)
     joints = {j for sole in robot.soles for j in robot.leg_joints(sole)}
     columns = [*range(6), *sorted(int(model.joints[j].idx_v) for j in joints)]
     bounds = model.lowerPositionLimit, model.upperPositionLimit
-    q, levels = stand(model, robot.q_home, goals, columns, bounds)
+    q, levels = goals.solve(robot.q_home, columns, bounds)
     if any(np.abs(error).max() > REACHED for error, _ in levels):
         raise RobotError(
             f"the legs of robot {robot.name!r} do not get there",

@@ -1,7 +1,4 @@
-"""Standing postures for legs of any kind: soles level on the ground with the COM over them.
-
-Hips may have tilted axes and legs five joints: what a leg cannot do is left to what it costs least.
-"""
+"""Standing postures for legs of any kind, with tilted hips or five joints too."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -39,6 +36,7 @@ class Stance:
         return self.error < REACHED
 
 
+@dataclass(frozen=True)
 class StanceGoals:
     """Goals of a stance by priority, each with its Jacobian.
 
@@ -46,77 +44,58 @@ class StanceGoals:
     root and feet side by side about the origin, toes straight ahead.
     """
 
-    def __init__(
-        self,
-        model: pin.Model,
-        soles: Sequence[int],
-        upright: Float64[np.ndarray, "3 3"],
-        apart: float,
-        height: float,
-        *,
-        of_com: bool,
-        ahead: float = 0.0,
-    ) -> None:
-        self._model, self._data, self._soles = model, model.createData(), list(soles)
-        self._upright, self._apart, self._ahead = upright, apart, ahead
-        self._height, self._of_com = height, of_com
+    model: pin.Model
+    soles: Sequence[int]  # frames, left first
+    upright: Float64[np.ndarray, "3 3"]  # world_R_base of an upright root
+    apart: float  # distance of the feet [m]
+    height: float  # [m]
+    of_com: bool  # whose height: the COM's or the root's
+    ahead: float = 0.0  # of the COM before the soles' middle [m]
 
     def __call__(self, q: Float64[np.ndarray, " nq"]) -> list[Level]:
         """Errors and Jacobians at a configuration."""
-        model, data = self._model, self._data
+        model, data = self.model, self.model.createData()
         pin.computeJointJacobians(model, data, q)
         J_com = pin.jacobianCenterOfMass(model, data, q)
         world_R_base = data.oMi[1].rotation
-        places = [pin.updateFramePlacement(model, data, frame) for frame in self._soles]
-        jacobians = [
-            pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-            for frame in self._soles
-        ]
-        middle = 0.5 * sum((place.translation for place in places), np.zeros(3))
-        J_middle = 0.5 * sum((J[:3] for J in jacobians), np.zeros((3, model.nv)))
-        J_root = np.zeros((3, model.nv))
-        J_root[:, :3] = world_R_base
-        top, J_top = (data.com[0], J_com) if self._of_com else (q[:3], J_root)
-        over = middle[:2] + [self._ahead, 0.0] - data.com[0][:2]
-        stands = [np.array([*over, self._height - top[2]])]
-        J_stands = [(J_com - J_middle)[:2], J_top[2:]]
-        turn, J_turn = pin.log3(world_R_base.T @ self._upright), np.eye(3, model.nv, k=3)
-        beside: list[np.ndarray] = []
-        for side, place, J in zip((0.5, -0.5), places, jacobians, strict=True):
-            R = place.rotation
-            # z x e_z, by which a sole's normal turns upright.
-            stands.append(np.array([-place.translation[2], R[1, 2], -R[0, 2]]))
-            J_stands.append(J[2:5])
-            x, y, _ = place.translation
-            beside.append(np.array([-x, side * self._apart - y, -math.atan2(R[1, 0], R[0, 0])]))
+        turn = pin.log3(world_R_base.T @ self.upright)
+        must: list[Level] = []
+        wish: list[Level] = [(turn, np.eye(3, model.nv, k=3))]
+        over, J_over = np.array([self.ahead, 0.0]) - data.com[0][:2], J_com[:2].copy()
+        for side, frame in zip((0.5, -0.5), self.soles, strict=True):
+            place = pin.updateFramePlacement(model, data, frame)
+            J = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+            R, (x, y, z) = place.rotation, place.translation
+            # The normal's product with e_z turns a sole level.
+            must.append((np.array([-z, R[1, 2], -R[0, 2]]), J[2:5]))
+            yaw = math.atan2(R[1, 0], R[0, 0])
+            wish.append((np.array([-x, side * self.apart - y, -yaw]), J[[0, 1, 5]]))
+            over += 0.5 * place.translation[:2]
+            J_over -= 0.5 * J[:2]
+        J_root = np.zeros((1, model.nv))
+        J_root[0, :3] = world_R_base[2]
+        height, J_height = (data.com[0][2], J_com[2:]) if self.of_com else (q[2], J_root)
+        must += [(over, J_over), (np.array([self.height - height]), J_height)]
         return [
-            (np.concatenate(stands), np.vstack(J_stands)),
-            (
-                np.concatenate([turn, *beside]),
-                np.vstack([J_turn, *(J[[0, 1, 5]] for J in jacobians)]),
-            ),
+            (np.concatenate([e for e, _ in level]), np.vstack([J for _, J in level]))
+            for level in (must, wish)
         ]
 
-
-def stand(
-    model: pin.Model,
-    q: Float64[np.ndarray, " nq"],
-    goals: StanceGoals,
-    columns: Sequence[int],
-    bounds: Bounds,
-) -> tuple[Float64[np.ndarray, " nq"], Sequence[Level]]:
-    """Move base and legs until the goals are met or nothing more is gained."""
-    return inverse_kinematics(
-        model,
-        q,
-        goals,
-        columns,
-        tolerance=1e-3 * REACHED,
-        damping=1e-9,
-        step_max=0.2,
-        iterations=200,
-        bounds=bounds,
-    )
+    def solve(
+        self, q: Float64[np.ndarray, " nq"], columns: Sequence[int], bounds: Bounds
+    ) -> tuple[Float64[np.ndarray, " nq"], Sequence[Level]]:
+        """Move base and legs until the goals are met or nothing more is gained."""
+        return inverse_kinematics(
+            self.model,
+            q,
+            self,
+            columns,
+            tolerance=1e-3 * REACHED,
+            damping=1e-9,
+            step_max=0.2,
+            iterations=200,
+            bounds=bounds,
+        )
 
 
 def _inner_limits(model: pin.Model) -> Bounds:
@@ -154,16 +133,21 @@ def find_stance(
             q[model.joints[model.getJointId(name)].idx_q] = angle
     q = np.clip(q, *bounds)
     columns = [*range(6), *(model.joints[j].idx_v for leg in legs for j in leg)]
+    joints = [(model.names[j], model.joints[j].idx_q) for leg in legs for j in leg]
     found: list[Stance] = []
     for knee in _KNEES:
         q[2] = (hip - sole) * math.cos(0.5 * knee) - hip
-        goals = StanceGoals(
-            model, soles, world_R_base, apart, float(q[2]), of_com=False, ahead=ahead
-        )
+        goals = StanceGoals(model, soles, world_R_base, apart, float(q[2]), False, ahead)
         for bend in (knee, -knee):
             bent = _bent(model, q, axes, legs, bend, bounds)
-            bent, levels = stand(model, bent, goals, columns, bounds)
-            stance = _stance(model, bent, levels, legs, bounds)
+            bent, ((must, _), (wish, _)) = goals.solve(bent, columns, bounds)
+            stance = Stance(
+                q=bent,
+                error=float(np.abs(must).max()),
+                tilt=float(np.linalg.norm(wish[:3])),
+                yaw=float(np.abs(wish[[5, 8]]).max()),
+                at_limit=tuple(n for n, k in joints if not bounds[0][k] < bent[k] < bounds[1][k]),
+            )
             if stance.reached and not stance.at_limit:
                 return stance
             found.append(stance)
@@ -191,21 +175,3 @@ def _bent(
             q[k] = np.clip(sign * part * angle, bounds[0][k], bounds[1][k])
             angle = sign * q[k] if joint == pitch[1] else angle
     return q
-
-
-def _stance(
-    model: pin.Model,
-    q: Float64[np.ndarray, " nq"],
-    levels: Sequence[Level],
-    legs: Sequence[Sequence[int]],
-    bounds: Bounds,
-) -> Stance:
-    (must, _), (wish, _) = levels
-    joints = [(model.names[j], model.joints[j].idx_q) for leg in legs for j in leg]
-    return Stance(
-        q=q,
-        error=float(np.abs(must).max()),
-        tilt=float(np.linalg.norm(wish[:3])),
-        yaw=float(np.abs(wish[[5, 8]]).max()),
-        at_limit=tuple(n for n, k in joints if not bounds[0][k] < q[k] < bounds[1][k]),
-    )
