@@ -1,4 +1,4 @@
-"""`files_digest`: whether the files that a robot is loaded from are those of another time."""
+"""`files_digest`: a digest of the files that a robot is loaded from."""
 
 import hashlib
 from pathlib import Path
@@ -14,16 +14,7 @@ DESCRIPTION_SUFFIX = ".poise.yaml"
 
 
 def files_digest(path: str | Path) -> str:
-    """The first letters of a digest of a model file and of all that is loaded along with it.
-
-    These are the files that it includes, the meshes that are there, and the description beside it.
-
-    Args:
-        path: a URDF or MJCF file.
-
-    Raises:
-        RobotError: it cannot be read.
-    """
+    """Eight letters for a URDF or MJCF with its includes, meshes and the description beside it."""
     path = Path(path)
     document = parse(read_text(path, error=RobotError), path.name, path.parent)
     directory, packages = asset_folders(document, path)
