@@ -1,5 +1,6 @@
 import logging
 import os
+import xml.etree.ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
@@ -214,8 +215,18 @@ def test_meshes_are_found_beside_the_file_and_by_package(tmp_path, urdf, facts):
 
 
 def test_a_document_without_pictures_gets_a_stick_figure(load, urdf, facts):
-    robot = load(urdf, facts)
-    assert robot.source.text.count("<visual>") >= 7
+    tilted = urdf.replace('<origin xyz="0 0 -0.4"/>', '<origin xyz="0.1 -0.2 -0.4"/>')
+    root = ET.fromstring(load(tilted, facts).source.text)
+    assert len(root.findall("link/visual/geometry/sphere")) == 5
+    origins = {j.find("parent").get("link"): j.find("origin") for j in root.findall("joint")}
+    for link in ("left_shin", "right_shin"):
+        (stick,) = root.findall(f"link[@name='{link}']/visual[origin]")
+        xyz, rpy = (np.fromstring(stick.find("origin").get(k), sep=" ") for k in ("xyz", "rpy"))
+        half = 0.5 * float(stick.find("geometry/cylinder").get("length"))
+        axis = half * pin.rpy.rpyToMatrix(*rpy)[:, 2]
+        np.testing.assert_allclose(xyz - axis, 0.0, atol=1e-12)
+        end = np.fromstring(origins[link].get("xyz"), sep=" ")
+        np.testing.assert_allclose(xyz + axis, end, atol=1e-12)
     pictured = urdf.replace(
         '<link name="left_foot">',
         '<link name="left_foot"><visual><geometry><box size="0.2 0.1 0.1"/></geometry></visual>',

@@ -82,7 +82,13 @@ def test_the_jacobian_of_a_frames_error_is_its_difference(hand):
 def solved(hand, goal, **change):
     settings = {"tolerance": 1e-12, "damping": 1e-12, "step_max": 0.5, "iterations": 50} | change
     model, _, _, q = hand
-    return inverse_kinematics(model, q, lambda q: error_at(hand, q, goal), range(6), **settings)
+    return solve(model, q, lambda q: error_at(hand, q, goal), range(6), **settings)
+
+
+def solve(model, q, linearize, free, **settings):
+    """Inverse kinematics of one level: the configuration and the error."""
+    q, ((error, _),) = inverse_kinematics(model, q, lambda q: [linearize(q)], free, **settings)
+    return q, error
 
 
 def test_its_error_falls_quadratically_near_a_goal(hand):
@@ -115,8 +121,47 @@ def test_what_is_not_free_does_not_move(hand):
     model, _, _, q = hand
     goal = goal_at(hand, q + 0.1)
     settings = {"tolerance": 1e-9, "damping": 1e-6, "step_max": 0.5, "iterations": 5}
-    moved, _ = inverse_kinematics(
-        model, q, lambda q: error_at(hand, q, goal), [2, 3, 4, 5], **settings
-    )
+    moved, _ = solve(model, q, lambda q: error_at(hand, q, goal), [2, 3, 4, 5], **settings)
     np.testing.assert_array_equal(moved[:2], q[:2])
     assert np.abs(moved[2:] - q[2:]).max() > 0.01
+
+
+SETTINGS = {"tolerance": 1e-9, "damping": 1e-9, "step_max": 0.2, "iterations": 300}
+
+
+def test_a_lower_level_takes_nothing_from_a_higher_one_that_it_contradicts(hand):
+    model, _, _, q = hand
+    goal, far = goal_at(hand, q + 0.2), goal_at(hand, q - 0.2)
+
+    def linearize(q):
+        (must, J_must), (wish, J_wish) = error_at(hand, q, goal), error_at(hand, q, far)
+        return [(must[:3], J_must[:3]), (wish, J_wish)]
+
+    found, levels = inverse_kinematics(model, q, linearize, range(6), **SETTINGS)
+    assert np.abs(levels[0][0]).max() < 1e-7
+    # It does use what is free: turned nearer to its own goal than the first level alone leaves it.
+    alone, _ = inverse_kinematics(model, q, lambda q: linearize(q)[:1], range(6), **SETTINGS)
+    misses = [np.linalg.norm(linearize(x)[1][0][3:]) for x in (found, alone)]
+    assert misses[0] < 0.01 * misses[1]
+
+
+def test_joints_stay_within_bounds_and_the_others_do_what_they_can(hand):
+    model, _, _, q = hand
+    goal = goal_at(hand, q + 0.3)
+    bounds = q - 0.1, q + 0.1
+    found, ((error, _),) = inverse_kinematics(
+        model, q, lambda q: [error_at(hand, q, goal)], range(6), bounds=bounds, **SETTINGS
+    )
+    assert (found >= bounds[0]).all()
+    assert (found <= bounds[1]).all()
+    assert np.linalg.norm(error) < np.linalg.norm(error_at(hand, q, goal)[0])
+    wide, ((error, _),) = inverse_kinematics(
+        model,
+        q,
+        lambda q: [error_at(hand, q, goal)],
+        range(6),
+        bounds=(q - 0.4, q + 0.4),
+        **SETTINGS,
+    )
+    assert np.abs(error).max() < 1e-8
+    np.testing.assert_allclose(wide, q + 0.3, atol=1e-6)

@@ -1,7 +1,4 @@
-"""`LinkCapsules`: a robot's links as capsules, and which pairs of them can come near each other.
-
-Capsules have a distance in closed form that is smooth wherever they are apart.
-"""
+"""`LinkCapsules`: a robot's links as capsules, and which pairs of them can come near each other."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -17,9 +14,6 @@ from poise.robots._robot import Robot
 
 _MOST_STRIPS = 3
 """Capsules side by side that stand for a flat link at most."""
-
-_SMALLEST = 0.01
-"""Links of no greater extent than this have no capsule [m]: screws, sensors, frames."""
 
 _STICK = 0.12
 """Radius of a link without any geometry, as a part of its length."""
@@ -46,75 +40,32 @@ _LEAST_AT_HOME = -0.01
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinkCapsules:
-    """Capsules that hold a robot's links, fixed to its joints.
+    """Capsules that hold a robot's links, fixed to its joints [m]."""
 
-    Attributes:
-        joints: Pinocchio's index of the joint that carries each capsule.
-        names: of the link that each one stands for, as the document has it.
-        starts: one end of each capsule's axis in its joint [m].
-        ends: the other one [m].
-        radii: of the capsules [m].
-        pairs: pairs of capsules that can come near each other.
-        at_home: distance of each pair in the home posture [m].
-    """
-
-    joints: Int64[np.ndarray, " k"]
-    names: tuple[str, ...]
-    starts: Float64[np.ndarray, "k 3"]
+    joints: Int64[np.ndarray, " k"]  # Pinocchio's index of the joint that carries each capsule
+    names: tuple[str, ...]  # of the link that each one stands for, as the document has it
+    starts: Float64[np.ndarray, "k 3"]  # one end of each capsule's axis in its joint
     ends: Float64[np.ndarray, "k 3"]
     radii: Float64[np.ndarray, " k"]
-    pairs: Int64[np.ndarray, "pairs 2"]
-    at_home: Float64[np.ndarray, " pairs"]
+    pairs: Int64[np.ndarray, "pairs 2"]  # those that can come near each other
+    at_home: Float64[np.ndarray, " pairs"]  # distance of each pair in the home posture
 
     def distances(
         self, robot: Robot, q: Float64[np.ndarray, " nq"]
     ) -> Float64[np.ndarray, " pairs"]:
-        """Distance of each pair in a posture, negative where they overlap [m].
-
-        Args:
-            robot: the robot.
-            q: the posture [m, rad].
-        """
+        """Distance of each pair in a posture [m], negative where they overlap."""
         data = robot.model.createData()
         pin.forwardKinematics(robot.model, data, q)
         return self.distances_at(data)
 
     def distances_at(self, data: pin.Data) -> Float64[np.ndarray, " pairs"]:
-        """The same where the joints are known already.
-
-        Args:
-            data: in which they are.
-        """
-        starts, ends = self._placed(data)
+        """The same after `pin.forwardKinematics`."""
+        R = np.array([data.oMi[int(j)].rotation for j in self.joints]).reshape(-1, 3, 3)
+        p = np.array([data.oMi[int(j)].translation for j in self.joints]).reshape(-1, 3)
+        starts, ends = (p + np.einsum("kij,kj->ki", R, x) for x in (self.starts, self.ends))
         i, j = self.pairs.T
         axes = segment_distances(starts[i], ends[i], starts[j], ends[j])
         return axes - self.radii[i] - self.radii[j]
-
-    def _placed(
-        self, data: pin.Data
-    ) -> tuple[Float64[np.ndarray, "k 3"], Float64[np.ndarray, "k 3"]]:
-        R = np.array([data.oMi[int(j)].rotation for j in self.joints]).reshape(-1, 3, 3)
-        p = np.array([data.oMi[int(j)].translation for j in self.joints]).reshape(-1, 3)
-        return tuple(p + np.einsum("kij,kj->ki", R, ends) for ends in (self.starts, self.ends))
-
-
-@once_a_robot
-def capsules_of(robot: Robot) -> LinkCapsules:
-    """The capsules of a robot, made once: meshes are read for it.
-
-    A link's capsules hold the corners of its collision shapes, or where it has none, of what it
-    looks like; a flat link has up to three side by side. A robot without any geometry has sticks
-    from joint to joint. Pairs are left out whose links have few joints between them or joints close
-    together, those whose capsules overlap at home or in most postures, and those that joint limits
-    keep apart.
-
-    Args:
-        robot: the robot.
-
-    Raises:
-        RobotError: a mesh cannot be read.
-    """
-    return _make(robot)
 
 
 def segment_distances(
@@ -123,44 +74,38 @@ def segment_distances(
     c: Float64[np.ndarray, "n 3"],
     d: Float64[np.ndarray, "n 3"],
 ) -> Float64[np.ndarray, " n"]:
-    """Distances of the segments from a to b from those from c to d [m].
-
-    The least of the distances of each end from the other segment, and of the lines where their
-    nearest points are on both segments.
-    """
-    u, v = b - a, d - c
-    ends = [_from_segment(a, c, v), _from_segment(b, c, v), _from_segment(c, a, u)]
-    least = np.min([*ends, _from_segment(d, a, u)], axis=0)
-    w, uu, uv, vv = a - c, _dot(u, u), _dot(u, v), _dot(v, v)
-    den = uu * vv - uv * uv
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = (uv * _dot(v, w) - vv * _dot(u, w)) / den
-        t = (uu * _dot(v, w) - uv * _dot(u, w)) / den
-        inner = np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=1)
-        on = (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0) & (den > 1e-9 * uu * vv)
-    return np.where(on, np.minimum(inner, least), least)
-
-
-def _from_segment(
-    p: Float64[np.ndarray, "n 3"], a: Float64[np.ndarray, "n 3"], u: Float64[np.ndarray, "n 3"]
-) -> Float64[np.ndarray, " n"]:
-    s = np.clip(_dot(p - a, u) / np.maximum(_dot(u, u), 1e-18), 0.0, 1.0)
-    return np.linalg.norm(p - a - s[:, None] * u, axis=1)
+    """Distances of the segments from a to b from those from c to d (Ericson 2005, 5.1.9) [m]."""
+    u, v, w = b - a, d - c, a - c
+    uu, uv, vv, uw, vw = (_dot(x, y) for x, y in ((u, u), (u, v), (v, v), (u, w), (v, w)))
+    tiny, eps = np.finfo(np.float64).tiny, np.finfo(np.float64).eps
+    # Of parallel segments any point of one will do to begin with.
+    apart = uu * vv - uv**2
+    parallel = apart <= eps * uu * vv
+    s = np.where(parallel, 0.0, (uv * vw - vv * uw) / np.where(parallel, 1.0, apart))
+    t = np.clip((uv * np.clip(s, 0.0, 1.0) + vw) / np.maximum(vv, tiny), 0.0, 1.0)
+    s = np.clip((uv * t - uw) / np.maximum(uu, tiny), 0.0, 1.0)
+    return np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=1)
 
 
 def _dot(a: Float64[np.ndarray, "n 3"], b: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
     return np.einsum("ni,ni->n", a, b)
 
 
-def _make(robot: Robot) -> LinkCapsules:
-    joints: list[int] = []
-    names: list[str] = []
-    capsules: list[_Capsule] = []
-    for joint, (name, balls) in _solids(robot).items():
-        for capsule in _fit(balls):
-            joints.append(joint)
-            names.append(name)
-            capsules.append(capsule)
+@once_a_robot
+def capsules_of(robot: Robot) -> LinkCapsules:
+    """The capsules of a robot; a mesh that cannot be read is a `RobotError`.
+
+    They hold the corners of a link's collision shapes, or where it has none, of its visual ones.
+    Left out are pairs with few joints between them or joints close together, those that overlap at
+    home or in most postures, and those that joint limits keep apart.
+    """
+    fitted = [
+        (joint, name, capsule)
+        for joint, (name, parts) in _solids(robot).items()
+        if (balls := union(parts)) is not None
+        for capsule in _fit(balls)
+    ]
+    joints = [joint for joint, _, _ in fitted]
     all_pairs = [
         (i, j)
         for i, j in combinations(range(len(joints)), 2)
@@ -168,10 +113,10 @@ def _make(robot: Robot) -> LinkCapsules:
     ]
     whole = LinkCapsules(
         joints=np.array(joints, dtype=np.int64),
-        names=tuple(names),
-        starts=np.array([c.start for c in capsules]).reshape(-1, 3),
-        ends=np.array([c.end for c in capsules]).reshape(-1, 3),
-        radii=np.array([c.radius for c in capsules]),
+        names=tuple(name for _, name, _ in fitted),
+        starts=np.array([start for _, _, (start, _, _) in fitted]).reshape(-1, 3),
+        ends=np.array([end for _, _, (_, end, _) in fitted]).reshape(-1, 3),
+        radii=np.array([radius for _, _, (_, _, radius) in fitted]),
         pairs=np.array(all_pairs, dtype=np.int64).reshape(-1, 2),
         at_home=np.zeros(len(all_pairs)),
     )
@@ -198,7 +143,7 @@ def _at_random(
         yield capsules.distances_at(data)
 
 
-def _solids(robot: Robot) -> dict[int, tuple[str, Balls]]:
+def _solids(robot: Robot) -> dict[int, tuple[str, list[Balls]]]:
     """What each joint carries as points in the joint, under the name of its first link."""
     bodies = [f for f in robot.model.frames if f.type == pin.FrameType.BODY]
     # A link whose name is that of a frame with a part to play has another one in the model.
@@ -210,10 +155,7 @@ def _solids(robot: Robot) -> dict[int, tuple[str, Balls]]:
         if balls is not None:
             own = found.setdefault(int(frame.parentJoint), (link, []))
             own[1].append(balls.moved(frame.placement))
-    if not found:
-        return _sticks(robot)
-    merged = {joint: (name, union(balls)) for joint, (name, balls) in found.items()}
-    return {joint: (name, balls) for joint, (name, balls) in merged.items() if balls is not None}
+    return found or _sticks(robot)
 
 
 def _renamed(frame: pin.Frame, robot: Robot) -> bool:
@@ -222,43 +164,36 @@ def _renamed(frame: pin.Frame, robot: Robot) -> bool:
     }
 
 
-def _sticks(robot: Robot) -> dict[int, tuple[str, Balls]]:
+def _sticks(robot: Robot) -> dict[int, tuple[str, list[Balls]]]:
     """From each joint to those that it carries."""
-    found: dict[int, tuple[str, Balls]] = {}
+    found: dict[int, tuple[str, list[Balls]]] = {}
     model = robot.model
     for joint in range(1, model.njoints):
-        children = [model.jointPlacements[c].translation for c in model.children[joint]]
-        points = np.array([np.zeros(3), *children])
+        ends = (model.jointPlacements[child].translation for child in model.children[joint])
+        points = np.array([np.zeros(3), *ends])
         length = float(np.linalg.norm(points, axis=1).max())
-        if length > _SMALLEST:
+        if length > 0.0:
             radii = np.full(len(points), _STICK * length)
-            found[joint] = (model.names[joint], Balls(points, radii))
+            found[joint] = model.names[joint], [Balls(points, radii)]
     return found
 
 
-@dataclass(frozen=True)
-class _Capsule:
-    start: Float64[np.ndarray, "3"]
-    end: Float64[np.ndarray, "3"]
-    radius: float
+_Capsule = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"], float]
+"""Both ends of the axis and the radius [m]."""
 
 
 def _fit(balls: Balls) -> list[_Capsule]:
     """Capsules side by side along a shape's longest side that hold all of its points."""
     axes, centre, size = _box(balls)
-    if size[0] <= _SMALLEST:
-        return []
     local = (balls.centres - centre) @ axes
     count = int(np.clip(round(size[1] / max(size[2], 1e-6)), 1, _MOST_STRIPS))
     width = size[1] / count
     capsules: list[_Capsule] = []
-    for k in range(count):
-        middle = -0.5 * size[1] + (k + 0.5) * width
+    for middle in width * (np.arange(count) + 0.5) - 0.5 * size[1]:
         nearest = np.abs(local[:, 1] - middle) <= 0.5 * width + 1e-9
-        if not nearest.any():
-            continue
-        own, radii = local[nearest] - [0.0, middle, 0.0], balls.radii[nearest]
-        capsules.append(_around(own, radii, axes, centre + middle * axes[:, 1]))
+        if nearest.any():
+            own, radii = local[nearest] - [0.0, middle, 0.0], balls.radii[nearest]
+            capsules.append(_around(own, radii, axes, centre + middle * axes[:, 1]))
     return capsules
 
 
@@ -274,33 +209,26 @@ def _around(
     # As far along the axis as each ball lets the capsule's round end come short of it.
     short = np.sqrt(np.maximum((radius - radii) ** 2 - aside**2, 0.0))
     high, low = float((points[:, 0] - short).max()), float((points[:, 0] + short).min())
-    if high < low:
-        high = low = 0.5 * (high + low)
-    return _Capsule(origin + high * axes[:, 0], origin + low * axes[:, 0], radius)
+    high, low = (high, low) if high >= low else (0.5 * (high + low),) * 2
+    return origin + high * axes[:, 0], origin + low * axes[:, 0], radius
 
 
 def _box(
     balls: Balls,
 ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
-    """The smaller one of the boxes along the link's axes and along the points' principal ones.
-
-    Returns:
-        Axes in columns, the longest side first; centre; lengths of the sides.
-    """
+    """Axes, longest first, centre and sides of the smaller box along the link's or main axes."""
     points, radii = balls.centres, balls.radii[:, None]
     choices: list[Float64[np.ndarray, "3 3"]] = [np.eye(3)]
     if len(points) > 3:
         choices.append(np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2].T)
-    boxes: list[tuple[float, np.ndarray, np.ndarray, np.ndarray]] = []
+    boxes: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     for axes in choices:
         local = points @ axes
         low, high = (local - radii).min(axis=0), (local + radii).max(axis=0)
         order = np.argsort(low - high)
-        size = (high - low)[order]
-        boxes.append((float(size.prod()), axes[:, order], axes @ (0.5 * (low + high)), size))
+        boxes.append((axes[:, order], axes @ (0.5 * (low + high)), (high - low)[order]))
     # The link's own axes unless others are clearly better: mirrored links then have mirrored boxes.
-    best = min(boxes, key=lambda box: box[0] * (1.0 if box is boxes[0] else 1.1))
-    return best[1], best[2], best[3]
+    return min(boxes, key=lambda box: box[2].prod() * (1.0 if box is boxes[0] else 1.1))
 
 
 def _joints_between(robot: Robot, one: int, other: int) -> tuple[list[int], list[int]]:
@@ -311,7 +239,7 @@ def _joints_between(robot: Robot, one: int, other: int) -> tuple[list[int], list
 
 
 def _are_neighbours(first: list[int], second: list[int], robot: Robot) -> bool:
-    """Whether links are of one compound joint, or the same, or next ones but one."""
+    """True for links of one compound joint, or the same, or next ones but one."""
     if len(first) + len(second) <= _NEIGHBOURS:
         return True
     places = robot.model.jointPlacements

@@ -33,29 +33,17 @@ class _About:
 
 @dataclass(frozen=True, kw_only=True)
 class CatalogEntry:
-    """Facts about a robot of the catalog that are known without loading it.
+    """Facts about a robot of the catalog that are known without loading it."""
 
-    Attributes:
-        name: the name that `load_robot` takes.
-        summary: one line about it.
-        joints: number of actuated joints.
-        mass: total mass [kg].
-        licence: licence of the model's files.
-        installed: True where it can be loaded here.
-        source: where the document comes from: "bundled" or the package's name.
-        description: the facts, as a user's description file holds them.
-        file: the model file, among the bundled ones or inside example-robot-data.
-    """
-
-    name: str
-    summary: str
-    joints: int
-    mass: float
-    licence: str
-    installed: bool
-    source: str
-    description: Description
-    file: str
+    name: str  # the one that `load_robot` takes
+    summary: str  # one line about it
+    joints: int  # actuated ones
+    mass: float  # of the whole robot [kg]
+    licence: str  # of the model's files
+    installed: bool  # True where it can be loaded here
+    source: str  # where the document comes from: "bundled" or the package's name
+    description: Description  # the facts, as a user's description file holds them
+    file: str  # the model file, among the bundled ones or inside example-robot-data
 
 
 def catalog() -> tuple[CatalogEntry, ...]:
@@ -73,11 +61,7 @@ def catalog_names() -> tuple[str, ...]:
 
 
 def find_entry(name: str) -> CatalogEntry | None:
-    """The entry of a name, the humanoids of other joint counts included; None if there is none.
-
-    Raises:
-        RobotError: a humanoid with a number of joints that is not bundled.
-    """
+    """The entry of a name, the humanoids of other joint counts included; None if there is none."""
     if name in catalog_names():
         return _read_entry(name)
     family = _FAMILY.fullmatch(name)
@@ -96,11 +80,7 @@ def find_entry(name: str) -> CatalogEntry | None:
 
 
 def open_entry(entry: CatalogEntry) -> tuple[str, Path | None, tuple[Path, ...]]:
-    """The document of an entry: its text, its folder and the folders of its packages.
-
-    Raises:
-        MissingExtraError: example-robot-data is not installed.
-    """
+    """Text of an entry's document, its folder and the folders of its packages."""
     if entry.file in _bundled_files():
         with _open_bundled() as models:
             return models.read(entry.file).decode(), None, ()
@@ -122,14 +102,11 @@ def _read_entry(name: str) -> CatalogEntry:
     bundled = about.file in _bundled_files()
     return CatalogEntry(
         name=name,
-        summary=about.summary,
-        joints=about.joints,
-        mass=about.mass,
         licence=description.licence,
         installed=bundled or _data_folder() is not None,
         source="bundled" if bundled else _DATA_PACKAGE,
         description=description,
-        file=about.file,
+        **vars(about),
     )
 
 

@@ -14,18 +14,7 @@ _VIEWS = (("from the front", 1, "y [m]"), ("from the right", 0, "x [m]"))
 
 
 def draw_robot(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Any:
-    """Links as lines between their joints, soles, hands, pelvis, torso and centre of mass.
-
-    Args:
-        robot: the robot.
-        q: configuration [m, rad].
-
-    Returns:
-        A `matplotlib.figure.Figure`.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """A matplotlib figure: links as lines between joints, soles, hands, pelvis, torso and COM."""
     model, data = robot.model, robot.model.createData()
     pin.framesForwardKinematics(model, data, q)
     com = pin.centerOfMass(model, data, q)
@@ -57,12 +46,7 @@ def _draw_frames(axes: Any, robot: Robot, data: pin.Data, across: int) -> None:
         if sole is None:
             axes.plot(*place.translation[[across, 2]], "s", color="tab:green", markersize=4)
             continue
-        half = 0.5 * np.array([sole.length, sole.width])
-        corners = np.array(
-            [
-                place.act(np.array([x, y, 0.0]))
-                for x in (-half[0], half[0])
-                for y in (-half[1], half[1])
-            ]
-        )
+        signs = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+        half = 0.5 * signs * [sole.length, sole.width]
+        corners = np.array([place.act(np.array([x, y, 0.0])) for x, y in half])
         axes.plot(corners[:, across], corners[:, 2], color="tab:blue", linewidth=3)

@@ -21,23 +21,19 @@ def add_figure(root: ET.Element) -> bool:
     links = {link.get("name", ""): link for link in root.findall("link")}
     for link in links.values():
         if link.find("inertial") is not None:
-            _draw(link, "sphere")
+            ball = f'<visual><geometry><sphere radius="{_RADIUS}"/></geometry></visual>'
+            link.append(ET.fromstring(ball))
     for joint in root.findall("joint"):
         origin = joint.find("origin")
         text = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
         x, y, z = map(float, text.split())
         length = math.hypot(x, y, z)
         if length > _RADIUS:
-            stick = _draw(links[end_of(joint, "parent")], "cylinder", length=repr(length))
             # The cylinder's z axis is tilted about y, then turned about z.
             rpy = f"0 {math.atan2(math.hypot(x, y), z)} {math.atan2(y, x)}"
-            ET.SubElement(stick, "origin", xyz=f"{x / 2} {y / 2} {z / 2}", rpy=rpy)
+            stick = (
+                f'<visual><origin xyz="{x / 2} {y / 2} {z / 2}" rpy="{rpy}"/>'
+                f'<geometry><cylinder radius="{_RADIUS}" length="{length}"/></geometry></visual>'
+            )
+            links[end_of(joint, "parent")].append(ET.fromstring(stick))
     return True
-
-
-def _draw(link: ET.Element, solid: str, **size: str) -> ET.Element:
-    """Add a visual of one solid at the link's origin."""
-    visual = ET.SubElement(link, "visual")
-    geometry = ET.SubElement(visual, "geometry")
-    ET.SubElement(geometry, solid, {"radius": repr(_RADIUS), **size})
-    return visual

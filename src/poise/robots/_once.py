@@ -1,4 +1,4 @@
-"""`once_a_robot`: what depends on a robot alone is made once for it."""
+"""`once_a_robot`: cache of values that depend on a robot alone."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -11,13 +11,7 @@ Made = TypeVar("Made")
 
 
 def once_a_robot(make: Callable[[Robot], Made]) -> Callable[[Robot], Made]:
-    """Keeps what a function makes of a robot for as long as that robot lives.
-
-    What is made must not hold the robot, or neither is ever let go; nor is it to be changed.
-
-    Args:
-        make: makes it.
-    """
+    """Keep what a function makes of a robot, which must not hold it, for as long as it lives."""
     made: WeakKeyDictionary[Robot, Made] = WeakKeyDictionary()
 
     @wraps(make)

@@ -11,8 +11,8 @@ from jaxtyping import Float64
 
 from poise._checks import checked_number
 from poise.errors import RobotError
-from poise.robots._inverse_kinematics import frame_error, inverse_kinematics
 from poise.robots._robot import Robot, Sole
+from poise.robots._stance import REACHED, StanceGoals
 
 _FLAT_POSITION = 2e-3
 """Soles this far off one plane [m] cannot stand on it."""
@@ -29,24 +29,7 @@ def home_configuration(
     floating: bool,
     where: str,
 ) -> Float64[np.ndarray, " nq"]:
-    """The configuration of the joints with the base placed on the soles.
-
-    The first sole lies flat on z = 0; the middle of the soles is at x = y = 0, and their mean
-    direction is x.
-
-    Args:
-        model: the model, with a frame for each sole.
-        soles: the soles, by name.
-        posture: joint positions by name [rad]; the others are zero.
-        floating: whether the base is free.
-        where: the file or the robot's name, for messages.
-
-    Returns:
-        The configuration.
-
-    Raises:
-        RobotError: a joint is outside its limits, or the soles do not lie in one plane.
-    """
+    """The joints as described, the soles flat on z = 0 about the origin, their mean direction x."""
     q = pin.neutral(model)
     for name, angle in posture.items():
         q[model.joints[model.getJointId(name)].idx_q] = angle
@@ -77,14 +60,12 @@ def _check_limits(model: pin.Model, q: Float64[np.ndarray, " nq"], where: str) -
     for joint, name in zip(model.joints, model.names, strict=True):
         if joint.nq != 1:
             continue
-        low, high = (
-            float(model.lowerPositionLimit[joint.idx_q]),
-            float(model.upperPositionLimit[joint.idx_q]),
-        )
-        if not low <= q[joint.idx_q] <= high:
+        k = joint.idx_q
+        low, high = model.lowerPositionLimit[k], model.upperPositionLimit[k]
+        if not low <= q[k] <= high:
             raise RobotError(
                 f"home position of joint {name!r} of {where} is outside its limits",
-                got=float(q[joint.idx_q]),
+                got=float(q[k]),
                 wanted=f"{low:.4g} to {high:.4g} rad",
             )
 
@@ -104,19 +85,7 @@ def _check_flat(world_T_sole: pin.SE3, name: str, where: str) -> None:
 def standing_posture(
     robot: Robot, *, feet_apart: float | None = None, com_height: float | None = None
 ) -> Float64[np.ndarray, " nq"]:
-    """The home posture with its legs changed so that the feet stand apart and the COM is low.
-
-    Soles lie level on the ground, side by side about the origin, the base is turned as at home, and
-    the COM is above the middle. Joints that are not of the legs stay as at home.
-
-    Args:
-        robot: a biped.
-        feet_apart: distance of the soles' centres, side by side [m]; as at home when None.
-        com_height: of the COM above the soles [m]; as at home when None.
-
-    Raises:
-        RobotError: no two soles, or a leg that does not get there within its limits.
-    """
+    """The home posture with other legs: soles side by side about the origin, COM so high [m]."""
     if not robot.floating_base or len(robot.soles) < 2:
         raise RobotError(
             f"robot {robot.name!r} has no feet to stand on", got=list(robot.soles), wanted="two"
@@ -125,64 +94,21 @@ def standing_posture(
     frames = [robot.frame_id(name) for name in list(robot.soles)[:2]]
     pin.framesForwardKinematics(model, data, robot.q_home)
     left, right = (data.oMf[i].translation for i in frames)
-    apart = float(left[1] - right[1])
+    apart, height = float(left[1] - right[1]), float(pin.centerOfMass(model, data)[2])
     if feet_apart is not None:
         apart = checked_number(feet_apart, "distance of the feet [m]", above=0.0)
-    height = float(pin.centerOfMass(model, data, robot.q_home)[2])
     if com_height is not None:
         height = checked_number(com_height, "height of the COM [m]", above=0.0)
-    q, error = inverse_kinematics(
-        model,
-        robot.q_home,
-        _Stance(robot, frames, apart, height),
-        _leg_columns(robot),
-        tolerance=_TOLERANCE,
-        damping=1e-9,
-        step_max=0.2,
-        iterations=200,
-    )
-    joints = q[7:]
-    reached = float(np.abs(error).max()) < _TOLERANCE
-    if not reached or np.any(joints < robot.q_min) or np.any(joints > robot.q_max):
+    upright = pin.Quaternion(robot.q_home[3:7]).matrix()
+    goals = StanceGoals(model, frames, upright, apart, height, True)
+    joints = {j for sole in robot.soles for j in robot.leg_joints(sole)}
+    columns = [*range(6), *sorted(int(model.joints[j].idx_v) for j in joints)]
+    bounds = model.lowerPositionLimit, model.upperPositionLimit
+    q, levels = goals.solve(robot.q_home, columns, bounds)
+    if any(np.abs(error).max() > REACHED for error, _ in levels):
         raise RobotError(
             f"the legs of robot {robot.name!r} do not get there",
             got=f"feet {apart:.3f} m apart, COM {height:.3f} m high",
             wanted="a lower COM, or feet nearer to each other",
         )
     return q
-
-
-_TOLERANCE = 1e-9
-"""A standing posture misses its soles, COM and level base by less [m, rad]."""
-
-
-def _leg_columns(robot: Robot) -> list[int]:
-    """The base, and the joints of both legs, as columns of Jacobians."""
-    joints = [j for sole in robot.soles for j in robot.leg_joints(sole)]
-    return [*range(6), *sorted(int(robot.model.joints[j].idx_v) for j in joints)]
-
-
-class _Stance:
-    """What is missing to two soles side by side, a COM above their middle, a base as at home."""
-
-    def __init__(self, robot: Robot, frames: list[int], apart: float, height: float) -> None:
-        self._model, self._data = robot.model, robot.model.createData()
-        places = (np.array([0.0, side * 0.5 * apart, 0.0]) for side in (1.0, -1.0))
-        self._goals = [(i, pin.SE3(np.eye(3), p)) for i, p in zip(frames, places, strict=True)]
-        self._com = np.array([0.0, 0.0, height])
-        # The axes of a root link may point anywhere.
-        self._upright = pin.Quaternion(robot.q_home[3:7]).matrix()
-
-    def __call__(
-        self, q: Float64[np.ndarray, " nq"]
-    ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]:
-        model, data = self._model, self._data
-        pin.computeJointJacobians(model, data, q)
-        parts = [frame_error(model, data, frame, goal) for frame, goal in self._goals]
-        com_jacobian = pin.jacobianCenterOfMass(model, data, q)
-        parts.append((self._com - data.com[0], com_jacobian))
-        base_turn = np.eye(3, model.nv, k=3)
-        turn = pin.log3(data.oMi[1].rotation.T @ self._upright)
-        parts.append((turn, base_turn))
-        errors, jacobians = zip(*parts, strict=True)
-        return np.concatenate(errors), np.vstack(jacobians)

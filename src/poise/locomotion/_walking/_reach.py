@@ -149,14 +149,14 @@ class LegReach:
 
         def linearize(
             q: Float64[np.ndarray, " nq"],
-        ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]:
+        ) -> list[tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]]:
             pin.computeJointJacobians(model, data, q)
             error, J = frame_error(model, data, frame, goal)
-            return error[led], J[led]
+            return [(error[led], J[led])]
 
         q = self._stand.q.copy()
         q[:7] = pin.SE3ToXYZQUAT(base)
-        q, error = inverse_kinematics(
+        q, ((error, _),) = inverse_kinematics(
             model,
             q,
             linearize,
