@@ -20,7 +20,7 @@ class ModelSource:
     Attributes:
         kind: the format of `text`.
         text: the whole URDF or MJCF document.
-        directory: where relative mesh paths start, None for a robot made in code.
+        directory: where relative mesh paths start, None for a document that names no files.
         package_dirs: folders in which `package://name/...` is looked up.
         locked_joints: joints of the document that are welded at zero in the robot.
     """
