@@ -79,8 +79,8 @@ def assemble(
     model = document.build(floating=floating)
     _check_freedoms(model, floating, document.where)
     for name, joint in hinges(model):
-        own = document.armature.get(name, 0.0)
-        model.armature[joint.idx_v] = max(own, float(model.armature[joint.idx_v]))
+        speed = float(model.velocityLimit[joint.idx_v])
+        model.velocityLimit[joint.idx_v] = document.velocity.get(name, speed)
         limit = float(model.effortLimit[joint.idx_v])
         model.effortLimit[joint.idx_v] = min(limit, facts.torque.get(name, limit))
     fixed = set(locked)

@@ -100,8 +100,8 @@ class Document(ABC):
         self.package_dirs: tuple[Path, ...] = tuple(packages)
         self.remarks: list[str] = []
         """Faults of the document that were repaired, as sentences."""
-        self.armature: dict[str, float] = {}
-        """Rotor inertias by joint that the document's format cannot hold [kg m^2]."""
+        self.velocity: dict[str, float] = {}
+        """Largest speeds by joint that the document's format cannot hold [rad/s, m/s]."""
         self._tidy()
         if not self.links():
             raise RobotError(f"{where} has no links", got=f"<{root.tag}>", wanted="a robot")

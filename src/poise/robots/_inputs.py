@@ -12,7 +12,6 @@ from poise.errors import MissingExtraError, RobotError
 from poise.robots._document import Document, read_document
 from poise.robots._mjcf_write import mjcf_of
 from poise.robots._noise import captured
-from poise.robots._urdf import UrdfDocument, urdf_of
 
 RobotInput = Any
 """A path, XML text, `pin.Model`, `mujoco.MjModel`, `mujoco.MjSpec` or a module with a path."""
@@ -67,14 +66,10 @@ def open_document(given: RobotInput, geometry: pin.GeometryModel | None = None) 
     if isinstance(given, str):
         return read_document(given, "text", Path())
     if isinstance(given, pin.Model):
-        document = read_document(urdf_of(given, geometry), given.name or "pin.Model")
-        assert isinstance(document, UrdfDocument)
-        document.order = tuple(given.names)[1:]
-        document.armature = {
-            str(name): float(given.armature[joint.idx_v])
-            for name, joint in zip(given.names, given.joints, strict=True)
-            if joint.nv == 1
-        }
+        document = read_document(mjcf_of(given, geometry), given.name or "pin.Model")
+        joints = zip(given.names, given.joints, strict=True)
+        speeds = {n: float(given.velocityLimit[j.idx_v]) for n, j in joints if j.nv == 1}
+        document.velocity = {n: speed for n, speed in speeds.items() if 0.0 < speed < 1e300}
         return document
     kind = type(given).__name__
     if kind in ("MjModel", "MjSpec") and type(given).__module__.startswith("mujoco"):

@@ -1,35 +1,36 @@
-"""`mjcf_of`: MJCF text of a compiled MuJoCo model, which MuJoCo itself does not write."""
+"""`mjcf_of`: MJCF text of a model in memory, of MuJoCo or of Pinocchio."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from poise.errors import RobotError
+from poise.robots._document import free_name
 from poise.robots._mjcf_compile import mujoco_module
 
-_SOLIDS = {
-    "SPHERE": 1,
-    "CAPSULE": 2,
-    "ELLIPSOID": 3,
-    "CYLINDER": 2,
-    "BOX": 3,
-    "MESH": 0,
-    "PLANE": 3,
-}
-"""Kinds of geoms that are written, and how many sizes they have."""
+_SIZES = {"SPHERE": 1, "CAPSULE": 2, "ELLIPSOID": 3, "CYLINDER": 2, "BOX": 3, "PLANE": 3}
+"""Kinds of geoms beside meshes that are written, and how many sizes they have."""
+
+_NO_LIMIT = 1e300
+"""Pinocchio has the largest float where there is no limit."""
 
 
-def mjcf_of(given: Any) -> str:
-    """Write bodies, joints, geoms, sites, actuators, equalities and keyframes as MJCF.
+def mjcf_of(given: Any, geometry: pin.GeometryModel | None = None) -> str:
+    """Write a model as MJCF.
 
     Args:
-        given: a `mujoco.MjModel`, or a `mujoco.MjSpec`, which is compiled for it and not changed.
+        given: a `mujoco.MjModel`, a `mujoco.MjSpec`, which is compiled for it and not changed, or a
+            `pin.Model` of hinges and slides behind a free base or none.
+        geometry: shapes of a `pin.Model`.
 
     Raises:
-        RobotError: MuJoCo cannot compile the specification.
+        RobotError: MuJoCo cannot compile the specification, or a joint of a `pin.Model` has more
+            than one degree of freedom.
     """
+    if isinstance(given, pin.Model):
+        return _of_pinocchio(given, geometry).text
     mujoco = mujoco_module("a MuJoCo model")
     if isinstance(given, mujoco.MjSpec):
         spec = given.copy()
@@ -40,170 +41,268 @@ def mjcf_of(given: Any) -> str:
         except ValueError as error:
             said = " ".join(str(error).split())
             raise RobotError(f"MuJoCo cannot compile the specification: {said}") from None
-    return ET.tostring(_Writer(mujoco, given).root, encoding="unicode")
+    return _of_mujoco(mujoco, given).text
 
 
 class _Writer:
-    """The document of a model."""
+    """A document on its way."""
 
-    def __init__(self, mujoco: Any, model: Any) -> None:
-        self._mujoco, self._model = mujoco, model
-        self.root = ET.Element("mujoco", model=model.names.split(b"\0", 1)[0].decode())
-        ET.SubElement(self.root, "compiler", angle="radian", autolimits="false")
-        self._asset = ET.SubElement(self.root, "asset")
-        self._bodies = {0: ET.SubElement(self.root, "worldbody")}
-        self._joints = [self._name("joint", j) for j in range(model.njnt)]
-        for body in range(1, model.nbody):
-            self._add_body(body)
-        for geom in range(model.ngeom):
-            self._add_geom(geom)
-        for site in range(model.nsite):
-            place = {"pos": _words(model.site_pos[site]), "quat": _words(model.site_quat[site])}
-            attributes = {"name": self._name("site", site), **place}
-            ET.SubElement(self._bodies[int(model.site_bodyid[site])], "site", attributes)
-        self._add_actuators()
-        self._add_equalities()
-        keys = ET.SubElement(self.root, "keyframe")
-        for key in range(model.nkey):
-            qpos = _words(model.key_qpos[key])
-            ET.SubElement(keys, "key", name=model.key(key).name or f"key{key}", qpos=qpos)
+    def __init__(self, name: str) -> None:
+        self._root = ET.Element("mujoco", model=name)
+        ET.SubElement(self._root, "compiler", angle="radian", autolimits="false")
+        self._asset = self.section("asset")
+        self.world = self.section("worldbody")
 
-    def _name(self, kind: str, index: int) -> str:
-        return getattr(self._model, kind)(index).name or f"{kind}{index}"
+    @property
+    def text(self) -> str:
+        return ET.tostring(self._root, encoding="unicode")
 
-    def _add_body(self, body: int) -> None:
-        model = self._model
-        place = {"pos": _words(model.body_pos[body]), "quat": _words(model.body_quat[body])}
-        name = {"name": self._name("body", body)}
-        parent = self._bodies[int(model.body_parentid[body])]
-        element = self._bodies[body] = ET.SubElement(parent, "body", name | place)
-        inertia = {
-            "pos": _words(model.body_ipos[body]),
-            "quat": _words(model.body_iquat[body]),
-            "mass": repr(float(model.body_mass[body])),
-            "diaginertia": _words(model.body_inertia[body]),
-        }
-        ET.SubElement(element, "inertial", inertia)
-        first = int(model.body_jntadr[body])
-        for joint in range(first, first + int(model.body_jntnum[body])):
-            self._add_joint(element, joint)
+    def section(self, tag: str) -> ET.Element:
+        return ET.SubElement(self._root, tag)
 
-    def _add_joint(self, body: ET.Element, joint: int) -> None:
-        model, kinds = self._model, self._mujoco.mjtJoint
-        kind = kinds(model.jnt_type[joint])
-        name = self._joints[joint]
-        if kind == kinds.mjJNT_FREE:
-            ET.SubElement(body, "freejoint", name=name)
-            return
-        dof, limited = int(model.jnt_dofadr[joint]), bool(model.jnt_limited[joint])
-        forced = bool(model.jnt_actfrclimited[joint])
-        attributes = {
-            "name": name,
-            "type": kind.name.removeprefix("mjJNT_").lower(),
-            "pos": _words(model.jnt_pos[joint]),
-            "axis": _words(model.jnt_axis[joint]),
-            "range": _words(model.jnt_range[joint]),
-            "limited": str(limited).lower(),
-            "actuatorfrcrange": _words(model.jnt_actfrcrange[joint]),
-            "actuatorfrclimited": str(forced).lower(),
-            "armature": repr(float(model.dof_armature[dof])),
-            "damping": repr(float(np.ravel(model.dof_damping[dof])[0])),
-            "frictionloss": repr(float(model.dof_frictionloss[dof])),
-            "stiffness": repr(float(np.ravel(model.jnt_stiffness[joint])[0])),
-        }
-        if kind in (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE):
-            attributes["ref"] = repr(float(model.qpos0[model.jnt_qposadr[joint]]))
-        ET.SubElement(body, "joint", attributes)
-
-    def _add_geom(self, geom: int) -> None:
-        model = self._model
-        kind = self._mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix("mjGEOM_")
-        if kind not in _SOLIDS:
-            return
-        attributes = {
-            "type": kind.lower(),
-            "pos": _words(model.geom_pos[geom]),
-            "quat": _words(model.geom_quat[geom]),
-            "contype": str(int(model.geom_contype[geom])),
-            "conaffinity": str(int(model.geom_conaffinity[geom])),
-            "group": str(int(model.geom_group[geom])),
-            "rgba": _words(model.geom_rgba[geom]),
-            # Masses of bodies are written with them.
-            "mass": "0",
-        }
-        if model.geom_matid[geom] >= 0:
-            attributes["rgba"] = _words(model.mat_rgba[model.geom_matid[geom]])
-        if kind == "MESH":
-            attributes["mesh"] = self._mesh(int(model.geom_dataid[geom]))
-        else:
-            attributes["size"] = _words(model.geom_size[geom][: _SOLIDS[kind]])
-        ET.SubElement(self._bodies[int(model.geom_bodyid[geom])], "geom", attributes)
-
-    def _mesh(self, mesh: int) -> str:
-        """The name of a mesh, which is written with its vertices."""
-        name, model = f"mesh{mesh}", self._model
-        if not any(element.get("name") == name for element in self._asset):
-            v, n = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-            f, m = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-            corners = " ".join(map(str, np.ravel(model.mesh_face[f : f + m]).tolist()))
-            points = _words(np.ravel(model.mesh_vert[v : v + n]))
+    def mesh(self, name: str, vertices: Any, faces: Any) -> str:
+        """The name of a mesh, which is written once."""
+        if all(element.get("name") != name for element in self._asset):
             # A shell has an inertia, whatever its triangles enclose.
-            attributes = {"name": name, "vertex": points, "face": corners, "inertia": "shell"}
-            ET.SubElement(self._asset, "mesh", attributes)
+            points = {"vertex": np.ravel(vertices), "face": np.ravel(faces).astype(int)}
+            _add(self._asset, "mesh", name=name, inertia="shell", **points)
         return name
 
-    def _add_actuators(self) -> None:
-        model, kinds = self._model, self._mujoco.mjtTrn
-        actuators = ET.SubElement(self.root, "actuator")
-        for motor in range(model.nu):
-            if model.actuator_trntype[motor] not in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
-                continue
-            plain = int(model.actuator_biastype[motor]) == int(self._mujoco.mjtBias.mjBIAS_NONE)
-            attributes = {
-                "name": self._name("actuator", motor),
-                "joint": self._joints[int(model.actuator_trnid[motor, 0])],
-                "gear": _words(model.actuator_gear[motor]),
-                "biastype": "none" if plain else "affine",
-                "gainprm": repr(float(model.actuator_gainprm[motor, 0])),
-            }
-            for key, limited in (("force", "forcelimited"), ("ctrl", "ctrllimited")):
-                is_limited = bool(getattr(model, f"actuator_{limited}")[motor])
-                attributes[limited] = str(is_limited).lower()
-                attributes[f"{key}range"] = _words(getattr(model, f"actuator_{key}range")[motor])
-            ET.SubElement(actuators, "general", attributes)
 
-    def _add_equalities(self) -> None:
-        model, kinds = self._model, self._mujoco.mjtEq
-        equalities = ET.SubElement(self.root, "equality")
-        for index in range(model.neq):
-            kind, one, other = (
-                kinds(model.eq_type[index]),
-                int(model.eq_obj1id[index]),
-                int(model.eq_obj2id[index]),
+def _add(parent: ET.Element, tag: str, **attributes: Any) -> ET.Element:
+    """Add an element with texts, truths, numbers and arrays; None is left out."""
+    return ET.SubElement(
+        parent, tag, {k: _written(v) for k, v in attributes.items() if v is not None}
+    )
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    return " ".join(map(repr, np.atleast_1d(value).tolist()))
+
+
+def _of_mujoco(mujoco: Any, model: Any) -> _Writer:
+    writer, bodies = _Writer(model.names.split(b"\0", 1)[0].decode()), dict[int, ET.Element]()
+    joints, bodies[0] = [_name(model, "joint", j) for j in range(model.njnt)], writer.world
+    for body in range(1, model.nbody):
+        element = bodies[body] = _add(
+            bodies[int(model.body_parentid[body])],
+            "body",
+            name=_name(model, "body", body),
+            pos=model.body_pos[body],
+            quat=model.body_quat[body],
+        )
+        _add(
+            element,
+            "inertial",
+            pos=model.body_ipos[body],
+            quat=model.body_iquat[body],
+            mass=model.body_mass[body],
+            diaginertia=model.body_inertia[body],
+        )
+        first = int(model.body_jntadr[body])
+        for joint in range(first, first + int(model.body_jntnum[body])):
+            _add_joint(mujoco, model, element, joint)
+    for geom in range(model.ngeom):
+        _add_geom(mujoco, model, writer, bodies[int(model.geom_bodyid[geom])], geom)
+    for site in range(model.nsite):
+        place = {"pos": model.site_pos[site], "quat": model.site_quat[site]}
+        name = _name(model, "site", site)
+        _add(bodies[int(model.site_bodyid[site])], "site", name=name, **place)
+    _add_actuators(mujoco, model, writer.section("actuator"), joints)
+    _add_equalities(mujoco, model, writer.section("equality"), joints)
+    keys = writer.section("keyframe")
+    for key in range(model.nkey):
+        _add(keys, "key", name=_name(model, "key", key), qpos=model.key_qpos[key])
+    return writer
+
+
+def _name(model: Any, kind: str, index: int) -> str:
+    return getattr(model, kind)(index).name or f"{kind}{index}"
+
+
+def _add_joint(mujoco: Any, model: Any, body: ET.Element, joint: int) -> None:
+    kind = mujoco.mjtJoint(model.jnt_type[joint]).name.removeprefix("mjJNT_").lower()
+    if kind == "free":
+        _add(body, "freejoint", name=_name(model, "joint", joint))
+        return
+    dof = int(model.jnt_dofadr[joint])
+    _add(
+        body,
+        "joint",
+        name=_name(model, "joint", joint),
+        type=kind,
+        pos=model.jnt_pos[joint],
+        axis=model.jnt_axis[joint],
+        range=model.jnt_range[joint],
+        limited=bool(model.jnt_limited[joint]),
+        actuatorfrcrange=model.jnt_actfrcrange[joint],
+        actuatorfrclimited=bool(model.jnt_actfrclimited[joint]),
+        armature=model.dof_armature[dof],
+        damping=np.ravel(model.dof_damping[dof])[:1],
+        frictionloss=model.dof_frictionloss[dof],
+        stiffness=np.ravel(model.jnt_stiffness[joint])[:1],
+        ref=None if kind == "ball" else model.qpos0[model.jnt_qposadr[joint]],
+    )
+
+
+def _add_geom(mujoco: Any, model: Any, writer: _Writer, body: ET.Element, geom: int) -> None:
+    kind = mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix("mjGEOM_")
+    size, mesh, painted = None, None, int(model.geom_matid[geom])
+    if kind == "MESH":
+        number = int(model.geom_dataid[geom])
+        v, f = int(model.mesh_vertadr[number]), int(model.mesh_faceadr[number])
+        vertices = model.mesh_vert[v : v + int(model.mesh_vertnum[number])]
+        faces = model.mesh_face[f : f + int(model.mesh_facenum[number])]
+        mesh = writer.mesh(f"mesh{number}", vertices, faces)
+    elif kind in _SIZES:
+        size = model.geom_size[geom][: _SIZES[kind]]
+    else:
+        return
+    _add(
+        body,
+        "geom",
+        type=kind.lower(),
+        pos=model.geom_pos[geom],
+        quat=model.geom_quat[geom],
+        size=size,
+        mesh=mesh,
+        contype=int(model.geom_contype[geom]),
+        conaffinity=int(model.geom_conaffinity[geom]),
+        group=int(model.geom_group[geom]),
+        rgba=model.geom_rgba[geom] if painted < 0 else model.mat_rgba[painted],
+        mass="0",
+    )
+
+
+def _add_actuators(mujoco: Any, model: Any, section: ET.Element, joints: list[str]) -> None:
+    kinds, none = mujoco.mjtTrn, int(mujoco.mjtBias.mjBIAS_NONE)
+    for motor in range(model.nu):
+        if model.actuator_trntype[motor] in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+            _add(
+                section,
+                "general",
+                joint=joints[int(model.actuator_trnid[motor, 0])],
+                gear=model.actuator_gear[motor],
+                biastype="none" if int(model.actuator_biastype[motor]) == none else "affine",
+                gainprm=model.actuator_gainprm[motor, 0],
+                forcelimited=bool(model.actuator_forcelimited[motor]),
+                forcerange=model.actuator_forcerange[motor],
+                ctrllimited=bool(model.actuator_ctrllimited[motor]),
+                ctrlrange=model.actuator_ctrlrange[motor],
             )
-            data = model.eq_data[index]
-            attributes = {
-                "name": self._name("equality", index),
-                "active": str(bool(model.eq_active0[index])).lower(),
-            }
-            if kind == kinds.mjEQ_JOINT:
-                attributes["joint1"] = self._joints[one]
-                if other >= 0:
-                    attributes["joint2"] = self._joints[other]
-                attributes["polycoef"] = _words(data[:5])
-                ET.SubElement(equalities, "joint", attributes)
-            elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
-                sites = model.eq_objtype[index] == self._mujoco.mjtObj.mjOBJ_SITE
-                if sites:
-                    one, other = (int(model.site_bodyid[site]) for site in (one, other))
-                attributes["body1"] = self._name("body", one)
-                if other > 0:
-                    attributes["body2"] = self._name("body", other)
-                connect = kind == kinds.mjEQ_CONNECT
-                if connect:
-                    attributes["anchor"] = _words(np.zeros(3) if sites else data[:3])
-                ET.SubElement(equalities, "connect" if connect else "weld", attributes)
 
 
-def _words(values: Iterable[float]) -> str:
-    return " ".join(repr(float(v)) for v in values)
+def _add_equalities(mujoco: Any, model: Any, section: ET.Element, joints: list[str]) -> None:
+    kinds = {"mjEQ_JOINT": "joint", "mjEQ_CONNECT": "connect", "mjEQ_WELD": "weld"}
+    for index in range(model.neq):
+        tag = kinds.get(mujoco.mjtEq(model.eq_type[index]).name)
+        ends, data = (
+            (int(model.eq_obj1id[index]), int(model.eq_obj2id[index])),
+            model.eq_data[index],
+        )
+        about = {"name": _name(model, "equality", index), "active": bool(model.eq_active0[index])}
+        if tag == "joint":
+            one, other = (joints[end] if end >= 0 else None for end in ends)
+            _add(section, tag, joint1=one, joint2=other, polycoef=data[:5], **about)
+        elif tag is not None:
+            if model.eq_objtype[index] == mujoco.mjtObj.mjOBJ_SITE:
+                ends, data = tuple(int(model.site_bodyid[end]) for end in ends), np.zeros(3)
+            one, other = (_name(model, "body", end) if end > 0 else None for end in ends)
+            anchor = data[:3] if tag == "connect" else None
+            _add(section, tag, body1=one, body2=other, anchor=anchor, **about)
+
+
+def _of_pinocchio(model: pin.Model, geometry: pin.GeometryModel | None) -> _Writer:
+    """Bodies bear the names of body frames; one at a joint without a frame has its name."""
+    writer, bodies = _Writer(model.name), dict[int, ET.Element]()
+    frames = [f for f in model.frames if f.type == pin.FrameType.BODY and f.name != "world"]
+    taken = {"world", *(f.name for f in frames)}
+    for index in range(model.njoints):
+        joint, place = model.joints[index], model.jointPlacements[index]
+        own = [f.name for f in frames if f.parentJoint == index and f.placement.isIdentity(1e-12)]
+        name = own[0] if own else free_name(f"{model.names[index]}_link", taken)
+        taken.add(name)
+        free = joint.shortname() == "JointModelFreeFlyer"
+        above = writer.world if free or index == 0 else bodies[int(model.parents[index])]
+        bodies[index] = body = _add_body(above, name, place)
+        if free:
+            _add(body, "freejoint", name=model.names[index])
+        elif index > 0:
+            _add_pinocchio_joint(model, body, index)
+        inertia, moments = model.inertias[index], model.inertias[index].inertia
+        if inertia.mass > 0.0:
+            full = moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+            mass = float(inertia.mass)
+            _add(body, "inertial", pos=np.array(inertia.lever), mass=mass, fullinertia=full)
+    for frame in frames:
+        if all(frame.name != body.get("name") for body in bodies.values()):
+            _add_body(bodies[int(frame.parentJoint)], frame.name, frame.placement)
+    for number, shape in enumerate(() if geometry is None else geometry.geometryObjects):
+        _add_shape(writer, bodies[int(shape.parentJoint)], number, shape)
+    return writer
+
+
+def _add_body(parent: ET.Element, name: str, place: pin.SE3) -> ET.Element:
+    return _add(parent, "body", name=name, **_placed(place))
+
+
+def _placed(place: pin.SE3) -> dict[str, Any]:
+    return {
+        "pos": place.translation,
+        "quat": pin.Quaternion(place.rotation).coeffs()[[3, 0, 1, 2]],
+    }
+
+
+def _add_pinocchio_joint(model: pin.Model, body: ET.Element, index: int) -> None:
+    joint, name = model.joints[index], model.names[index]
+    if joint.nv != 1:
+        raise RobotError(
+            f"joint {name!r} of {model.name} has several degrees of freedom",
+            got=joint.shortname(),
+            wanted="hinges and slides, behind a free base or none",
+        )
+    data, v = joint.createData(), joint.idx_v
+    joint.calc(data, pin.neutral(model)[joint.idx_q :][: joint.nq], np.zeros(1))
+    motion = np.ravel(data.S)
+    turns = bool(np.abs(motion[3:]).max() > 0.5)
+    span = [
+        float(limit[joint.idx_q]) for limit in (model.lowerPositionLimit, model.upperPositionLimit)
+    ]
+    limited = joint.nq == 1 and max(map(abs, span)) < _NO_LIMIT
+    effort = float(model.effortLimit[v])
+    forced = 0.0 < effort < _NO_LIMIT
+    _add(
+        body,
+        "joint",
+        name=name,
+        type="hinge" if turns else "slide",
+        axis=motion[3:] if turns else motion[:3],
+        limited=limited,
+        range=span if limited else None,
+        actuatorfrclimited=forced,
+        actuatorfrcrange=[-effort, effort] if forced else None,
+        armature=float(model.armature[v]),
+        damping=float(model.damping[v]),
+        frictionloss=float(model.upperDryFrictionLimit[v]),
+    )
+
+
+def _add_shape(writer: _Writer, body: ET.Element, number: int, shape: pin.GeometryObject) -> None:
+    solid, size, mesh = shape.geometry, None, None
+    kind = type(solid).__name__.lower()
+    if kind == "box":
+        size = np.array(solid.halfSide)
+    elif kind == "sphere":
+        size = solid.radius
+    elif kind in ("cylinder", "capsule"):
+        size = [solid.radius, solid.halfLength]
+    elif hasattr(solid, "tri_indices"):
+        faces = [[t[0], t[1], t[2]] for t in map(solid.tri_indices, range(solid.num_tris))]
+        kind, mesh = "mesh", writer.mesh(f"mesh{number}", solid.vertices(), faces)
+    else:
+        return
+    _add(body, "geom", type=kind, size=size, mesh=mesh, mass="0", **_placed(shape.placement))

@@ -5,7 +5,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
 import pinocchio as pin
 
 from poise._show import few
@@ -66,8 +65,6 @@ class UrdfDocument(Document):
 
     kind = "urdf"
     link_tag = "link"
-    order: tuple[str, ...] = ()
-    """Joints in an order that their model keeps; Pinocchio sorts those of a parent by name."""
 
     def joints(self) -> tuple[str, ...]:
         return tuple(j.get("name", "") for j in self._joints() if j.get("type") in _HINGES)
@@ -178,7 +175,7 @@ class UrdfDocument(Document):
         root = (pin.JointModelFreeFlyer(), name) if floating else ()
         with captured() as noise:
             try:
-                return _in_order(pin.buildModelFromXML(text, *root), self.order)
+                return pin.buildModelFromXML(text, *root)
             except (ValueError, RuntimeError, IndexError) as error:
                 reason = " ".join(str(error).split()) or type(error).__name__
         said = f" ({noise.text})" if noise.text else ""
@@ -398,159 +395,3 @@ def _is_nothing(shape: ET.Element) -> bool:
         if solid.tag != "mesh" and solid.get(key)
     ]
     return any(is_number(word) and float(word) <= 0.0 for text in sizes for word in text.split())
-
-
-def urdf_of(model: pin.Model, geometry: pin.GeometryModel | None = None) -> str:
-    """URDF text of a Pinocchio model, with the shapes of a geometry model.
-
-    Links bear the names of body frames; a joint without one gives its name. Masses of links that
-    fixed joints join are already those of one body.
-
-    Args:
-        model: hinges and slides, behind a free base or none.
-        geometry: shapes as meshes, boxes, spheres, cylinders and capsules; others are left out.
-
-    Raises:
-        RobotError: a joint has more than one degree of freedom.
-    """
-    root = ET.Element("robot", name=model.name)
-    free = model.njoints > 1 and model.joints[1].shortname() == "JointModelFreeFlyer"
-    first = 1 if free else 0
-    bodies = [f for f in model.frames if f.type == pin.FrameType.BODY]
-    names, links = {0: WORLD}, dict[int, ET.Element]()
-    for index in range(first, model.njoints):
-        own = [f.name for f in bodies if f.parentJoint == index and f.placement.isIdentity(1e-12)]
-        taken = {WORLD, *names.values(), *(f.name for f in bodies)}
-        if index > 0:
-            names[index] = own[0] if own else free_name(f"{model.names[index]}_link", taken)
-        links[index] = ET.SubElement(root, "link", name=names[index])
-        _write_inertial(links[index], model.inertias[index])
-    for index in range(first + 1, model.njoints):
-        joint = _write_joint(root, model, index)
-        _write_ends(joint, names[int(model.parents[index])], names[index])
-        _write_origin(joint, model.jointPlacements[index])
-    for frame in bodies:
-        if frame.name not in names.values() and frame.parentJoint >= first:
-            ET.SubElement(root, "link", name=frame.name)
-            weld = ET.SubElement(root, "joint", name=f"{frame.name}_weld", type="fixed")
-            _write_ends(weld, names[int(frame.parentJoint)], frame.name)
-            _write_origin(weld, frame.placement)
-    for shape in () if geometry is None else geometry.geometryObjects:
-        _write_shape(links.get(int(shape.parentJoint)), shape)
-    return ET.tostring(root, encoding="unicode")
-
-
-def _in_order(model: pin.Model, order: tuple[str, ...]) -> pin.Model:
-    """The model with its joints in an order in which each parent comes before its children."""
-    first = [name for name in model.names[1:] if name not in order]
-    names = [*first, *(name for name in order if model.existJointName(name))]
-    if not order or names == list(model.names)[1:]:
-        return model
-    ordered, moved, frames = pin.Model(), {0: 0}, {0: 0}
-    ordered.name = model.name
-    for name in names:
-        joint = model.joints[model.getJointId(name)]
-        q, v = (
-            slice(joint.idx_q, joint.idx_q + joint.nq),
-            slice(joint.idx_v, joint.idx_v + joint.nv),
-        )
-        index = moved[joint.id] = ordered.addJoint(
-            moved[int(model.parents[joint.id])],
-            pin.JointModel(joint),
-            model.jointPlacements[joint.id],
-            name,
-            model.effortLimit[v],
-            model.velocityLimit[v],
-            model.lowerPositionLimit[q],
-            model.upperPositionLimit[q],
-        )
-        ordered.appendBodyToJoint(index, model.inertias[joint.id], pin.SE3.Identity())
-    for number, frame in enumerate(model.frames[1:], start=1):
-        parent, above = moved[int(frame.parentJoint)], frames[int(frame.parentFrame)]
-        same = pin.Frame(frame.name, parent, above, frame.placement, frame.type)
-        frames[number] = int(ordered.addFrame(same, False))
-    for name in names:
-        v, other = (m.joints[m.getJointId(name)].idx_v for m in (ordered, model))
-        ordered.damping[v] = model.damping[other]
-        ordered.upperDryFrictionLimit[v] = model.upperDryFrictionLimit[other]
-        ordered.lowerDryFrictionLimit[v] = model.lowerDryFrictionLimit[other]
-    return ordered
-
-
-def _write_joint(root: ET.Element, model: pin.Model, index: int) -> ET.Element:
-    joint = model.joints[index]
-    if joint.nv != 1:
-        raise RobotError(
-            f"joint {model.names[index]!r} of {model.name} has several degrees of freedom",
-            got=joint.shortname(),
-            wanted="hinges and slides, behind a free base or none",
-        )
-    data = joint.createData()
-    joint.calc(data, pin.neutral(model)[joint.idx_q :][: joint.nq], np.zeros(joint.nv))
-    motion = np.ravel(data.S)
-    turns = bool(np.abs(motion[3:]).max() > 0.5)
-    endless = joint.nq == 2
-    kind = "continuous" if endless else "revolute" if turns else "prismatic"
-    element = ET.SubElement(root, "joint", name=model.names[index], type=kind)
-    ET.SubElement(element, "axis", xyz=_words(motion[3:] if turns else motion[:3]))
-    effort, velocity = float(model.effortLimit[joint.idx_v]), model.velocityLimit[joint.idx_v]
-    limit = {"effort": effort, "velocity": float(velocity)}
-    if not endless:
-        limit["lower"] = float(model.lowerPositionLimit[joint.idx_q])
-        limit["upper"] = float(model.upperPositionLimit[joint.idx_q])
-    known = {key: repr(value) for key, value in limit.items() if abs(value) < 1e300}
-    ET.SubElement(element, "limit", known)
-    friction = float(model.upperDryFrictionLimit[joint.idx_v])
-    damping = float(model.damping[joint.idx_v])
-    ET.SubElement(element, "dynamics", damping=repr(damping), friction=repr(friction))
-    return element
-
-
-def _write_ends(joint: ET.Element, parent: str, child: str) -> None:
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-
-
-def _write_inertial(link: ET.Element, inertia: pin.Inertia) -> None:
-    if inertia.mass <= 0.0:
-        return
-    inertial = ET.SubElement(link, "inertial")
-    _write_origin(inertial, pin.SE3(np.eye(3), np.array(inertia.lever)))
-    ET.SubElement(inertial, "mass", value=repr(float(inertia.mass)))
-    moments = {k: repr(float(inertia.inertia[e])) for k, e in zip(INERTIA, _ENTRIES, strict=True)}
-    ET.SubElement(inertial, "inertia", moments)
-
-
-def _write_origin(element: ET.Element, place: pin.SE3) -> None:
-    rpy = pin.rpy.matrixToRpy(place.rotation)
-    ET.SubElement(element, "origin", xyz=_words(place.translation), rpy=_words(rpy))
-
-
-def _write_shape(link: ET.Element | None, shape: pin.GeometryObject) -> None:
-    solid, size = shape.geometry, dict[str, str]()
-    kind = type(solid).__name__.lower()
-    if kind == "box":
-        size = {"size": _words(2.0 * np.array(solid.halfSide))}
-    elif kind == "sphere":
-        size = {"radius": repr(float(solid.radius))}
-    elif kind in ("cylinder", "capsule"):
-        size = {
-            "radius": repr(float(solid.radius)),
-            "length": repr(2.0 * float(solid.halfLength)),
-        }
-    elif Path(shape.meshPath).is_file():
-        kind = "mesh"
-        size = {
-            "filename": str(Path(shape.meshPath).resolve()),
-            "scale": _words(np.ravel(shape.meshScale)),
-        }
-    if link is None or not size:
-        return
-    for role in ("visual", "collision"):
-        element = ET.SubElement(link, role)
-        _write_origin(element, shape.placement)
-        ET.SubElement(ET.SubElement(element, "geometry"), kind, size)
-
-
-def _words(values: np.ndarray) -> str:
-    return " ".join(repr(float(v)) for v in values)
