@@ -6,42 +6,31 @@ import numpy as np
 import pinocchio as pin
 
 from poise.errors import RobotError
+from poise.robots._limbs import Pair, own_joints
 from poise.robots._robot import Robot
 
 _ASIDE = 0.01
-"""What is this far to one side of another is certainly there [m]."""
+"""What is this far to one side of another is certainly there [m]: offsets are rounded finer."""
 
 _OPPOSED = -0.5
 """Cosine of the angle between two feet that cannot point ahead both: 120 degrees."""
 
-_FEWEST = 3
-"""Hands with fewer joints of their own are no two arms': they may be fingers that turn over."""
-
-_LEG = 2
-"""Soles with fewer joints in common, below the pelvis, may be those of two legs, one locked."""
-
-_BY_NAME = "their names say left and right"
-_SPELLINGS = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
+_ARM, _LEG = 3, 2
+"""Hands with fewer joints of their own may be fingers that turn over, and soles with fewer joints
+in common below the pelvis those of two legs of which one is locked."""
 
 
 def check_roles(robot: Robot) -> None:
-    """Check that soles and hands are where walkers and teleoperation take them to be.
+    """Refuse soles and hands that are certainly not where walkers take them to be.
 
-    Only what is certain is refused: limbs may cross, and a fixed base has no known direction.
-
-    Args:
-        robot: with a home posture, in which its soles' mean direction is x.
-
-    Raises:
-        RobotError: the robot hangs below its soles, two soles are on one link or one leg, or point
-            against each other, or what is left by its name or place in the list is on the right.
+    Limbs may cross, and a fixed base has no known direction.
     """
     if not robot.floating_base:
         return
     data = robot.model.createData()
     com = pin.centerOfMass(robot.model, data, robot.q_home)
     pin.updateFramePlacements(robot.model, data)
-    soles = list(robot.soles)
+    soles, by_name = list(robot.soles), "their names say left and right"
     if com[2] <= 0.0:
         pelvis = float(data.oMf[robot.frame_id(robot.pelvis)].translation[2])
         raise RobotError(
@@ -50,77 +39,65 @@ def check_roles(robot: Robot) -> None:
             wanted="soles whose z points up into the foot; mind their `rpy`",
         )
     if len(soles) == 2:
-        first, second = soles
-        _check_legs(robot, first, second)
-        _check_directions(robot, data, first, second)
-        _check_side(robot, data, first, second, f"{first!r} is listed first, where the left one is")
+        _check_soles(robot, data, soles[0], soles[1])
+        why = f"{soles[0]!r} is listed first, where the left one is"
+        _check_side(robot, data, soles[0], soles[1], why)
     for left, right in _named_pairs(soles):
-        _check_side(robot, data, left, right, _BY_NAME)
+        _check_side(robot, data, left, right, by_name)
     for left, right in _named_pairs(robot.hands):
-        if min(len(own) for own in _own_joints(robot, left, right)) >= _FEWEST:
-            _check_side(robot, data, left, right, _BY_NAME)
+        if min(len(own) for own in _own(robot, left, right)) >= _ARM:
+            _check_side(robot, data, left, right, by_name)
 
 
-def _check_legs(robot: Robot, first: str, second: str) -> None:
-    """Soles on two links may still share all joints: their legs may be locked."""
-    wanted = (
+def _check_soles(robot: Robot, data: pin.Data, first: str, second: str) -> None:
+    """Refuse two soles of one foot or leg, and feet that point apart."""
+    pair = f"soles {first!r} and {second!r} of robot {robot.name!r}"
+    legs = (
         "the links at the ends of two legs; or one sole alone, where that link is all the robot "
         "stands on"
     )
-    link = robot.roles[first].link
-    if robot.roles[second].link == link:
-        raise RobotError(
-            f"soles {first!r} and {second!r} of robot {robot.name!r} are on one link",
-            got=link,
-            wanted=wanted,
-        )
+    # Soles on two links may still share all joints: their legs may be locked.
     above, below = sorted((first, second), key=lambda sole: len(robot.joints_above(sole)))
+    links = [robot.roles[sole].link for sole in (above, below)]
     shared = set(robot.joints_above(above))
     moving = shared - set(robot.joints_above(robot.pelvis))
+    cosine = float(np.dot(*(data.oMf[robot.frame_id(s)].rotation[:, 0] for s in (first, second))))
+    if links[0] == links[1]:
+        raise RobotError(f"{pair} are on one link", got=links[0], wanted=legs)
     if len(moving) >= _LEG and shared < set(robot.joints_above(below)):
         raise RobotError(
             f"sole {below!r} of robot {robot.name!r} is on the leg of {above!r}, further down",
-            got=f"{robot.roles[above].link} and {robot.roles[below].link}, below "
+            got=f"{' and '.join(links)}, below "
             f"{', '.join(robot.model.names[j] for j in sorted(moving))}",
-            wanted=wanted,
+            wanted=legs,
         )
-
-
-def _check_directions(robot: Robot, data: pin.Data, first: str, second: str) -> None:
-    ahead = [data.oMf[robot.frame_id(sole)].rotation[:, 0] for sole in (first, second)]
-    cosine = float(ahead[0] @ ahead[1])
     if cosine < _OPPOSED:
         raise RobotError(
-            f"soles {first!r} and {second!r} of robot {robot.name!r} point against each other",
+            f"{pair} point against each other",
             got=f"{np.degrees(np.arccos(max(cosine, -1.0))):.0f} degrees between their x axes in "
             "the home posture",
             wanted="x of both soles towards the toes; mind their `rpy`",
         )
 
 
+def _own(robot: Robot, one: str, other: str) -> Pair:
+    """The joints that move one frame and not another, for each of two frames."""
+    frames = (robot.model.frames[robot.frame_id(name)] for name in (one, other))
+    return own_joints(robot.model, *(int(frame.parentJoint) for frame in frames))
+
+
 def _named_pairs(names: Iterable[str]) -> list[tuple[str, str]]:
     """Left and right names that are alike but for these words."""
-    there = list(names)
-    return [
-        (name, other)
-        for name in there
-        for left, right in _SPELLINGS
-        if left in name and (other := name.replace(left, right)) in there
-    ]
-
-
-def _own_joints(robot: Robot, one: str, other: str) -> tuple[list[int], list[int]]:
-    """The joints that move one frame and not the other, from the trunk outwards."""
-    above, beside = robot.joints_above(one), robot.joints_above(other)
-    return [j for j in above if j not in beside], [j for j in beside if j not in above]
+    there = {name.lower(): name for name in names}
+    swapped = ((name, low.replace("left", "right")) for low, name in there.items() if "left" in low)
+    return [(name, there[other]) for name, other in swapped if other in there]
 
 
 def _check_side(robot: Robot, data: pin.Data, left: str, right: str, why: str) -> None:
     """Refuse what is on the wrong side with its limb: a limb that crosses over ends there alone."""
     places = [data.oMf[robot.frame_id(name)].translation for name in (left, right)]
     apart = float(places[0][1] - places[1][1])
-    own = _own_joints(robot, left, right)
-    roots = [float(data.oMi[joints[0]].translation[1]) for joints in own if joints]
+    roots = [float(data.oMi[own[0]].translation[1]) for own in _own(robot, left, right) if own]
     crossed = len(roots) == 2 and roots[0] - roots[1] > _ASIDE
     if apart < -_ASIDE and not crossed:
         raise RobotError(

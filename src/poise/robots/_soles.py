@@ -1,0 +1,250 @@
+"""Soles: found on the shapes of feet (`find_foot`), checked against them, and what legs control."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.errors import RobotError
+from poise.robots._geometry import Balls, link_shapes, union
+from poise.robots._limbs import Chain, Point
+from poise.robots._robot import ModelSource, Robot
+
+_DEPTH, _FLAT_PART = 0.003, 0.3
+"""Height above the lowest plane that counts as on it, as edges of soles are rounded [m]; and share
+of a foot's outline from below that is flat, of which a wheel touches with less."""
+
+_STEEPEST = float(np.cos(np.radians(40.0)))
+"""Cosine of a face's angle to level, above which it is a side: rubber of friction 0.8 slides."""
+
+_CLEARLY, _PLACES = 1.1, 100
+"""Ratio of areas from which one face or rectangle is larger, as meshes are uneven; and places for a
+rectangle's ends along a foot."""
+
+_SAME_FOOT, _LARGER = 0.02, 1.5
+"""Faces within so much height [m] are of one foot, as sole and toes are; one that is larger by
+this ratio leaves out less of it, as contact points at its corners may."""
+
+_OFF, _BESIDE = 0.005, 0.01
+"""Errors of a described sole's height and edges that are told [m]: a contact gives way by less."""
+
+_SLOW = 0.02
+"""Speed of a sole, leg lengths a second at unit speed of all joints, that counts as none."""
+
+Points = Float64[np.ndarray, "n 2"]
+Corner = Float64[np.ndarray, "2"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Foot:
+    """The largest rectangle on the flat lower face of what a joint moves, x along the foot."""
+
+    joint: int
+    kind: str
+    place: pin.SE3
+    size: Corner
+    outline: Points
+    points: int
+
+
+def find_foot(
+    model: pin.Model, data: pin.Data, source: ModelSource, leg: Chain, forward: Point, where: str
+) -> Foot:
+    """The flat face that a leg stands on: that of its last joint, or of the one before toes."""
+    found: Foot | None = None
+    problems: list[RobotError] = []
+    # Joints of two or three axes carry links with their last axis alone.
+    for joint in [j for j in reversed(leg) if body_frames(model, j)][:2]:
+        names = [model.frames[i].name for i in body_frames(model, joint)]
+        foot = f"foot {names[0]!r} of {where}"
+        for kind, balls in (shapes := shapes_of(model, source, joint, where)).items():
+            fit = _fit(balls.moved(data.oMi[joint]), joint, kind, forward)
+            if isinstance(fit, str):
+                wanted = "a sole under `soles` in a description, measured on the robot"
+                flat = f"{foot} has no flat face to stand on"
+                problems.append(RobotError(flat, got=fit, wanted=wanted))
+            elif found is None or (
+                abs(fit.place.translation[2] - found.place.translation[2]) < _SAME_FOOT
+                and fit.size.prod() > _LARGER * found.size.prod()
+            ):
+                found = fit
+        if not shapes:
+            wanted = "the meshes beside the file, or a sole under `soles` in a description"
+            got = f"links {names} with neither collision nor visual geometry that is there"
+            bare = f"{foot} has no shape to read a sole from"
+            problems.append(RobotError(bare, got=got, wanted=wanted))
+    if found is None:
+        raise problems[0]
+    return found
+
+
+def soles_off_their_feet(robot: Robot) -> list[str]:
+    """Soles that are not at the lowest point of what their joint moves, or reach over its edge."""
+    said: list[str] = []
+    for name, sole in robot.soles.items():
+        frame = robot.model.frames[robot.frame_id(name)]
+        joint = frame.parentJoint
+        try:
+            shapes = shapes_of(robot.model, robot.source, joint, robot.name, robot.roles)
+        except RobotError:
+            continue
+        for foot in [foot.moved(frame.placement.inverse()) for foot in shapes.values()][:1]:
+            low = (foot.centres - foot.radii[:, None]).min(axis=0)
+            high = (foot.centres + foot.radii[:, None]).max(axis=0)
+            half = 0.5 * np.array([sole.length, sole.width])
+            over = max(float((half - high[:2]).max()), float((half + low[:2]).max()))
+            side = "above" if low[2] < 0.0 else "below"
+            off = f"lies {1e3 * abs(low[2]):.0f} mm {side} the lowest point"
+            if abs(low[2]) <= _OFF:
+                off = f"reaches {1e3 * over:.0f} mm over the edge" if over > _BESIDE else ""
+            if off:
+                said.append(f"sole {name!r} {off} of its foot (`poise describe` shows both)")
+    return said
+
+
+def with_controlled_soles(robot: Robot) -> Robot:
+    """The robot with `Sole.controlled` of each sole as its leg has it in the home posture."""
+    soles = {n: replace(sole, controlled=_controlled(robot, n)) for n, sole in robot.soles.items()}
+    return replace(robot, soles=MappingProxyType(soles))
+
+
+def body_frames(model: pin.Model, joint: int) -> list[int]:
+    """Links that a joint moves as one."""
+    kind = pin.FrameType.BODY
+    return [i for i, f in enumerate(model.frames) if f.type == kind and f.parentJoint == joint]
+
+
+def shapes_of(
+    model: pin.Model, source: ModelSource, joint: int, where: str, roles: Collection[str] = ()
+) -> dict[str, Balls]:
+    """Shapes that a joint moves, in its frame, by kind; collision first."""
+    frames = [model.frames[i] for i in body_frames(model, joint)]
+    # A link that has the name of a role goes by another one in the model.
+    names = [f.name.removesuffix("_link") for f in frames]
+    names = [n if n in roles else f.name for n, f in zip(names, frames, strict=True)]
+    shapes = link_shapes(source, names, where)
+    found: dict[str, Balls] = {}
+    for kind in ("collision", "visual"):
+        of_links = zip(frames, (getattr(shapes[name], kind) for name in names), strict=True)
+        whole = union([balls.moved(f.placement) for f, parts in of_links for balls in parts])
+        if whole is not None:
+            found[kind] = whole
+    return found
+
+
+def _fit(foot: Balls, joint: int, kind: str, forward: Float64[np.ndarray, "3"]) -> Foot | str:
+    """The rectangle on the plane that touches a foot from below with the largest face."""
+    down = np.array([0.0, 0.0, -1.0])
+    hull = _hull(foot.centres)
+    if hull is None:
+        # All in one plane, as contact balls are.
+        *_, axes = np.linalg.svd(foot.centres - foot.centres.mean(axis=0), full_matrices=True)
+        normals = np.array([axes[2], -axes[2]])
+    else:
+        normals = hull.equations[:, :3]
+        normals = normals[np.unique(np.round(normals, 2), axis=0, return_index=True)[1]]
+    normals = np.array([down, *normals[normals @ down > _STEEPEST]])
+    heights = foot.centres @ normals.T + foot.radii[:, None]
+    near = heights > heights.max(axis=0) - _DEPTH
+    planes = [_axes(normal, forward) for normal in normals]
+    areas = np.array([_area(foot.centres[near[:, k]] @ p) for k, p in enumerate(planes)])
+    whole = _area(foot.centres[:, :2])
+    if areas.max() <= max(_FLAT_PART * whole, 1e-6):
+        flat, seen = 1e4 * areas.max(), 1e4 * whole
+        return f"at most {flat:.1f} cm^2 in one plane, of {seen:.1f} cm^2 seen from below"
+    best = max(np.flatnonzero(_CLEARLY * areas >= areas.max()), key=lambda k: -normals[k, 2])
+    up, axes = -normals[best], planes[best]
+    points = foot.centres[near[:, best]] - foot.radii[near[:, best], None] * up
+    corners = (points @ axes)[_hull(points @ axes).vertices]
+    turn, middle, size = _largest_inside(corners)
+    axes = axes @ turn
+    centre = axes @ middle + float((points @ up).min()) * up
+    return Foot(
+        joint=joint,
+        kind=kind,
+        place=pin.SE3(np.column_stack([axes, up]), centre),
+        size=size,
+        outline=corners @ turn - middle,
+        points=len(points),
+    )
+
+
+def _axes(normal: Point, forward: Point) -> Float64[np.ndarray, "3 2"]:
+    """Forward and left in the plane of a face, by the normal that points out of it."""
+    x = forward - (forward @ normal) * normal
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(x, normal)], axis=1)
+
+
+def _hull(points: Float64[np.ndarray, "n d"]) -> Any:
+    """The convex hull; None for points that lie in something flatter."""
+    # It takes long to import, and only robots without a description need it.
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return ConvexHull(points) if len(points) > points.shape[1] else None
+    except QhullError:
+        return None
+
+
+def _area(points: Points) -> float:
+    hull = _hull(points)
+    return 0.0 if hull is None else float(hull.volume)
+
+
+def _largest_inside(corners: Points) -> tuple[Float64[np.ndarray, "2 2"], Corner, Corner]:
+    """Axes, middle and size of the largest rectangle inside, straight ahead or along an edge."""
+    best = (np.eye(2), *_inside(corners))
+    for x, y in np.roll(corners, -1, axis=0) - corners:
+        # Turned by less than 45 degrees, an edge lies along x or y.
+        turn = (np.arctan2(y, x) + 0.25 * np.pi) % (0.5 * np.pi) - 0.25 * np.pi
+        R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        middle, size = _inside(corners @ R)
+        if size.prod() > _CLEARLY * best[2].prod():
+            best = R, middle, size
+    return best
+
+
+def _inside(corners: Points) -> tuple[Corner, Corner]:
+    """Middle and size of the largest rectangle along the axes inside a convex outline."""
+    ends = corners[:, 0]
+    x = np.union1d(ends, np.linspace(ends.min(), ends.max(), _PLACES))
+    a, b, c = (column[:, None] for column in _hull(corners).equations.T)
+    y = -(a * x + c) / np.where(b == 0.0, np.nan, b)
+    top = np.where(b > 1e-9, y, np.inf).min(axis=0)
+    bottom = np.where(b < -1e-9, y, -np.inf).max(axis=0)
+    # Between two places of a convex outline the wider one is never outside.
+    high, low = np.minimum.outer(top, top), np.maximum.outer(bottom, bottom)
+    area = np.subtract.outer(x, x) * np.maximum(high - low, 0.0)
+    i, j = np.unravel_index(int(np.argmax(area)), area.shape)
+    middle = np.array([x[i] + x[j], high[i, j] + low[i, j]]) / 2.0
+    return middle, np.array([x[i] - x[j], high[i, j] - low[i, j]])
+
+
+def _controlled(robot: Robot, sole: str) -> tuple[int, ...]:
+    """Components of a sole's motion that are left when its leg gives up what it cannot do.
+
+    A leg cannot make the motion w with w^T J = 0, a left singular vector of its Jacobian J. Of the
+    turns in w the largest is given up. A leg whose ankle does not roll lacks a shift to the side,
+    seen from its hip, and gives up roll; one whose hip does not yaw gives up yaw.
+    """
+    model, data, joints = robot.model, robot.model.createData(), robot.leg_joints(sole)
+    pin.computeJointJacobians(model, data, robot.q_home)
+    J = pin.getFrameJacobian(model, data, robot.frame_id(sole), pin.ReferenceFrame.LOCAL)
+    J = J[:, [model.joints[j].idx_v for j in joints]]
+    place = pin.updateFramePlacement(model, data, robot.frame_id(sole)).translation
+    length = sum(float(np.linalg.norm(data.oMi[j].translation - place)) for j in joints[:1])
+    # At the origin of a slide there is no length to measure its motion by.
+    J[:3] /= length if length > 1e-9 else 1.0
+    kept = list(range(6))
+    while turns := [i for i, k in enumerate(kept) if k >= 3]:
+        squares, motions = np.linalg.eigh(J[kept] @ J[kept].T)
+        if squares[0] > _SLOW**2:
+            return tuple(kept)
+        del kept[max(turns, key=lambda i: abs(motions[i, 0]))]
+    # It lacks no turn: a straight knee, or hips that cannot spread.
+    return (0, 1, 2, 3, 4, 5)
