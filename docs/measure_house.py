@@ -32,7 +32,7 @@ PACKAGES = {
 }
 """Packages that are counted under another name than their own."""
 
-ONBOARDING = ("apps/strangers", "cli/_describe.py")
+ONBOARDING = ("apps/onboarding", "cli/_describe.py")
 """Folders and files below `src/poise` that propose, try and show descriptions of new robots."""
 
 OPENINGS = frozenset({"What", "Whether", "Where", "How"})
