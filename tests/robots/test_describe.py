@@ -285,7 +285,8 @@ def test_a_symmetrical_robot_that_is_not_is_remarked_on(save):
     heavy = walker().replace('<link name="left_knee_link"><inertial><origin xyz="0 0 -0.1"/>'
                              '<mass value="1.0"/>', '<link name="left_knee_link"><inertial>'
                              '<origin xyz="0 0 -0.1"/><mass value="3.0"/>')  # fmt: skip
-    assert any("masses behind left_knee (3 and 1 kg)" in said for said in describe(save(heavy)).remarks)
+    remarks = describe(save(heavy)).remarks
+    assert any("masses behind left_knee (3 and 1 kg)" in remark for remark in remarks)
 
 
 def with_arms(legs, names=("left_", "right_")):

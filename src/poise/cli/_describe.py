@@ -3,7 +3,6 @@
 import argparse
 import json
 import warnings
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -60,20 +59,21 @@ def act(options: argparse.Namespace) -> int:
         except RobotError as error:
             refused = str(error)
     remarks += [str(warning.message) for warning in caught]
-    attempts, page = (), None
+    trial: list[dict[str, Any]] = []
+    page = None
     if robot is not None:
         from poise.apps.onboarding import try_out, write_page
 
-        trial = None if options.no_trial else try_out(robot)
-        attempts = () if trial is None else trial.attempts
+        tried = None if options.no_trial else try_out(robot)
         page = str(folder / "describe.html")
-        write_page(robot, proposal, trial, Path(page))
+        write_page(robot, proposal, tried, Path(page))
+        trial = [] if tried is None else [attempt.summary for attempt in tried.attempts]
     summary = {
         "facts": proposal.facts,
         "reasons": proposal.reasons,
         "remarks": remarks,
         "refused": refused,
-        "trial": [asdict(attempt) for attempt in attempts],
+        "trial": trial,
         "description": str(description),
         "page": page,
     }
@@ -83,7 +83,7 @@ def act(options: argparse.Namespace) -> int:
         size = "" if robot is None else f": {robot.nj} joints, {robot.mass:.1f} kg"
         print(f"{proposal.name}{size}\n  {proposal.summary}")
         _print(summary)
-    return 0 if refused is None and all(attempt.ok for attempt in attempts) else 1
+    return 0 if refused is None and all(attempt["ok"] for attempt in trial) else 1
 
 
 def _print(summary: dict[str, Any]) -> None:
@@ -92,7 +92,7 @@ def _print(summary: dict[str, Any]) -> None:
     if summary["refused"]:
         print(f"  FAIL  load: {summary['refused']}")
     for tried in summary["trial"]:
-        torque = f"at most {100 * tried['torque_ratio']:.0f} % of a torque limit"
+        torque = f"at most {100 * tried['torque_ratio_max']:.0f} % of a torque limit"
         said = "; ".join(tried["words"]) or f"{torque} ({tried['weakest']})"
         print(f"  {'ok  ' if tried['ok'] else 'FAIL'}  {tried['name']}: {said}")
     mend = ", to be mended by hand" if summary["refused"] else ""

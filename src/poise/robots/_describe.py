@@ -32,12 +32,10 @@ _SIDES = ("left", "right")
 _Y_UP = pin.utils.rotate("x", 0.5 * math.pi)
 """Turns a link whose y points up."""
 
-_SEEN = 0.01
-"""Angle from which a home posture is said to lean [rad]."""
-
-_FOREARM, _GRIP = 0.4, 0.9
+_FOREARM, _GRIP, _SEEN = 0.4, 0.9, 0.01
 """Share of an arm from which its last link is a forearm, as in a person the hand is a quarter of
-the arm, forearm and hand are six tenths; and the share of that link at which it takes hold."""
+the arm, forearm and hand are six tenths; the share of that link at which it takes hold; and the
+angle from which a home posture is said to lean [rad]."""
 
 _SAME_SOLE, _BESIDE = 0.015, 1.15
 """Difference of sizes that left and right meshes explain [m]; and the distance of feet that do not
@@ -48,12 +46,10 @@ _RUN_UP, _MOST_ROTOR = 0.004, 0.01
 inertias of G1 and T1; and the rotor that a light link may have [kg m^2], as torque limits that
 stand in for unknown ones are large."""
 
-_TURNS, _ENDLESS = 4.0 * math.pi, 720.0
-"""Limits between two turns in radians and in degrees are taken for degrees [rad]."""
-
-_WATER, _FAR_TOO_WEAK = 1000.0, 0.01
-"""Density of a cube of water as high as two legs, which is heavier than a robot [kg/m^3]; and the
-torque of legs that cannot stand in weight times leg length, shipped humanoids have 0.15 to 0.5."""
+_TURNS, _ENDLESS, _WATER, _FAR_TOO_WEAK = 4.0 * math.pi, 720.0, 1000.0, 0.01
+"""Limits between two turns in radians and in degrees are taken for degrees [rad]; a cube of water
+as high as two legs is heavier than a robot [kg/m^3]; legs stand with more torque than so much of
+weight times leg length, shipped humanoids have 0.15 to 0.5."""
 
 
 def describe(path: str | Path) -> Proposal:
@@ -93,8 +89,8 @@ class _Describer:
         if crossed := {name: ends for name, ends in ranges.items() if ends[0] > ends[1]}:
             raise crossed_limits(file.where, crossed)
         self._locked = [name for name, (low, high) in ranges.items() if low == high]
-        if self._locked:
-            self._remarks.append(f"limits of these joints leave no room: {', '.join(self._locked)}")
+        stuck = f"limits of these joints leave no room: {', '.join(self._locked)}"
+        if self._remark(self._locked, stuck):
             self._source = replace(file.source, locked_joints=(*file.locked, *self._locked))
             model = build_model(self._source, floating=True, armature={}, where=file.where)
         if not pin.computeTotalMass(model) > 0.0:
@@ -116,11 +112,11 @@ class _Describer:
         self._locked += [model.names[j] for j in limbs.fingers]
         self._remark_on_angles()
         self._remarks += [f"left and right differ: {said}" for said in limbs.differences]
-        if limbs.forward @ self._upright[:, 0] < 0.0:
-            self._remarks.append(
-                "the robot is taken to face along -x of its root link, as the limbs that are left "
-                "by the names of their joints are on the right of +x"
-            )
+        self._remark(
+            limbs.forward @ self._upright[:, 0] < 0.0,
+            "the robot is taken to face along -x of its root link, as the limbs that are left by "
+            "the names of their joints are on the right of +x",
+        )
         q = pin.neutral(model)
         q[:7] = pin.SE3ToXYZQUAT(pin.SE3(self._upright, np.zeros(3)))
         pin.framesForwardKinematics(model, data, q)
@@ -136,9 +132,8 @@ class _Describer:
         home = {name: round(float(q[joint.idx_q]), 4) + 0.0 for name, joint in free}
         self._facts["home"] = {joint_pattern(name): at for name, at in home.items() if at}
         self._limits(free, q)
-        if self._locked:
-            locked = [joint_pattern(name) for name in self._locked]
-            self._say("locked", locked, "fingers, toes, and joints whose limits leave no room")
+        locked = [joint_pattern(name) for name in self._locked]
+        self._say("locked", locked, "fingers, toes, and joints whose limits leave no room")
         return Proposal(
             name=file.where,
             facts=self._facts,
@@ -150,13 +145,16 @@ class _Describer:
         )
 
     def _say(self, key: str, value: object, reason: str) -> None:
-        """Enter a fact, or a part of one after a dot, with its reason."""
-        first, _, last = key.partition(".")
-        if last:
-            self._facts.setdefault(first, {})[last] = value
-        else:
-            self._facts[first] = value
-        self._reasons[key] = reason
+        """Enter a fact that is not empty, or a part of one after a dot, with its reason."""
+        if value:
+            *above, last = key.split(".")
+            place = self._facts.setdefault(above[0], {}) if above else self._facts
+            place[last], self._reasons[key] = value, reason
+
+    def _remark(self, there: object, remark: str) -> bool:
+        """Remark on something that is there."""
+        self._remarks += [remark] if there else []
+        return bool(there)
 
     def _limbs(self) -> Limbs:
         """The limbs, with z of the root link up or, where that gives no legs, its y."""
@@ -181,11 +179,11 @@ class _Describer:
         """The home posture of a robot whose root is fixed."""
         also = "the root is fixed in the file, and " if self._file.fixed else ""
         self._say("base", "fixed", f"{also}no legs were found")
-        if not self._file.fixed:
-            self._remarks.append(
-                "the file does not fix the root, which is taken as fixed: a base that drives or "
-                "flies is not controlled"
-            )
+        self._remark(
+            not self._file.fixed,
+            "the file does not fix the root, which is taken as fixed: a base that drives or flies "
+            "is not controlled",
+        )
         for name, joint in hinges(self._model):
             low, high = self._ranges[name]
             room = min(MARGIN, 0.5 * (high - low))
@@ -198,8 +196,7 @@ class _Describer:
     def _on_legs(self, limbs: Limbs, legs: Pair, q: Posture, start: Mapping[str, float]) -> Posture:
         """The home posture of a robot that stands on its soles."""
         self._say("base", "floating", "two legs were found")
-        if self._file.fixed:
-            self._remarks.append("the file fixes the root, but the robot has legs")
+        self._remark(self._file.fixed, "the file fixes the root, but the robot has legs")
         model, data, where, forward = self._model, self._data, self._file.where, limbs.forward
         feet = [find_foot(model, data, self._source, leg, forward, where) for leg in legs]
         places = [foot.place.translation for foot in feet]
@@ -217,13 +214,11 @@ class _Describer:
         )
         reason = "by inverse kinematics: soles level, COM over their middle, knees a little bent"
         reason += ", and elbows" if elbows else ""
-        if not stance.reached:
-            off = f"off by {stance.error:.3f} m or rad"
+        off = f"off by {stance.error:.3f} m or rad"
+        ends = f"{off}; at their limits: {', '.join(stance.at_limit) or 'none'}"
+        lacking = f"no posture with level soles and the COM over them was found ({ends})"
+        if self._remark(not stance.reached, lacking):
             reason = f"NOT a standing posture: {off} at best"
-            self._remarks.append(
-                f"no posture with level soles and the COM over them was found ({off}; at their "
-                f"limits: {', '.join(stance.at_limit) or 'none'})"
-            )
         reason += f"; the root leans by {stance.tilt:.2f} rad" if stance.tilt > _SEEN else ""
         reason += f"; toes point {stance.yaw:.2f} rad off ahead" if stance.yaw > _SEEN else ""
         self._reasons["home"] = f"{reason} [rad]"
@@ -237,17 +232,17 @@ class _Describer:
         else:
             said = " and ".join(f"{1e3 * a:.0f} x {1e3 * b:.0f} mm" for a, b in sizes)
             self._remarks.append(f"left and right differ: soles of {said}")
-        for side, foot, size in zip(_SIDES, feet, sizes, strict=True):
-            name, place = f"{side}_sole", self._data.oMi[foot.joint].actInv(foot.place)
-            reason = f"the largest rectangle on the flat lower face of its {foot.kind} geometry"
-            reason += f" ({foot.points} points within 3 mm)"
-            # Whole millimetres, never larger.
-            length, width = (math.floor(1e3 * x + 1e-6) / 1e3 for x in size)
-            frame = self._put(
-                f"soles.{name}", foot.joint, place, reason, length=length, width=width
+        # Whole millimetres, never larger.
+        sizes = np.floor(1e3 * sizes + 1e-6) / 1e3
+        for side, foot, (length, width) in zip(_SIDES, feet, sizes.tolist(), strict=True):
+            key, place = f"{side}_sole", self._data.oMi[foot.joint].actInv(foot.place)
+            face = f"the largest rectangle on the flat lower face of its {foot.kind} geometry"
+            why, size = (
+                f"{face} ({foot.points} points within 3 mm)",
+                {"length": length, "width": width},
             )
-            self._soles.append(frame)
-            self._outlines[name] = foot.outline
+            self._soles.append(self._put(f"soles.{key}", foot.joint, place, why, **size))
+            self._outlines[key] = foot.outline
 
     def _hands(self, limbs: Limbs) -> list[int]:
         """Enter the hands and return their frames."""
@@ -299,28 +294,21 @@ class _Describer:
         before = {"velocity": model.velocityLimit.copy(), "torque": model.effortLimit.copy()}
         said = assume_limits(model, [model.frames[i].name for i in self._soles], floating=True)
         after = {"velocity": model.velocityLimit, "torque": model.effortLimit}
-        self._by_joint(
-            "limits.position",
-            {name: [-3.1416, 3.1416] for name, _ in free if name in self._endless},
-            "assumed: one turn for joints that the file lets turn without end [rad]",
-        )
+        places = {joint_pattern(name): joint.idx_v for name, joint in free}
+        endless = [joint_pattern(name) for name, _ in free if name in self._endless]
+        reason = "assumed: one turn for joints that the file lets turn without end [rad]"
+        self._say("limits.position", {name: [-3.1416, 3.1416] for name in endless}, reason)
         for kind, now in after.items():
-            changed = [(n, now[j.idx_v]) for n, j in free if now[j.idx_v] != before[kind][j.idx_v]]
-            why = "".join(words for words in said if words.startswith(kind))
-            values = {name: float(f"{value:.3g}") for name, value in changed}
-            self._by_joint(f"limits.{kind}", values, f"assumed, {none}: {why}")
+            changed = {name: now[k] for name, k in places.items() if now[k] != before[kind][k]}
+            reason = f"assumed, {none}: {''.join(w for w in said if w.startswith(kind))}"
+            self._say(f"limits.{kind}", {n: float(f"{x:.3g}") for n, x in changed.items()}, reason)
         moved = pin.crba(model, model.createData(), q).diagonal()
         rotor = _RUN_UP * model.effortLimit / model.velocityLimit
         rotor = np.minimum(rotor, np.maximum(moved, _MOST_ROTOR))
-        bare = [(name, rotor[j.idx_v]) for name, j in free if model.armature[j.idx_v] <= 0.0]
+        bare = {name: rotor[k] for name, k in places.items() if model.armature[k] <= 0.0}
         why = "4 ms times torque limit over speed limit, at most the inertia that the joint moves"
-        values = {name: float(f"{value:.2g}") for name, value in bare}
-        self._by_joint("armature", values, f"estimated, {none}: {why} [kg m^2]")
-
-    def _by_joint(self, key: str, values: Mapping[str, Any], reason: str) -> None:
-        """Enter what is proposed for some joints, if it is for any."""
-        if values:
-            self._say(key, {joint_pattern(name): v for name, v in values.items()}, reason)
+        reason = f"estimated, {none}: {why} [kg m^2]"
+        self._say("armature", {name: float(f"{x:.2g}") for name, x in bare.items()}, reason)
 
     def _remark_on_angles(self) -> None:
         """Limits of hinges that make sense in degrees alone."""
@@ -329,9 +317,8 @@ class _Describer:
             for (name, joint), (low, high) in ((h, self._ranges[h[0]]) for h in hinges(self._model))
             if joint_kind(joint) == "revolute" and _TURNS < max(-low, high) <= _ENDLESS
         ]
-        if odd:
-            said = "limits beyond two turns, which look like degrees in place of radians"
-            self._remarks.append(f"{said}: {few(odd)}")
+        said = "limits beyond two turns, which look like degrees in place of radians"
+        self._remark(odd, f"{said}: {few(odd)}")
 
     def _remark_on_weight(self, legs: Pair, tall: float) -> None:
         """A mass that a robot of this size cannot have, or that its legs cannot carry."""
@@ -339,10 +326,10 @@ class _Describer:
         joints = [model.joints[j] for leg in legs for j in leg]
         torques = [float(model.effortLimit[j.idx_v]) for j in joints if joint_kind(j) == "revolute"]
         least, most, size = min(torques), max(torques), f"legs of {tall:.3g} m"
-        if mass > _WATER * (2.0 * tall) ** 3:
-            said = "more than so much water: are masses in grams, or lengths in another unit"
-            self._remarks.append(f"{mass:.0f} kg on {size}, {said} than metres?")
-        elif least > 0.0 and most < min(1e300, _FAR_TOO_WEAK * mass * GRAVITY * tall):
-            said = "far too little to stand: are torques or masses in other units?"
-            weak = f"the strongest joint of the legs has {most:.3g} N m"
-            self._remarks.append(f"{weak} under {mass:.4g} kg on {size}, {said}")
+        weak = least > 0.0 and most < min(1e300, _FAR_TOO_WEAK * mass * GRAVITY * tall)
+        grams = "are masses in grams, or lengths in another unit than metres?"
+        heavy = f"{mass:.0f} kg on {size}, more than so much water: {grams}"
+        if not self._remark(mass > _WATER * (2.0 * tall) ** 3, heavy):
+            strongest = f"the strongest joint of the legs has {most:.3g} N m under {mass:.4g} kg"
+            why = "far too little to stand: are torques or masses in other units?"
+            self._remark(weak, f"{strongest} on {size}, {why}")

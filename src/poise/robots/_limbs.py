@@ -12,12 +12,9 @@ from jaxtyping import Float64
 from poise._show import few
 from poise.errors import RobotError
 
-_FEWEST = 3
-"""Joints of a leg or an arm: fewer cannot place its end in space."""
-
-_HAND_PART = 0.1
-"""Share of the mass below which a branching is a hand or toes: arms and head are a fifth of a
-person, fingers a hundredth."""
+_FEWEST, _HAND_PART = 3, 0.1
+"""Joints of a limb, as fewer cannot place its end in space; and the share of the mass below which
+a branching is a hand or toes: arms and head are a fifth of a person, fingers a hundredth."""
 
 _MIRRORED = 0.08
 """Tolerance of mirrored joints by the robot's height: a person's hips are a tenth of it apart."""
@@ -30,21 +27,16 @@ _UNEQUAL, _APART, _HEAVIER = 0.03, 0.03, 0.5
 """Differences of mass [share], of lengths [m] and of inertia [share] that cables, batteries and
 rounded numbers explain; larger ones are remarked on."""
 
-_BEND, _NEAR = 0.8, 0.01
-"""Angle by which an elbow is bent [rad], so that an arm of equal halves keeps 0.92 of its length;
-and how far an elbow beside the line to the hand may stretch a straight arm [m]."""
-
-MARGIN = 0.02
-"""Distance of proposed postures from position limits [rad]: encoders are off by less."""
+_BEND, _NEAR, MARGIN = 0.8, 0.01, 0.02
+"""Angle by which an elbow is bent, so that an arm of equal halves keeps 0.92 of its length [rad];
+how far an elbow beside the line to the hand may stretch a straight arm [m]; and distance of
+proposed postures from position limits, as encoders are off by less [rad]."""
 
 _AHEAD, _UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
+# Joints of a limb from the trunk outwards; two limbs, left and right once the sides are known.
 Chain = tuple[int, ...]
-"""Joints of a limb by index, from the trunk outwards."""
-
 Pair = tuple[Chain, Chain]
-"""Two limbs with as many joints: left and right, once the sides are known."""
-
 Point = Float64[np.ndarray, "3"]
 Posture = Float64[np.ndarray, " nq"]
 
@@ -68,8 +60,8 @@ def find_limbs(
     tree = _Tree(model, upright)
     hanging = [pair for pair in tree.pairs if tree.hangs(pair)]
     legs = tree.sided(min(hanging, key=tree.end), _AHEAD) if hanging else None
-    others = [p for p in tree.pairs if legs is None or not {*p[0], *p[1]} & {*legs[0], *legs[1]}]
-    low = tree.end(legs) + _DOWN * tree.height if legs is not None else -np.inf
+    others = [p for p in tree.pairs if not {*p[0], *p[1]} & {j for leg in legs or () for j in leg}]
+    low = min(map(tree.end, hanging), default=0.0) + _DOWN * tree.height
     if feet := [p for p in others if p in hanging and tree.end(p) < low]:
         ends = [model.names[chain[-1]] for pair in (legs or (), *feet) for chain in pair]
         raise RobotError(
@@ -99,12 +91,6 @@ def find_limbs(
         forward=forward,
         differences=tuple(differences),
     )
-
-
-def own_joints(model: pin.Model, one: int, other: int) -> Pair:
-    """The joints that move one joint's link and not another's, for each of two joints."""
-    above, beside = (tuple(int(j) for j in model.supports[joint]) for joint in (one, other))
-    return tuple(j for j in above if j not in beside), tuple(j for j in beside if j not in above)
 
 
 class _Tree:
@@ -272,28 +258,23 @@ def bent_arms(model: pin.Model, q: Posture, limbs: Limbs, hands: Sequence[int]) 
     """
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
-    bent, wanted = q.copy(), None
-    ahead, across = limbs.forward + _UP, np.cross(_UP, limbs.forward)
+    bent, wanted, across = q.copy(), None, np.cross(_UP, limbs.forward)
     for arm, hand in zip(limbs.arms, hands, strict=True):
         start, shoulder = data.oMf[hand].translation, data.oMi[arm[0]].translation
         turns = list(swings(model, q, arm, hand, _BEND))
-        if wanted is None:
-            ranks: list[tuple[float, float]] = []
-            for turn in turns:
-                moved, k = turn.place - start, model.joints[turn.joint].idx_q
-                lever = _norm(moved) / _BEND if abs(turn.q[k] - q[k]) > 0.5 * _BEND else 0.0
-                middle = min(lever, _norm(data.oMi[turn.joint].translation - shoulder))
-                # To a centimetre: joints of several axes share one place.
-                ranks.append((round(middle, 2), float(ahead @ moved)))
-            elbow = turns[max(range(len(turns)), key=lambda i: ranks[i])]
-        else:
-            goal = start + wanted
-            elbow = min(turns, key=lambda turn: _norm(turn.place - goal))
+        moved = np.array([turn.place - start for turn in turns])
+        room = np.array([np.abs(turn.q - q).max() > 0.5 * _BEND for turn in turns])
+        upper = [_norm(data.oMi[turn.joint].translation - shoulder) for turn in turns]
+        middle = np.minimum(upper, np.linalg.norm(moved, axis=1) / _BEND * room)
+        # To a centimetre: of joints that share one place the one that points ahead.
+        best = np.lexsort((moved @ (limbs.forward + _UP), np.round(middle, 2)))[-1]
+        if wanted is not None:
+            best = np.argmin(np.linalg.norm(moved - wanted, axis=1))
+        elbow = turns[int(best)]
         reach = max(_norm(t.place - shoulder) for t in turns if t.joint == elbow.joint)
         if reach > _norm(start - shoulder) + _NEAR:
             return q
-        moved = elbow.place - start
-        wanted = moved - 2.0 * float(moved @ across) * across
+        wanted = moved[best] - 2.0 * float(moved[best] @ across) * across
         bent[model.joints[elbow.joint].idx_q] = elbow.q[model.joints[elbow.joint].idx_q]
     return bent
 

@@ -6,14 +6,12 @@ import numpy as np
 import pinocchio as pin
 
 from poise.errors import RobotError
-from poise.robots._limbs import Pair, own_joints
+from poise.robots._limbs import Pair
 from poise.robots._robot import Robot
 
-_ASIDE = 0.01
-"""What is this far to one side of another is certainly there [m]: offsets are rounded finer."""
-
-_OPPOSED = -0.5
-"""Cosine of the angle between two feet that cannot point ahead both: 120 degrees."""
+_ASIDE, _OPPOSED = 0.01, -0.5
+"""Distance to one side that is certainly there, as offsets are rounded finer [m]; and cosine of 120
+degrees between two feet, which cannot point ahead both."""
 
 _ARM, _LEG = 3, 2
 """Hands with fewer joints of their own may be fingers that turn over, and soles with fewer joints
@@ -52,38 +50,33 @@ def check_roles(robot: Robot) -> None:
 def _check_soles(robot: Robot, data: pin.Data, first: str, second: str) -> None:
     """Refuse two soles of one foot or leg, and feet that point apart."""
     pair = f"soles {first!r} and {second!r} of robot {robot.name!r}"
-    legs = (
-        "the links at the ends of two legs; or one sole alone, where that link is all the robot "
-        "stands on"
-    )
+    alone = "or one sole alone, where that link is all the robot stands on"
+    legs = f"the links at the ends of two legs; {alone}"
     # Soles on two links may still share all joints: their legs may be locked.
     above, below = sorted((first, second), key=lambda sole: len(robot.joints_above(sole)))
     links = [robot.roles[sole].link for sole in (above, below)]
     shared = set(robot.joints_above(above))
-    moving = shared - set(robot.joints_above(robot.pelvis))
+    moving = sorted(shared - set(robot.joints_above(robot.pelvis)))
     cosine = float(np.dot(*(data.oMf[robot.frame_id(s)].rotation[:, 0] for s in (first, second))))
     if links[0] == links[1]:
         raise RobotError(f"{pair} are on one link", got=links[0], wanted=legs)
     if len(moving) >= _LEG and shared < set(robot.joints_above(below)):
-        raise RobotError(
-            f"sole {below!r} of robot {robot.name!r} is on the leg of {above!r}, further down",
-            got=f"{' and '.join(links)}, below "
-            f"{', '.join(robot.model.names[j] for j in sorted(moving))}",
-            wanted=legs,
-        )
+        said = f"sole {below!r} of robot {robot.name!r} is on the leg of {above!r}, further down"
+        joints = ", ".join(robot.model.names[j] for j in moving)
+        raise RobotError(said, got=f"{' and '.join(links)}, below {joints}", wanted=legs)
     if cosine < _OPPOSED:
+        degrees = f"{np.degrees(np.arccos(max(cosine, -1.0))):.0f} degrees"
         raise RobotError(
             f"{pair} point against each other",
-            got=f"{np.degrees(np.arccos(max(cosine, -1.0))):.0f} degrees between their x axes in "
-            "the home posture",
+            got=f"{degrees} between their x axes in the home posture",
             wanted="x of both soles towards the toes; mind their `rpy`",
         )
 
 
 def _own(robot: Robot, one: str, other: str) -> Pair:
     """The joints that move one frame and not another, for each of two frames."""
-    frames = (robot.model.frames[robot.frame_id(name)] for name in (one, other))
-    return own_joints(robot.model, *(int(frame.parentJoint) for frame in frames))
+    above, beside = robot.joints_above(one), robot.joints_above(other)
+    return tuple(j for j in above if j not in beside), tuple(j for j in beside if j not in above)
 
 
 def _named_pairs(names: Iterable[str]) -> list[tuple[str, str]]:
@@ -100,10 +93,10 @@ def _check_side(robot: Robot, data: pin.Data, left: str, right: str, why: str) -
     roots = [float(data.oMi[own[0]].translation[1]) for own in _own(robot, left, right) if own]
     crossed = len(roots) == 2 and roots[0] - roots[1] > _ASIDE
     if apart < -_ASIDE and not crossed:
+        links = [repr(robot.roles[name].link) for name in (left, right)]
+        where = f"{left!r} on {links[0]}, {-apart:.3g} m to the right of {right!r} on {links[1]}"
         raise RobotError(
             f"{left!r} and {right!r} of robot {robot.name!r} are on the wrong sides ({why})",
-            got=f"{left!r} on {robot.roles[left].link!r}, {-apart:.3g} m to the right of {right!r} "
-            f"on {robot.roles[right].link!r} in the home posture, seen along the soles' mean x",
-            wanted="left on the left, the left sole listed first, and x of the soles towards the "
-            "toes",
+            got=f"{where} in the home posture, seen along the soles' mean x",
+            wanted="left on the left, the left sole listed first, x of the soles towards the toes",
         )

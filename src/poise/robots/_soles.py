@@ -64,9 +64,9 @@ def find_foot(
         for kind, balls in (shapes := shapes_of(model, source, joint, where)).items():
             fit = _fit(balls.moved(data.oMi[joint]), joint, kind, forward)
             if isinstance(fit, str):
-                wanted = "a sole under `soles` in a description, measured on the robot"
-                flat = f"{foot} has no flat face to stand on"
-                problems.append(RobotError(flat, got=fit, wanted=wanted))
+                sole = "a sole under `soles` in a description, measured on the robot"
+                what = f"{foot} has no flat face to stand on"
+                problems.append(RobotError(what, got=fit, wanted=sole))
             elif found is None or (
                 abs(fit.place.translation[2] - found.place.translation[2]) < _SAME_FOOT
                 and fit.size.prod() > _LARGER * found.size.prod()
@@ -96,14 +96,13 @@ def soles_off_their_feet(robot: Robot) -> list[str]:
             low = (foot.centres - foot.radii[:, None]).min(axis=0)
             high = (foot.centres + foot.radii[:, None]).max(axis=0)
             half = 0.5 * np.array([sole.length, sole.width])
-            over = max(float((half - high[:2]).max()), float((half + low[:2]).max()))
+            over = float(np.max([half - high[:2], half + low[:2]]))
             side = "above" if low[2] < 0.0 else "below"
-            off = f"lies {1e3 * abs(low[2]):.0f} mm {side} the lowest point"
-            if abs(low[2]) <= _OFF:
-                off = f"reaches {1e3 * over:.0f} mm over the edge" if over > _BESIDE else ""
-            if off:
-                said.append(f"sole {name!r} {off} of its foot (`poise describe` shows both)")
-    return said
+            if abs(low[2]) > _OFF:
+                said.append(f"{name!r} lies {1e3 * abs(low[2]):.0f} mm {side} the lowest point")
+            elif over > _BESIDE:
+                said.append(f"{name!r} reaches {1e3 * over:.0f} mm over the edge")
+    return [f"sole {words} of its foot (`poise describe` shows both)" for words in said]
 
 
 def with_controlled_soles(robot: Robot) -> Robot:
@@ -138,27 +137,21 @@ def shapes_of(
 
 def _fit(foot: Balls, joint: int, kind: str, forward: Float64[np.ndarray, "3"]) -> Foot | str:
     """The rectangle on the plane that touches a foot from below with the largest face."""
-    down = np.array([0.0, 0.0, -1.0])
-    hull = _hull(foot.centres)
-    if hull is None:
-        # All in one plane, as contact balls are.
-        *_, axes = np.linalg.svd(foot.centres - foot.centres.mean(axis=0), full_matrices=True)
-        normals = np.array([axes[2], -axes[2]])
-    else:
-        normals = hull.equations[:, :3]
-        normals = normals[np.unique(np.round(normals, 2), axis=0, return_index=True)[1]]
+    down, centres = np.array([0.0, 0.0, -1.0]), foot.centres
+    normals = _hull(centres).equations[:, :3] if len(centres) > 3 else down[None]
+    normals = normals[np.unique(np.round(normals, 2), axis=0, return_index=True)[1]]
     normals = np.array([down, *normals[normals @ down > _STEEPEST]])
-    heights = foot.centres @ normals.T + foot.radii[:, None]
+    heights = centres @ normals.T + foot.radii[:, None]
     near = heights > heights.max(axis=0) - _DEPTH
     planes = [_axes(normal, forward) for normal in normals]
-    areas = np.array([_area(foot.centres[near[:, k]] @ p) for k, p in enumerate(planes)])
-    whole = _area(foot.centres[:, :2])
+    areas = np.array([_area(centres[near[:, k]] @ p) for k, p in enumerate(planes)])
+    whole = _area(centres[:, :2])
     if areas.max() <= max(_FLAT_PART * whole, 1e-6):
         flat, seen = 1e4 * areas.max(), 1e4 * whole
         return f"at most {flat:.1f} cm^2 in one plane, of {seen:.1f} cm^2 seen from below"
     best = max(np.flatnonzero(_CLEARLY * areas >= areas.max()), key=lambda k: -normals[k, 2])
     up, axes = -normals[best], planes[best]
-    points = foot.centres[near[:, best]] - foot.radii[near[:, best], None] * up
+    points = centres[near[:, best]] - foot.radii[near[:, best], None] * up
     corners = (points @ axes)[_hull(points @ axes).vertices]
     turn, middle, size = _largest_inside(corners)
     axes = axes @ turn
@@ -181,19 +174,15 @@ def _axes(normal: Point, forward: Point) -> Float64[np.ndarray, "3 2"]:
 
 
 def _hull(points: Float64[np.ndarray, "n d"]) -> Any:
-    """The convex hull; None for points that lie in something flatter."""
+    """The convex hull, of points that may lie in something flatter, as contact balls do."""
     # It takes long to import, and only robots without a description need it.
-    from scipy.spatial import ConvexHull, QhullError
+    from scipy.spatial import ConvexHull
 
-    try:
-        return ConvexHull(points) if len(points) > points.shape[1] else None
-    except QhullError:
-        return None
+    return ConvexHull(points, qhull_options="QJ")
 
 
 def _area(points: Points) -> float:
-    hull = _hull(points)
-    return 0.0 if hull is None else float(hull.volume)
+    return float(_hull(points).volume) if len(points) > 2 else 0.0
 
 
 def _largest_inside(corners: Points) -> tuple[Float64[np.ndarray, "2 2"], Corner, Corner]:

@@ -101,25 +101,25 @@ def _soles(
             at, turn = places[name].translation[:2], places[name].rotation[:2, :2].T
             panel.fill(*(at + face @ turn).T[::-1], color="#d9e2ec")
             y, x = (at + rectangle @ turn).T[::-1]
-            panel.plot(y, x, color="#0072b2", label=f"{name}, on its flat face")
-        panel.plot(com[1], com[0], "o", color="#d55e00", label="COM")
+            panel.plot(y, x, color="#0072b2")
+        panel.plot(com[1], com[0], "o", color="#d55e00")
         panel.set(aspect="equal", xlabel="y, left [m]", ylabel="x, ahead [m]")
         panel.invert_xaxis()
-        panel.legend(loc="center")
-        return inline_svg(figure, "soles", "Soles from above")
+        how = '<p class="how">Orange: the COM. Blue: soles. Grey: flat faces of the feet.</p>'
+        return how + inline_svg(figure, "soles", "Soles from above")
 
 
 def _attempts(trial: Trial) -> str:
     rows = [
         (
-            attempt.name,
-            "; ".join(attempt.words) or "well",
-            f"{1e3 * attempt.com_error:.1f} mm",
-            f"{100.0 * attempt.torque_ratio:.0f} % at {attempt.weakest}",
+            tried["name"],
+            "; ".join(tried["words"]) or "well",
+            f"{1e3 * (tried['com_error_max_m'] or 0.0):.1f} mm",
+            f"{100.0 * tried['torque_ratio_max']:.0f} % at {tried['weakest']}",
         )
-        for attempt in trial.attempts
+        for tried in (attempt.summary for attempt in trial.attempts)
     ]
-    return html_table("", ("tried", "how it went", "COM off, level", "largest torque"), rows)
+    return html_table("", ("tried", "how it went", "COM off", "largest torque"), rows)
 
 
 def _limits(robot: Robot, proposal: Proposal) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from poise.apps.scenarios import Run, make_scenario, run_scenario
+from poise.apps.scenarios import Run, make_scenario, run_scenario, summarise
 from poise.errors import RobotError
 from poise.robots import Robot, standing_posture, swings
 
@@ -22,29 +22,44 @@ _DRIFT, _PART = 0.01, 0.85
 """Error of what holds still [m], less than half of the narrowest soles' half width; and the share
 of a motion that counts as all of it."""
 
-_SETTLED = 0.3
-"""Errors and torques are shown from here on [s]: a plant begins with a landing."""
 
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Attempt:
-    """One thing tried.
+    """One scenario tried: "stand", "squat", "hold" or "reach".
 
     Attributes:
-        name: "stand", "squat", "hold" or "reach".
-        ok: whether it went well.
-        words: what was wrong, as sentences with what happened before.
-        com_error: largest level distance of the COM from its target, after settling [m].
-        torque_ratio: largest torque over its limit, after settling.
-        weakest: the joint with this torque.
+        run: with its checks and signals.
     """
 
-    name: str
-    ok: bool
-    words: tuple[str, ...]
-    com_error: float
-    torque_ratio: float
-    weakest: str
+    run: Run
+
+    @property
+    def name(self) -> str:
+        """The scenario's name."""
+        return self.run.scenario.name
+
+    @property
+    def ok(self) -> bool:
+        """Whether it went well."""
+        return self.run.ok
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The checks that failed and what happened before; after a fall the fall alone."""
+        said: list[str] = []
+        for check in [check for check in self.run.checks if not check.ok]:
+            value = f"{check.value:.3g} {check.unit}, wanted {check.relation} {check.bound:.3g}"
+            what = f"after {check.time:.2f} s" if check.metric == "fell" else f"is {value}"
+            said.append(": ".join(filter(None, (f"{check.name} {what}", check.mechanism))))
+        return tuple(said[:1] if self.run.fell else said)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Name, outcome, words, joint nearest to its torque limit, and `summarise`'s figures."""
+        ratios = np.max(np.abs(self.run.signals.torque) / self.run.robot.tau_max, axis=0)
+        weakest = self.run.robot.joint_names[int(np.argmax(ratios))]
+        own = {"name": self.name, "ok": self.ok, "words": self.words, "weakest": weakest}
+        return own | summarise(self.run)
 
 
 @dataclass(frozen=True)
@@ -90,7 +105,7 @@ def try_out(robot: Robot) -> Trial:
 
 
 def _attempt(robot: Robot, plan: Mapping[str, Any]) -> Attempt:
-    """Run a scenario, given as its file would be, with a stack that any robot has."""
+    """Run a scenario, given as in a file, with a stack that any robot has."""
     com = [{"com": {"kp": 60}}] if robot.soles else []
     frame = {"axes": "position", "kp": 60}
     hands = [{"frame": {"frame": hand, "name": hand, **frame}} for hand in robot.hands]
@@ -99,30 +114,7 @@ def _attempt(robot: Robot, plan: Mapping[str, Any]) -> Attempt:
     contacts = [{"surface": {"frame": sole}} for sole in robot.soles]
     levels = [level for level in (com, hands, pelvis, ["posture"]) if level]
     about = {"ground_truth": True, "stack": {"contacts": contacts, "levels": levels}}
-    run = run_scenario(make_scenario({**about, **plan}, plan["name"]), robot=robot)
-    signals = run.signals
-    settled = signals.time >= min(_SETTLED, float(signals.time[-1]))
-    error = np.linalg.norm((signals.com - signals.com_reference)[settled, :2], axis=1)
-    ratios = np.max(np.abs(signals.torque[settled]) / robot.tau_max, axis=0)
-    worst = int(np.argmax(ratios))
-    return Attempt(
-        name=plan["name"],
-        ok=run.ok,
-        words=_words(run),
-        com_error=float(np.max(error, initial=0.0, where=np.isfinite(error))),
-        torque_ratio=float(ratios[worst]),
-        weakest=robot.joint_names[worst],
-    )
-
-
-def _words(run: Run) -> tuple[str, ...]:
-    """The checks that failed; after a fall, how it came about alone."""
-    said: list[str] = []
-    for check in [check for check in run.checks if not check.ok][: 1 if run.fell else None]:
-        measured = f"{check.value:.3g} {check.unit}, wanted {check.relation} {check.bound:.3g}"
-        what = f"{check.name} {f'after {check.time:.2f} s' if run.fell else f'is {measured}'}"
-        said.append(f"{what}: {check.mechanism}" if check.mechanism else what)
-    return tuple(said)
+    return Attempt(run_scenario(make_scenario({**about, **plan}, plan["name"]), robot=robot))
 
 
 def _squat(robot: Robot) -> dict[str, Any]:
