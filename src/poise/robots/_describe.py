@@ -325,7 +325,8 @@ class _Describer:
         model, mass = self._model, float(pin.computeTotalMass(self._model))
         joints = [model.joints[j] for leg in legs for j in leg]
         torques = [float(model.effortLimit[j.idx_v]) for j in joints if joint_kind(j) == "revolute"]
-        least, most, size = min(torques), max(torques), f"legs of {tall:.3g} m"
+        least, most = min(torques, default=0.0), max(torques, default=0.0)
+        size = f"legs of {tall:.3g} m"
         weak = least > 0.0 and most < min(1e300, _FAR_TOO_WEAK * mass * GRAVITY * tall)
         grams = "are masses in grams, or lengths in another unit than metres?"
         heavy = f"{mass:.0f} kg on {size}, more than so much water: {grams}"
