@@ -94,11 +94,8 @@ class _Describer:
             self._source = replace(file.source, locked_joints=(*file.locked, *self._locked))
             model = build_model(self._source, floating=True, armature={}, where=file.where)
         if not pin.computeTotalMass(model) > 0.0:
-            raise RobotError(
-                f"{file.where} has no mass",
-                got="no link with one",
-                wanted="an <inertial> with a positive mass in its links",
-            )
+            wanted = "an <inertial> with a positive mass in its links"
+            raise RobotError(f"{file.where} has no mass", got="no link with one", wanted=wanted)
         tighten_torques(model, file.torque)
         self._model, self._data = model, model.createData()
         self._endless = [name for name, _ in hinges(model) if not np.ptp(ranges[name]) < 1e300]
@@ -134,15 +131,8 @@ class _Describer:
         self._limits(free, q)
         locked = [joint_pattern(name) for name in self._locked]
         self._say("locked", locked, "fingers, toes, and joints whose limits leave no room")
-        return Proposal(
-            name=file.where,
-            facts=self._facts,
-            reasons=self._reasons,
-            remarks=tuple(self._remarks),
-            outlines=self._outlines,
-            links=file.links,
-            joints=file.joints,
-        )
+        said = self._facts, self._reasons, tuple(self._remarks), self._outlines
+        return Proposal(file.where, *said, file.links, file.joints)
 
     def _say(self, key: str, value: object, reason: str) -> None:
         """Enter a fact that is not empty, or a part of one after a dot, with its reason."""
@@ -237,11 +227,9 @@ class _Describer:
         for side, foot, (length, width) in zip(_SIDES, feet, sizes.tolist(), strict=True):
             key, place = f"{side}_sole", self._data.oMi[foot.joint].actInv(foot.place)
             face = f"the largest rectangle on the flat lower face of its {foot.kind} geometry"
-            why, size = (
-                f"{face} ({foot.points} points within 3 mm)",
-                {"length": length, "width": width},
-            )
-            self._soles.append(self._put(f"soles.{key}", foot.joint, place, why, **size))
+            why = f"{face} ({foot.points} points within 3 mm)"
+            put = self._put(f"soles.{key}", foot.joint, place, why, length=length, width=width)
+            self._soles.append(put)
             self._outlines[key] = foot.outline
 
     def _hands(self, limbs: Limbs) -> list[int]:

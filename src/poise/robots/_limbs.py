@@ -83,14 +83,9 @@ def find_limbs(
             f"the left arm ({model.names[arms[0][0]]}, ...) is on the side of the right leg "
             f"({model.names[legs[1][0]]}, ...), the right one on that of the left leg"
         )
-    return Limbs(
-        legs=legs,
-        arms=arms,
-        trunk=int(model.parents[arms[0][0]]) if arms else 1,
-        fingers=tuple(j for arm in arms for j in _subtree(model, arm[-1])[1:]),
-        forward=forward,
-        differences=tuple(differences),
-    )
+    trunk = int(model.parents[arms[0][0]]) if arms else 1
+    fingers = tuple(j for arm in arms for j in _subtree(model, arm[-1])[1:])
+    return Limbs(legs, arms, trunk, fingers, forward, tuple(differences))
 
 
 class _Tree:

@@ -39,7 +39,7 @@ Points = Float64[np.ndarray, "n 2"]
 Corner = Float64[np.ndarray, "2"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Foot:
     """The largest rectangle on the flat lower face of what a joint moves, x along the foot."""
 
@@ -75,8 +75,8 @@ def find_foot(
         if not shapes:
             wanted = "the meshes beside the file, or a sole under `soles` in a description"
             got = f"links {names} with neither collision nor visual geometry that is there"
-            bare = f"{foot} has no shape to read a sole from"
-            problems.append(RobotError(bare, got=got, wanted=wanted))
+            what = f"{foot} has no shape to read a sole from"
+            problems.append(RobotError(what, got=got, wanted=wanted))
     if found is None:
         raise problems[0]
     return found
@@ -156,14 +156,8 @@ def _fit(foot: Balls, joint: int, kind: str, forward: Float64[np.ndarray, "3"]) 
     turn, middle, size = _largest_inside(corners)
     axes = axes @ turn
     centre = axes @ middle + float((points @ up).min()) * up
-    return Foot(
-        joint=joint,
-        kind=kind,
-        place=pin.SE3(np.column_stack([axes, up]), centre),
-        size=size,
-        outline=corners @ turn - middle,
-        points=len(points),
-    )
+    place = pin.SE3(np.column_stack([axes, up]), centre)
+    return Foot(joint, kind, place, size, corners @ turn - middle, len(points))
 
 
 def _axes(normal: Point, forward: Point) -> Float64[np.ndarray, "3 2"]:

@@ -19,7 +19,7 @@ _SWING, _FORWARD_AND_UP = 0.5, np.array([0.6, 0.0, 0.8])
 """Turn of the joint whose motion a reach follows [rad], which can be done; and its direction."""
 
 _DRIFT, _PART = 0.01, 0.85
-"""Error of what holds still [m], less than half of the narrowest soles' half width; and the share
+"""Error of what holds still [m], less than half the width of the narrowest soles; and the share
 of a motion that counts as all of it."""
 
 
