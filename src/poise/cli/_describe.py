@@ -3,6 +3,7 @@
 import argparse
 import json
 import warnings
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +43,9 @@ def act(options: argparse.Namespace) -> int:
     proposal = describe(path)
     other = saved.is_file() and saved.read_text(encoding="utf-8") != proposal.text
     if options.save and other and not options.force:
-        raise ConfigurationError(
-            "there is a description already, and it is another one",
-            got=str(saved),
-            wanted="--force to write over it, or no --save to compare",
-        )
+        what = "there is a description already, and it is another one"
+        remedy = "--force to write over it, or no --save to compare"
+        raise ConfigurationError(what, got=str(saved), wanted=remedy)
     folder = make_folder(options.out, f"runs/describe-{path.stem}")
     description = saved if options.save else folder / saved.name
     # First: it is what to mend where the robot cannot be loaded, and is there after Ctrl-C.
@@ -59,15 +58,13 @@ def act(options: argparse.Namespace) -> int:
         except RobotError as error:
             refused = str(error)
     remarks += [str(warning.message) for warning in caught]
-    trial: list[dict[str, Any]] = []
-    page = None
+    trial, page = list[dict[str, Any]](), None
     if robot is not None:
         from poise.apps.onboarding import try_out, write_page
 
-        tried = None if options.no_trial else try_out(robot)
-        page = str(folder / "describe.html")
+        tried, page = None if options.no_trial else try_out(robot), str(folder / "describe.html")
         write_page(robot, proposal, tried, Path(page))
-        trial = [] if tried is None else [attempt.summary for attempt in tried.attempts]
+        trial = [] if tried is None else [asdict(a) for a in tried.attempts]
     summary = {
         "facts": proposal.facts,
         "reasons": proposal.reasons,
@@ -92,7 +89,7 @@ def _print(summary: dict[str, Any]) -> None:
     if summary["refused"]:
         print(f"  FAIL  load: {summary['refused']}")
     for tried in summary["trial"]:
-        torque = f"at most {100 * tried['torque_ratio_max']:.0f} % of a torque limit"
+        torque = f"at most {100 * tried['figures']['torque_ratio_max']:.0f} % of a torque limit"
         said = "; ".join(tried["words"]) or f"{torque} ({tried['weakest']})"
         print(f"  {'ok  ' if tried['ok'] else 'FAIL'}  {tried['name']}: {said}")
     mend = ", to be mended by hand" if summary["refused"] else ""

@@ -29,27 +29,17 @@ from poise.robots._stance import find_stance
 
 _SIDES = ("left", "right")
 
-_Y_UP = pin.utils.rotate("x", 0.5 * math.pi)
-"""Turns a link whose y points up."""
-
-_FOREARM, _GRIP, _SEEN = 0.4, 0.9, 0.01
-"""Share of an arm from which its last link is a forearm, as in a person the hand is a quarter of
-the arm, forearm and hand are six tenths; the share of that link at which it takes hold; and the
-angle from which a home posture is said to lean [rad]."""
-
-_SAME_SOLE, _BESIDE = 0.015, 1.15
-"""Difference of sizes that left and right meshes explain [m]; and the distance of feet that do not
-touch, by their width."""
-
-_RUN_UP, _MOST_ROTOR = 0.004, 0.01
-"""Time in which a motor alone reaches its top speed [s], 0.003 to 0.006 s in published rotor
-inertias of G1 and T1; and the rotor that a light link may have [kg m^2], as torque limits that
-stand in for unknown ones are large."""
-
-_TURNS, _ENDLESS, _WATER, _FAR_TOO_WEAK = 4.0 * math.pi, 720.0, 1000.0, 0.01
-"""Limits between two turns in radians and in degrees are taken for degrees [rad]; a cube of water
-as high as two legs is heavier than a robot [kg/m^3]; legs stand with more torque than so much of
-weight times leg length, shipped humanoids have 0.15 to 0.5."""
+_Y_UP = pin.utils.rotate("x", 0.5 * math.pi)  # turns a link whose y points up
+_FOREARM = 0.4  # of an arm: in a person the hand is 0.25 of it, forearm and hand are 0.6
+_GRIP = 0.9  # of a forearm without a hand, where it takes hold
+_SEEN = 0.01  # [rad] from which a home posture is said to lean
+_SAME_SOLE = 0.015  # [m] that left and right meshes of one sole differ by
+_BESIDE = 1.15  # distance of feet by their width: they do not touch
+_RUN_UP = 0.004  # [s] to top speed of a motor alone: published rotors of G1 and T1 take 3 to 6 ms
+_MOST_ROTOR = 0.01  # [kg m^2] behind a light link: torque limits may stand in for unknown ones
+_TURNS, _ENDLESS = 4.0 * math.pi, 720.0  # two turns; limits between are taken for degrees
+_WATER = 1000.0  # [kg/m^3] of a cube as high as two legs, which is heavier than a robot
+_FAR_TOO_WEAK = 0.01  # of weight times leg length: the legs of shipped humanoids have 0.15 to 0.5
 
 
 def describe(path: str | Path) -> Proposal:
@@ -109,17 +99,14 @@ class _Describer:
         self._locked += [model.names[j] for j in limbs.fingers]
         self._remark_on_angles()
         self._remarks += [f"left and right differ: {said}" for said in limbs.differences]
-        self._remark(
-            limbs.forward @ self._upright[:, 0] < 0.0,
-            "the robot is taken to face along -x of its root link, as the limbs that are left by "
-            "the names of their joints are on the right of +x",
-        )
+        backwards = "the robot is taken to face along -x of its root link, as the limbs that are "
+        backwards += "left by the names of their joints are on the right of +x"
+        self._remark(limbs.forward @ self._upright[:, 0] < 0.0, backwards)
         q = pin.neutral(model)
         q[:7] = pin.SE3ToXYZQUAT(pin.SE3(self._upright, np.zeros(3)))
         pin.framesForwardKinematics(model, data, q)
-        standing = (pose for word in ("home", "stand", "knees")
-                    for name, pose in file.poses.items() if word in name.lower())  # fmt: skip
-        start = next(standing, {})
+        words, poses = ("home", "stand", "knees"), file.poses
+        start = next((poses[n] for word in words for n in poses if word in n.lower()), {})
         if limbs.legs is None:
             q = self._on_fixed_base(limbs, q, start)
         else:
@@ -157,10 +144,9 @@ class _Describer:
         elif not (limbs.legs or limbs.arms or file.fixed):
             raise RobotError(
                 f"no feet are found in {file.where}",
-                got=f"{self._model.njoints - 2} joints, no mirrored pair of legs among them",
+                got=f"no mirrored pair of legs among {self._model.njoints - 2} joints",
                 wanted="two chains of at least three joints that reach down from the root; or a "
-                "description, which for a robot that stands on a fixed base is the line "
-                "`base: fixed` (poise.robots.description_template gives one to fill in)",
+                "description (description_template), for a fixed base the line `base: fixed`",
                 choices=list(self._model.names)[2:],
             )
         return turned if turned.legs else limbs
@@ -169,11 +155,8 @@ class _Describer:
         """The home posture of a robot whose root is fixed."""
         also = "the root is fixed in the file, and " if self._file.fixed else ""
         self._say("base", "fixed", f"{also}no legs were found")
-        self._remark(
-            not self._file.fixed,
-            "the file does not fix the root, which is taken as fixed: a base that drives or flies "
-            "is not controlled",
-        )
+        loose = "the file does not fix the root, which is taken as fixed: a base that drives or "
+        self._remark(not self._file.fixed, f"{loose}flies is not controlled")
         for name, joint in hinges(self._model):
             low, high = self._ranges[name]
             room = min(MARGIN, 0.5 * (high - low))

@@ -12,26 +12,17 @@ from jaxtyping import Float64
 from poise._show import few
 from poise.errors import RobotError
 
-_FEWEST, _HAND_PART = 3, 0.1
-"""Joints of a limb, as fewer cannot place its end in space; and the share of the mass below which
-a branching is a hand or toes: arms and head are a fifth of a person, fingers a hundredth."""
-
-_MIRRORED = 0.08
-"""Tolerance of mirrored joints by the robot's height: a person's hips are a tenth of it apart."""
-
-_DOWN, _LEVEL = 0.15, 0.05
-"""Shares of the height that legs reach down by, half of it in a person and less in a folded leg,
-and by which a waist may begin below the legs that it carries."""
-
-_UNEQUAL, _APART, _HEAVIER = 0.03, 0.03, 0.5
-"""Differences of mass [share], of lengths [m] and of inertia [share] that cables, batteries and
-rounded numbers explain; larger ones are remarked on."""
-
-_BEND, _NEAR, MARGIN = 0.8, 0.01, 0.02
-"""Angle by which an elbow is bent, so that an arm of equal halves keeps 0.92 of its length [rad];
-how far an elbow beside the line to the hand may stretch a straight arm [m]; and distance of
-proposed postures from position limits, as encoders are off by less [rad]."""
-
+_FEWEST = 3  # joints of a limb: fewer cannot place its end in space
+_HAND_PART = 0.1  # of the mass, below which a branching is a hand: a person's arms are 0.1
+_MIRRORED = 0.08  # of the height, tolerance of mirrored joints: a person's hips are 0.1 apart
+_DOWN = 0.15  # of the height, that legs reach down by: 0.5 in a person, less in a folded leg
+_LEVEL = 0.05  # of the height, by which a waist may begin below the legs that it carries
+_UNEQUAL = 0.03  # of the mass, a difference that cables and rounding explain
+_APART = 0.03  # [m] that centres of mass and offsets may differ by, with a battery on one side
+_HEAVIER = 0.5  # of the inertia, a difference that other drawings of one part explain
+_BEND = 0.8  # [rad] by which an elbow is bent: an arm of equal halves keeps 0.92 of its length
+_NEAR = 0.01  # [m] by which an elbow beside the line to the hand may stretch a straight arm
+MARGIN = 0.02  # [rad] of proposed postures to position limits: encoders are off by less
 _AHEAD, _UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 # Joints of a limb from the trunk outwards; two limbs, left and right once the sides are known.
@@ -64,12 +55,9 @@ def find_limbs(
     low = min(map(tree.end, hanging), default=0.0) + _DOWN * tree.height
     if feet := [p for p in others if p in hanging and tree.end(p) < low]:
         ends = [model.names[chain[-1]] for pair in (legs or (), *feet) for chain in pair]
-        raise RobotError(
-            f"{where} has more than two legs",
-            got=f"chains of joints that end in {', '.join(ends)}",
-            wanted="two; or a description that says what it stands on "
-            "(poise.robots.description_template gives one to fill in)",
-        )
+        got = f"chains of joints that end in {', '.join(ends)}"
+        wanted = "two; or a description that says what it stands on (description_template)"
+        raise RobotError(f"{where} has more than two legs", got=got, wanted=wanted)
     arms: tuple[Chain, ...] = tuple(tree.branches) if len(tree.branches) == 1 else ()
     forward = tree.forward(legs) if legs is not None else _AHEAD
     if others:
@@ -84,7 +72,7 @@ def find_limbs(
             f"({model.names[legs[1][0]]}, ...), the right one on that of the left leg"
         )
     trunk = int(model.parents[arms[0][0]]) if arms else 1
-    fingers = tuple(j for arm in arms for j in _subtree(model, arm[-1])[1:])
+    fingers = tuple(j for arm in arms for j in list(model.subtrees[arm[-1]])[1:])
     return Limbs(legs, arms, trunk, fingers, forward, tuple(differences))
 
 
@@ -180,10 +168,6 @@ def _side(name: str, other: str) -> int:
     return {("l", "r"): 1, ("r", "l"): -1}.get(parted, 0)
 
 
-def _subtree(model: pin.Model, joint: int) -> list[int]:
-    return [int(j) for j in model.subtrees[joint]]
-
-
 def _children(model: pin.Model, joint: int) -> list[int]:
     return [j for j in range(1, model.njoints) if model.parents[j] == joint]
 
@@ -194,7 +178,7 @@ def _branches(model: pin.Model) -> list[Chain]:
     trunks = [1]
     for trunk in trunks:
         for child in _children(model, trunk):
-            end = max(_subtree(model, child), key=lambda j: len(model.supports[j]))
+            end = max(model.subtrees[child], key=lambda j: len(model.supports[j]))
             chain = tuple(int(j) for j in model.supports[end] if j >= child)
             # A waist or neck leads to further limbs, which start where it ends.
             if _parts(model, child):
@@ -208,7 +192,7 @@ def _parts(model: pin.Model, joint: int) -> bool:
     """A chain that parts into limbs, which are heavier than fingers."""
     while len(children := _children(model, joint)) == 1:
         joint = children[0]
-    beyond = sum(float(model.inertias[j].mass) for j in _subtree(model, joint)[1:])
+    beyond = sum(float(model.inertias[j].mass) for j in list(model.subtrees[joint])[1:])
     return len(children) > 1 and beyond >= _HAND_PART * pin.computeTotalMass(model)
 
 

@@ -32,8 +32,7 @@ from poise.robots._mjcf_facts import MjcfFacts, read_facts
 from poise.robots._mjcf_world import free_site_names
 from poise.robots._posture import home_configuration
 from poise.robots._robot import FrameRole, ModelSource, Robot, Sole
-from poise.robots._role_check import check_roles
-from poise.robots._soles import soles_off_their_feet, with_controlled_soles
+from poise.robots._soles import check_roles, soles_off_their_feet, with_controlled_soles
 
 
 def load_robot(

@@ -42,21 +42,18 @@ class Proposal:
             parts.append(f"{name} {size} on {sole['link']}")
         parts += [f"{n} on {m['link']}" for n, m in facts.get("hands", {}).items()]
         parts += [f"{k} {facts[k]['link']}" for k in ("torso", "pelvis") if k in facts]
-        parts += ["a home posture"] if "home" in facts else []
+        parts.append("a home posture")
         parts += [f"{k} limits of {_joints(v)}" for k, v in facts.get("limits", {}).items()]
-        parts += [f"rotor inertias of {_joints(v)}" for k, v in facts.items() if k == "armature"]
-        parts += [f"{_joints(v)} locked" for k, v in facts.items() if k == "locked"]
+        words = {"armature": "rotor inertias of {}", "locked": "{} locked"}
+        parts += [said.format(_joints(facts[k])) for k, said in words.items() if k in facts]
         return ", ".join(parts)
 
     @property
     def text(self) -> str:
         """The description file: YAML with each guess's reason as a comment."""
-        head = [
-            f"# Proposed for {self.name} by `poise describe`: check what follows.",
-            *(f"# Note: {remark}" for remark in self.remarks),
-            f"# Links: {', '.join(self.links)}",
-            f"# Joints: {', '.join(self.joints)}",
-        ]
+        head = [f"# Proposed for {self.name} by `poise describe`: check what follows."]
+        head += [f"# Note: {remark}" for remark in self.remarks]
+        head += [f"# Links: {', '.join(self.links)}", f"# Joints: {', '.join(self.joints)}"]
         return "\n".join(head + self._lines("", self.facts)) + "\n"
 
     def _lines(self, path: str, values: Mapping[str, Any]) -> list[str]:

@@ -1,6 +1,6 @@
-"""Soles: found on the shapes of feet (`find_foot`), checked against them, and what legs control."""
+"""Soles: found on the shapes of feet, checked against them and by side, and what legs control."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -11,29 +11,22 @@ from jaxtyping import Float64
 
 from poise.errors import RobotError
 from poise.robots._geometry import Balls, link_shapes, union
-from poise.robots._limbs import Chain, Point
+from poise.robots._limbs import Chain, Pair, Point
 from poise.robots._robot import ModelSource, Robot
 
-_DEPTH, _FLAT_PART = 0.003, 0.3
-"""Height above the lowest plane that counts as on it, as edges of soles are rounded [m]; and share
-of a foot's outline from below that is flat, of which a wheel touches with less."""
-
-_STEEPEST = float(np.cos(np.radians(40.0)))
-"""Cosine of a face's angle to level, above which it is a side: rubber of friction 0.8 slides."""
-
-_CLEARLY, _PLACES = 1.1, 100
-"""Ratio of areas from which one face or rectangle is larger, as meshes are uneven; and places for a
-rectangle's ends along a foot."""
-
-_SAME_FOOT, _LARGER = 0.02, 1.5
-"""Faces within so much height [m] are of one foot, as sole and toes are; one that is larger by
-this ratio leaves out less of it, as contact points at its corners may."""
-
-_OFF, _BESIDE = 0.005, 0.01
-"""Errors of a described sole's height and edges that are told [m]: a contact gives way by less."""
-
-_SLOW = 0.02
-"""Speed of a sole, leg lengths a second at unit speed of all joints, that counts as none."""
+_DEPTH = 0.003  # [m] above the lowest plane that counts as on it: edges of soles are rounded
+_FLAT_PART = 0.3  # of a foot's outline from below; a wheel touches with less
+_STEEPEST = float(np.cos(np.radians(40.0)))  # from a steeper face rubber of friction 0.8 slides
+_CLEARLY = 1.1  # ratio of areas from which one face or rectangle is larger: meshes are uneven
+_PLACES = 100  # for a rectangle's ends along a foot
+_SAME_FOOT = 0.02  # [m] of height within which faces are of one foot, as sole and toes are
+_LARGER = 1.5  # ratio of areas: the smaller face leaves out too much, as contact points may
+_OFF, _BESIDE = 0.005, 0.01  # [m] errors of a described sole that are told: contacts give less
+_SLOW = 0.02  # leg lengths a second, at unit speed of all joints: a motion that cannot be made
+_ASIDE = 0.01  # [m] that is certainly to one side: offsets are rounded finer
+_OPPOSED = -0.5  # cosine of 120 degrees between feet, which cannot point ahead both
+_ARM = 3  # hands with fewer joints of their own may be fingers that turn over
+_LEG = 2  # soles with fewer joints in common below the pelvis may be of two legs, one locked
 
 Points = Float64[np.ndarray, "n 2"]
 Corner = Float64[np.ndarray, "2"]
@@ -97,9 +90,9 @@ def soles_off_their_feet(robot: Robot) -> list[str]:
             high = (foot.centres + foot.radii[:, None]).max(axis=0)
             half = 0.5 * np.array([sole.length, sole.width])
             over = float(np.max([half - high[:2], half + low[:2]]))
-            side = "above" if low[2] < 0.0 else "below"
             if abs(low[2]) > _OFF:
-                said.append(f"{name!r} lies {1e3 * abs(low[2]):.0f} mm {side} the lowest point")
+                side = f"{1e3 * abs(low[2]):.0f} mm {'above' if low[2] < 0.0 else 'below'}"
+                said.append(f"{name!r} lies {side} the lowest point")
             elif over > _BESIDE:
                 said.append(f"{name!r} reaches {1e3 * over:.0f} mm over the edge")
     return [f"sole {words} of its foot (`poise describe` shows both)" for words in said]
@@ -231,3 +224,84 @@ def _controlled(robot: Robot, sole: str) -> tuple[int, ...]:
         del kept[max(turns, key=lambda i: abs(motions[i, 0]))]
     # It lacks no turn: a straight knee, or hips that cannot spread.
     return (0, 1, 2, 3, 4, 5)
+
+
+def check_roles(robot: Robot) -> None:
+    """Refuse soles and hands that are certainly not where walkers take them to be.
+
+    Limbs may cross, and a fixed base has no known direction.
+    """
+    if not robot.floating_base:
+        return
+    data = robot.model.createData()
+    com = pin.centerOfMass(robot.model, data, robot.q_home)
+    pin.updateFramePlacements(robot.model, data)
+    soles, by_name = list(robot.soles), "their names say left and right"
+    if com[2] <= 0.0:
+        pelvis = float(data.oMf[robot.frame_id(robot.pelvis)].translation[2])
+        what = f"robot {robot.name!r} is upside down on its soles ({', '.join(soles)})"
+        got = f"COM {com[2]:.3g} m and pelvis {pelvis:.3g} m above them in the home posture"
+        wanted = "soles whose z points up into the foot; mind their `rpy`"
+        raise RobotError(what, got=got, wanted=wanted)
+    if len(soles) == 2:
+        _check_soles(robot, data, soles[0], soles[1])
+        why = f"{soles[0]!r} is listed first, where the left one is"
+        _check_side(robot, data, soles[0], soles[1], why)
+    for left, right in _named_pairs(soles):
+        _check_side(robot, data, left, right, by_name)
+    for left, right in _named_pairs(robot.hands):
+        if min(len(own) for own in _own(robot, left, right)) >= _ARM:
+            _check_side(robot, data, left, right, by_name)
+
+
+def _check_soles(robot: Robot, data: pin.Data, first: str, second: str) -> None:
+    """Refuse two soles of one foot or leg, and feet that point apart."""
+    pair = f"soles {first!r} and {second!r} of robot {robot.name!r}"
+    alone = "or one sole alone, where that link is all the robot stands on"
+    legs = f"the links at the ends of two legs; {alone}"
+    # Soles on two links may still share all joints: their legs may be locked.
+    above, below = sorted((first, second), key=lambda sole: len(robot.joints_above(sole)))
+    links = [robot.roles[sole].link for sole in (above, below)]
+    shared = set(robot.joints_above(above))
+    moving = sorted(shared - set(robot.joints_above(robot.pelvis)))
+    cosine = float(np.dot(*(data.oMf[robot.frame_id(s)].rotation[:, 0] for s in (first, second))))
+    if links[0] == links[1]:
+        raise RobotError(f"{pair} are on one link", got=links[0], wanted=legs)
+    if len(moving) >= _LEG and shared < set(robot.joints_above(below)):
+        said = f"sole {below!r} of robot {robot.name!r} is on the leg of {above!r}, further down"
+        joints = ", ".join(robot.model.names[j] for j in moving)
+        raise RobotError(said, got=f"{' and '.join(links)}, below {joints}", wanted=legs)
+    if cosine < _OPPOSED:
+        angle = f"{np.degrees(np.arccos(max(cosine, -1.0))):.0f} degrees"
+        got = f"{angle} between their x axes in the home posture"
+        toes = "x of both soles towards the toes; mind their `rpy`"
+        raise RobotError(f"{pair} point against each other", got=got, wanted=toes)
+
+
+def _own(robot: Robot, one: str, other: str) -> Pair:
+    """The joints that move one frame and not another, for each of two frames."""
+    above, beside = robot.joints_above(one), robot.joints_above(other)
+    return tuple(j for j in above if j not in beside), tuple(j for j in beside if j not in above)
+
+
+def _named_pairs(names: Iterable[str]) -> list[tuple[str, str]]:
+    """Left and right names that are alike but for these words."""
+    there = {name.lower(): name for name in names}
+    swapped = ((name, low.replace("left", "right")) for low, name in there.items() if "left" in low)
+    return [(name, there[other]) for name, other in swapped if other in there]
+
+
+def _check_side(robot: Robot, data: pin.Data, left: str, right: str, why: str) -> None:
+    """Refuse what is on the wrong side with its limb: a limb that crosses over ends there alone."""
+    places = [data.oMf[robot.frame_id(name)].translation for name in (left, right)]
+    apart = float(places[0][1] - places[1][1])
+    roots = [float(data.oMi[own[0]].translation[1]) for own in _own(robot, left, right) if own]
+    crossed = len(roots) == 2 and roots[0] - roots[1] > _ASIDE
+    if apart < -_ASIDE and not crossed:
+        links = [repr(robot.roles[name].link) for name in (left, right)]
+        where = f"{left!r} on {links[0]}, {-apart:.3g} m to the right of {right!r} on {links[1]}"
+        raise RobotError(
+            f"{left!r} and {right!r} of robot {robot.name!r} are on the wrong sides ({why})",
+            got=f"{where} in the home posture, seen along the soles' mean x",
+            wanted="left on the left, the left sole listed first, x of the soles towards the toes",
+        )

@@ -16,9 +16,7 @@ from poise.apps.report import house_style, html_document, inline_svg
 from poise.robots import Proposal, Robot
 from poise.sim import Camera, Marker, Plant, find_opengl
 
-_VIEWS = (("from the front left", 145.0), ("from the left", 90.0))
-"""Directions of the pictures [deg]."""
-
+_VIEWS = (("from the front left", 145.0), ("from the left", 90.0))  # [deg]
 _BLUE, _ORANGE = (0.0, 0.45, 0.7, 1.0), (0.85, 0.35, 0.0, 1.0)
 
 
@@ -44,11 +42,9 @@ def write_page(robot: Robot, proposal: Proposal, trial: Trial | None, path: Path
         f"<span>{robot.nj} joints, {robot.mass:.1f} kg</span></h1>{verdict}</div>"
         f'<p class="description">{escape(proposal.summary)}</p></div></header><main class="wide">'
     ]
-    if proposal.remarks:
-        notes = "".join(f"<li>{escape(remark)}</li>" for remark in proposal.remarks)
-        body.append(
-            f'<section class="notes"><h2>Odd about this file</h2><ul>{notes}</ul></section>'
-        )
+    if notes := "".join(f"<li>{escape(remark)}</li>" for remark in proposal.remarks):
+        notes = f"<h2>Odd about this file</h2><ul>{notes}</ul>"
+        body.append(f'<section class="notes">{notes}</section>')
     sections = {"Home posture": _pictures(robot, places, com)}
     if robot.soles:
         sections["Soles from above"] = _soles(robot, proposal, places, com)
@@ -110,15 +106,11 @@ def _soles(
 
 
 def _attempts(trial: Trial) -> str:
-    rows = [
-        (
-            tried["name"],
-            "; ".join(tried["words"]) or "well",
-            f"{1e3 * (tried['com_error_max_m'] or 0.0):.1f} mm",
-            f"{100.0 * tried['torque_ratio_max']:.0f} % at {tried['weakest']}",
-        )
-        for tried in (attempt.summary for attempt in trial.attempts)
-    ]
+    rows: list[tuple[str, ...]] = []
+    for tried in trial.attempts:
+        off = f"{1e3 * (tried.figures['com_error_max_m'] or 0.0):.1f} mm"
+        torque = f"{100.0 * tried.figures['torque_ratio_max']:.0f} % at {tried.weakest}"
+        rows.append((tried.name, "; ".join(tried.words) or "well", off, torque))
     return html_table("", ("tried", "how it went", "COM off", "largest torque"), rows)
 
 

@@ -7,59 +7,35 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from poise.apps.scenarios import Run, make_scenario, run_scenario, summarise
+from poise.apps.scenarios import make_scenario, run_scenario, summarise
 from poise.errors import RobotError
 from poise.robots import Robot, standing_posture, swings
 
-_DEPTHS, _BELOW = (0.1, 0.075, 0.05, 0.025), 1.2
-"""Depths of a squat by the COM's height, of which the first is taken that the legs' limits allow
-when it is so much deeper: the controller brakes before a limit."""
-
-_SWING, _FORWARD_AND_UP = 0.5, np.array([0.6, 0.0, 0.8])
-"""Turn of the joint whose motion a reach follows [rad], which can be done; and its direction."""
-
-_DRIFT, _PART = 0.01, 0.85
-"""Error of what holds still [m], less than half the width of the narrowest soles; and the share
-of a motion that counts as all of it."""
+_DEPTHS = (0.1, 0.075, 0.05, 0.025)  # of a squat by the COM's height: the first that limits allow
+_BELOW = 1.2  # depth that limits must allow by that of the squat: the controller brakes before them
+_SWING = 0.5  # [rad] by which one joint leads a reach, which can therefore be done
+_FORWARD_AND_UP = np.array([0.6, 0.0, 0.8])
+_DRIFT = 0.01  # [m] of what holds still: less than half the width of the narrowest soles
+_PART = 0.85  # of a motion that counts as all of it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Attempt:
-    """One scenario tried: "stand", "squat", "hold" or "reach".
+    """One thing tried.
 
     Attributes:
-        run: with its checks and signals.
+        name: "stand", "squat", "hold" or "reach".
+        ok: whether it went well.
+        words: the checks that failed and what happened before; after a fall the fall alone.
+        weakest: the joint whose torque came nearest to its limit.
+        figures: those of the run, as its `summary.json` has them.
     """
 
-    run: Run
-
-    @property
-    def name(self) -> str:
-        """The scenario's name."""
-        return self.run.scenario.name
-
-    @property
-    def ok(self) -> bool:
-        """Whether it went well."""
-        return self.run.ok
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """The checks that failed and what happened before; after a fall the fall alone."""
-        said: list[str] = []
-        for check in [check for check in self.run.checks if not check.ok]:
-            value = f"{check.value:.3g} {check.unit}, wanted {check.relation} {check.bound:.3g}"
-            what = f"after {check.time:.2f} s" if check.metric == "fell" else f"is {value}"
-            said.append(": ".join(filter(None, (f"{check.name} {what}", check.mechanism))))
-        return tuple(said[:1] if self.run.fell else said)
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        """Name, outcome, words, joint nearest to its torque limit, and `summarise`'s figures."""
-        ratios = np.max(np.abs(self.run.signals.torque) / self.run.robot.tau_max, axis=0)
-        weakest = self.run.robot.joint_names[int(np.argmax(ratios))]
-        own = {"name": self.name, "ok": self.ok, "words": self.words, "weakest": weakest}
-        return own | summarise(self.run)
+    name: str
+    ok: bool
+    words: tuple[str, ...]
+    weakest: str
+    figures: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -114,7 +90,20 @@ def _attempt(robot: Robot, plan: Mapping[str, Any]) -> Attempt:
     contacts = [{"surface": {"frame": sole}} for sole in robot.soles]
     levels = [level for level in (com, hands, pelvis, ["posture"]) if level]
     about = {"ground_truth": True, "stack": {"contacts": contacts, "levels": levels}}
-    return Attempt(run_scenario(make_scenario({**about, **plan}, plan["name"]), robot=robot))
+    run = run_scenario(make_scenario({**about, **plan}, plan["name"]), robot=robot)
+    words: list[str] = []
+    for check in [check for check in run.checks if not check.ok]:
+        value = f"{check.value:.3g} {check.unit}, wanted {check.relation} {check.bound:.3g}"
+        what = f"after {check.time:.2f} s" if check.metric == "fell" else f"is {value}"
+        words.append(": ".join(filter(None, (f"{check.name} {what}", check.mechanism))))
+    ratios = np.max(np.abs(run.signals.torque) / robot.tau_max, axis=0)
+    return Attempt(
+        name=plan["name"],
+        ok=run.ok,
+        words=tuple(words[:1] if run.fell else words),
+        weakest=robot.joint_names[int(np.argmax(ratios))],
+        figures=summarise(run),
+    )
 
 
 def _squat(robot: Robot) -> dict[str, Any]:
