@@ -35,7 +35,7 @@ PACKAGES = {
 LABORATORY = ("studies", "benchmarks", "bundled_robots")
 """Folders of Python beside the library that are counted with the studies."""
 
-ONBOARDING = ("apps/strangers", "cli/_describe.py")
+ONBOARDING = ("apps/onboarding", "cli/_describe.py")
 """Folders and files below `src/poise` that propose, try and show descriptions of new robots."""
 
 OPENINGS = frozenset({"What", "Whether", "Where", "How"})

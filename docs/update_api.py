@@ -21,7 +21,7 @@ MODULES = (
     "poise.apps.campaigns",
     "poise.apps.scorecard",
     "poise.apps.live",
-    "poise.apps.strangers",
+    "poise.apps.onboarding",
     "poise.robots",
     "poise.dynamics",
     "poise.hqp",

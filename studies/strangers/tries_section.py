@@ -5,8 +5,8 @@ import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from poise.apps.onboarding import try_out
 from poise.apps.scenarios import Run, load_scenario, run_scenario
-from poise.apps.strangers import try_out
 from poise.errors import PoiseError
 from poise.robots import describe, load_robot
 from studies.finding import Finding, Section, Table

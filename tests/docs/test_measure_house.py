@@ -91,8 +91,8 @@ FILES = {
             pass
     """,
     "src/poise/robots/_robot.py": "\n\n",
-    "src/poise/apps/strangers/__init__.py": "\n",
-    "src/poise/apps/strangers/page.css": "\n\n\n",
+    "src/poise/apps/onboarding/__init__.py": "\n",
+    "src/poise/apps/onboarding/page.css": "\n\n\n",
     "src/poise/apps/live/page.html": "<p>\n</p>\n",
     "src/poise/apps/live/page.js": "//\n",
     "src/poise/apps/live/three.bundle.min.js": "//\n" * 1000,

@@ -103,7 +103,7 @@ def assemble(
     source = document.source(dict.fromkeys([*locked, *followers, *gears]))
     poses, clipped = _within_limits(model, facts.poses)
     return Assembly(
-        model=_welded(model, source.locked_joints),
+        model=welded(model, source.locked_joints),
         poses=poses,
         clipped=clipped,
         source=source,
@@ -188,7 +188,7 @@ def _take_on(model: pin.Model, coupling: Coupling) -> None:
         high[output.idx_q] = min(high[output.idx_q], ends[1])
 
 
-def _welded(model: pin.Model, names: Sequence[str]) -> pin.Model:
+def welded(model: pin.Model, names: Sequence[str]) -> pin.Model:
     """The model without some joints, at zero; rotor inertias of the others stay theirs."""
     if not names:
         return model

@@ -1,45 +1,42 @@
-"""`describe`: a description proposed for a URDF or MJCF that nobody has described yet."""
+"""`describe`: a description proposed for a URDF or MJCF file that has none."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._show import few
 from poise.errors import RobotError
-from poise.robots._assembly import assemble
-from poise.robots._document import JointLimits
+from poise.robots._assembly import assemble, welded
+from poise.robots._document import Document, JointLimits
 from poise.robots._inputs import RobotInput, open_document
 from poise.robots._kinematics import hinges
-from poise.robots._limbs import Arms, Limbs, Pair, find_arms, find_limbs, no_feet
-from poise.robots._proposal import Draft, Proposal, mount_on
-from poise.robots._proposed_arms import Hand, bend_arms, find_hand
-from poise.robots._proposed_feet import FeetFinder, Foot, main_frame, part_legs
-from poise.robots._proposed_limits import propose_armature, propose_limits, propose_positions
-from poise.robots._stance import Stance, find_stance
-from poise.robots._unit_remarks import remark_on_angles, remark_on_weight
+from poise.robots._limbs import MARGIN, Chain, Limbs, Pair, Posture, bent_arms, find_limbs
+from poise.robots._limits import apply_limits, assume_limits, joint_kind
+from poise.robots._proposal import Proposal, joint_pattern
+from poise.robots._robot import GRAVITY
+from poise.robots._soles import Foot, body_frames, find_foot, shapes_of
+from poise.robots._stance import find_stance
+from poise.robots._urdf import crossed_limits
 
-SIDES = ("left", "right")
+_SIDES = ("left", "right")
 
-_SAME_SOLE = 0.015
-"""Soles whose sizes differ by less are given the smaller size both [m]."""
-
-_Y_UP = pin.utils.rotate("x", 0.5 * math.pi)
-"""Turns a link whose y points up."""
-
-_WIDEST = 0.45
-"""Feet stand no wider apart than this part of a straight leg's length: who walks with feet wider
-apart has to sway faster than ankles brake."""
-
-_FAR_ROOT = 0.5
-"""A root link whose origin is this far from the hips is no pelvis: some stand on the ground [m]."""
-
-_BACKWARDS = 0.9
-"""Cosine of the angle to -x of a robot that faces that way."""
-
-_MARGIN = 0.02
-"""Distance that a home posture keeps from position limits [rad]."""
+_Y_UP = pin.utils.rotate("x", 0.5 * math.pi)  # turns a link whose y points up
+_FOREARM = 0.4  # of an arm: in a person the hand is 0.25 of it, forearm and hand are 0.6
+_GRIP = 0.9  # of a forearm without a hand, where it takes hold
+_SEEN = 0.01  # [rad] from which a home posture is said to lean
+_SAME_SOLE = 0.015  # [m] that left and right meshes of one sole differ by
+_BESIDE = 1.15  # distance of feet by their width: they do not touch
+_RUN_UP = 0.004  # [s] to top speed of a motor alone: published rotors of G1 and T1 take 3 to 6 ms
+_MOST_ROTOR = 0.01  # [kg m^2] behind a light link: torque limits may stand in for unknown ones
+_TURNS, _ENDLESS = 4.0 * math.pi, 720.0  # two turns; limits between are taken for degrees
+_WATER = 1000.0  # [kg/m^3] of a cube as high as two legs, which is heavier than a robot
+_ABSURD = 10.0  # of weight times size: what holds up ten such robots at arm's length
+_FAR_TOO_WEAK = 0.01  # of weight times leg length: the legs of shipped humanoids have 0.15 to 0.5
 
 
 def describe(model: RobotInput, geometry: pin.GeometryModel | None = None) -> Proposal:
@@ -62,289 +59,266 @@ def describe(model: RobotInput, geometry: pin.GeometryModel | None = None) -> Pr
         RobotError: the file cannot be read, it has more than two legs, or neither feet with flat
             faces nor arms are found.
     """
-    return _Describer(model, geometry).proposal()
+    return _Describer(open_document(model, geometry)).proposal()
 
 
 class _Describer:
-    """One file on its way to a proposal."""
+    """A proposal on its way."""
 
-    def __init__(self, given: RobotInput, geometry: pin.GeometryModel | None) -> None:
-        document = open_document(given, geometry)
-        self._where, self._draft = document.where, Draft()
-        self._links, self._joints = document.links(), document.joints()
-        self._facts = document.facts
-        self._says_fixed, self._upright = self._facts.fixed, self._facts.upright
-        self._locked = document.stuck()
-        if self._locked:
-            stuck = ", ".join(self._locked)
-            self._draft.remarks.append(f"limits of these joints leave no room: {stuck}")
-        endless = dict.fromkeys(document.endless(), (-math.pi, math.pi))
-        assembly = assemble(
-            document,
-            "floating",
-            JointLimits(position=endless),
-            locked=self._locked,
-        )
-        self._model, self._source = assembly.model, assembly.source
-        self._grips, self._lost_meshes = assembly.grips, assembly.lost_meshes
-        self._draft.remarks += [*assembly.remarks, *assembly.clipped]
-        self._poses = assembly.poses
-        if not sum(float(inertia.mass) for inertia in self._model.inertias) > 0.0:
-            raise RobotError(
-                f"{self._where} has no mass",
-                got="no link with one",
-                wanted="an <inertial> with a positive mass in its links",
+    def __init__(self, document: Document) -> None:
+        self._where, self._names = document.where, (document.links(), document.joints())
+        self._file, self._upright = document.facts, document.facts.upright
+        endless = dict.fromkeys(document.endless(), (-math.inf, math.inf))
+        assembly = assemble(document, "floating", JointLimits(position=endless))
+        self._grips, self._poses = assembly.grips, assembly.poses
+        self._remarks = [*assembly.remarks, *assembly.clipped]
+        self._facts: dict[str, Any] = {}
+        self._reasons: dict[str, str] = {}
+        self._outlines: dict[str, Float64[np.ndarray, "k 2"]] = {}
+        self._source, self._soles, model = assembly.source, list[int](), assembly.model
+        lows, highs = model.lowerPositionLimit, model.upperPositionLimit
+        ranges = {n: (float(lows[j.idx_q]), float(highs[j.idx_q])) for n, j in hinges(model)}
+        if crossed := {name: ends for name, ends in ranges.items() if ends[0] > ends[1]}:
+            raise crossed_limits(self._where, crossed)
+        self._locked = [name for name, (low, high) in ranges.items() if low == high]
+        stuck = f"limits of these joints leave no room: {', '.join(self._locked)}"
+        if self._remark(self._locked, stuck):
+            locked = (*self._source.locked_joints, *self._locked)
+            self._source, model = (
+                replace(self._source, locked_joints=locked),
+                welded(model, self._locked),
             )
-        self._draft.remarks += remark_on_angles(self._model)
-        propose_positions(self._draft, self._model, endless, self._source.locked_joints)
+        if not pin.computeTotalMass(model) > 0.0:
+            wanted = "an <inertial> with a positive mass in its links"
+            raise RobotError(f"{self._where} has no mass", got="no link with one", wanted=wanted)
+        self._model, self._data = model, model.createData()
+        spans = {name: high - low for name, (low, high) in ranges.items()}
+        self._endless = [name for name, _ in hinges(model) if not spans[name] < 1e300]
+        self._ranges = ranges | dict.fromkeys(self._endless, (-math.pi, math.pi))
+        apply_limits(model, JointLimits(position=self._ranges))
 
     def proposal(self) -> Proposal:
         """The whole description."""
-        limbs = self._find_limbs()
-        if limbs is not None:
-            self._floating(limbs)
-        else:
-            arms = find_arms(self._model, self._upright, self._grips)
-            if not (self._says_fixed or arms.chains):
-                raise no_feet(self._model, self._where)
-            self._fixed(arms)
-        return self._draft.finish(self._where, self._links, self._joints)
-
-    def _find_limbs(self) -> Limbs | None:
-        """The limbs, with z of the root link up or, where that gives no legs, its y."""
-        limbs = find_limbs(self._model, self._upright, self._grips, self._where)
-        if limbs is None:
-            y_up = _Y_UP @ self._upright
-            limbs = find_limbs(self._model, y_up, self._grips, self._where)
-            if limbs is not None:
-                self._upright = y_up
-                self._draft.remarks.append("y of the root link points up")
-        return limbs
-
-    def _fixed(self, arms: Arms) -> None:
-        limits = self._draft.facts.pop("limits", None)
-        reason = "the root is fixed in the file, and no legs were found"
-        if not self._says_fixed:
-            reason = "no legs were found"
-            self._draft.remarks.append(
-                "the file does not fix the root, which is taken as fixed: a base that drives or "
-                "flies is not controlled"
-            )
-        self._draft.say("base", "fixed", reason)
-        self._draft.remarks += [f"left and right differ: {a}" for a in arms.asymmetries]
-        self._remark_on_facing(arms)
-        q, start = self._neutral(), self._start()
-        for name, joint in hinges(self._model):
-            k = joint.idx_q
-            low, high = self._model.lowerPositionLimit[k], self._model.upperPositionLimit[k]
-            room = min(_MARGIN, 0.5 * float(high - low))
-            q[k] = min(max(start.get(name, 0.0), low + room), high - room)
-        hands = self._find_hands(arms)
-        if not start:
-            for name, angle in bend_arms(self._model, q, arms, hands).items():
-                q[self._model.joints[self._model.getJointId(name)].idx_q] = angle
-        self._trunk(arms, q, None)
-        self._hands(hands)
-        self._home(q)
-        said = "that of a keyframe" if start else "zero, arms bent where they were straight"
-        self._draft.reasons["home"] = f"{said}, inside the limits [rad]"
-        if limits is not None:
-            self._draft.facts["limits"] = limits
-        propose_limits(self._draft, self._model, ())
-        propose_armature(self._draft, self._model, q)
-        self._lock(arms.fingers)
-
-    def _remark_on_facing(self, arms: Arms) -> None:
-        """Few robots face backwards; exchanged names are a mistake that looks the same."""
-        if float(arms.forward @ self._upright[:, 0]) < -_BACKWARDS:
-            self._draft.remarks.append(
-                "the robot is taken to face along -x of its root link, as the limbs that are left "
-                "by the names of their joints are on the right of +x"
-            )
-
-    def _neutral(self) -> Float64[np.ndarray, " nq"]:
-        """The robot upright with all joints at zero."""
-        q = pin.neutral(self._model)
+        model, data = self._model, self._data
+        limbs = self._limbs()
+        self._locked += [model.names[j] for j in limbs.fingers]
+        self._remark_on_limits()
+        self._remarks += [f"left and right differ: {said}" for said in limbs.differences]
+        backwards = "the robot is taken to face along -x of its root link, as the limbs that are "
+        backwards += "left by the names of their joints are on the right of +x"
+        self._remark(limbs.forward @ self._upright[:, 0] < 0.0, backwards)
+        q = pin.neutral(model)
         q[:7] = pin.SE3ToXYZQUAT(pin.SE3(self._upright, np.zeros(3)))
-        return q
+        pin.framesForwardKinematics(model, data, q)
+        words, poses = ("home", "stand", "knees"), self._poses
+        start = next((poses[n] for word in words for n in poses if word in n.lower()), {})
+        if limbs.legs is None:
+            q = self._on_fixed_base(limbs, q, start)
+        else:
+            q = self._on_legs(limbs, limbs.legs, q, start)
+        self._trunk(limbs, q)
+        free = [(name, joint) for name, joint in hinges(model) if name not in self._locked]
+        home = {name: round(float(q[joint.idx_q]), 4) + 0.0 for name, joint in free}
+        self._facts["home"] = {joint_pattern(name): at for name, at in home.items() if at}
+        self._limits(free, q)
+        locked = [joint_pattern(name) for name in self._locked]
+        self._say("locked", locked, "fingers, toes, and joints whose limits leave no room")
+        said = self._facts, self._reasons, tuple(self._remarks), self._outlines
+        return Proposal(self._where, *said, *self._names)
 
-    def _floating(self, limbs: Limbs) -> None:
-        limits = self._draft.facts.pop("limits", None)
-        self._draft.say("base", "floating", "two legs were found")
-        if self._says_fixed:
-            self._draft.remarks.append("the file fixes the root, but the robot has legs")
-        self._draft.remarks += [
-            f"left and right differ: {a}" for a in (*limbs.asymmetries, *limbs.arms.asymmetries)
-        ]
-        self._remark_on_facing(limbs.arms)
-        q = self._neutral()
-        data = self._model.createData()
-        pin.framesForwardKinematics(self._model, data, q)
-        finder = FeetFinder(
-            self._model, self._source, self._where, self._lost_meshes, data, limbs.arms.forward
-        )
-        feet = [finder.find(leg) for leg in limbs.legs]
-        soles = self._soles(feet, data)
-        legs, beyond = part_legs(limbs.legs, feet)
-        apart = abs(
-            float((feet[0].fit.position - feet[1].fit.position) @ _left(limbs.arms.forward))
-        )
-        tall = float(data.oMi[limbs.legs[0][0]].translation[2] - feet[0].fit.position[2])
-        self._draft.remarks += remark_on_weight(
-            self._model, [j for leg in limbs.legs for j in leg], tall
-        )
-        apart = max(min(apart, _WIDEST * tall), 1.15 * max(foot.fit.width for foot in feet))
-        back = finder.ankle_relief(feet, legs)
-        hands = self._find_hands(limbs.arms)
-        start = self._start()
-        bent = {} if start else bend_arms(self._model, q, limbs.arms, hands)
+    def _say(self, key: str, value: object, reason: str) -> None:
+        """Enter a fact that is not empty, or a part of one after a dot, with its reason."""
+        if value:
+            *above, last = key.split(".")
+            place = self._facts.setdefault(above[0], {}) if above else self._facts
+            place[last], self._reasons[key] = value, reason
+
+    def _remark(self, there: object, remark: str) -> bool:
+        """Remark on something that is there."""
+        self._remarks += [remark] if there else []
+        return bool(there)
+
+    def _limbs(self) -> Limbs:
+        """The limbs, with z of the root link up or, where that gives no legs, its y."""
+        facts, where, y_up = self._file, self._where, _Y_UP @ self._upright
+        limbs = find_limbs(self._model, self._upright, self._grips, where)
+        turned = limbs if limbs.legs else find_limbs(self._model, y_up, self._grips, where)
+        if turned.legs and not limbs.legs:
+            self._upright = y_up
+            self._remarks.append("y of the root link points up")
+        elif not limbs.legs and (facts.free or not (limbs.arms or facts.fixed)):
+            ends = [n for n in self._endless if not self._model.children[self._model.getJointId(n)]]
+            wheels = f", and joints that turn without end, as wheels do: {few(ends)}"
+            raise RobotError(
+                f"no feet are found in {where}",
+                got=f"{'a free' if facts.free else 'no fixed'} base{wheels if ends else ''}",
+                wanted="two legs, chains of three joints and more that reach down from the root; or a "
+                "description (description_template), for a fixed base the line `base: fixed`",
+                choices=list(self._model.names)[2:],
+            )
+        return turned if turned.legs else limbs
+
+    def _on_fixed_base(self, limbs: Limbs, q: Posture, start: Mapping[str, float]) -> Posture:
+        """The home posture of a robot whose root is fixed."""
+        also = "the root is fixed in the file, and " if self._file.fixed else ""
+        self._say("base", "fixed", f"{also}no legs were found")
+        loose = "the file does not fix the root, which is taken as fixed: a base that drives or "
+        self._remark(not self._file.fixed, f"{loose}flies is not controlled")
+        for name, joint in hinges(self._model):
+            low, high = self._ranges[name]
+            room = min(MARGIN, 0.5 * (high - low))
+            q[joint.idx_q] = min(max(start.get(name, 0.0), low + room), high - room)
+        hands = self._hands(limbs)
+        said = "that of a keyframe" if start else "zero, arms bent where they were straight"
+        self._reasons["home"] = f"{said}, inside the limits [rad]"
+        return q if start else bent_arms(self._model, q, limbs, hands)
+
+    def _on_legs(self, limbs: Limbs, legs: Pair, q: Posture, start: Mapping[str, float]) -> Posture:
+        """The home posture of a robot that stands on its soles."""
+        self._say("base", "floating", "two legs were found")
+        self._remark(self._file.fixed, "the file fixes the root, but the robot has legs")
+        model, data, where, forward = self._model, self._data, self._where, limbs.forward
+        feet = [find_foot(model, data, self._source, leg, forward, where) for leg in legs]
+        places = [foot.place.translation for foot in feet]
+        self._remark_on_weight(legs, float(data.oMi[legs[0][0]].translation[2] - places[0][2]))
+        self._feet(feet)
+        to_soles = [leg[: leg.index(foot.joint) + 1] for leg, foot in zip(legs, feet, strict=True)]
+        self._locked += [model.names[j] for leg in legs for j in leg if j not in sum(to_soles, ())]
+        bent = bent_arms(model, q, limbs, self._hands(limbs))
+        angles = ((name, float(bent[joint.idx_q])) for name, joint in hinges(model))
+        elbows = {} if start else {name: angle for name, angle in angles if angle}
+        apart = abs(float((places[0] - places[1]) @ np.cross([0.0, 0.0, 1.0], forward)))
+        apart = max(apart, _BESIDE * max(float(foot.size[1]) for foot in feet))
         stance = find_stance(
-            self._model,
-            soles,
-            legs,
-            self._upright,
-            limbs.arms.forward,
-            apart,
-            start or bent,
-            ahead=-back,
+            model, self._soles, to_soles, self._upright, forward, apart, start or elbows
         )
-        self._trunk(limbs.arms, stance.q, limbs.legs)
-        self._hands(hands)
-        self._home(stance.q)
-        self._explain(stance, back, elbows=bool(bent))
-        if limits is not None:
-            self._draft.facts["limits"] = limits
-        propose_limits(self._draft, self._model, soles)
-        propose_armature(self._draft, self._model, stance.q)
-        self._lock([*limbs.arms.fingers, *beyond])
+        reason = "by inverse kinematics: soles level, COM over their middle, knees a little bent"
+        reason += ", and elbows" if elbows else ""
+        off = f"off by {stance.error:.3f} m or rad"
+        ends = f"{off}; at their limits: {', '.join(stance.at_limit) or 'none'}"
+        lacking = f"no posture with level soles and the COM over them was found ({ends})"
+        if self._remark(not stance.reached, lacking):
+            reason = f"NOT a standing posture: {off} at best"
+        reason += f"; the root leans by {stance.tilt:.2f} rad" if stance.tilt > _SEEN else ""
+        reason += f"; toes point {stance.yaw:.2f} rad off ahead" if stance.yaw > _SEEN else ""
+        self._reasons["home"] = f"{reason} [rad]"
+        return stance.q
 
-    def _soles(self, feet: Sequence[Foot], data: pin.Data) -> list[int]:
-        """Enter the soles, and put their frames into the model."""
-        sizes = np.array([[f.fit.length, f.fit.width] for f in feet])
-        if np.abs(sizes[0] - sizes[1]).max() < _SAME_SOLE:
+    def _feet(self, feet: Sequence[Foot]) -> None:
+        """Enter the soles."""
+        sizes = np.array([foot.size for foot in feet])
+        if np.ptp(sizes, axis=0).max() < _SAME_SOLE:
             sizes[:] = sizes.min(axis=0)
         else:
             said = " and ".join(f"{1e3 * a:.0f} x {1e3 * b:.0f} mm" for a, b in sizes)
-            self._draft.remarks.append(f"left and right differ: soles of {said}")
-        frames: list[int] = []
-        for side, foot, (length, width) in zip(SIDES, feet, sizes, strict=True):
-            fit, model = foot.fit, self._model
-            index = main_frame(model, foot.joint)
-            place = data.oMf[index].actInv(pin.SE3(fit.rotation, fit.position))
-            name = f"{side}_sole"
-            mount = mount_on(model.frames[index].name, place)
-            self._draft.say(
-                f"soles.{name}",
-                {**mount, "length": _floor(length), "width": _floor(width)},
-                f"the largest rectangle on the flat lower face of its {foot.kind} geometry "
-                f"({fit.points} points within 3 mm)",
-            )
-            self._draft.outlines[name] = fit.outline
-            frame = model.frames[index]
-            local = frame.placement * place
-            frames.append(
-                int(
-                    model.addFrame(
-                        pin.Frame(
-                            f"{name} proposed", foot.joint, index, local, pin.FrameType.OP_FRAME
-                        ),
-                        False,
-                    )
-                )
-            )
-        return frames
+            self._remarks.append(f"left and right differ: soles of {said}")
+        # Whole millimetres, never larger.
+        sizes = np.floor(1e3 * sizes + 1e-6) / 1e3
+        for side, foot, (length, width) in zip(_SIDES, feet, sizes.tolist(), strict=True):
+            key, place = f"{side}_sole", self._data.oMi[foot.joint].actInv(foot.place)
+            face = f"the largest rectangle on the flat lower face of its {foot.kind} geometry"
+            why = f"{face} ({foot.points} points within 3 mm)"
+            put = self._put(f"soles.{key}", foot.joint, place, why, length=length, width=width)
+            self._soles.append(put)
+            self._outlines[key] = foot.outline
 
-    def _start(self) -> dict[str, float]:
-        """Joint positions to begin with: a keyframe for standing, where there is one."""
-        poses = self._poses
-        for wanted in ("home", "stand", "knees"):
-            for name, pose in poses.items():
-                if wanted in name.lower():
-                    return pose
-        return {}
+    def _hands(self, limbs: Limbs) -> list[int]:
+        """Enter the hands and return their frames."""
+        names = [f"{side}_hand" for side in _SIDES] if len(limbs.arms) == 2 else ["hand"]
+        return [self._hand(name, arm) for name, arm in zip(names, limbs.arms, strict=False)]
 
-    def _trunk(self, arms: Arms, q: Float64[np.ndarray, " nq"], legs: Pair | None) -> None:
+    def _hand(self, name: str, arm: Chain) -> int:
+        """Enter a hand, at what an arm's last joint carries."""
+        model, joint, reason = self._model, arm[-1], "at the COM of what its last joint moves"
+        point = np.array(model.inertias[joint].lever)
+        along = point / max(float(np.linalg.norm(point)), 1e-9)
+        shapes = shapes_of(model, self._source, joint, self._where).values()
+        end = max((float((balls.centres @ along).max()) for balls in shapes), default=0.0)
+        upper = sum(float(np.linalg.norm(model.jointPlacements[j].translation)) for j in arm[1:])
+        if end > _FOREARM * (end + upper):
+            point, reason = _GRIP * end * along, "near the end of a forearm without a hand"
+        place = pin.SE3(self._link(joint).placement.rotation, point)
+        return self._put(f"hands.{name}", joint, place, f"end of the arm, {reason}")
+
+    def _trunk(self, limbs: Limbs, q: Posture) -> None:
+        """Enter pelvis and torso, upright at home."""
         data = self._model.createData()
         pin.framesForwardKinematics(self._model, data, q)
-        carries = "the link that carries both arms" if len(arms.chains) == 2 else "the root link"
-        for key, joint, reason in (
-            ("pelvis", 1, "the root link"),
-            ("torso", arms.trunk, carries),
-        ):
-            index = main_frame(self._model, joint)
-            placement, said = data.oMf[index], reason
-            if key == "torso" and not arms.chains:
-                said = "no arms were found: the root link"
-            origin = np.zeros(3)
-            if key == "pelvis" and legs is not None:
-                middle = 0.5 * sum((data.oMi[leg[0]].translation for leg in legs), np.zeros(3))
-                if np.linalg.norm(middle - placement.translation) > _FAR_ROOT:
-                    origin, said = placement.actInv(middle), f"{reason}, between the hips"
-            place = pin.SE3(placement.rotation.T, origin)
-            self._draft.say(key, mount_on(self._model.frames[index].name, place), said)
+        arms = "the link that carries both arms" if len(limbs.arms) == 2 else "the root link"
+        torso = arms if limbs.arms else "no arms were found: the root link"
+        for key, joint, reason in (("pelvis", 1, "the root link"), ("torso", limbs.trunk, torso)):
+            upright = pin.SE3(data.oMi[joint].rotation.T, self._link(joint).placement.translation)
+            self._put(key, joint, upright, reason)
 
-    def _find_hands(self, arms: Arms) -> list[Hand]:
-        return [find_hand(self._model, self._source, c[-1], self._where) for c in arms.chains]
+    def _link(self, joint: int) -> pin.Frame:
+        """The heaviest of the links that a joint moves; the first where none says its mass."""
+        links = [self._model.frames[i] for i in body_frames(self._model, joint)]
+        return max(links, key=lambda link: link.inertia.mass)
 
-    def _hands(self, hands: Sequence[Hand]) -> None:
-        names = [f"{side}_hand" for side in SIDES] if len(hands) == 2 else ["hand"]
-        for name, hand in zip(names, hands, strict=False):
-            frame = self._model.frames[main_frame(self._model, hand.joint)]
-            place = pin.SE3(np.eye(3), frame.placement.actInv(hand.point))
-            self._draft.say(f"hands.{name}", mount_on(frame.name, place), hand.reason)
+    def _put(self, key: str, joint: int, place: pin.SE3, reason: str, **more: float) -> int:
+        """Enter a place in a joint's frame as a fact, and put a frame there into the model."""
+        link = self._link(joint)
+        local = link.placement.actInv(place)
+        numbers = {"position": local.translation, "rpy": pin.rpy.matrixToRpy(local.rotation)}
+        rounded = {k: [round(float(x), 4) + 0.0 for x in v] for k, v in numbers.items()}
+        mount = {"link": link.name, **{k: v for k, v in rounded.items() if any(v)}, **more}
+        self._say(key, mount, reason)
+        kind = pin.FrameType.OP_FRAME
+        return int(self._model.addFrame(pin.Frame(f"proposed {key}", joint, 0, place, kind), False))
 
-    def _home(self, q: Float64[np.ndarray, " nq"]) -> None:
-        self._draft.facts["home"] = {
-            name: angle
-            for name, joint in hinges(self._model)
-            if (angle := round(float(q[joint.idx_q]), 4) + 0.0)
-        }
+    def _limits(self, free: Sequence[tuple[str, pin.JointModel]], q: Posture) -> None:
+        """Enter the limits and rotor inertias that the file lacks."""
+        model, none = self._model, "as the file has none"
+        before = {"velocity": model.velocityLimit.copy(), "torque": model.effortLimit.copy()}
+        said = assume_limits(model, [model.frames[i].name for i in self._soles])
+        after = {"velocity": model.velocityLimit, "torque": model.effortLimit}
+        places = {joint_pattern(name): joint.idx_v for name, joint in free}
+        endless = [joint_pattern(name) for name, _ in free if name in self._endless]
+        reason = "assumed: one turn for joints that the file lets turn without end [rad]"
+        self._say("limits.position", {name: [-3.1416, 3.1416] for name in endless}, reason)
+        for kind, now in after.items():
+            changed = {name: now[k] for name, k in places.items() if now[k] != before[kind][k]}
+            reason = f"assumed, {none}: {''.join(w for w in said if w.startswith(kind))}"
+            self._say(f"limits.{kind}", {n: float(f"{x:.3g}") for n, x in changed.items()}, reason)
+        moved = pin.crba(model, model.createData(), q).diagonal()
+        rotor = _RUN_UP * model.effortLimit / model.velocityLimit
+        rotor = np.minimum(rotor, np.maximum(moved, _MOST_ROTOR))
+        bare = {name: rotor[k] for name, k in places.items() if model.armature[k] <= 0.0}
+        why = "4 ms times torque limit over speed limit, at most the inertia that the joint moves"
+        reason = f"estimated, {none}: {why} [kg m^2]"
+        self._say("armature", {name: float(f"{x:.2g}") for name, x in bare.items()}, reason)
 
-    def _explain(self, stance: Stance, back: float, *, elbows: bool) -> None:
-        """Says how a standing posture was found."""
-        if stance.reached:
-            reason = (
-                "by inverse kinematics: soles level, COM over their middle, knees a little bent"
-            )
-            reason += ", and elbows" if elbows else ""
-        else:
-            reason = f"NOT a standing posture: off by {stance.error:.3f} m or rad at best"
-            self._draft.remarks.append(
-                f"no posture with level soles and the COM over them was found (off by "
-                f"{stance.error:.3f} m or rad; at their limits: "
-                f"{', '.join(stance.at_limit) or 'none'})"
-            )
-        if back > 1e-3:
-            reason += f"; the COM {1e3 * back:.0f} mm back, as the ankles are weak"
-        if stance.tilt > 0.01:
-            reason += f"; the root leans by {stance.tilt:.2f} rad"
-        if stance.yaw > 0.01:
-            reason += f"; toes point {stance.yaw:.2f} rad off ahead"
-        self._draft.reasons["home"] = reason + " [rad]"
+    def _remark_on_limits(self) -> None:
+        """Limits of hinges that make sense in degrees alone, and torques beyond any motor."""
+        turning = [(n, j) for n, j in hinges(self._model) if joint_kind(j) == "revolute"]
+        odd = [
+            f"{name} ({low:.4g} to {high:.4g})"
+            for name, _ in turning
+            for low, high in [self._ranges[name]]
+            if _TURNS < max(-low, high) <= _ENDLESS
+        ]
+        said = "limits beyond two turns, which look like degrees in place of radians"
+        self._remark(odd, f"{said}: {few(odd)}")
+        pin.forwardKinematics(self._model, self._data, pin.neutral(self._model))
+        places = np.array([place.translation for place in self._data.oMi[1:]])
+        weight = GRAVITY * pin.computeTotalMass(self._model)
+        most = _ABSURD * weight * np.ptp(places, axis=0).max()
+        torques = [(name, float(self._model.effortLimit[j.idx_v])) for name, j in turning]
+        strong = [f"{name} ({torque:.6g} N m)" for name, torque in torques if most < torque < 1e300]
+        said = "torque limits that no motor of a robot of this weight has"
+        self._remark(strong, f"{said}: {few(strong)}")
 
-    def _lock(self, fingers: Sequence[int]) -> None:
-        locked = [*self._locked, *(self._model.names[j] for j in fingers)]
-        if not locked:
-            return
-        self._draft.facts["locked"] = locked
-        self._draft.reasons["locked"] = "fingers, toes, and joints whose limits leave no room"
-        for key in ("home", "armature"):
-            for name in locked:
-                self._draft.facts.get(key, {}).pop(name, None)
-        limits = self._draft.facts.get("limits", {})
-        for kind, values in list(limits.items()):
-            for name in locked:
-                values.pop(name, None)
-            if not values:
-                del limits[kind]
-        if not limits:
-            self._draft.facts.pop("limits", None)
-
-
-def _left(forward: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
-    return np.cross([0.0, 0.0, 1.0], forward)
-
-
-def _floor(size: float) -> float:
-    """A size in whole millimetres, never larger [m]."""
-    return math.floor(1e3 * size + 1e-6) / 1e3
+    def _remark_on_weight(self, legs: Pair, tall: float) -> None:
+        """A mass that a robot of this size cannot have, or that its legs cannot carry."""
+        model, mass = self._model, float(pin.computeTotalMass(self._model))
+        joints = [model.joints[j] for leg in legs for j in leg]
+        torques = [float(model.effortLimit[j.idx_v]) for j in joints if joint_kind(j) == "revolute"]
+        least, most = min(torques, default=0.0), max(torques, default=0.0)
+        size = f"legs of {tall:.3g} m"
+        weak = least > 0.0 and most < min(1e300, _FAR_TOO_WEAK * mass * GRAVITY * tall)
+        grams = "are masses in grams, or lengths in another unit than metres?"
+        heavy = f"{mass:.0f} kg on {size}, more than so much water: {grams}"
+        if not self._remark(mass > _WATER * (2.0 * tall) ** 3, heavy):
+            strongest = f"the strongest joint of the legs has {most:.3g} N m under {mass:.4g} kg"
+            why = "far too little to stand: are torques or masses in other units?"
+            self._remark(weak, f"{strongest} on {size}, {why}")

@@ -185,10 +185,6 @@ class Document(ABC):
         """Make rotational inertias possible, and return the links whose inertia was changed."""
         return []
 
-    def stuck(self) -> list[str]:
-        """Joints whose equal limits mean that they are fixed."""
-        return []
-
     def endless(self) -> list[str]:
         """Joints without position limits."""
         return []

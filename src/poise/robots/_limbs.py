@@ -1,298 +1,164 @@
-"""Which joints of a stranger are legs and arms, from its tree alone: `find_limbs`, `find_arms`."""
+"""Legs and arms of a model, found in its tree of joints, and straight arms bent."""
 
-from collections.abc import Collection, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._show import few
 from poise.errors import RobotError
-from poise.robots._asymmetries import asymmetries
 
-_FEWEST = 3
-"""A leg or an arm has at least so many joints."""
+_FEWEST = 3  # joints of a limb: fewer cannot place its end in space
+_HAND_PART = 0.1  # of the mass, below which a branching is a hand: a person's arms are 0.1
+_MIRRORED = 0.08  # of the height, tolerance of mirrored joints: a person's hips are 0.1 apart
+_DOWN = 0.15  # of the height, that legs reach down by: 0.5 in a person, less in a folded leg
+_LEVEL = 0.05  # of the height, by which a waist may begin below the legs that it carries
+_UNEQUAL = 0.03  # of the mass, a difference that cables and rounding explain
+_APART = 0.03  # [m] that centres of mass and offsets may differ by, with a battery on one side
+_HEAVIER = 0.5  # of the inertia, a difference that other drawings of one part explain
+_BEND = 0.8  # [rad] by which an elbow is bent: an arm of equal halves keeps 0.92 of its length
+_NEAR = 0.01  # [m] by which an elbow beside the line to the hand may stretch a straight arm
+MARGIN = 0.02  # [rad] of proposed postures to position limits: encoders are off by less
+_AHEAD, _UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
-_HAND_PART = 0.1
-"""What a chain parts into is a hand or toes below this part of the robot's mass; arms are more."""
-
-_MIRRORED = 0.08
-"""Ends of a left and a right limb are mirror images within this part of the robot's height."""
-
-
-_DOWN = 0.15
-"""Legs reach down by this part of the robot's height, or more."""
-
-_LEVEL = 0.05
-"""What carries legs, such as a waist, begins no further below them than this part of the height."""
-
-_AHEAD = np.array([1.0, 0.0, 0.0])
-"""Where a robot faces whose names do not say."""
-
+# Joints of a limb from the trunk outwards; two limbs, left and right once the sides are known.
 Chain = tuple[int, ...]
 Pair = tuple[Chain, Chain]
-
-
-@dataclass(frozen=True)
-class Arms:
-    """Joints of a robot's arms by index.
-
-    Attributes:
-        chains: left and right, or one, or none; from the trunk outwards, the last carries the hand.
-        trunk: the joint that carries them.
-        fingers: joints beyond the hands.
-        forward: horizontal direction of the robot at zero, in the root link's axes turned upright.
-        asymmetries: where left and right are not mirror images, as sentences.
-    """
-
-    chains: tuple[Chain, ...]
-    trunk: int
-    fingers: Chain
-    forward: Float64[np.ndarray, "3"]
-    asymmetries: tuple[str, ...]
+Point = Float64[np.ndarray, "3"]
+Posture = Float64[np.ndarray, " nq"]
 
 
 @dataclass(frozen=True)
 class Limbs:
-    """Joints of a biped's limbs by index, each limb from the trunk outwards; left first.
+    """Legs, one or two arms up to the hand, or none, and the horizontal direction forward."""
 
-    Attributes:
-        legs: two legs.
-        arms: two arms, or none.
-        asymmetries: where left and right are not mirror images, as sentences.
-    """
-
-    legs: Pair
-    arms: Arms
-    asymmetries: tuple[str, ...]
+    legs: Pair | None
+    arms: tuple[Chain, ...]
+    trunk: int
+    fingers: Chain
+    forward: Point
+    differences: tuple[str, ...]
 
 
 def find_limbs(
     model: pin.Model, upright: Float64[np.ndarray, "3 3"], grips: Collection[str], where: str
-) -> Limbs | None:
-    """Find the limbs: the two mirrored chains that reach lowest are legs, the next pair arms.
-
-    Args:
-        model: the model with a free base as its first joint.
-        upright: world_R_base, as the document puts the robot.
-        grips: joints that drive others, as those of grippers do.
-        where: the file, for messages.
-
-    Returns:
-        The limbs; None without two mirrored chains of three joints or more that reach down.
-
-    Raises:
-        RobotError: there are four legs or more.
-    """
+) -> Limbs:
+    """Legs are the two mirrored chains that reach lowest, arms the longest two others."""
     tree = _Tree(model, upright)
     hanging = [pair for pair in tree.pairs if tree.hangs(pair)]
-    if not hanging:
-        return None
-    legs = tree.left_first(min(hanging, key=tree.reach))
-    others = [p for p in tree.pairs if not {*p[0], *p[1]} & {*legs[0], *legs[1]}]
-    low = [
-        p for p in others if p in hanging and tree.reach(p) < tree.reach(legs) + tree.part(_DOWN)
-    ]
-    if low:
-        feet = [model.names[chain[-1]] for pair in (legs, *low) for chain in pair]
-        raise RobotError(
-            f"{where} has more than two legs",
-            got=f"chains of joints that end in {', '.join(feet)}",
-            wanted="two; or a description that says what it stands on "
-            "(poise.robots.description_template gives one to fill in)",
+    legs = tree.sided(min(hanging, key=tree.end), _AHEAD) if hanging else None
+    others = [p for p in tree.pairs if not {*p[0], *p[1]} & {j for leg in legs or () for j in leg}]
+    low = min(map(tree.end, hanging), default=0.0) + _DOWN * tree.height
+    if feet := [p for p in others if p in hanging and tree.end(p) < low]:
+        ends = [model.names[chain[-1]] for pair in (legs or (), *feet) for chain in pair]
+        got = f"chains of joints that end in {', '.join(ends)}"
+        wanted = "two; or a description that says what it stands on (description_template)"
+        raise RobotError(f"{where} has more than two legs", got=got, wanted=wanted)
+    arms: tuple[Chain, ...] = tuple(tree.branches) if len(tree.branches) == 1 else ()
+    forward = tree.forward(legs) if legs is not None else _AHEAD
+    if others:
+        pair = max(others, key=lambda p: len(p[0]))
+        forward = forward if legs is not None else tree.forward(tree.sided(pair, _AHEAD))
+        arms = tree.sided(pair, forward)
+    arms = tuple(_without_fingers(model, arm, grips) for arm in arms)
+    differences = [said for pair in (legs, arms) for said in tree.differences(pair or ())]
+    if legs is not None and len(arms) == 2 and tree.forward(arms) @ forward < 0.0:
+        differences.append(
+            f"the left arm ({model.names[arms[0][0]]}, ...) is on the side of the right leg "
+            f"({model.names[legs[1][0]]}, ...), the right one on that of the left leg"
         )
-    arms = tree.arms(others, grips, tree.forward(legs))
-    crossed = tree.crossed(legs, arms)
-    return Limbs(legs=legs, arms=arms, asymmetries=(*asymmetries(model, upright, *legs), *crossed))
-
-
-def find_arms(
-    model: pin.Model, upright: Float64[np.ndarray, "3 3"], grips: Collection[str]
-) -> Arms:
-    """Find the arms of a robot without legs: two mirrored chains, or the only one.
-
-    Args:
-        model: the model with a free base as its first joint.
-        upright: world_R_base, as the document puts the robot.
-        grips: joints that drive others, as those of grippers do.
-    """
-    tree = _Tree(model, upright)
-    forward = _AHEAD
-    if tree.pairs:
-        forward = tree.forward(tree.left_first(_longest(tree.pairs)))
-    return tree.arms(tree.pairs, grips, forward)
-
-
-def no_feet(model: pin.Model, where: str) -> RobotError:
-    """What is said of a robot that is neither a biped nor has arms.
-
-    Args:
-        model: with a free base as its first joint.
-        where: the file, for messages.
-    """
-    return RobotError(
-        f"no feet are found in {where}",
-        got=f"{len(_branches(model))} chains of joints, none of them a mirrored pair of legs",
-        wanted="two chains of at least three joints that reach down from the root; or a "
-        "description, which for a robot that stands on a fixed base is the line `base: fixed` "
-        "(poise.robots.description_template gives one to fill in)",
-        choices=list(model.names)[2:],
-    )
+    trunk = int(model.parents[arms[0][0]]) if arms else 1
+    fingers = tuple(j for arm in arms for j in list(model.subtrees[arm[-1]])[1:])
+    return Limbs(legs, arms, trunk, fingers, forward, tuple(differences))
 
 
 class _Tree:
-    """A robot's chains of joints, and where they are at zero."""
+    """Chains of joints, and where the joints are at zero, upright."""
 
     def __init__(self, model: pin.Model, upright: Float64[np.ndarray, "3 3"]) -> None:
         data = model.createData()
         pin.forwardKinematics(model, data, pin.neutral(model))
-        self._model, self._upright = model, upright
-        self._places = np.array([upright @ data.oMi[j].translation for j in range(model.njoints)])
-        self._height = float(np.ptp(self._places[1:, 2])) if model.njoints > 2 else 0.0
+        self._model = model
+        self._axes = [upright @ place.rotation for place in data.oMi]
+        self._places = np.array([upright @ place.translation for place in data.oMi])
+        self.height = float(np.ptp(self._places[1:, 2]))
         self.branches = _branches(model)
-        self.pairs = _mirrored_pairs(
-            self._places, self.branches, _MIRRORED * max(self._height, 0.1)
-        )
+        pairs = [(a, b) for k, a in enumerate(self.branches) for b in self.branches[k + 1 :]]
+        self.pairs = [pair for pair in pairs if self._mirrored(pair)]
 
-    def part(self, share: float) -> float:
-        """A share of the robot's height [m]."""
-        return share * self._height
+    def _mirrored(self, pair: Pair) -> bool:
+        if len(pair[0]) != len(pair[1]):
+            return False
+        a, b = (self._places[list(chain)] for chain in pair)
+        tolerance = _MIRRORED * max(self.height, 0.1)
+        # Shoulders may begin on the middle plane; hands and feet are off it.
+        if np.linalg.norm((a[-1] - b[-1])[:2]) < 1e-3 or abs(a - b)[:, 2].max() > tolerance:
+            return False
+        middle = 0.5 * (a[-1] + b[-1])
+        apart = middle + (a - middle) @ self._mirror(pair) - b
+        return bool(np.linalg.norm(apart, axis=1).max() < 2.0 * tolerance)
 
-    def reach(self, pair: Pair) -> float:
-        """How high a pair of chains ends [m]."""
+    def _mirror(self, pair: Pair) -> Float64[np.ndarray, "3 3"]:
+        """The reflection that takes the end of one limb to that of the other."""
+        normal = (self._places[pair[0][-1]] - self._places[pair[1][-1]]) * [1.0, 1.0, 0.0]
+        return np.eye(3) - 2.0 * np.outer(normal, normal) / (normal @ normal)
+
+    def end(self, pair: Pair) -> float:
+        """Height of the chains' ends [m]."""
         return float(self._places[pair[0][-1], 2])
 
     def hangs(self, pair: Pair) -> bool:
-        """Whether chains reach down as legs do, from a trunk that does not come up to them."""
+        """Legs reach down, from a trunk that does not come up to them as a torso does to arms."""
         hip = float(self._places[pair[0][0], 2])
-        # Arms hang down, too, but from a torso that joints carry from below.
         trunk = [int(j) for j in self._model.supports[pair[0][0]] if 1 < j < pair[0][0]]
-        carried = any(self._places[j, 2] < hip - self.part(_LEVEL) for j in trunk)
+        carried = any(self._places[j, 2] < hip - _LEVEL * self.height for j in trunk)
         # Where the root link begins on the ground, so do feet.
-        low = float(self._places[1, 2]) + self.part(_DOWN)
-        return self.reach(pair) <= min(hip - self.part(_DOWN), low) and not carried
+        down = _DOWN * self.height
+        return not carried and self.end(pair) <= min(hip - down, float(self._places[1, 2]) + down)
 
-    def left_first(self, pair: Pair, forward: Float64[np.ndarray, "3"] = _AHEAD) -> Pair:
-        """By the names of the joints; where these do not say, as seen along `forward`."""
-        left = np.cross([0.0, 0.0, 1.0], forward)
-        return _left_first(self._model, pair, self._places @ left)
-
-    def forward(self, pair: Pair) -> Float64[np.ndarray, "3"]:
-        """The horizontal direction across from a left and a right chain."""
-        across = self._places[pair[0][-1]] - self._places[pair[1][-1]]
-        forward = np.cross(np.array([across[0], across[1], 0.0]), [0.0, 0.0, 1.0])
-        return _straightened(forward / np.linalg.norm(forward))
-
-    def arms(
-        self, pairs: Sequence[Pair], grips: Collection[str], forward: Float64[np.ndarray, "3"]
-    ) -> Arms:
-        """The longest pair; a single chain where that is all there is."""
-        model, chains = self._model, tuple(self.branches) if len(self.branches) == 1 else ()
-        if pairs:
-            chains = self.left_first(_longest(pairs), forward)
-        hands = tuple(_without_fingers(model, chain, grips) for chain in chains)
-        return Arms(
-            chains=hands,
-            trunk=int(model.parents[hands[0][0]]) if hands else 1,
-            fingers=tuple(j for hand in hands for j in _beyond(model, hand[-1])),
-            forward=forward,
-            asymmetries=asymmetries(model, self._upright, *hands) if len(hands) == 2 else (),
-        )
-
-    def crossed(self, legs: Pair, arms: Arms) -> tuple[str, ...]:
-        """Whether the arms' left is the legs' right, as a sentence."""
-        if len(arms.chains) != 2:
-            return ()
-        left, right = arms.chains
-        if float(self.forward((left, right)) @ self.forward(legs)) >= 0.0:
-            return ()
+    def sided(self, pair: Pair, forward: Point) -> Pair:
+        """The left chain first, by the joints' names, or where these do not say, by its place."""
         names = self._model.names
-        return (
-            f"the left arm ({names[left[0]]}, ...) is on the side of the right leg "
-            f"({names[legs[1][0]]}, ...), the right one on that of the left leg",
-        )
+        votes = float(sum(_side(names[a], names[b]) for a, b in zip(*pair, strict=True)))
+        apart = self._places[pair[0][0]] - self._places[pair[1][0]]
+        left, right = pair
+        return pair if (votes or float(apart @ np.cross(_UP, forward))) > 0.0 else (right, left)
 
+    def forward(self, pair: Pair) -> Point:
+        """The horizontal direction across from a left and a right chain."""
+        forward = np.cross(self._places[pair[0][-1]] - self._places[pair[1][-1]], _UP)
+        forward /= np.linalg.norm(forward)
+        # An axis of the root link, where it is that but for rounding and unequal limbs.
+        axis = np.round(forward)
+        return axis if np.linalg.norm(forward - axis) < 0.05 else forward
 
-def _longest(pairs: Sequence[Pair]) -> Pair:
-    return max(pairs, key=lambda pair: len(pair[0]))
-
-
-def _branches(model: pin.Model) -> list[Chain]:
-    """Chains from where left and right part to their deepest ends: one for each limb."""
-    depth = {j: len(model.supports[j]) for j in range(model.njoints)}
-    children = _children(model)
-    chains: list[Chain] = []
-    trunks = [1]
-    for joint in trunks:
-        for child in children[joint]:
-            end = max(_subtree(model, child), key=lambda j: depth[j])
-            chain = tuple(int(j) for j in model.supports[end] if j >= child)
-            # A waist or neck leads to further limbs: those start where it ends.
-            if len(_ends(model, child, children)) > 1 and not _is_hand(model, child, children):
-                trunks.append(child)
-            else:
-                chains.append(chain)
-    return [c for c in chains if len(c) >= _FEWEST]
-
-
-def _children(model: pin.Model) -> dict[int, list[int]]:
-    children: dict[int, list[int]] = {j: [] for j in range(model.njoints)}
-    for joint in range(1, model.njoints):
-        children[int(model.parents[joint])].append(joint)
-    return children
-
-
-def _subtree(model: pin.Model, joint: int) -> list[int]:
-    return [j for j in range(joint, model.njoints) if joint in list(model.supports[j])]
-
-
-def _ends(model: pin.Model, joint: int, children: dict[int, list[int]]) -> list[int]:
-    return [j for j in _subtree(model, joint) if not children[j]]
-
-
-def _is_hand(model: pin.Model, joint: int, children: dict[int, list[int]]) -> bool:
-    """Whether the chain from a joint parts into something as light as fingers, not into limbs."""
-    place = joint
-    while len(children[place]) == 1:
-        place = children[place][0]
-    beyond = {j for child in children[place] for j in _subtree(model, child)}
-    mass = sum(float(model.inertias[j].mass) for j in beyond)
-    return mass < _HAND_PART * sum(float(i.mass) for i in model.inertias)
-
-
-def _mirrored_pairs(
-    places: Float64[np.ndarray, "n 3"], branches: list[Chain], tolerance: float
-) -> list[Pair]:
-    """Chains of equal length whose joints mirror each other across a vertical plane."""
-    pairs: list[Pair] = []
-    for i, one in enumerate(branches):
-        for other in branches[i + 1 :]:
-            if len(one) != len(other):
-                continue
-            a, b = places[list(one)], places[list(other)]
-            level = np.abs(a[:, 2] - b[:, 2]).max() < tolerance
-            # Shoulders may begin on the middle plane; hands and feet are off it.
-            apart = a[-1] - b[-1]
-            normal = np.array([apart[0], apart[1], 0.0])
-            size = float(np.linalg.norm(normal))
-            if not level or size < 1e-3:
-                continue
-            normal /= size
-            middle = 0.5 * (a[-1] + b[-1])
-            mirrored = a - 2.0 * np.outer((a - middle) @ normal, normal)
-            if np.linalg.norm(mirrored - b, axis=1).max() < 2.0 * tolerance:
-                pairs.append((one, other))
-    return pairs
-
-
-def _left_first(model: pin.Model, pair: Pair, lefts: Float64[np.ndarray, " n"]) -> Pair:
-    """By the names of the joints; where these do not say, by how far left each joint is."""
-    one, other = pair
-    names = ((model.names[a], model.names[b]) for a, b in zip(one, other, strict=True))
-    votes = float(sum(_side(*pair) for pair in names))
-    if votes == 0.0:
-        votes = float(lefts[one[0]] - lefts[other[0]])
-    return (one, other) if votes > 0 else (other, one)
+    def differences(self, limbs: tuple[Chain, ...]) -> list[str]:
+        """Where the links and offsets of two limbs are not mirror images, as sentences."""
+        if len(limbs) != 2:
+            return []
+        pair = limbs[0], limbs[1]
+        found, model, mirror = defaultdict[str, list[str]](list), self._model, self._mirror(pair)
+        for sides in zip(*pair, strict=True):
+            links = [model.inertias[j] for j in sides]
+            com = [self._axes[j] @ link.lever for j, link in zip(sides, links, strict=True)]
+            mass = [float(link.mass) for link in links]
+            inertia = [float(np.linalg.eigvalsh(link.inertia)[2]) for link in links]
+            offset = [_norm(model.jointPlacements[j].translation) for j in sides]
+            off = [_norm(mirror @ com[0] - com[1]), 0.0]
+            for what, (a, b), most, unit in (
+                ("masses behind", mass, _UNEQUAL * max(mass), "kg"),
+                ("distances from the joint before of", offset, _APART, "m"),
+                ("centres of mass behind", off, _APART, "m from mirrored"),
+                ("largest principal inertias behind", inertia, _HEAVIER * max(inertia), "kg m^2"),
+            ):
+                if abs(a - b) > most:
+                    values = f"{a:.3g}" if off == [a, b] else f"{a:.3g} and {b:.3g}"
+                    found[what].append(f"{model.names[sides[0]]} ({values} {unit})")
+        return [f"{what} {few(items)}" for what, items in found.items()]
 
 
 def _side(name: str, other: str) -> int:
@@ -302,24 +168,95 @@ def _side(name: str, other: str) -> int:
     return {("l", "r"): 1, ("r", "l"): -1}.get(parted, 0)
 
 
-def _straightened(direction: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
-    """An axis of the root link, where the direction is that but for rounding."""
-    nearest = np.round(direction)
-    return nearest if np.linalg.norm(direction - nearest) < 0.05 else direction
+def _children(model: pin.Model, joint: int) -> list[int]:
+    return [j for j in range(1, model.njoints) if model.parents[j] == joint]
+
+
+def _branches(model: pin.Model) -> list[Chain]:
+    """Chains from where left and right part to their deepest ends: one for each limb."""
+    chains: list[Chain] = []
+    trunks = [1]
+    for trunk in trunks:
+        for child in _children(model, trunk):
+            end = max(model.subtrees[child], key=lambda j: len(model.supports[j]))
+            chain = tuple(int(j) for j in model.supports[end] if j >= child)
+            # A waist or neck leads to further limbs, which start where it ends.
+            if _parts(model, child):
+                trunks.append(child)
+            elif len(chain) >= _FEWEST:
+                chains.append(chain)
+    return chains
+
+
+def _parts(model: pin.Model, joint: int) -> bool:
+    """A chain that parts into limbs, which are heavier than fingers."""
+    while len(children := _children(model, joint)) == 1:
+        joint = children[0]
+    beyond = sum(float(model.inertias[j].mass) for j in list(model.subtrees[joint])[1:])
+    return len(children) > 1 and beyond >= _HAND_PART * pin.computeTotalMass(model)
 
 
 def _without_fingers(model: pin.Model, arm: Chain, grips: Collection[str]) -> Chain:
     """The arm up to the joint behind which it parts into fingers, and without a gripper's."""
-    children = _children(model)
-    kept: list[int] = []
-    for joint in arm:
-        kept.append(joint)
-        if len(children[joint]) > 1 and len(kept) >= _FEWEST:
-            break
+    parting = (k for k, j in enumerate(arm, 1) if k >= _FEWEST and len(_children(model, j)) > 1)
+    kept = arm[: next(parting, len(arm))]
     while len(kept) > _FEWEST and model.names[kept[-1]] in grips:
-        kept.pop()
-    return tuple(kept)
+        kept = kept[:-1]
+    return kept
 
 
-def _beyond(model: pin.Model, joint: int) -> list[int]:
-    return [j for j in _subtree(model, joint) if j != joint]
+class Swing(NamedTuple):
+    """One joint of an arm turned by itself, and the hand's place then [m]."""
+
+    joint: int
+    q: Posture
+    place: Point
+
+
+def swings(
+    model: pin.Model, q: Posture, arm: Sequence[int], hand: int, angle: float
+) -> Iterator[Swing]:
+    """Turn each joint of an arm by an angle [rad] both ways, as far as its limits let it."""
+    data = model.createData()
+    for joint in arm:
+        k = model.joints[joint].idx_q
+        low, high = model.lowerPositionLimit[k] + MARGIN, model.upperPositionLimit[k] - MARGIN
+        for by in (angle, -angle):
+            turned = q.copy()
+            turned[k] = min(max(q[k] + by, min(low, q[k])), max(high, q[k]))
+            pin.framesForwardKinematics(model, data, turned)
+            yield Swing(joint, turned, data.oMf[hand].translation.copy())
+
+
+def bent_arms(model: pin.Model, q: Posture, limbs: Limbs, hands: Sequence[int]) -> Posture:
+    """The configuration with straight arms bent, whose hands could not move along them.
+
+    The elbow is the joint nearest to the arm's middle: far from the shoulder, with a long lever on
+    the hand. It turns the way that brings the hand forward and up, on the right as the mirror image
+    of the left. An elbow that takes the hand away from the shoulder by turning is bent already.
+    """
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    bent, wanted, across = q.copy(), None, np.cross(_UP, limbs.forward)
+    for arm, hand in zip(limbs.arms, hands, strict=True):
+        start, shoulder = data.oMf[hand].translation, data.oMi[arm[0]].translation
+        turns = list(swings(model, q, arm, hand, _BEND))
+        moved = np.array([turn.place - start for turn in turns])
+        room = np.array([np.abs(turn.q - q).max() > 0.5 * _BEND for turn in turns])
+        upper = [_norm(data.oMi[turn.joint].translation - shoulder) for turn in turns]
+        middle = np.minimum(upper, np.linalg.norm(moved, axis=1) / _BEND * room)
+        # To a centimetre: of joints that share one place the one that points ahead.
+        best = np.lexsort((moved @ (limbs.forward + _UP), np.round(middle, 2)))[-1]
+        if wanted is not None:
+            best = np.argmin(np.linalg.norm(moved - wanted, axis=1))
+        elbow = turns[int(best)]
+        reach = max(_norm(t.place - shoulder) for t in turns if t.joint == elbow.joint)
+        if reach > _norm(start - shoulder) + _NEAR:
+            return q
+        wanted = moved[best] - 2.0 * float(moved[best] @ across) * across
+        bent[model.joints[elbow.joint].idx_q] = elbow.q[model.joints[elbow.joint].idx_q]
+    return bent
+
+
+def _norm(vector: Point) -> float:
+    return float(np.linalg.norm(vector))

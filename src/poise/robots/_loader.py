@@ -24,9 +24,7 @@ from poise.robots._limits import assume_limits, check_positions, described_limit
 from poise.robots._meshes import add_figure, has_shapes
 from poise.robots._posture import home_configuration
 from poise.robots._robot import FrameRole, Robot, Sole
-from poise.robots._role_check import check_roles
-from poise.robots._sole_check import soles_off_their_feet
-from poise.robots._sole_freedom import with_controlled_soles
+from poise.robots._soles import check_roles, soles_off_their_feet, with_controlled_soles
 
 
 def load_robot(

@@ -228,24 +228,6 @@ class UrdfDocument(Document):
                 mended.append(link.get("name", ""))
         return mended
 
-    def stuck(self) -> list[str]:
-        """Joints with equal limits.
-
-        Raises:
-            RobotError: a lower limit is above the upper one, which is no way to fix a joint.
-        """
-        limits = {
-            joint.get("name", ""): (float(limit.get("lower", "0")), float(limit.get("upper", "0")))
-            for joint in self._joints()
-            if joint.get("type") in ("revolute", "prismatic")
-            and (limit := joint.find("limit")) is not None
-            and not {"lower", "upper"}.isdisjoint(limit.attrib)
-        }
-        crossed = {name: ends for name, ends in limits.items() if ends[0] > ends[1]}
-        if crossed:
-            raise crossed_limits(self.where, crossed)
-        return [name for name, (low, high) in limits.items() if low == high]
-
     def endless(self) -> list[str]:
         """Joints that turn without end, and hinges whose limits do not say how far they turn."""
         return sorted(

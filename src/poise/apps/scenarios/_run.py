@@ -127,6 +127,7 @@ def _has_numbers(lines: Mapping[str, np.ndarray]) -> bool:
 def run_scenario(
     scenario: Scenario | str | Path,
     *,
+    robot: Robot | None = None,
     log: str | Path | None = None,
     view: bool = False,
     progress: Progress | bool = False,
@@ -138,6 +139,7 @@ def run_scenario(
 
     Args:
         scenario: what to run; or the name of a shipped one, or a file.
+        robot: what to run it on; the scenario's own when None.
         log: MCAP file to write while it runs; none when None.
         view: whether to show the plant in a window, in real time.
         progress: told how far the run is; True shows it, in a terminal, a notebook or a log.
@@ -152,12 +154,18 @@ def run_scenario(
         scenario = load_scenario(scenario)
     if isinstance(progress, bool):
         with Bar("simulating", "s") if progress else nullcontext() as bar:
-            return _run(scenario, log, view, bar)
-    return _run(scenario, log, view, progress)
+            return _run(scenario, robot, log, view, bar)
+    return _run(scenario, robot, log, view, progress)
 
 
-def _run(scenario: Scenario, log: str | Path | None, view: bool, progress: Progress | None) -> Run:
-    stage = stage_scenario(scenario)
+def _run(
+    scenario: Scenario,
+    robot: Robot | None,
+    log: str | Path | None,
+    view: bool,
+    progress: Progress | None,
+) -> Run:
+    stage = stage_scenario(scenario, robot)
     scenario, plant = stage.scenario, stage.plant
     recorder = Recorder(log, metadata=describe(scenario, stage.pushes))
     begin = clock.perf_counter()

@@ -45,17 +45,18 @@ class Stage:
     pushes: tuple[Push, ...]
 
 
-def stage_scenario(scenario: Scenario) -> Stage:
+def stage_scenario(scenario: Scenario, robot: Robot | None = None) -> Stage:
     """Sets up a scenario: everything but the rollout and who looks at it.
 
     Args:
         scenario: what to set up.
+        robot: what to set it up for; the scenario's own when None.
 
     Raises:
         PoiseError: the scenario does not fit its robot, or is walked by hand.
     """
     scenario = with_actuation(scenario)
-    robot = load_robot(scenario.robot)
+    robot = load_robot(scenario.robot) if robot is None else robot
     ratio = size_ratio(scenario, robot)
     scenario = without_hands(sized(scenario, ratio), robot)
     _check_limbs(scenario, robot)

@@ -1,0 +1,151 @@
+"""`try_out`: a robot stands, squats and reaches in simulation, or holds still on a fixed base."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from poise.apps.scenarios import make_scenario, run_scenario, summarise
+from poise.errors import RobotError
+from poise.robots import Robot, standing_posture, swings
+
+_DEPTHS = (0.1, 0.075, 0.05, 0.025)  # of a squat by the COM's height: the first that limits allow
+_BELOW = 1.2  # depth that limits must allow by that of the squat: the controller brakes before them
+_SWING = 0.5  # [rad] by which one joint leads a reach, which can therefore be done
+_FORWARD_AND_UP = np.array([0.6, 0.0, 0.8])
+_DRIFT = 0.01  # [m] of what holds still: less than half the width of the narrowest soles
+_PART = 0.85  # of a motion that counts as all of it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """One thing tried.
+
+    Attributes:
+        name: "stand", "squat", "hold" or "reach".
+        ok: whether it went well.
+        words: the checks that failed and what happened before; after a fall the fall alone.
+        weakest: the joint whose torque came nearest to its limit.
+        figures: those of the run, as its `summary.json` has them.
+    """
+
+    name: str
+    ok: bool
+    words: tuple[str, ...]
+    weakest: str
+    figures: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a robot did when it was tried out.
+
+    Attributes:
+        attempts: one for each thing tried, in order.
+    """
+
+    attempts: tuple[Attempt, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether all went well."""
+        return all(attempt.ok for attempt in self.attempts)
+
+
+def try_out(robot: Robot) -> Trial:
+    """Let a biped stand, squat and, where it has hands, reach: balance first, then hands.
+
+    Each is a scenario, with the true state in place of an estimate. A robot with a fixed base
+    holds its posture in place of standing and squatting. What does not stand is not tried further.
+
+    Args:
+        robot: a biped, or a robot with a fixed base.
+
+    Returns:
+        What went well, and in words what did not.
+
+    Raises:
+        RobotError: the robot cannot be simulated.
+    """
+    still = [{"metric": "task_error_max", "task": h, "at_most": _DRIFT} for h in robot.hands]
+    if robot.soles:
+        still = [{"metric": "com_error_max", "at_most": _DRIFT}]
+    name = "stand" if robot.soles else "hold"
+    attempts = [_attempt(robot, {"name": name, "duration": 2.0, "checks": still})]
+    if attempts[0].ok:
+        attempts += [_attempt(robot, _squat(robot))] if robot.soles else []
+        attempts += [_attempt(robot, _reach(robot))] if robot.hands else []
+    return Trial(tuple(attempts))
+
+
+def _attempt(robot: Robot, plan: Mapping[str, Any]) -> Attempt:
+    """Run a scenario, given as in a file, with a stack that any robot has."""
+    com = [{"com": {"kp": 60}}] if robot.soles else []
+    frame = {"axes": "position", "kp": 60}
+    hands = [{"frame": {"frame": hand, "name": hand, **frame}} for hand in robot.hands]
+    # After the hands: legs of five joints cannot hold COM and pelvis both.
+    pelvis = [{"frame": {"frame": robot.pelvis, "axes": "orientation", "kp": 100}}] if com else []
+    contacts = [{"surface": {"frame": sole}} for sole in robot.soles]
+    levels = [level for level in (com, hands, pelvis, ["posture"]) if level]
+    about = {"ground_truth": True, "stack": {"contacts": contacts, "levels": levels}}
+    run = run_scenario(make_scenario({**about, **plan}, plan["name"]), robot=robot)
+    words: list[str] = []
+    for check in [check for check in run.checks if not check.ok]:
+        value = f"{check.value:.3g} {check.unit}, wanted {check.relation} {check.bound:.3g}"
+        what = f"after {check.time:.2f} s" if check.metric == "fell" else f"is {value}"
+        words.append(": ".join(filter(None, (f"{check.name} {what}", check.mechanism))))
+    ratios = np.max(np.abs(run.signals.torque) / robot.tau_max, axis=0)
+    return Attempt(
+        name=plan["name"],
+        ok=run.ok,
+        words=tuple(words[:1] if run.fell else words),
+        weakest=robot.joint_names[int(np.argmax(ratios))],
+        figures=summarise(run),
+    )
+
+
+def _squat(robot: Robot) -> dict[str, Any]:
+    """Down as far as limits allow, and up."""
+    height = float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)[2])
+    depths = [depth for depth in _DEPTHS if _stands(robot, (1.0 - _BELOW * depth) * height)]
+    # Legs of five joints have no such posture with toes straight ahead: they are tried anyhow.
+    depth = [*depths, _DEPTHS[0]][0] * height
+    down = {"task": "com", "at": 0.3, "over": 1.5, "by": [0.0, 0.0, -depth]}
+    low = {"metric": "com_travel", "axis": "z", "at_least": _PART * depth}
+    back = {"metric": "com_error_max", "from": 4.0, "at_most": _DRIFT}
+    motions = [down, {**down, "at": 2.3, "by": [0.0, 0.0, depth]}]
+    return {"name": "squat", "duration": 4.3, "motions": motions, "checks": [low, back]}
+
+
+def _stands(robot: Robot, com_height: float) -> bool:
+    try:
+        return len(standing_posture(robot, com_height=com_height)) > 0
+    except RobotError:
+        return False
+
+
+def _reach(robot: Robot) -> dict[str, Any]:
+    """Each hand goes where one joint of its arm takes it far, best forward and up."""
+    model, data, q = robot.model, robot.model.createData(), robot.q_home
+    pin.framesForwardKinematics(model, data, q)
+    trunk, posture = robot.joints_above(robot.torso), dict[str, float]()
+    motions: list[dict[str, Any]] = []
+    checks: list[dict[str, Any]] = []
+    for hand in robot.hands:
+        frame = robot.frame_id(hand)
+        arm = [joint for joint in robot.joints_above(hand) if joint not in trunk]
+        turns = list(swings(model, q, arm, frame, _SWING))
+        ways = np.array([turn.place - data.oMf[frame].translation for turn in turns])
+        sizes = np.linalg.norm(ways, axis=1)
+        best = int(np.argmax(ways @ _FORWARD_AND_UP + sizes))
+        motions.append({"task": hand, "by": ways[best].tolist()})
+        most = (1.0 - _PART) * float(sizes[best])
+        checks.append({"metric": "task_error_end", "task": hand, "at_most": most})
+        # The arm's own posture goes along, or it may end up at a stop beside the way.
+        joint = turns[best].joint
+        posture[model.names[joint]] = float(turns[best].q[model.joints[joint].idx_q])
+    motions.append({"task": "posture", "joints": posture})
+    motions = [{**motion, "at": 0.3, "over": 1.7} for motion in motions]
+    return {"name": "reach", "duration": 3.0, "motions": motions, "checks": checks}
