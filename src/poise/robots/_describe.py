@@ -34,6 +34,7 @@ _BESIDE = 1.15  # distance of feet by their width: they do not touch
 _RUN_UP = 0.004  # [s] to top speed of a motor alone: published rotors of G1 and T1 take 3 to 6 ms
 _MOST_ROTOR = 0.01  # [kg m^2] behind a light link: torque limits may stand in for unknown ones
 _TURNS, _ENDLESS = 4.0 * math.pi, 720.0  # two turns; limits between are taken for degrees
+_NO_END = 1e301  # [rad] for joints without limits: URDF has no infinity
 _WATER = 1000.0  # [kg/m^3] of a cube as high as two legs, which is heavier than a robot
 _ABSURD = 10.0  # of weight times size: what holds up ten such robots at arm's length
 _FAR_TOO_WEAK = 0.01  # of weight times leg length: the legs of shipped humanoids have 0.15 to 0.5
@@ -68,7 +69,7 @@ class _Describer:
     def __init__(self, document: Document) -> None:
         self._where, self._names = document.where, (document.links(), document.joints())
         self._file, self._upright = document.facts, document.facts.upright
-        endless = dict.fromkeys(document.endless(), (-math.inf, math.inf))
+        endless = dict.fromkeys(document.endless(), (-_NO_END, _NO_END))
         assembly = assemble(document, "floating", JointLimits(position=endless))
         self._grips, self._poses = assembly.grips, assembly.poses
         self._remarks = [*assembly.remarks, *assembly.clipped]
@@ -152,7 +153,7 @@ class _Describer:
             raise RobotError(
                 f"no feet are found in {where}",
                 got=f"{'a free' if facts.free else 'no fixed'} base{wheels if ends else ''}",
-                wanted="two legs, chains of three joints and more that reach down from the root; or a "
+                wanted="two legs, chains of at least three joints that reach down from the root, or a "
                 "description (description_template), for a fixed base the line `base: fixed`",
                 choices=list(self._model.names)[2:],
             )
