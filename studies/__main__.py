@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--seed", metavar="N", type=_seed, default=0, help="seed (default: %(default)s)"
     )
-    parser.add_argument("--dir", metavar="DIR", help="of `strangers`: the folder with the models")
+    parser.add_argument("--dir", metavar="DIR", help="of `onboarding`: the folder with the models")
     parser.add_argument(
         "--out", metavar="DIR", help="folder to write into (default: runs/study-NAME)"
     )

@@ -259,7 +259,7 @@ _MODULES = {
     "bad-operator": "studies.bad_operator",
     "torque-teleoperation": "studies.torque_teleoperation",
     "campaigns": "studies.campaigns",
-    "strangers": "studies.strangers",
+    "onboarding": "studies.onboarding",
     "locomotion": "studies.locomotion",
     "quiet": "studies.quiet",
 }

@@ -153,8 +153,8 @@ class _Describer:
             raise RobotError(
                 f"no feet are found in {where}",
                 got=f"{'a free' if facts.free else 'no fixed'} base{wheels if ends else ''}",
-                wanted="two legs, chains of at least three joints that reach down from the root, or a "
-                "description (description_template), for a fixed base the line `base: fixed`",
+                wanted="two legs, chains of at least three joints that reach down from the root; or "
+                "a description (description_template), for a fixed base the line `base: fixed`",
                 choices=list(self._model.names)[2:],
             )
         return turned if turned.legs else limbs

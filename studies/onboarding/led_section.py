@@ -9,8 +9,8 @@ from studies.bad_operator.conditions import DESCRIBED, MIXED
 from studies.bad_operator.falls_asked import FALL_EVERY, falls_finding, minutes
 from studies.bad_operator.led_trial import Outcome, Trial, run_trial
 from studies.finding import Section, Table
+from studies.onboarding.model_files import all_models, models_folder
 from studies.plan import Progress, StudyOptions
-from studies.strangers.model_files import model_files
 from studies.trials import run_each
 
 _CONDITIONS = (DESCRIBED, MIXED)
@@ -59,11 +59,11 @@ def lead(trial: Trial) -> Led:
 
 def led_section(options: StudyOptions, progress: Progress) -> Section:
     """The table of all models, and how often those fell that can be led."""
-    folder, paths = model_files(options)
+    folder = models_folder(options)
     first, seconds = options.first_seed, _SECONDS[options.quick]
     trials = [
         Trial(robot=str(path), level="torque", condition=condition, seed=first + k, seconds=seconds)
-        for path in paths
+        for path in all_models(folder)
         for condition in _CONDITIONS
         for k in range(options.count(1, 1))
     ]

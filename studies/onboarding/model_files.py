@@ -1,4 +1,4 @@
-"""`model_files`: the robots below a folder."""
+"""`models_folder`, `listed_models`, `other_models`, `all_models`: the robots below a folder."""
 
 import importlib.metadata
 import xml.etree.ElementTree as ET
@@ -6,33 +6,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from poise.errors import ConfigurationError
+from studies.onboarding.listed import LISTED, Listed
 from studies.plan import StudyOptions
 
 _FEWEST_JOINTS = 10
 """Files with fewer joints are hands, arms and scenery."""
 
 
-def model_files(options: StudyOptions) -> tuple[Path, tuple[Path, ...]]:
-    """The folder with the models, and their files in it.
+def models_folder(options: StudyOptions) -> Path:
+    """The folder that the options name, or that of example-robot-data.
 
     Args:
-        options: which may name the folder.
-
-    Raises:
-        ConfigurationError: no such folder, none in it, or none is named and example-robot-data is
-            missing.
-    """
-    folder = _folder(options)
-    paths = tuple(_models(folder))
-    if not paths:
-        raise ConfigurationError(
-            "no model of a robot stands below the folder", got=str(folder), wanted="URDF or MJCF"
-        )
-    return folder, paths
-
-
-def _folder(options: StudyOptions) -> Path:
-    """Where the models are.
+        options: of the study.
 
     Raises:
         ConfigurationError: no such folder, or none is named and example-robot-data is missing.
@@ -49,6 +34,43 @@ def _folder(options: StudyOptions) -> Path:
             "no models to try", got="no --dir", wanted="--dir DIR, or example-robot-data"
         ) from None
     return Path(str(data.locate_file("cmeel.prefix/share/example-robot-data/robots")))
+
+
+def listed_models(folder: Path) -> dict[Listed, Path]:
+    """The models of the list that are below a folder, in its order, with their files.
+
+    Args:
+        folder: with the models.
+    """
+    files = {model: folder / model.file for model in LISTED}
+    return {model: path for model, path in files.items() if path.is_file()}
+
+
+def other_models(folder: Path) -> tuple[Path, ...]:
+    """Every URDF and MJCF below a folder that is not listed.
+
+    Args:
+        folder: with the models.
+    """
+    listed = set(listed_models(folder).values())
+    return tuple(path for path in _models(folder) if path not in listed)
+
+
+def all_models(folder: Path) -> tuple[Path, ...]:
+    """Those of the list, then the others.
+
+    Args:
+        folder: with the models.
+
+    Raises:
+        ConfigurationError: there is none.
+    """
+    paths = (*listed_models(folder).values(), *other_models(folder))
+    if not paths:
+        raise ConfigurationError(
+            "no model of a robot stands below the folder", got=str(folder), wanted="URDF or MJCF"
+        )
+    return paths
 
 
 def _models(folder: Path) -> Iterator[Path]:
