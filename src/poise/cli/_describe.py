@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from poise.cli._options import add_output_options, make_folder
+from poise.cli._options import add_output_options, output_folder
 from poise.errors import ConfigurationError, RobotError
 from poise.robots import Proposal, Robot, describe, load_robot
 
@@ -36,7 +36,7 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument("--no-trial", action="store_true", help="leave the simulation out")
     add_output_options(parser, "runs/describe-STEM")
-    parser.set_defaults(act=act)
+    parser.set_defaults(act=act, simulates=True)
 
 
 def act(options: argparse.Namespace) -> int:
@@ -46,11 +46,11 @@ def act(options: argparse.Namespace) -> int:
     proposal = describe(path)
     if options.save and not options.force:
         _check_unwritten(saved, proposal)
-    folder = make_folder(options.out, f"runs/describe-{path.stem}")
-    description = saved if options.save else folder / saved.name
-    # First: it is what to mend where the robot cannot be loaded, and is there after Ctrl-C.
-    description.write_text(proposal.text, encoding="utf-8")
-    outcome = _tried(path, proposal, folder, trial=not options.no_trial)
+    with output_folder(options.out, f"runs/describe-{path.stem}") as folder:
+        description = saved if options.save else folder / saved.name
+        # First: it is what to mend where the robot cannot be loaded, and is there after Ctrl-C.
+        description.write_text(proposal.text, encoding="utf-8")
+        outcome = _tried(path, proposal, folder, trial=not options.no_trial)
     if options.json:
         print(json.dumps(_summary(proposal, outcome, description)))
     else:
