@@ -13,6 +13,7 @@ from poise.robots._inverse_kinematics import (
     frame_error as frame_error,
     inverse_kinematics as inverse_kinematics,
 )
+from poise.robots._joint_order import JointOrder
 from poise.robots._loader import description_template, load_robot
 from poise.robots._meshes import mesh_path as mesh_path
 from poise.robots._mjcf_compile import anchor_assets as anchor_assets, make_spec as make_spec
@@ -27,4 +28,4 @@ from poise.robots._robot import (
     Sole as Sole,
 )
 
-__all__ = ["Robot", "catalog", "describe", "description_template", "load_robot"]
+__all__ = ["JointOrder", "Robot", "catalog", "describe", "description_template", "load_robot"]
