@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1] / "src" / "poise"
 FLOORS = (
     {"errors"},
     {"_yaml"},
-    {"_checks", "_schema", "_compiled", "_progress"},
+    {"_checks", "_copies", "_schema", "_compiled", "_progress"},
     {"_show"},
     {"robots", "hqp"},
     {"dynamics"},

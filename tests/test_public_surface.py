@@ -11,7 +11,7 @@ import poise
 from docs import update_api
 
 SURFACE = set(poise.__all__)
-MOST_NAMES = 134
+MOST_NAMES = 135
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
 The last ones: a campaign from a program, workers for whoever runs anything else many times, the bad
@@ -31,7 +31,8 @@ and what a hand and the body are told, what leads hands beside whatever leads th
 those do; and where the head looks;
 and the payload that a state carries, with what finds it, which nothing else tells controllers;
 and two trackers that lead feet, which everybody who has some would write anew, and wrongly: ours
-did, twice; and the numbers that a robot is led by, which whoever changes one has to have.
+did, twice; and the numbers that a robot is led by, which whoever changes one has to have;
+and the order of joints of other programs, which everybody who deploys a policy writes anew.
 """
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from poise.apps.scenarios import Run, load_scenario, run_scenario
 from poise.apps.onboarding import try_out
+from poise.apps.scenarios import Run, load_scenario, run_scenario
 from poise.errors import PoiseError
 from poise.robots import describe, load_robot
 from studies.finding import Cell, Finding, Section, Table

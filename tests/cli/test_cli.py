@@ -251,6 +251,15 @@ def test_bad_input_is_one_line_and_status_two_and_nothing_moves(
     one_line(err)
     assert got in err
     assert choice in err
+    assert files(in_folder) == {"taken", "empty.yaml", "binary.yaml", "bare.urdf"}
+
+
+def test_a_refused_command_leaves_folders_that_were_there(in_folder):
+    (in_folder / "o").mkdir()
+    for out in ("o", "o/deep/er"):
+        assert main(["run", "stand", "--robot", "arm6", "--no-video", "--out", out]) == 2
+        assert files(in_folder) == {"o"}
+        assert files(in_folder / "o") == set()
 
 
 @pytest.mark.parametrize(
@@ -303,9 +312,11 @@ def test_a_folder_where_a_file_should_be_written_is_one_line(in_folder, short, c
     assert "summary.json" in err
 
 
-def poise(*arguments, cwd):
-    command = [sys.executable, "-m", "poise", *arguments]
-    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+def poise(*arguments, cwd, code="", **variables):
+    """The command in a process of its own, or some code in its place."""
+    command = [sys.executable, *(["-c", code] if code else ["-m", "poise"]), *arguments]
+    screen = ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL", "PYOPENGL_PLATFORM")
+    environment = {k: v for k, v in os.environ.items() if k not in screen} | variables
     return subprocess.run(
         command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=60, check=False
     )
@@ -318,6 +329,80 @@ def test_a_real_process_gives_one_line_and_status_two(tmp_path, arguments):
     assert done.returncode == 2
     assert done.stdout == ""
     one_line(done.stderr)
+
+
+LIBRARY_MISSING = """
+import sys
+from importlib.abc import MetaPathFinder
+
+
+class Missing(MetaPathFinder):
+    def find_spec(self, name, *_):
+        if name in ("mujoco.egl", "mujoco.osmesa"):
+            raise {error}
+
+
+sys.meta_path.insert(0, Missing())
+from poise.cli.main import main
+sys.exit(main())
+"""
+"""The command where the library of a back end is not there, which PyOpenGL says in many ways."""
+
+
+@pytest.mark.parametrize("verb", ["run", "describe", "teleop", "drive", "scorecard", "campaign"])
+def test_a_wrong_back_end_of_opengl_is_one_line(tmp_path, verb):
+    file = ["x.urdf"] if verb in ("describe", "campaign") else []
+    done = poise(verb, *file, cwd=tmp_path, MUJOCO_GL="eggl")
+    assert (done.returncode, done.stdout) == (2, "")
+    one_line(done.stderr)
+    assert "MUJOCO_GL is no OpenGL back end" in done.stderr
+    assert "'eggl'" in done.stderr
+    assert "libegl1" in done.stderr
+    assert files(tmp_path) == set()
+
+
+@pytest.mark.parametrize(
+    ("back_end", "package"), [("egl", "libegl1"), ("osmesa", "libosmesa6")], ids=str
+)
+def test_a_missing_library_of_opengl_is_one_line(tmp_path, back_end, package):
+    code = LIBRARY_MISSING.format(error="AttributeError('glGetError')")
+    done = poise("run", "stand", cwd=tmp_path, code=code, MUJOCO_GL=back_end)
+    assert (done.returncode, done.stdout) == (2, "")
+    one_line(done.stderr)
+    assert f"MUJOCO_GL={back_end}" in done.stderr
+    assert f"apt install {package}" in done.stderr
+
+
+def test_a_back_end_that_mujoco_does_without_leaves_the_video_out(tmp_path):
+    (tmp_path / "s.yaml").write_text(SHORT)
+    code = LIBRARY_MISSING.format(error="ImportError('no OSMesa')")
+    done = poise("run", "s.yaml", cwd=tmp_path, code=code, MUJOCO_GL="osmesa")
+    assert done.returncode == 0, done.stderr
+    (said,) = (line for line in done.stderr.splitlines() if not line.startswith("simulating: "))
+    assert said.startswith("No video: Drawing with MUJOCO_GL=osmesa needs")
+    assert "apt install libosmesa6" in said
+
+
+UNSTABLE = """
+import mujoco
+from poise.cli.main import main
+main(["run", "--list", "--json"])
+model = mujoco.MjModel.from_xml_string(
+    "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
+)
+data = mujoco.MjData(model)
+data.qvel[:] = 1e300
+mujoco.mj_step(model, data)
+assert data.warning[mujoco.mjtWarning.mjWARN_BADQVEL].number == 1
+"""
+
+
+def test_warnings_of_mujoco_reach_neither_the_screen_nor_a_file(tmp_path):
+    done = poise(cwd=tmp_path, code=UNSTABLE)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert "WARNING" not in done.stdout
+    assert files(tmp_path) == set()
 
 
 def test_a_real_process_runs_a_file_to_its_log(tmp_path):

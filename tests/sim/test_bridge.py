@@ -1,5 +1,6 @@
-"""A controller in a user's own MuJoCo loop: any order, any actuators, nothing silently wrong."""
+"""A controller in a user's own MuJoCo loop: any order, any actuators, and what is refused."""
 
+import re
 import warnings
 
 import mujoco
@@ -9,7 +10,7 @@ import pytest
 from small_biped import random_state, small_biped, torque, velocity
 
 import poise
-from poise.errors import ConfigurationError, RobotError
+from poise.errors import ConfigurationError, RobotError, UnknownNameError
 from poise.sim import MujocoBridge, Plant, PlantConfig
 from poise.sim._build import build_model
 from poise.sim._document import parse_document
@@ -343,6 +344,11 @@ def add_tendon(spec):
     spec.add_actuator(name="winch", target="cable", trntype=mujoco.mjtTrn.mjTRN_TENDON)
 
 
+def move_waist(spec):
+    chest = spec.body("chest")
+    chest.pos = chest.pos + np.array([0.0, 0.0, 0.011])
+
+
 REFUSALS = {
     "a joint of another name": (
         lambda spec: setattr(spec.joint("waist"), "name", "middle"),
@@ -350,6 +356,7 @@ REFUSALS = {
     ),
     "a joint that turns the other way": (set_axis, r"stand or turn elsewhere.*left_knee"),
     "a joint with another zero": (set_zero, r"stand or turn elsewhere.*left_ankle_pitch"),
+    "a joint elsewhere": (move_waist, r"waist: 10 mm, .*load the robot from the MJCF"),
     "a base that is not free": (make_fixed, r"floating base.*body 'base'.*no free joint"),
     "a muscle": (add_muscle, r"cannot be sent.*left_knee_motor of joint left_knee.*MUSCLE"),
     "a tendon": (add_tendon, r"through tendons.*winch on left_hip_pitch, left_knee"),
@@ -385,7 +392,162 @@ def test_of_two_robots_in_a_scene_one_has_to_be_named(biped):
     assert set(data.ctrl[biped.nj :]) == {1.0}
 
 
+EQ, OBJ = mujoco.mjtEq, mujoco.mjtObj
+
+
+def couple(spec, kind, what, one, other="", name="linkage"):
+    """An equality; the anchor of one that has any is beside the origin."""
+    equality = spec.add_equality(name=name, type=kind, objtype=what, name1=one, name2=other)
+    if kind == EQ.mjEQ_CONNECT:
+        equality.data[0] = 0.1
+    if kind in (EQ.mjEQ_JOINT, EQ.mjEQ_TENDON):
+        equality.data[:5] = (0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+def couple_sites(spec):
+    for link in ("left_foot", "right_foot"):
+        spec.body(link).add_site(name=f"{link}_site")
+    couple(spec, EQ.mjEQ_WELD, OBJ.mjOBJ_SITE, "left_foot_site", "right_foot_site")
+
+
+def couple_tendons(spec):
+    cable = spec.add_tendon(name="cable")
+    cable.wrap_joint("left_knee", 1.0)
+    couple(spec, EQ.mjEQ_TENDON, OBJ.mjOBJ_TENDON, "cable")
+
+
+def couple_by_a_rope(spec):
+    rope = spec.add_tendon(name="rope")
+    for link in ("base", "left_foot"):
+        spec.body(link).add_site(name=f"{link}_site", pos=(0.0, 0.0, 0.02))
+        rope.wrap_site(f"{link}_site")
+    couple(spec, EQ.mjEQ_TENDON, OBJ.mjOBJ_TENDON, "rope")
+
+
+def couple_by_cloth(spec):
+    cloth = spec.add_flex(name="cloth", dim=2, elem=[0, 1, 2])
+    cloth.vertbody = ["left_foot", "right_foot", "chest"]
+    couple(spec, EQ.mjEQ_FLEX, OBJ.mjOBJ_FLEX, "cloth")
+
+
+COUPLINGS = {
+    "(connect): left_foot, right_foot": lambda spec: couple(
+        spec, EQ.mjEQ_CONNECT, OBJ.mjOBJ_BODY, "left_foot", "right_foot"
+    ),
+    "(weld): chest, world": lambda spec: couple(
+        spec, EQ.mjEQ_WELD, OBJ.mjOBJ_BODY, "chest", "world"
+    ),
+    "(weld): left_foot_site, right_foot_site": couple_sites,
+    "(joint): left_knee, right_knee": lambda spec: couple(
+        spec, EQ.mjEQ_JOINT, OBJ.mjOBJ_JOINT, "left_knee", "right_knee"
+    ),
+    "(joint): waist": lambda spec: couple(spec, EQ.mjEQ_JOINT, OBJ.mjOBJ_JOINT, "waist"),
+    "(tendon): cable": couple_tendons,
+    "(tendon): rope": couple_by_a_rope,
+    "(flex): cloth": couple_by_cloth,
+}
+
+
+@pytest.mark.parametrize("text", COUPLINGS)
+def test_an_equality_on_the_robot_is_refused_unless_accepted_or_inactive(biped, text):
+    model = edit(COUPLINGS[text])(biped)
+    named = rf"act on robot.*linkage {re.escape(text)}.*accept_equalities"
+    with pytest.raises(RobotError, match=named):
+        MujocoBridge(biped, model)
+    bridge = quiet_bridge(biped, model, accept_equalities=["linkage"])
+    assert f"an equality that was accepted: linkage {text}" in bridge.differences
+    model.eq_active0[:] = 0
+    assert not any("equality" in line for line in quiet_bridge(biped, model).differences)
+
+
+def test_each_equality_on_the_robot_is_named(biped):
+    def change(spec):
+        couple(spec, EQ.mjEQ_JOINT, OBJ.mjOBJ_JOINT, "left_knee", "right_knee")
+        couple(spec, EQ.mjEQ_CONNECT, OBJ.mjOBJ_BODY, "left_foot", "right_foot", name="")
+
+    model = edit(change)(biped)
+    with pytest.raises(RobotError, match=r"linkage \(joint\).*equality 1 \(connect\)"):
+        MujocoBridge(biped, model)
+    with pytest.raises(RobotError, match=r"got \['linkage \(joint\): left_knee, right_knee'\];"):
+        MujocoBridge(biped, model, accept_equalities=["equality 1"])
+    with pytest.raises(UnknownNameError, match="'linkege'; choices: linkage, equality 1"):
+        MujocoBridge(biped, model, accept_equalities=["linkege"])
+
+
+def add_fingers(spec):
+    """Two fingers that the robot lacks, on each foot one, and an object beside it."""
+    for link in ("left_foot", "right_foot"):
+        for k in range(2):
+            finger = spec.body(link).add_body(name=f"{link}_finger{k}")
+            finger.add_joint(name=f"{link}_finger{k}", axis=(0, 0, 1))
+            finger.add_geom(size=(0.01, 0.01, 0.01), mass=1e-4, contype=0, conaffinity=0)
+    ball = spec.worldbody.add_body(name="ball", pos=(2.0, 0.0, 1.0))
+    ball.add_freejoint()
+    ball.add_geom(size=(0.1, 0.1, 0.1))
+
+
+HARMLESS = {
+    "joints that the robot lacks": (
+        EQ.mjEQ_JOINT, OBJ.mjOBJ_JOINT, "left_foot_finger0", "right_foot_finger0",
+    ),
+    "a loop within what one link carries": (
+        EQ.mjEQ_CONNECT, OBJ.mjOBJ_BODY, "left_foot_finger0", "left_foot_finger1",
+    ),
+    "other things": (EQ.mjEQ_WELD, OBJ.mjOBJ_BODY, "ball", "world"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", HARMLESS)
+def test_an_equality_that_moves_no_joint_of_the_robot_is_left_alone(biped, case):
+    def change(spec):
+        add_fingers(spec)
+        couple(spec, *HARMLESS[case])
+
+    model = edit(change)(biped)
+    bridge = quiet_bridge(biped, model)
+    assert not any("equality" in line for line in bridge.differences)
+    # MuJoCo's own constraint Jacobian has no entry in the robot's coordinates.
+    data = mujoco.MjData(model)
+    bridge.place(data, *random_state(biped, np.random.default_rng(0)))
+    jacobian = data.efc_J.reshape(data.nefc, model.nv)
+    rows = jacobian[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
+    assert np.abs(rows).max() > 0.05
+    np.testing.assert_allclose(rows[:, bridge.map.dof_order], 0.0, atol=1e-12)
+
+
+def test_a_crossed_equality_between_two_links_is_not_taken_for_harmless(biped):
+    def change(spec):
+        add_fingers(spec)
+        couple(spec, EQ.mjEQ_CONNECT, OBJ.mjOBJ_BODY, "left_foot_finger0", "right_foot_finger0")
+
+    with pytest.raises(RobotError, match=r"\(connect\): left_foot_finger0"):
+        MujocoBridge(biped, edit(change)(biped))
+
+
+def shift_foot_frame(spec):
+    """Another origin of the foot's body; its joint, its mass and what it stands on stay."""
+    foot, shift = spec.body("left_foot"), np.array([0.0, 0.0, 0.02])
+    foot.pos, foot.ipos = foot.pos + shift, foot.ipos - shift
+    for part in (*foot.joints, *foot.geoms):
+        part.pos = part.pos - shift
+
+
+def move_mass(spec):
+    """From one shank to the other, whose centres of mass and heights are the same."""
+    for side, mass in (("left", 2.9), ("right", 3.1)):
+        spec.body(f"{side}_shank").mass = mass
+
+
+def add_spring(spec):
+    cable = spec.add_tendon(name="cable")
+    cable.wrap_joint("left_knee", 1.0)
+    cable.stiffness = (50.0, 0.0, 0.0)
+
+
 DIFFERENCES = {
+    "frames of 1 links, most left_foot: 20 mm": shift_foot_frame,
+    "mass: 47 kg in the model, 47 kg to the controller; most what left_knee": move_mass,
+    "tendons that resist or limit its joints: cable": add_spring,
     "mass: ": lambda spec: setattr(spec.body("base"), "mass", 12.4),
     "centre of mass at home": lambda spec: setattr(spec.body("chest"), "ipos", (0.1, 0, 0.25)),
     "armature of 1 joints, most waist": lambda spec: setattr(spec.joint("waist"), "armature", 0.5),

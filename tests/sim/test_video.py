@@ -168,6 +168,8 @@ def test_slow_motion_has_more_pictures(plant, biped, opengl_here):
 
 def test_without_opengl_the_reason_names_what_to_install(plant, biped, monkeypatch, tmp_path):
     find_opengl.cache_clear()
+    for variable in ("MUJOCO_GL", "PYOPENGL_PLATFORM"):
+        monkeypatch.delenv(variable, raising=False)
 
     def fails(*_, **__):
         return subprocess.CompletedProcess([], returncode=1)
@@ -177,6 +179,27 @@ def test_without_opengl_the_reason_names_what_to_install(plant, biped, monkeypat
         assert find_opengl() is None
         with pytest.raises(MissingExtraError, match=r"libegl1.*libosmesa6"):
             render_video(plant, np.zeros(1), biped.q_home[None], tmp_path / "x.mp4")
+    finally:
+        find_opengl.cache_clear()
+
+
+def test_a_variable_that_names_a_platform_is_named_where_it_does_not_draw(
+    plant, biped, monkeypatch, tmp_path
+):
+    find_opengl.cache_clear()
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+    monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
+    tried = []
+
+    def fails(command, **_):
+        tried.append(command[-1])
+        return subprocess.CompletedProcess([], returncode=1)
+
+    monkeypatch.setattr(subprocess, "run", fails)
+    try:
+        with pytest.raises(MissingExtraError, match="MUJOCO_GL=osmesa.*libosmesa6"):
+            render_video(plant, np.zeros(1), biped.q_home[None], tmp_path / "x.mp4")
+        assert tried == ["osmesa"]
     finally:
         find_opengl.cache_clear()
 

@@ -128,7 +128,7 @@ class Block(metaclass=_BlockMeta):
         # A copy would go on to the addresses of the original, which may be gone by then.
         raise TypeError(
             f"{type(self).__name__} lies where compiled functions know it: what holds it, such as "
-            "a solver, a controller or an estimator, is neither copied nor pickled; make another"
+            "a solver or an estimator, is neither copied nor pickled; make another"
         )
 
     def arrays(self) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from poise._progress import Bar
-from poise.cli._options import add_output_options, add_worker_options, make_workers
+from poise.cli._options import add_output_options, add_worker_options, make_workers, output_folder
 from poise.cli._run import run_and_report
 from poise.errors import ConfigurationError
 
@@ -41,7 +41,7 @@ def add_parser(verbs: Any) -> None:
     add_worker_options(parser)
     parser.add_argument("--no-video", action="store_true", help="of a replay, leave the video out")
     add_output_options(parser, "runs/campaign-FILE; of a replay FOLDER/replays/NUMBER")
-    parser.set_defaults(act=act)
+    parser.set_defaults(act=act, simulates=True)
 
 
 def act(options: argparse.Namespace) -> int:
@@ -119,9 +119,10 @@ def _replay(path: Path, number: str, options: argparse.Namespace) -> int:
         raise ConfigurationError("not the number of an episode", got=number, wanted="0, 1, 2, ...")
     folder = CampaignFolder(path)
     job = replay_job(folder, int(number))
-    out = Path(options.out or path / "replays" / number)
-    out.mkdir(parents=True, exist_ok=True)
-    run, summary = run_and_report(job.make(), out, video=not options.no_video, quiet=options.json)
+    with output_folder(options.out, path / "replays" / number) as out:
+        run, summary = run_and_report(
+            job.make(), out, video=not options.no_video, quiet=options.json
+        )
     recorded = folder.rows[job.number]
     differ = differences(recorded, row_of(job, run))
     if options.json:

@@ -5,6 +5,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 
 from poise.errors import PoiseError
 
@@ -16,7 +17,8 @@ def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None
     """Parses a command line and does what it asks for.
 
     Args:
-        parser: sets `act`, a function of the options that returns the exit status.
+        parser: sets `act`, a function of the options that returns the exit status, and
+            `simulates` where that uses MuJoCo.
         arguments: the command line without the program's name; the process's own when None.
 
     Returns:
@@ -29,6 +31,8 @@ def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None
     options = parser.parse_args(arguments)
     program = parser.prog.split()[-1]
     try:
+        if getattr(options, "simulates", False):
+            _prepare_simulator()
         status = options.act(options)
         # Here, not at exit, where a reader of a pipe that has gone would be an error.
         sys.stdout.flush()
@@ -52,3 +56,11 @@ def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None
         )
         return BAD_INPUT
     return status
+
+
+def _prepare_simulator() -> None:
+    """Import MuJoCo, where it is installed, and keep its own warnings off the screen."""
+    if find_spec("mujoco") is not None:
+        from poise.sim import silence
+
+        silence()

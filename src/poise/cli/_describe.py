@@ -7,9 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from poise.cli._options import add_output_options, make_folder
+from poise.cli._options import add_output_options, output_folder
 from poise.errors import ConfigurationError, RobotError
-from poise.robots import describe, load_robot
+from poise.robots import describe, description_of, load_robot
 
 
 def add_parser(verbs: Any) -> None:
@@ -29,42 +29,45 @@ def add_parser(verbs: Any) -> None:
         "--force": "let --save write over another description",
         "--no-trial": "leave the simulation out",
     }
-    parser.add_argument("file", help="a URDF or MJCF file")
+    parser.add_argument("file", help="a URDF, MJCF or xacro file")
     for flag, words in flags.items():
         parser.add_argument(flag, action="store_true", help=words)
-    add_output_options(parser, "runs/describe-STEM")
-    parser.set_defaults(act=act)
+    add_output_options(parser, "runs/describe-NAME")
+    parser.set_defaults(act=act, simulates=True)
 
 
 def act(options: argparse.Namespace) -> int:
     """Propose, write the description, then try it out and draw the page."""
     path = Path(options.file)
-    saved = path.parent / f"{path.stem}.poise.yaml"
+    saved = description_of(path)
     proposal = describe(path)
     other = saved.is_file() and saved.read_text(encoding="utf-8") != proposal.text
     if options.save and other and not options.force:
         what = "there is a description already, and it is another one"
         remedy = "--force to write over it, or no --save to compare"
         raise ConfigurationError(what, got=str(saved), wanted=remedy)
-    folder = make_folder(options.out, f"runs/describe-{path.stem}")
-    description = saved if options.save else folder / saved.name
-    # First: it is what to mend where the robot cannot be loaded, and is there after Ctrl-C.
-    description.write_text(proposal.text, encoding="utf-8")
-    remarks, refused, robot = list(proposal.remarks), None, None
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        try:
-            robot = load_robot(path, proposal.facts)
-        except RobotError as error:
-            refused = str(error)
-    remarks += [str(warning.message) for warning in caught]
-    trial, page = list[dict[str, Any]](), None
-    if robot is not None:
-        from poise.apps.onboarding import try_out, write_page
+    with output_folder(options.out, f"runs/describe-{proposal.name}") as folder:
+        description = saved if options.save else folder / saved.name
+        # First: it is what to mend where the robot cannot be loaded, and is there after Ctrl-C.
+        description.write_text(proposal.text, encoding="utf-8")
+        remarks, refused, robot = list(proposal.remarks), None, None
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                robot = load_robot(path, proposal.facts)
+            except RobotError as error:
+                refused = str(error)
+        remarks += [str(warning.message) for warning in caught]
+        trial, page = list[dict[str, Any]](), None
+        if robot is not None:
+            from poise.apps.onboarding import try_out, write_page
 
-        tried, page = None if options.no_trial else try_out(robot), str(folder / "describe.html")
-        write_page(robot, proposal, tried, Path(page))
-        trial = [] if tried is None else [asdict(a) for a in tried.attempts]
+            tried, page = (
+                None if options.no_trial else try_out(robot),
+                str(folder / "describe.html"),
+            )
+            write_page(robot, proposal, tried, Path(page))
+            trial = [] if tried is None else [asdict(a) for a in tried.attempts]
     summary = {
         "facts": proposal.facts,
         "reasons": proposal.reasons,

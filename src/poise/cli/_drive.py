@@ -33,7 +33,7 @@ def add_parser(verbs: Any) -> None:
         "this machine) (default: %(default)s)",
     )
     add_live_options(parser, "drive")
-    parser.set_defaults(act=act)
+    parser.set_defaults(act=act, simulates=True)
 
 
 def act(options: argparse.Namespace) -> int:

@@ -1,6 +1,8 @@
 """Options that several verbs share, what they can be, and the checks of their values."""
 
 import argparse
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -81,11 +83,21 @@ def make_workers(options: argparse.Namespace) -> Any:
     return LocalWorkers(options.workers)
 
 
-def make_folder(given: str | None, default: str) -> Path:
-    """The folder to write into, made if it is not there."""
+@contextmanager
+def output_folder(given: Path | str | None, default: Path | str) -> Generator[Path]:
+    """The folder to write into for a `with` block, made if it is not there.
+
+    What was made for it is taken away again where nothing was written, as by a refused command.
+    """
     folder = Path(given or default)
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield folder
+    finally:
+        for place in made:
+            with suppress(OSError):  # One that holds something stays.
+                place.rmdir()
 
 
 def whole_number(text: str) -> int:

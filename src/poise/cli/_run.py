@@ -11,7 +11,7 @@ from poise._progress import Bar
 from poise.cli._options import (
     add_output_options,
     controllers_text,
-    make_folder,
+    output_folder,
     strategies_text,
     whole_number,
 )
@@ -62,7 +62,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--view", action="store_true", help="show the robot in a window")
     parser.add_argument("--no-video", action="store_true", help="leave the video out")
     add_output_options(parser, "runs/SCENARIO-ROBOT")
-    parser.set_defaults(act=act)
+    parser.set_defaults(act=act, simulates=True)
 
 
 def act(options: argparse.Namespace) -> int:
@@ -72,10 +72,11 @@ def act(options: argparse.Namespace) -> int:
     if options.list:
         return _list(as_json=options.json)
     scenario = _overridden(load_scenario(options.scenario), options)
-    folder = make_folder(options.out, f"runs/{scenario.name}-{Path(scenario.robot).stem}")
-    run, summary = run_and_report(
-        scenario, folder, video=not options.no_video, view=options.view, quiet=options.json
-    )
+    default = f"runs/{scenario.name}-{Path(scenario.robot).stem}"
+    with output_folder(options.out, default) as folder:
+        run, summary = run_and_report(
+            scenario, folder, video=not options.no_video, view=options.view, quiet=options.json
+        )
     if options.json:
         print(json.dumps(summary))
     return 0 if run.ok else 1

@@ -13,6 +13,7 @@ from poise.cli._options import (
     add_worker_options,
     controllers_text,
     make_workers,
+    output_folder,
     strategies_text,
 )
 from poise.cli._run import run_and_report
@@ -78,7 +79,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_worker_options(parser)
     add_output_options(parser, "runs/scorecard-ROBOT-CONTROLLER, of a quick one with -quick behind")
-    parser.set_defaults(act=act)
+    parser.set_defaults(act=act, simulates=True)
 
 
 def act(options: argparse.Namespace) -> int:
@@ -176,9 +177,8 @@ def _replay(options: argparse.Namespace) -> int:
     if not (number.isascii() and number.isdigit()):
         raise ConfigurationError("not the number of an episode", got=number, wanted="0, 1, 2, ...")
     scenario = replay_job(CampaignFolder(path), int(number)).make()
-    out = Path(options.out or path / "replays" / number)
-    out.mkdir(parents=True, exist_ok=True)
-    _, summary = run_and_report(scenario, out, video=True, quiet=options.json)
+    with output_folder(options.out, path / "replays" / number) as out:
+        _, summary = run_and_report(scenario, out, video=True, quiet=options.json)
     if options.json:
         print(json.dumps(summary))
     return 0

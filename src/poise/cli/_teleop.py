@@ -66,7 +66,7 @@ def add_parser(verbs: Any) -> None:
         "(default: flat; with a recording, what it was made on)",
     )
     add_live_options(parser, "teleop")
-    parser.set_defaults(act=act)
+    parser.set_defaults(act=act, simulates=True)
 
 
 def act(options: argparse.Namespace) -> int:

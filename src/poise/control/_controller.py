@@ -1,14 +1,17 @@
 """`Controller`: from a state to a command, tick by tick, by whatever strategy."""
 
+from copy import deepcopy
 from html import escape
+from inspect import signature
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers, is_time
 from poise._compiled import compiled
+from poise._copies import restore, restored
 from poise.control._command import Command, CommandStatus
 from poise.control._fall import FALL_HEIGHT_RATIO, FallWatch
 from poise.control._fallback import Fallback, RateLimit
@@ -19,6 +22,8 @@ from poise.dynamics import Dynamics, RobotState
 from poise.hqp import SolveStatus
 from poise.robots import Robot
 from poise.stack import Stack, Task, TaskFaultError
+
+C = TypeVar("C", bound="Controller")
 
 
 class Controller:
@@ -33,6 +38,12 @@ class Controller:
     are controllers of one strategy each. What one can set while running is a member of theirs;
     what is inside, rows, problems and solutions, is reached by `strategy`.
 
+    A copy, pickled or not, is made anew with the arguments of this one and a copy of its stack. It
+    goes on from the same tick with targets, gains, weights, loads of contacts and the last command;
+    its solvers begin cold, and it has dynamics of its own. "osf" reads cones when it is made, so
+    its copy keeps to what its contacts carry on then. What a subclass has set outside of its
+    `__init__` is not copied.
+
     Args:
         strategy: turns the stack's rows into an answer.
         rate_limit: how far a command may be from the last one; as far as it likes when None.
@@ -44,6 +55,11 @@ class Controller:
         timings: seconds that the four parts of the last tick took: dynamics, assembly, solve,
             command.
     """
+
+    def __new__(cls: type[C], *arguments: Any, **options: Any) -> C:
+        controller = object.__new__(cls)
+        controller._made_with = arguments, options
+        return controller
 
     def __init__(
         self,
@@ -58,6 +74,7 @@ class Controller:
         self.timings: dict[str, float] = {}
         self._last_status, self._reason, self._held_back = CommandStatus.OK, "", False
         self._commands_torque = strategy.commands == "torque"
+        self._contacts = strategy.stack.active_contacts
         self._torque_limit = limit = strategy.stack.torque_limit
         self._fallback = (
             Fallback.of_torque(strategy.robot, limit)
@@ -79,6 +96,28 @@ class Controller:
         limit.reset()
         for _, task in strategy.stack.tasks():
             task.reset()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arguments, options = self._made_with
+        making = signature(type(self).__init__)
+        call = making.bind(self, *arguments, **options)
+        if "stack" in making.parameters:
+            call.arguments["stack"] = self.stack
+        call.arguments.pop("dynamics", None)
+        strategy, kept = self._strategy, getattr(self._strategy, "kept", ())
+        return (
+            _make_again,
+            (type(self), call.args[1:], call.kwargs, self.stack),
+            {name: getattr(self, name) for name in _KEPT}
+            | {"strategy": {name: getattr(strategy, name) for name in kept}},
+        )
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        for name in _KEPT:
+            setattr(self, name, restored(getattr(self, name), kept[name]))
+        for name, value in kept["strategy"].items():
+            setattr(self._strategy, name, value)
+        self._strategy.prepare(self._contacts)
 
     def __repr__(self) -> str:
         kind, levels = type(self).__name__, PHYSICS_LEVELS + len(self.stack.levels)
@@ -208,7 +247,8 @@ class Controller:
         for contact in strategy.stack.contacts:
             contact.advance(state.time)
         self._torque_limit.begin(state.time)
-        if strategy.prepare(strategy.stack.active_contacts):
+        self._contacts = strategy.stack.active_contacts
+        if strategy.prepare(self._contacts):
             # A foot that landed holds its place when it is free again, not where it once was.
             for task in strategy.suspended:
                 task.reset()
@@ -265,6 +305,33 @@ class Controller:
             self._torque_limit.reset()
             return Command(status=status, torque=joints)
         return Command(status=status, velocity=joints)
+
+
+_KEPT = (
+    *("_contacts", "_fallback", "_fall_watch", "_rate_limit"),
+    *("_last_status", "_reason", "_held_back"),
+)
+"""What a copy of a controller takes over from it, beside the stack."""
+
+
+def _make_again(
+    kind: type[Controller], arguments: tuple[Any, ...], options: dict[str, Any], stack: Stack
+) -> Controller:
+    """A controller made as another was, whose stack is as the other's, `stack`, is now."""
+    # Making a controller takes its stack through a tick and forgets what that left.
+    parts = _parts(stack)
+    others = {id(part): part for part in parts}
+    saved = [deepcopy(part, {k: v for k, v in others.items() if v is not part}) for part in parts]
+    controller = kind(*arguments, **options)
+    for own, copy in zip(_parts(controller.stack), saved, strict=True):
+        restore(own, copy)
+    return controller
+
+
+def _parts(stack: Stack) -> list[object]:
+    """All of a stack that has something to remember."""
+    limits = stack.torque_limit, stack.joint_limit, stack.balance_limit, stack.self_collision_limit
+    return [*stack.contacts, *(task for _, task in stack.tasks()), *limits]
 
 
 @compiled

@@ -98,6 +98,9 @@ class Strategy(Program, Protocol):
 
     It never sees the plant, and need not check states or fall back: the controller does.
 
+    One that has a class attribute `kept` names attributes of its own there that a copy of its
+    controller takes over.
+
     Attributes:
         robot: the robot.
         commands: what the joints are told.

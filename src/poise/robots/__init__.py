@@ -7,12 +7,16 @@ from poise.robots._catalog import (
     find_entry as find_entry,
 )
 from poise.robots._describe import describe
-from poise.robots._files_digest import files_digest as files_digest
+from poise.robots._files_digest import (
+    description_of as description_of,
+    files_digest as files_digest,
+)
 from poise.robots._geometry import load_mesh as load_mesh
 from poise.robots._inverse_kinematics import (
     frame_error as frame_error,
     inverse_kinematics as inverse_kinematics,
 )
+from poise.robots._joint_order import JointOrder
 from poise.robots._limbs import swings as swings
 from poise.robots._loader import description_template, load_robot
 from poise.robots._mesh_files import mesh_path as mesh_path
@@ -28,4 +32,4 @@ from poise.robots._robot import (
     Sole as Sole,
 )
 
-__all__ = ["Robot", "catalog", "describe", "description_template", "load_robot"]
+__all__ = ["JointOrder", "Robot", "catalog", "describe", "description_template", "load_robot"]

@@ -67,7 +67,8 @@ class _Describer:
     """A proposal on its way."""
 
     def __init__(self, document: Document) -> None:
-        self._where, self._names = document.where, (document.links(), document.joints())
+        self._name, self._where = document.name, document.where
+        self._names = document.links(), document.joints()
         self._file, self._upright = document.facts, document.facts.upright
         endless = dict.fromkeys(document.endless(), (-_NO_END, _NO_END))
         assembly = assemble(document, "floating", JointLimits(position=endless))
@@ -125,7 +126,7 @@ class _Describer:
         locked = [joint_pattern(name) for name in self._locked]
         self._say("locked", locked, "fingers, toes, and joints whose limits leave no room")
         said = self._facts, self._reasons, tuple(self._remarks), self._outlines
-        return Proposal(self._where, *said, *self._names)
+        return Proposal(self._name, *said, *self._names)
 
     def _say(self, key: str, value: object, reason: str) -> None:
         """Enter a fact that is not empty, or a part of one after a dot, with its reason."""
@@ -153,8 +154,8 @@ class _Describer:
             raise RobotError(
                 f"no feet are found in {where}",
                 got=f"{'a free' if facts.free else 'no fixed'} base{wheels if ends else ''}",
-                wanted="two legs, chains of at least three joints that reach down from the root; or "
-                "a description (description_template), for a fixed base the line `base: fixed`",
+                wanted="two legs, chains of at least three joints that reach down from the root, or"
+                " a description (description_template), for a fixed base the line `base: fixed`",
                 choices=list(self._model.names)[2:],
             )
         return turned if turned.legs else limbs

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -131,6 +132,19 @@ class Robot:
     q_home: Float64[np.ndarray, "nq"] = field(repr=False)
     licence: str
     source: ModelSource = field(repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"soles": dict(self.soles), "roles": dict(self.roles)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        mappings = {name: MappingProxyType(state[name]) for name in ("soles", "roles")}
+        vars(self).update(state | mappings)
+        places = (x for role in self.roles.values() for x in (role.position, role.rotation))
+        for array in (self.q_min, self.q_max, self.v_max, self.tau_max, self.q_home, *places):
+            array.flags.writeable = False
+
+    def __deepcopy__(self, memo: object) -> "Robot":
+        return self  # It never changes, and what is bound to it stays so.
 
     def __repr__(self) -> str:
         parts = [f"{self.nj} joints", f"{self.mass:.1f} kg", *self.soles, *self.hands]

@@ -3,12 +3,10 @@
 The only package that imports MuJoCo.
 """
 
-from importlib.util import find_spec
+from poise.sim._mujoco import refusal, silence as silence
 
-from poise.errors import MissingExtraError
-
-if find_spec("mujoco") is None:
-    raise MissingExtraError("mujoco", "sim", "Simulation")
+if (_refusal := refusal()) is not None:
+    raise _refusal
 
 from poise.sim._blocks import BlockWatch as BlockWatch
 from poise.sim._bridge import MujocoBridge

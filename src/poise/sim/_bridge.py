@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Collection
 
 import mujoco
 import numpy as np
@@ -15,6 +16,7 @@ from poise.errors import ConfigurationError, RobotError
 from poise.robots import Robot
 from poise.sim._comparison import differences, find_base
 from poise.sim._drives import Drives
+from poise.sim._equalities import check_equalities
 from poise.sim._forces import SoleForces
 from poise.sim._mapping import StateMap
 from poise.sim._rest import find_rest
@@ -37,11 +39,17 @@ class MujocoBridge:
     in `differences`, and so does an option with which MuJoCo's solver may go wrong. Nothing in the
     model is changed: it is the user's, and so is what else moves in it.
 
+    A robot has no loops and no coupled joints. An active equality of the model that acts on the
+    robot (connect, weld, joint, tendon, flex) is refused unless it is accepted by name; one between
+    other things, or between joints that the robot lacks or locks, is harmless.
+
     Args:
         robot: the robot that the controller was made with.
         model: the MuJoCo model.
         prefix: what stands before the names of the robot's joints in the model, as `attach` puts
             it; found by itself where only one fits.
+        accept_equalities: names of equalities that may act on the robot although the controller
+            does not know of them; one without a name is "equality K", K its index in the model.
 
     Attributes:
         robot: the robot.
@@ -52,15 +60,24 @@ class MujocoBridge:
             NaN or infinity.
 
     Raises:
-        RobotError: a joint is missing or stands elsewhere, the base is not free, or a torque cannot
-            be sent through an actuator.
+        RobotError: a joint is missing or stands elsewhere, the base is not free, an equality acts
+            on the robot, or a torque cannot be sent through an actuator.
+        UnknownNameError: an accepted equality is not in the model.
     """
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel, *, prefix: str | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        model: mujoco.MjModel,
+        *,
+        prefix: str | None = None,
+        accept_equalities: Collection[str] = (),
+    ) -> None:
         prefix = _find_prefix(robot, model) if prefix is None else prefix
         place = find_base(robot, model, prefix)
         self.robot, self.model = robot, model
         self.map = StateMap(robot, model, prefix=prefix, body_T_base=place)
+        accepted = check_equalities(robot, model, self.map, accept_equalities)
         self._drives = Drives(robot, model, self.map.joints)
         self._soles = SoleForces(model, _sole_places(robot, model, self.map))
         self._base_q, self._base_v = robot.nq - robot.nj, robot.nv - robot.nj
@@ -70,7 +87,10 @@ class MujocoBridge:
         # Where servos that follow velocities are, how fast they go, and since when.
         self._target: Float64[np.ndarray, " nj"] | None = None
         self._velocity, self._since = np.zeros(robot.nj), math.nan
-        self.differences = differences(robot, model, self.map, self._drives)
+        self.differences = (
+            *differences(robot, model, self.map, self._drives, prefix),
+            *(f"an equality that was accepted: {text}" for text in accepted),
+        )
         if self.differences:
             lines = "\n  - ".join(self.differences)
             warnings.warn(

@@ -23,9 +23,9 @@ import numpy as np
 from jaxtyping import Float64, UInt8
 
 from poise._schema import Bounds, Count, Number, Positive, Triple, Vector, checked
-from poise.errors import MissingExtraError
 from poise.robots import Robot
 from poise.sim._mapping import StateMap
+from poise.sim._mujoco import asked_platform, missing_library
 
 _PLATFORMS = ("egl", "osmesa")
 """EGL first: it uses a graphics card where there is one."""
@@ -50,7 +50,8 @@ def find_opengl() -> str | None:
     MUJOCO_GL and PYOPENGL_PLATFORM are obeyed if they name one of the two. The answer is kept for
     the life of the process.
     """
-    for platform in _candidates():
+    asked = asked_platform()
+    for platform in _PLATFORMS if asked is None else asked[1:]:
         try:
             done = subprocess.run(
                 [sys.executable, "-c", _TRIAL, platform],
@@ -81,23 +82,10 @@ def make_context(width: int, height: int) -> Any:
     """
     platform = find_opengl()
     if platform is None:
-        raise MissingExtraError(
-            "libegl1",
-            "",
-            "Drawing without a screen",
-            install="apt install libegl1, or apt install libosmesa6 (Debian, Ubuntu)",
-        )
+        raise missing_library()
     context = importlib.import_module(f"mujoco.{platform}").GLContext(width, height)
     context.make_current()
     return context
-
-
-def _candidates() -> tuple[str, ...]:
-    for variable in ("PYOPENGL_PLATFORM", "MUJOCO_GL"):
-        asked = os.environ.get(variable, "").lower()
-        if asked in _PLATFORMS:
-            return (asked,)
-    return _PLATFORMS
 
 
 Colour = Annotated[tuple[float, float, float, float], Vector(4, Bounds(least=0.0, most=1.0))]

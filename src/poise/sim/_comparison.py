@@ -14,22 +14,30 @@ from jaxtyping import Float64
 from poise.errors import RobotError
 from poise.robots import GRAVITY, Robot
 from poise.sim._drives import Drives
+from poise.sim._equalities import pulling_tendons
 from poise.sim._mapping import StateMap
 
 _PLACE_TOLERANCE = 1e-3
-"""Files written with three or four digits put joints this far apart [m]."""
+"""Places written in metres to four decimals are off by up to 0.05 mm an axis, so by sqrt(3) 0.05 mm
+a joint, and by this much after the twelve joints from a floating base to a hand [m]."""
 
 _AXIS_TOLERANCE = 5e-3
-"""And turn their axes by this much [rad]."""
+"""Angles written to three decimals are off by up to 0.0005 rad an axis, so by sqrt(3) 0.0005 rad a
+joint; six joints that turn about one axis, as those of a leg or an arm, turn them by this much
+[rad]."""
 
 _SWING = 0.4
 """Joints are compared at home and this far from it, where wrong zeros and signs show [rad]."""
 
 _MASS_TOLERANCE = 5e-3
-"""Relative difference of the mass that is not worth a word."""
+"""Relative difference of masses written with three digits."""
+
+_MASS_STEP = 1e-3
+"""Masses written in kilograms to three decimals differ by up to this [kg]."""
 
 _COM_TOLERANCE = 2e-3
-"""Difference of the centre of mass at home that is not worth a word [m]."""
+"""Difference of centres of mass written in metres to three decimals, in joints that stand apart by
+as much as is allowed: sqrt(3) 0.5 mm and 1 mm [m]."""
 
 _RELATIVE_TOLERANCE = 1e-2
 """Relative difference of other quantities that is not worth a word."""
@@ -59,9 +67,8 @@ def find_base(robot: Robot, model: mujoco.MjModel, prefix: str) -> pin.SE3 | Non
         RobotError: a joint stands or turns elsewhere, or a fixed base stands elsewhere.
     """
     mapping = StateMap(robot, model, prefix=prefix)
-    home = robot.q_home[7 if robot.floating_base else 0 :]
-    swing = _SWING * np.where(np.arange(robot.nj) % 2, 1.0, -1.0)
-    postures = [_with_base_at_origin(robot, joints) for joints in (home, home + swing)]
+    home, swung = robot.q_home[-robot.nj :], _swung(robot)[-robot.nj :]
+    postures = [_with_base_at_origin(robot, joints) for joints in (home, swung)]
     ours = np.array([_joints_in_pinocchio(robot, q) for q in postures])
     theirs = np.array([_joints_in_mujoco(model, mapping, q) for q in postures])
     if _mismatch(ours, theirs).max() <= 1.0:
@@ -88,7 +95,7 @@ def find_base(robot: Robot, model: mujoco.MjModel, prefix: str) -> pin.SE3 | Non
 
 
 def differences(
-    robot: Robot, model: mujoco.MjModel, mapping: StateMap, drives: Drives
+    robot: Robot, model: mujoco.MjModel, mapping: StateMap, drives: Drives, prefix: str
 ) -> tuple[str, ...]:
     """What the controller does not know of a MuJoCo model, a sentence each.
 
@@ -97,6 +104,7 @@ def differences(
         model: the MuJoCo model.
         mapping: between the two.
         drives: the actuators.
+        prefix: what stands before the names of the robot's joints and links in the model.
     """
     joints = list(mapping.joints)
     dofs, names = model.jnt_dofadr[joints], robot.joint_names
@@ -111,10 +119,12 @@ def differences(
     torque = np.minimum(np.minimum(-reach[0], reach[1]), robot.tau_max)
     lines = [
         *_bodies(robot, model, mapping),
+        *_frames(robot, model, mapping, prefix),
         *_worst("armature", "kg m^2", names, armature, own),
         *_worst("joint damping", "N m s/rad", names, damping, none),
         *_worst("dry friction", "N m", names, model.dof_frictionloss[dofs], none),
         *_worst("joint stiffness", "N m/rad", names, model.jnt_stiffness[joints], none),
+        *_listed("tendons that resist or limit its joints", pulling_tendons(model, mapping)),
         *_worst("torque limits", "N m", names, torque, robot.tau_max),
         *_worst("lower position limits", "rad", names, low, robot.q_min),
         *_worst("upper position limits", "rad", names, high, robot.q_max),
@@ -156,23 +166,84 @@ def _listed(what: str, names: Sequence[str]) -> list[str]:
 
 
 def _bodies(robot: Robot, model: mujoco.MjModel, mapping: StateMap) -> list[str]:
-    """Mass, and centre of mass at home."""
-    root = model.body_rootid[model.jnt_bodyid[mapping.joints[0]]]
-    # What is welded to the world moves nobody, and Pinocchio has it in the universe.
-    bodies = np.flatnonzero((model.body_rootid == root) & (model.body_weldid != 0))
-    masses = model.body_mass[bodies]
-    mass, lines = float(masses.sum()), list[str]()
-    if abs(mass - robot.mass) > _MASS_TOLERANCE * robot.mass:
-        lines.append(f"mass: {mass:.4g} kg in the model, {robot.mass:.4g} kg to the controller")
-    data = mujoco.MjData(model)
-    data.qpos[:] = mapping.qpos(robot.q_home)
-    mujoco.mj_kinematics(model, data)
-    there = masses @ data.xipos[bodies] / mass
-    com = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)
-    off = float(np.linalg.norm(there - com))
-    if off > _COM_TOLERANCE:
-        lines.append(f"centre of mass at home: {1e3 * off:.1f} mm apart")
+    """Mass, and centre of mass at home: of the whole robot, and of what each joint moves."""
+    data, ours = _in_mujoco(model, mapping, robot.q_home), robot.model.createData()
+    pin.forwardKinematics(robot.model, ours, robot.q_home)
+    masses, centers = np.zeros(robot.model.njoints), np.zeros((robot.model.njoints, 3))
+    for body, joint in _movers(robot, model, mapping).items():
+        masses[joint] += model.body_mass[body]
+        centers[joint] += model.body_mass[body] * data.xipos[body]
+    own = np.array([inertia.mass for inertia in robot.model.inertias])
+    own[0] = masses[0] = 0.0  # What is fixed to the world moves nobody.
+    places = [pose.act(i.lever) for pose, i in zip(ours.oMi, robot.model.inertias, strict=True)]
+    total, com = masses.sum(), centers[1:].sum(axis=0) / masses.sum()
+    off = np.abs(masses - own)
+    heavy = np.minimum(masses, own) > _MASS_STEP
+    apart = np.zeros(len(own))
+    apart[heavy] = np.linalg.norm(
+        centers[heavy] / masses[heavy, None] - np.array(places)[heavy], axis=1
+    )
+    lines = list[str]()
+    differ = off > np.maximum(_MASS_TOLERANCE * own, _MASS_STEP)
+    if differ.any() or abs(total - robot.mass) > _MASS_TOLERANCE * robot.mass:
+        k = int(off.argmax())
+        lines.append(
+            f"mass: {total:.4g} kg in the model, {robot.mass:.4g} kg to the controller; most what "
+            f"{robot.model.names[k]} moves: {masses[k]:.4g} kg and {own[k]:.4g} kg"
+        )
+    whole = float(np.linalg.norm(com - own @ np.array(places) / robot.mass))
+    if max(whole, apart.max()) > _COM_TOLERANCE:
+        k = int(apart.argmax())
+        lines.append(
+            f"centre of mass at home: {1e3 * whole:.1f} mm apart; most of what "
+            f"{robot.model.names[k]} moves: {1e3 * apart[k]:.1f} mm"
+        )
     return lines
+
+
+def _movers(robot: Robot, model: mujoco.MjModel, mapping: StateMap) -> dict[int, int]:
+    """Bodies of the robot's tree, with Pinocchio's last joint that moves each; 0 for none."""
+    first = robot.model.njoints - robot.nj
+    joint_of = {j: first + k for k, j in enumerate(mapping.joints)}
+    if mapping.free_joint is not None:
+        joint_of[mapping.free_joint] = first - 1
+    root = model.body_rootid[model.jnt_bodyid[mapping.joints[0]]]
+    movers = {0: 0}
+    # MuJoCo has a body after the one that carries it.
+    for body in (int(b) for b in np.flatnonzero(model.body_rootid == root)):
+        start = int(model.body_jntadr[body])
+        own = [j for j in range(start, start + int(model.body_jntnum[body])) if j in joint_of]
+        movers[body] = joint_of[own[-1]] if own else movers[int(model.body_parentid[body])]
+    return movers
+
+
+def _frames(robot: Robot, model: mujoco.MjModel, mapping: StateMap, prefix: str) -> list[str]:
+    """Links that a joint moves, and whose frames stand elsewhere in the model, by name."""
+    bodies = {
+        k: body
+        for k, frame in enumerate(robot.model.frames)
+        if frame.type == pin.FrameType.BODY
+        and (body := mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, prefix + frame.name)) >= 0
+        and model.body_weldid[body]
+    }
+    apart = dict.fromkeys(bodies, (0.0, 0.0))
+    for q in (robot.q_home, _swung(robot)):
+        data, ours = _in_mujoco(model, mapping, q), robot.model.createData()
+        pin.framesForwardKinematics(robot.model, ours, q)
+        for k, body in bodies.items():
+            place = np.linalg.norm(data.xpos[body] - ours.oMf[k].translation)
+            turned = ours.oMf[k].rotation.T @ data.xmat[body].reshape(3, 3)
+            angle = np.linalg.norm(pin.log3(turned))
+            apart[k] = max(apart[k][0], float(place)), max(apart[k][1], float(angle))
+    wrong = {k: max(p / _PLACE_TOLERANCE, a / _AXIS_TOLERANCE) for k, (p, a) in apart.items()}
+    most = max(wrong, key=lambda k: wrong[k], default=None)
+    if most is None or wrong[most] <= 1.0:
+        return []
+    return [
+        f"frames of {sum(size > 1.0 for size in wrong.values())} links, most "
+        f"{robot.model.frames[most].name}: {1e3 * apart[most][0]:.3g} mm and "
+        f"{apart[most][1]:.3g} rad apart"
+    ]
 
 
 def _strangers(model: mujoco.MjModel, mapping: StateMap) -> list[str]:
@@ -204,6 +275,23 @@ def _world(model: mujoco.MjModel) -> list[str]:
     return lines
 
 
+def _in_mujoco(
+    model: mujoco.MjModel, mapping: StateMap, q: Float64[np.ndarray, " nq"]
+) -> mujoco.MjData:
+    """Kinematics of the model in a configuration of the robot."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = mapping.qpos(q)
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _swung(robot: Robot) -> Float64[np.ndarray, " nq"]:
+    """The home posture with every joint turned away from it."""
+    q = robot.q_home.copy()
+    q[-robot.nj :] += _SWING * np.where(np.arange(robot.nj) % 2, 1.0, -1.0)
+    return q
+
+
 def _with_base_at_origin(
     robot: Robot, joints: Float64[np.ndarray, " nj"]
 ) -> Float64[np.ndarray, " nq"]:
@@ -232,9 +320,7 @@ def _joints_in_pinocchio(
 def _joints_in_mujoco(
     model: mujoco.MjModel, mapping: StateMap, q: Float64[np.ndarray, " nq"]
 ) -> Float64[np.ndarray, "nj 6"]:
-    data = mujoco.MjData(model)
-    data.qpos[:] = mapping.qpos(q)
-    mujoco.mj_kinematics(model, data)
+    data = _in_mujoco(model, mapping, q)
     joints = list(mapping.joints)
     return np.hstack((data.xanchor[joints], data.xaxis[joints]))
 
@@ -283,5 +369,5 @@ def _refuse_joints(
             for k in wrong[:_SHOWN]
         ],
         wanted="the same zeros, signs and places of all joints, and the free joint in a body that "
-        "is rigidly one with the robot's base",
+        "is rigidly one with the robot's base: load the robot from the MJCF of this model",
     )

@@ -7,13 +7,14 @@ import pinocchio as pin
 from jaxtyping import Float64, Int64
 
 from poise._compiled import say_if_slow
+from poise._copies import Copied
 from poise.dynamics import Dynamics, Motion, frames_of, motion_of
 from poise.robots import Robot, once_a_robot
 from poise.stack._kernels import evaluate
 from poise.stack._tables import CORNERS, ENTRIES, WORK, Kind, Owners, Rows
 
 
-class Owner:
+class Owner(Copied):
     """A task or contact whose formulas are compiled.
 
     Attributes:
@@ -31,6 +32,10 @@ class Owner:
         reference: their reference acceleration.
     """
 
+    foreign = (
+        *("evaluation", "_alone", "jacobian", "drift", "reference"),
+        *("error", "error_rate", "_fade"),
+    )
     kind: Kind
     dim: int
     parameters: Float64[np.ndarray, " p"]

@@ -12,6 +12,7 @@ import pinocchio as pin
 from jaxtyping import Bool, Float64
 
 from poise._checks import checked_kind, checked_number
+from poise._copies import Copied
 from poise.errors import ConfigurationError
 from poise.robots import Robot, capsules_of
 from poise.stack._contact import Contact
@@ -45,7 +46,7 @@ class NearPair(NamedTuple):
     distance: float
 
 
-class SelfCollisionLimit:
+class SelfCollisionLimit(Copied):
     """Bounds that keep arms, legs, trunk and head apart, whatever tasks ask for.
 
     Links are capsules (`LinkCapsules`). With x_a and x_b the nearest points of the axes of two, n
@@ -87,6 +88,8 @@ class SelfCollisionLimit:
         name: what reports call it.
     """
 
+    foreign = ("_made",)
+
     def __init__(
         self,
         *,
@@ -107,8 +110,12 @@ class SelfCollisionLimit:
             approach_time, f"approach_time of the {name} [s]", above=0.0
         )
         self._robot: Robot | None = None
-        self._made: dict[_Use, SelfCollisionRows] = {}
         self._legs_pass, self._at_rest = False, False
+        self.share_memory()
+
+    def share_memory(self) -> None:
+        """Begins without rows, which refer to the contacts that they were made for."""
+        self._made: dict[_Use, SelfCollisionRows] = {}
 
     @property
     def enabled(self) -> bool:

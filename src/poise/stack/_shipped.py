@@ -189,10 +189,15 @@ class ShippedTask(Owner, Task, Generic[T]):
         if self.is_bound_to(robot):
             return
         super().bind(robot)
-        target, gains = self._target, self._gain_rows
-        self.parameters = np.concatenate((gains.ravel(), target.memory))
-        self._take_gains(self.parameters[: gains.size].reshape(GAINS, self.dim))
-        target.memory = self.parameters[gains.size :]
+        self.parameters = np.concatenate((self._gain_rows.ravel(), self._target.memory))
+        self.share_memory()
+
+    def share_memory(self) -> None:
+        """Has gains and target in the array that the formulas read."""
+        if self._robot is not None:
+            size = GAINS * self.dim
+            self._take_gains(self.parameters[:size].reshape(GAINS, self.dim))
+            self._target.memory = self.parameters[size:]
 
     def reset(self) -> None:
         """Forgets a target that was taken from the robot."""

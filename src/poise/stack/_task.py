@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from poise._checks import Numbers
+from poise._copies import Copied
 from poise._show import brief
 from poise.dynamics import Dynamics, saturate
 from poise.errors import ConfigurationError
@@ -23,7 +24,7 @@ _GIVEN = {ACCELERATION: "acceleration", GIVEN_VELOCITY: "velocity"}
 """What a user may give in place of feedback, by its row among the gains."""
 
 
-class Task(ABC):
+class Task(Copied, ABC):
     """A quantity of the robot that should follow a reference: `J dv + drift = reference`.
 
     Feedback around a user's target asks for a velocity, bounded in norm in each block of rows, and
@@ -143,6 +144,11 @@ class Task(ABC):
         self._gain_rows = rows
         self._gains_to_read = rows.view()
         self._gains_to_read.flags.writeable = False
+
+    def share_memory(self) -> None:
+        """Makes views of its gains."""
+        if self._robot is not None:
+            self._take_gains(self._gain_rows)
 
     def is_bound_to(self, robot: Robot) -> bool:
         """Whether it serves that robot already.
@@ -375,7 +381,7 @@ class Task(ABC):
                 asked[block], cut[block] = saturate(bound, asked[block]), True
         return asked, cut
 
-    def reset(self) -> None:  # noqa: B027 - most tasks have nothing to forget
+    def reset(self) -> None:
         """Forgets targets that the task took from the robot itself, not those a user set."""
 
     @property

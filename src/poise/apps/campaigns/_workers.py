@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 from poise._compiled import usable_cores
 from poise.errors import ConfigurationError, PoiseError
+from poise.sim import silence
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -248,6 +249,7 @@ def _serve(pipe: Connection) -> None:
     # Ctrl-C in a terminal reaches all processes; the parent ends this one when it is to end.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    silence()
     while True:
         try:
             function, item = pipe.recv()

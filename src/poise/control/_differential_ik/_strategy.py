@@ -174,6 +174,7 @@ class VelocityStrategy:
     """
 
     commands: Literal["torque", "velocity"] = "velocity"
+    kept = ("named", "stance", "_last")
 
     def __init__(
         self,

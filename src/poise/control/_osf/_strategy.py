@@ -40,6 +40,7 @@ class OperationalStrategy:
     """
 
     commands: Literal["torque", "velocity"] = "torque"
+    kept = ("reference_wrenches",)
 
     def __init__(self, robot: Robot, stack: Stack, rank: RankTreatment) -> None:
         self.robot, self.stack = robot, stack
@@ -98,11 +99,19 @@ class OperationalStrategy:
         """Sets a contact's reference wrench, see `OperationalSpaceController.set_wrench`."""
         size = self.stack.contact(contact).dim
         what = f"wrench of contact {contact!r} [N, N m]"
-        self._wrenches[contact] = (
-            np.zeros(size) if wrench is None else checked_target(wrench, size, what).copy()
-        )
+        value = np.zeros(size) if wrench is None else checked_target(wrench, size, what).copy()
+        self.reference_wrenches = self._wrenches | {contact: value}
+
+    @property
+    def reference_wrenches(self) -> dict[str, Float64[np.ndarray, " c"]]:
+        """What was set of the internal forces, by contact [N, N m]."""
+        return self._wrenches
+
+    @reference_wrenches.setter
+    def reference_wrenches(self, wrenches: dict[str, Float64[np.ndarray, " c"]]) -> None:
+        self._wrenches = wrenches
         for forces in self._all_forces:
-            forces.set_references(self._wrenches)
+            forces.set_references(wrenches)
 
     def reset(self) -> None:
         """Forgets what the last tick found."""

@@ -1,0 +1,79 @@
+"""MuJoCo with the OpenGL back end that the environment names, and without its log.
+
+MuJoCo's package loads the back end that MUJOCO_GL names while it is imported.
+"""
+
+import importlib
+import os
+
+from poise.errors import ConfigurationError, MissingExtraError, PoiseError
+
+PACKAGES = {"egl": "libegl1", "osmesa": "libosmesa6", "glfw": "libglfw3"}
+"""Debian's package with the library of each back end."""
+
+_VARIABLES = ("PYOPENGL_PLATFORM", "MUJOCO_GL")
+
+
+def refusal() -> PoiseError | None:
+    """Import MuJoCo; the error to raise where it or its back end is not there, else None."""
+    try:
+        importlib.import_module("mujoco")
+    except Exception as error:
+        if isinstance(error, ModuleNotFoundError) and error.name == "mujoco":
+            return MissingExtraError("mujoco", "sim", "Simulation")
+        # Each back end fails in its own way: PyOpenGL by an AttributeError, for one.
+        if not os.environ.get("MUJOCO_GL"):
+            raise
+        return _wrong_back_end()
+    return None
+
+
+def asked_platform() -> tuple[str, str] | None:
+    """The variable that names a platform to draw on without a screen, and the platform."""
+    for variable in _VARIABLES:
+        asked = os.environ.get(variable, "").lower().strip()
+        if asked in ("egl", "osmesa"):
+            return variable, asked
+    return None
+
+
+def missing_library() -> MissingExtraError:
+    """The error of a machine that cannot draw without a screen."""
+    asked = asked_platform()
+    if asked is None:
+        return MissingExtraError(
+            "libegl1",
+            "",
+            "Drawing without a screen",
+            install="apt install libegl1, or apt install libosmesa6 (Debian, Ubuntu)",
+        )
+    variable, platform = asked
+    return _missing(variable, platform)
+
+
+def silence() -> None:
+    """Keep MuJoCo's own log off the screen and out of MUJOCO_LOG.TXT, in this process."""
+    config = importlib.import_module("mujoco").MjLogConfig.get()
+    config.logto_console = config.logto_file = False
+    config.set()
+
+
+def _wrong_back_end() -> PoiseError:
+    asked = os.environ["MUJOCO_GL"].lower().strip()
+    if asked in PACKAGES:
+        return _missing("MUJOCO_GL", asked)
+    return ConfigurationError(
+        "MUJOCO_GL is no OpenGL back end of MuJoCo's",
+        got=asked,
+        wanted="egl (Debian's libegl1), osmesa (Debian's libosmesa6), glfw, or no MUJOCO_GL",
+    )
+
+
+def _missing(variable: str, platform: str) -> MissingExtraError:
+    package = PACKAGES[platform]
+    return MissingExtraError(
+        package,
+        "",
+        f"Drawing with {variable}={platform}",
+        install=f"apt install {package} (Debian, Ubuntu); or unset {variable}",
+    )
