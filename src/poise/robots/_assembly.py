@@ -23,27 +23,16 @@ _WRITTEN = 1e-4
 
 @dataclass(frozen=True, kw_only=True)
 class Assembly:
-    """A document's robot.
+    """A document's robot."""
 
-    Attributes:
-        model: Pinocchio's, without the joints that are welded.
-        source: the settled document.
-        root: its root link.
-        grips: joints that drive others, as those of grippers do.
-        lost_meshes: files that are not there.
-        poses: joint positions by keyframe, within the limits [rad, m].
-        clipped: keyframes that were not, as sentences.
-        remarks: what was repaired, left out and welded, as sentences.
-    """
-
-    model: pin.Model
-    source: ModelSource
-    root: str
-    grips: frozenset[str]
-    lost_meshes: tuple[str, ...]
-    poses: dict[str, dict[str, float]]
-    clipped: tuple[str, ...]
-    remarks: tuple[str, ...]
+    model: pin.Model  # Pinocchio's, without the joints that are welded
+    source: ModelSource  # the settled document
+    root: str  # its root link
+    grips: frozenset[str]  # joints that drive others, as those of grippers do
+    lost_meshes: tuple[str, ...]  # files that are not there
+    poses: dict[str, dict[str, float]]  # joint positions by keyframe, within the limits [rad, m]
+    clipped: tuple[str, ...]  # keyframes that were not, as sentences
+    remarks: tuple[str, ...]  # what was repaired, left out and welded, as sentences
 
 
 def assemble(

@@ -29,31 +29,22 @@ T = TypeVar("T")
 @checked(RobotError)
 @dataclass(frozen=True, kw_only=True)
 class Mount:
-    """Where a frame sits on a link.
+    """Where a frame sits on a link."""
 
-    Attributes:
-        link: the link.
-        position: origin of the frame in the link [m].
-        rpy: roll, pitch, yaw of the frame in the link, as in URDF [rad].
-    """
-
-    link: Text
+    link: Text  # the link
+    # origin of the frame in the link [m]
     position: Point = field(default_factory=lambda: np.zeros(3))
+    # roll, pitch, yaw of the frame in the link, as in URDF [rad]
     rpy: Point = field(default_factory=lambda: np.zeros(3))
 
 
 @checked(RobotError)
 @dataclass(frozen=True, kw_only=True)
 class SoleMount(Mount):
-    """A sole: its centre, x forward and z up, with its size.
+    """A sole: its centre, x forward and z up, with its size."""
 
-    Attributes:
-        length: along x [m].
-        width: along y [m].
-    """
-
-    length: Positive
-    width: Positive
+    length: Positive  # along x [m]
+    width: Positive  # along y [m]
 
 
 def _check_span(span: tuple[float, float]) -> tuple[float, float]:
@@ -78,16 +69,11 @@ Inertias = Annotated[
 @checked(RobotError)
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Limits that replace the document's, by pattern.
+    """Limits that replace the document's, by pattern."""
 
-    Attributes:
-        torque: [N m].
-        velocity: [rad/s].
-        position: lower and upper [rad].
-    """
-
-    torque: dict[Text, Positive] = field(default_factory=dict[str, float])
-    velocity: dict[Text, Positive] = field(default_factory=dict[str, float])
+    torque: dict[Text, Positive] = field(default_factory=dict[str, float])  # [N m]
+    velocity: dict[Text, Positive] = field(default_factory=dict[str, float])  # [rad/s]
+    # lower and upper [rad]
     position: dict[Text, Span] = field(default_factory=dict[str, tuple[float, float]])
 
 

@@ -52,25 +52,18 @@ class JointLimits(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Facts:
-    """Facts about a robot in sections of a document that its own form lacks.
+    """Facts about a robot in sections of a document that its own form lacks."""
 
-    Attributes:
-        fixed: the document hangs its root on the world.
-        free: it has a floating joint before its root.
-        upright: world_R_base of the root link where the document puts it.
-        poses: joint positions by keyframe [rad, m].
-        torque: largest torque or force by joint, from actuators [N m, N].
-        couplings: joints that follow others.
-        remarks: parts of the document that are left out, as sentences.
-    """
-
-    fixed: bool
-    free: bool = False
+    fixed: bool  # the document hangs its root on the world
+    free: bool = False  # it has a floating joint before its root
+    # world_R_base of the root link where the document puts it
     upright: Float64[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    # joint positions by keyframe [rad, m]
     poses: Mapping[str, dict[str, float]] = field(default_factory=dict[str, dict[str, float]])
+    # largest torque or force by joint, from actuators [N m, N]
     torque: Mapping[str, float] = field(default_factory=dict[str, float])
-    couplings: tuple[Coupling, ...] = ()
-    remarks: tuple[str, ...] = ()
+    couplings: tuple[Coupling, ...] = ()  # joints that follow others
+    remarks: tuple[str, ...] = ()  # parts of the document that are left out, as sentences
 
 
 class Document(ABC):

@@ -22,15 +22,10 @@ _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 
 @dataclass(frozen=True)
 class Balls:
-    """A convex shape as the hull of balls: corners have radius zero, a capsule is two balls.
+    """A convex shape as the hull of balls: corners have radius zero, a capsule is two balls."""
 
-    Attributes:
-        centres: in the link [m].
-        radii: of each ball [m].
-    """
-
-    centres: Float64[np.ndarray, "n 3"]
-    radii: Float64[np.ndarray, " n"]
+    centres: Float64[np.ndarray, "n 3"]  # in the link [m]
+    radii: Float64[np.ndarray, " n"]  # of each ball [m]
 
     def moved(self, placement: pin.SE3) -> "Balls":
         """The same shape elsewhere: placement times its points."""

@@ -1,6 +1,5 @@
 """`build_mjcf_model`: Pinocchio's model of the bodies, joints and sites that MuJoCo compiles."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -40,14 +39,17 @@ class _Builder:
             self._frame_of[0] = int(self.model.addBodyFrame(WORLD, 0, pin.SE3.Identity(), 0))
         else:
             self._joint_of[0] = self._add(base, 0, pin.JointModelFreeFlyer(), None)
-        armature, damping, friction = {}, {}, {}
         for body in range(1, compiled.nbody):
-            for joint in self._add_body(body):
-                name, dof = compiled.joint(joint).name, int(compiled.jnt_dofadr[joint])
-                armature[name] = float(compiled.dof_armature[dof])
-                damping[name] = float(np.ravel(compiled.dof_damping[dof])[0])
-                friction[name] = float(compiled.dof_frictionloss[dof])
-        self._set_by_joint(armature, damping, friction)
+            self._add_body(body)
+        # Once all joints are there: adding one makes these vectors anew.
+        for joint in range(compiled.njnt):
+            name, dof = compiled.joint(joint).name, int(compiled.jnt_dofadr[joint])
+            v = self.model.joints[self.model.getJointId(name)].idx_v
+            friction = float(compiled.dof_frictionloss[dof])
+            self.model.armature[v] = float(compiled.dof_armature[dof])
+            self.model.damping[v] = float(np.ravel(compiled.dof_damping[dof])[0])
+            self.model.upperDryFrictionLimit[v] = friction
+            self.model.lowerDryFrictionLimit[v] = -friction
         for site in range(compiled.nsite):
             self._add_site(site)
 
@@ -57,14 +59,13 @@ class _Builder:
         self.model.addJointFrame(index, -1)
         return int(index)
 
-    def _add_body(self, body: int) -> list[int]:
+    def _add_body(self, body: int) -> None:
         compiled = self._compiled
         above = int(compiled.body_parentid[body])
         moved_by = self._joint_of[above]
         here = self._placement[above] * pose_of(compiled.body_pos[body], compiled.body_quat[body])
         first = int(compiled.body_jntadr[body])
-        joints = list(range(first, first + int(compiled.body_jntnum[body])))
-        for joint in joints:
+        for joint in range(first, first + int(compiled.body_jntnum[body])):
             moved_by, here = self._add_joint(joint, moved_by, here)
         self._joint_of[body], self._placement[body] = moved_by, here
         inertia = pin.Inertia(
@@ -76,7 +77,6 @@ class _Builder:
         self._frame_of[body] = int(
             self.model.addBodyFrame(name, moved_by, here, self._frame_of[above])
         )
-        return joints
 
     def _add_joint(self, joint: int, parent: int, here: pin.SE3) -> tuple[int, pin.SE3]:
         compiled, kinds = self._compiled, self._mujoco.mjtJoint
@@ -119,18 +119,3 @@ class _Builder:
         self.model.addFrame(
             pin.Frame(name, self._joint_of[body], self._frame_of[body], place, kind), False
         )
-
-    def _set_by_joint(
-        self,
-        armature: Mapping[str, float],
-        damping: Mapping[str, float],
-        friction: Mapping[str, float],
-    ) -> None:
-        # Only once all joints are there: adding one makes these vectors anew.
-        model = self.model
-        for joint, name in zip(model.joints, model.names, strict=True):
-            if name in armature:
-                model.armature[joint.idx_v] = armature[name]
-                model.damping[joint.idx_v] = damping[name]
-                model.upperDryFrictionLimit[joint.idx_v] = friction[name]
-                model.lowerDryFrictionLimit[joint.idx_v] = -friction[name]

@@ -16,55 +16,36 @@ from poise.errors import ConfigurationError, UnknownNameError
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSource:
-    """The text a robot was built from, so that a simulator can build its own, independent model.
+    """The text a robot was built from, so that a simulator can build its own, independent model."""
 
-    Attributes:
-        kind: the format of `text`.
-        text: the whole URDF or MJCF document.
-        directory: where relative mesh paths start, None for a document that names no files.
-        package_dirs: folders in which `package://name/...` is looked up.
-        locked_joints: joints of the document that are welded at zero in the robot.
-    """
-
-    kind: Literal["urdf", "mjcf"]
-    text: str = field(repr=False)
+    kind: Literal["urdf", "mjcf"]  # the format of `text`
+    text: str = field(repr=False)  # the whole URDF or MJCF document
+    # where relative mesh paths start, None for a document that names no files
     directory: Path | None = None
-    package_dirs: tuple[Path, ...] = ()
+    package_dirs: tuple[Path, ...] = ()  # folders in which `package://name/...` is looked up
+    # joints of the document that are welded at zero in the robot
     locked_joints: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRole:
-    """A frame that has a part to play (a sole, a hand, the pelvis), fixed to a link.
+    """A frame that has a part to play (a sole, a hand, the pelvis), fixed to a link."""
 
-    Attributes:
-        name: the role's name, such as "left_sole"; tasks and contacts use it.
-        link: the link of the document that carries the frame.
-        position: origin of the frame in the link [m].
-        rotation: orientation of the frame in the link, link_R_frame.
-    """
-
-    name: str
-    link: str
-    position: Float64[np.ndarray, "3"]
-    rotation: Float64[np.ndarray, "3 3"]
+    name: str  # the role's name, such as "left_sole"; tasks and contacts use it
+    link: str  # the link of the document that carries the frame
+    position: Float64[np.ndarray, "3"]  # origin of the frame in the link [m]
+    rotation: Float64[np.ndarray, "3 3"]  # orientation of the frame in the link, link_R_frame
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sole:
-    """A rectangular foot sole: its frame lies at the sole's centre, x forward, z up.
+    """A rectangular foot sole: its frame lies at the sole's centre, x forward, z up."""
 
-    Attributes:
-        name: the frame role it belongs to.
-        length: along the frame's x [m].
-        width: along the frame's y [m].
-        controlled: components of its motion that its leg decides, along the frame's own axes: 0 to
-            2 for where it is, 3 to 5 for how it is turned. All, unless the leg lacks a joint.
-    """
-
-    name: str
-    length: float
-    width: float
+    name: str  # the frame role it belongs to
+    length: float  # along the frame's x [m]
+    width: float  # along the frame's y [m]
+    # components of its motion that its leg decides, along the frame's own axes: 0 to 2 for where it
+    # is, 3 to 5 for how it is turned. All, unless the leg lacks a joint
     controlled: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
 
     @property

@@ -21,21 +21,14 @@ _PART = 0.85  # of a motion that counts as all of it
 
 @dataclass(frozen=True, kw_only=True)
 class Attempt:
-    """One thing tried.
+    """One thing tried."""
 
-    Attributes:
-        name: "stand", "squat", "hold" or "reach".
-        ok: whether it went well.
-        words: the checks that failed and what happened before; after a fall the fall alone.
-        weakest: the joint whose torque came nearest to its limit.
-        figures: those of the run, as its `summary.json` has them.
-    """
-
-    name: str
-    ok: bool
+    name: str  # "stand", "squat", "hold" or "reach"
+    ok: bool  # whether it went well
+    # the checks that failed and what happened before; after a fall the fall alone
     words: tuple[str, ...]
-    weakest: str
-    figures: dict[str, Any]
+    weakest: str  # the joint whose torque came nearest to its limit
+    figures: dict[str, Any]  # those of the run, as its `summary.json` has them
 
 
 @dataclass(frozen=True)
