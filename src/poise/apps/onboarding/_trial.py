@@ -89,7 +89,7 @@ def _attempt(robot: Robot, plan: Mapping[str, Any]) -> Attempt:
         value = f"{check.value:.3g} {check.unit}, wanted {check.relation} {check.bound:.3g}"
         what = f"after {check.time:.2f} s" if check.metric == "fell" else f"is {value}"
         words.append(": ".join(filter(None, (f"{check.name} {what}", check.mechanism))))
-    ratios = np.max(np.abs(run.signals.torque) / robot.tau_max, axis=0)
+    ratios = np.max(np.nan_to_num(np.abs(run.signals.torque) / robot.tau_max), axis=0)
     return Attempt(
         name=plan["name"],
         ok=run.ok,
@@ -123,12 +123,12 @@ def _reach(robot: Robot) -> dict[str, Any]:
     """Each hand goes where one joint of its arm takes it far, best forward and up."""
     model, data, q = robot.model, robot.model.createData(), robot.q_home
     pin.framesForwardKinematics(model, data, q)
-    trunk, posture = robot.joints_above(robot.torso), dict[str, float]()
+    trunk, posture = set(robot.joints_above(robot.torso)), dict[str, float]()
     motions: list[dict[str, Any]] = []
     checks: list[dict[str, Any]] = []
-    for hand in robot.hands:
+    arms = {hand: sorted(set(robot.joints_above(hand)) - trunk) for hand in robot.hands}
+    for hand, arm in ((hand, arm) for hand, arm in arms.items() if arm):
         frame = robot.frame_id(hand)
-        arm = [joint for joint in robot.joints_above(hand) if joint not in trunk]
         turns = list(swings(model, q, arm, frame, _SWING))
         ways = np.array([turn.place - data.oMf[frame].translation for turn in turns])
         sizes = np.linalg.norm(ways, axis=1)
@@ -139,6 +139,6 @@ def _reach(robot: Robot) -> dict[str, Any]:
         # The arm's own posture goes along, or it may end up at a stop beside the way.
         joint = turns[best].joint
         posture[model.names[joint]] = float(turns[best].q[model.joints[joint].idx_q])
-    motions.append({"task": "posture", "joints": posture})
+    motions += [{"task": "posture", "joints": posture}] if posture else []
     motions = [{**motion, "at": 0.3, "over": 1.7} for motion in motions]
     return {"name": "reach", "duration": 3.0, "motions": motions, "checks": checks}
