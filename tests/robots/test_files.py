@@ -1,6 +1,5 @@
 import logging
 import os
-import xml.etree.ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
@@ -214,24 +213,22 @@ def test_meshes_are_found_beside_the_file_and_by_package(tmp_path, urdf, facts):
         assert load_robot(path, facts).nj == 4
 
 
-def test_a_document_without_pictures_gets_a_stick_figure(load, urdf, facts):
+def test_a_document_without_pictures_is_drawn_as_sticks(load, urdf, facts):
+    mujoco = pytest.importorskip("mujoco")
+    from poise.sim import Plant
+
     tilted = urdf.replace('<origin xyz="0 0 -0.4"/>', '<origin xyz="0.1 -0.2 -0.4"/>')
-    root = ET.fromstring(load(tilted, facts).source.text)
-    assert len(root.findall("link/visual/geometry/sphere")) == 5
-    origins = {j.find("parent").get("link"): j.find("origin") for j in root.findall("joint")}
+    plant = Plant(load(tilted, facts))
+    end = np.array([0.1, -0.2, -0.4])
     for link in ("left_shin", "right_shin"):
-        (stick,) = root.findall(f"link[@name='{link}']/visual[origin]")
-        xyz, rpy = (np.fromstring(stick.find("origin").get(k), sep=" ") for k in ("xyz", "rpy"))
-        half = 0.5 * float(stick.find("geometry/cylinder").get("length"))
-        axis = half * pin.rpy.rpyToMatrix(*rpy)[:, 2]
-        np.testing.assert_allclose(xyz - axis, 0.0, atol=1e-12)
-        end = np.fromstring(origins[link].get("xyz"), sep=" ")
-        np.testing.assert_allclose(xyz + axis, end, atol=1e-12)
-    pictured = urdf.replace(
-        '<link name="left_foot">',
-        '<link name="left_foot"><visual><geometry><box size="0.2 0.1 0.1"/></geometry></visual>',
-    )
-    assert load(pictured, facts).source.text.count("<visual>") == 1
+        body = plant.model.body(link)
+        geom = int(body.geomadr[0])
+        assert plant.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE
+        np.testing.assert_allclose(plant.model.geom_pos[geom], 0.5 * end, atol=1e-9)
+        assert plant.model.geom_size[geom][1] == pytest.approx(0.5 * np.linalg.norm(end))
+    box = '<link name="left_foot"><visual><geometry><box size="0.2 0.1 0.1"/></geometry></visual>'
+    pictured = Plant(load(urdf.replace('<link name="left_foot">', box), facts)).model
+    assert int(pictured.body("left_shin").geomnum[0]) == 0
 
 
 def test_the_description_in_the_documentation_is_a_right_one():

@@ -21,7 +21,6 @@ from poise.robots._limbs import swings as swings
 from poise.robots._loader import description_template, load_robot
 from poise.robots._mesh_files import mesh_path as mesh_path
 from poise.robots._mjcf_compile import anchor_assets as anchor_assets, make_spec as make_spec
-from poise.robots._once import once_a_robot as once_a_robot
 from poise.robots._posture import standing_posture as standing_posture
 from poise.robots._proposal import Proposal as Proposal
 from poise.robots._robot import (
@@ -30,6 +29,7 @@ from poise.robots._robot import (
     ModelSource as ModelSource,
     Robot,
     Sole as Sole,
+    once_a_robot as once_a_robot,
 )
 
 __all__ = ["JointOrder", "Robot", "catalog", "describe", "description_template", "load_robot"]

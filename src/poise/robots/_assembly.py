@@ -8,8 +8,7 @@ import pinocchio as pin
 from poise._show import few
 from poise.errors import RobotError
 from poise.robots._document import Base, Coupling, Document, JointLimits
-from poise.robots._kinematics import hinges
-from poise.robots._limits import apply_limits
+from poise.robots._limits import apply_limits, hinges
 from poise.robots._mesh_files import drop_missing_meshes
 from poise.robots._robot import ModelSource
 
@@ -17,8 +16,7 @@ _GEAR = 2.0
 """An output moves more than so many times the mass of its gear; mirrored fingers are equal."""
 
 
-_WRITTEN = 1e-4
-"""Keyframes are written with about so many digits [rad, m]."""
+_WRITTEN = 1e-4  # Keyframes are written with about so many digits [rad, m]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,14 +9,10 @@ import pinocchio as pin
 from jaxtyping import Float64, Int64
 
 from poise.robots._geometry import Balls, link_shapes, union
-from poise.robots._once import once_a_robot
-from poise.robots._robot import Robot
+from poise.robots._robot import Robot, once_a_robot
 
-_MOST_STRIPS = 3
-"""Capsules side by side that stand for a flat link at most."""
-
-_STICK = 0.12
-"""Radius of a link without any geometry, as a part of its length."""
+_MOST_STRIPS = 3  # Capsules side by side that stand for a flat link at most
+_STICK = 0.12  # Radius of a link without any geometry, as a part of its length
 
 _NEIGHBOURS, _COMPOUND = 2, 0.1
 """Links with so many joints between them or fewer, or joints no further apart than this [m], are

@@ -16,8 +16,7 @@ _DATA_PACKAGE, _DATA_EXTRA = "example-robot-data", "robots"
 _DATA_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 _FOLDER = Path(__file__).parent
 _FAMILY = re.compile(r"humanoid([1-9]\d*)")
-_ORDER = ("humanoid33", "biped20", "g1")
-"""These stand first in the list; the others follow by name."""
+_ORDER = ("humanoid33", "biped20", "g1")  # These stand first in the list; the others follow by name
 
 
 @checked(RobotError)

@@ -14,9 +14,8 @@ from poise.errors import RobotError
 from poise.robots._assembly import assemble, welded
 from poise.robots._document import Document, JointLimits
 from poise.robots._inputs import RobotInput, open_document
-from poise.robots._kinematics import hinges
 from poise.robots._limbs import MARGIN, Chain, Limbs, Pair, Posture, bent_arms, find_limbs
-from poise.robots._limits import apply_limits, assume_limits, joint_kind
+from poise.robots._limits import apply_limits, assume_limits, hinges, joint_kind
 from poise.robots._proposal import Proposal, joint_pattern
 from poise.robots._robot import GRAVITY
 from poise.robots._soles import Foot, body_frames, find_foot, shapes_of

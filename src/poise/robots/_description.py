@@ -80,33 +80,25 @@ class Limits:
 @checked(RobotError)
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """The facts that stand in a description file. Joint names are regular expressions.
+    """The facts that stand in a description file. Joint names are regular expressions."""
 
-    Attributes:
-        where: the file, for messages.
-        base: whether the root link is free or fixed in the world.
-        pelvis: the pelvis frame; for a fixed base it may be left out and is the root link.
-        torso: the torso frame; as the pelvis.
-        soles: soles by name, left first.
-        hands: hand frames by name, left first.
-        home: joint positions by pattern [rad]; joints not named are at zero.
-        limits: limits that replace the document's.
-        armature: reflected rotor inertias by pattern [kg m^2].
-        locked: joints that are welded at zero.
-        licence: the model's licence.
-    """
-
-    where: str = field(default="a description", metadata=NOT_IN_FILES)
-    base: Literal["floating", "fixed"]
+    where: str = field(default="a description", metadata=NOT_IN_FILES)  # the file, for messages
+    base: Literal["floating", "fixed"]  # whether the root link is free or fixed in the world
+    # the pelvis frame; for a fixed base it may be left out and is the root link
     pelvis: Placed | None = None
-    torso: Placed | None = None
+    torso: Placed | None = None  # the torso frame; as the pelvis
+    # soles by name, left first
     soles: dict[Text, SoleMount] = field(default_factory=dict[str, SoleMount])
+    # hand frames by name, left first
     hands: dict[Text, Placed] = field(default_factory=dict[str, Mount])
+    # joint positions by pattern [rad]; joints not named are at zero
     home: dict[Text, Number] = field(default_factory=dict[str, float])
-    limits: Limits = field(default_factory=Limits)
+    limits: Limits = field(default_factory=Limits)  # limits that replace the document's
+    # reflected rotor inertias by pattern [kg m^2]
     armature: Inertias = field(default_factory=dict[str, float])
+    # joints that are welded at zero
     locked: Annotated[tuple[Text, ...], Wanting("a list of texts")] = ()
-    licence: Text = "not stated"
+    licence: Text = "not stated"  # the model's licence
 
     def __post_init__(self) -> None:
         missing = [key for key in ("pelvis", "torso", "soles") if not getattr(self, key)]

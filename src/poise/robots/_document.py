@@ -67,15 +67,7 @@ class Facts:
 
 
 class Document(ABC):
-    """A parsed document, changed in place by its methods.
-
-    Args:
-        root: its root element.
-        where: the file or the robot's name, for messages.
-        name: of the robot.
-        directory: folder of relative paths; None for a document that names no files.
-        packages: further folders that hold packages, or are one.
-    """
+    """A parsed document, changed in place by its methods."""
 
     kind: Literal["urdf", "mjcf"]
     link_tag: str
@@ -111,12 +103,14 @@ class Document(ABC):
         """The document as text."""
         return ET.tostring(self.root, encoding="unicode")
 
-    def source(self, locked: Iterable[str] = ()) -> ModelSource:
-        """The document as a robot keeps it.
+    @property
+    def has_shapes(self) -> bool:
+        """Whether there is anything to see or to touch."""
+        shapes = ("link/visual", "link/collision", ".//geom")
+        return any(self.root.find(path) is not None for path in shapes)
 
-        Args:
-            locked: joints that are welded at zero.
-        """
+    def source(self, locked: Iterable[str] = ()) -> ModelSource:
+        """The document as a robot keeps it, with the joints that are welded at zero."""
         return ModelSource(
             kind=self.kind,
             text=self.text,
@@ -269,18 +263,7 @@ def read_document(
     packages: Sequence[Path] = (),
     name: str = "",
 ) -> Document:
-    """Parse URDF or MJCF text.
-
-    Args:
-        text: the document.
-        where: the file or the robot's name, for messages.
-        directory: folder of its relative paths.
-        packages: further folders that hold packages, or are one.
-        name: of the robot; by default the document's own, or else the stem of `where`.
-
-    Raises:
-        RobotError: the text is neither URDF nor MJCF, or has a fault that cannot be repaired.
-    """
+    """Parse URDF or MJCF text; a robot has the document's own name, or else the stem of `where`."""
     from poise.robots._mjcf import MjcfDocument
     from poise.robots._urdf import UrdfDocument
 
@@ -300,8 +283,7 @@ def read_document(
     return reader(root, where, name or own or _plain(Path(where).stem), directory, packages)
 
 
-_UNNAMED = "MuJoCo_Model"
-"""The name that MuJoCo gives to a model without one."""
+_UNNAMED = "MuJoCo_Model"  # The name that MuJoCo gives to a model without one
 
 
 def _plain(name: str) -> str:

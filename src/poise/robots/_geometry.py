@@ -65,33 +65,29 @@ def load_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "
     Raises:
         RobotError: the file holds no mesh that can be read.
     """
+    data = path.read_bytes()
+    count = int.from_bytes(data[80:_STL_HEADER], "little")
+    binary = len(data) == _STL_HEADER + count * _STL_TRIANGLE.itemsize
+    if path.suffix.lower() == ".stl" and binary:
+        # In a fraction of the library's time.
+        triangles = np.frombuffer(data, _STL_TRIANGLE, offset=_STL_HEADER)
+        vertices = triangles["corners"].reshape(-1, 3).astype(np.float64)
+        return vertices, np.arange(3 * count).reshape(-1, 3)
     # Pinocchio's collision library reads whatever Assimp reads.
     try:
         model = coal.MeshLoader().load(str(path), np.ones(3))
     except (RuntimeError, ValueError) as error:
         raise RobotError(f"a mesh of the robot cannot be read: {error}", got=str(path)) from error
     vertices = np.array(model.vertices(), dtype=np.float64)
-    if path.suffix.lower() == ".dae" and b"Y_UP" in path.read_bytes():
+    if path.suffix.lower() == ".dae" and b"Y_UP" in data:
         # The library turns such a mesh for readers whose y points up; a URDF's z does.
         vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
     corners = [[t[0], t[1], t[2]] for t in (model.tri_indices(i) for i in range(model.num_tris))]
     return vertices, np.array(corners, dtype=np.int64).reshape(-1, 3)
 
 
-_STL_HEADER = 84
-"""Bytes before the first triangle of a binary STL: a text of 80, and the number of triangles."""
-
+_STL_HEADER = 84  # Bytes before the first triangle: a text of 80, and the number of triangles
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-
-
-def _corners(path: Path) -> Float64[np.ndarray, "n 3"] | None:
-    """Corners of all triangles of a binary STL [m], in a fraction of the time; None of others."""
-    data = path.read_bytes() if path.suffix.lower() == ".stl" else b""
-    count = int.from_bytes(data[80:_STL_HEADER], "little")
-    if len(data) < _STL_HEADER or len(data) != _STL_HEADER + count * _STL_TRIANGLE.itemsize:
-        return None
-    triangles = np.frombuffer(data, _STL_TRIANGLE, offset=_STL_HEADER)
-    return triangles["corners"].reshape(-1, 3).astype(np.float64)
 
 
 def _urdf_shapes(source: ModelSource, wanted: set[str], outlines: bool) -> dict[str, LinkShape]:
@@ -104,13 +100,13 @@ def _urdf_shapes(source: ModelSource, wanted: set[str], outlines: bool) -> dict[
             if kind == "visual" and shape.collision and outlines:
                 continue
             for element in link.findall(kind):
-                balls = _urdf_shape(element, source, outlines)
+                balls = _urdf_shape(element, source)
                 if balls is not None:
                     found.append(balls)
     return shapes
 
 
-def _urdf_shape(element: ET.Element, source: ModelSource, outlines: bool) -> Balls | None:
+def _urdf_shape(element: ET.Element, source: ModelSource) -> Balls | None:
     geometry, origin = element.find("geometry"), element.find("origin")
     if geometry is None or not len(geometry):
         return None
@@ -122,10 +118,7 @@ def _urdf_shape(element: ET.Element, source: ModelSource, outlines: bool) -> Bal
         placement = pin.SE3(pin.rpy.rpyToMatrix(*rpy), position)
     if solid.tag == "mesh":
         scale = np.array(_numbers(solid.get("scale", "1 1 1")))
-        path = mesh_path(solid.get("filename", ""), source)
-        vertices = _corners(path) if outlines else None
-        if vertices is None:
-            vertices, _ = load_mesh(path)
+        vertices, _ = load_mesh(mesh_path(solid.get("filename", ""), source))
         balls = Balls(vertices * scale, np.zeros(len(vertices)))
     elif solid.tag == "box":
         balls = _box(0.5 * np.array(_numbers(solid.get("size", "0 0 0"))))

@@ -1,4 +1,4 @@
-"""Joint limits: the description's in place of the document's, their check, what is assumed."""
+"""Joint limits and inertias of a model: described, checked, assumed."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -9,9 +9,19 @@ import pinocchio as pin
 from poise.errors import RobotError
 from poise.robots._description import Description, match_joints
 from poise.robots._document import JointLimits
-from poise.robots._kinematics import hinges
 from poise.robots._robot import GRAVITY
 from poise.robots._urdf import crossed_limits
+
+_MIN_INERTIA = 1e-9
+"""Smallest eigenvalue of the mass matrix that still counts as a mass [kg or kg m^2]."""
+
+_PART_OF_MOTION = 0.1  # Joints with a smaller part in a unit motion are not named
+
+
+def hinges(model: pin.Model) -> list[tuple[str, pin.JointModel]]:
+    """Names and joints of a model, without the world and a free base."""
+    joints = list(zip(model.names, model.joints, strict=True))[1:]
+    return [(name, joint) for name, joint in joints if joint.nv == 1]
 
 
 def described_limits(facts: Description, joints: tuple[str, ...]) -> JointLimits:
@@ -56,6 +66,39 @@ def check_positions(model: pin.Model, where: str) -> None:
             got={"limits.position": lacking},
             wanted="these limits in the model file, or under `limits` in its description",
         )
+
+
+def check_inertia(model: pin.Model, where: str) -> None:
+    """Check that every joint moves some mass, and that no motion is free of inertia.
+
+    A joint without rotational inertia behind it is let through where it has a rotor inertia.
+    """
+    data = model.createData()
+    pin.computeSubtreeMasses(model, data)
+    names = list(model.names)
+    light = [names[i] for i in range(1, model.njoints) if data.mass[i] <= 0.0]
+    if light:
+        raise RobotError(
+            f"{where} has moving links without mass",
+            got=light,
+            wanted="an <inertial> with a positive mass behind each of these joints, or those "
+            "joints under `locked` in the description",
+        )
+    pin.crba(model, data, pin.neutral(model))
+    mass = np.triu(data.M) + np.triu(data.M, 1).T
+    values, vectors = np.linalg.eigh(mass)
+    if values[0] > _MIN_INERTIA:
+        return
+    still = {
+        names[i]
+        for i in range(1, model.njoints)
+        if np.abs(vectors[model.joints[i].idx_v, 0]) > _PART_OF_MOTION
+    }
+    raise RobotError(
+        f"{where} can move without inertia",
+        got=sorted(still),
+        wanted="positive inertias behind these joints, or an armature in the description",
+    )
 
 
 def _is_size(value: float) -> bool:

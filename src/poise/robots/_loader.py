@@ -16,12 +16,16 @@ from poise.robots._assembly import assemble
 from poise.robots._catalog import catalog_names, find_entry, open_entry
 from poise.robots._describe import describe
 from poise.robots._description import Description, Mount, match_joints, parse_description
-from poise.robots._document import Document, read_document
+from poise.robots._document import Document, free_name, read_document
 from poise.robots._files_digest import description_of
 from poise.robots._inputs import RobotInput, open_document, path_of
-from poise.robots._kinematics import add_roles, check_inertia, hinges
-from poise.robots._limits import assume_limits, check_positions, described_limits
-from poise.robots._meshes import add_figure, has_shapes
+from poise.robots._limits import (
+    assume_limits,
+    check_inertia,
+    check_positions,
+    described_limits,
+    hinges,
+)
 from poise.robots._posture import home_configuration
 from poise.robots._robot import FrameRole, Robot, Sole
 from poise.robots._soles import check_roles, soles_off_their_feet, with_controlled_soles
@@ -63,9 +67,8 @@ def load_robot(
         raise UnknownNameError("unknown robot", got=str(path), choices=catalog_names())
     document = open_document(name_or_model, geometry)
     facts, guessed = _find_description(document, path, description, name_or_model, geometry)
-    shown = has_shapes(document.root)
     robot, notes = _assemble(document, facts)
-    if shown and not guessed:
+    if document.has_shapes and not guessed:
         notes += soles_off_their_feet(robot)
     if guessed or notes:
         # A proposal's remarks and the notes of its load may say the same.
@@ -159,11 +162,9 @@ def _assemble(document: Document, facts: Description) -> tuple[Robot, list[str]]
     free = [n for n in names if n not in source.locked_joints]
     posture = match_joints(facts.home, free, f"{facts.where}: home")
     check_inertia(model, where)
-    if add_figure(document.root):
-        source = document.source(source.locked_joints)
     check_positions(model, where)
     roles = _roles(facts, assembly.root)
-    add_roles(model, roles, where)
+    _add_roles(model, roles, where)
     assumed = assume_limits(model, facts.soles)
     # Pinocchio leaves lower ones that are above those of a model without limits, and refuses them.
     model.lowerVelocityLimit[:] = -model.velocityLimit
@@ -215,3 +216,34 @@ def _frozen(array: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:
     copy = np.array(array, dtype=np.float64)
     copy.flags.writeable = False
     return copy
+
+
+def _add_roles(model: pin.Model, roles: Mapping[str, FrameRole], where: str) -> None:
+    """Add the frames with a part to play under their own names.
+
+    A frame of the document that already has such a name gets `_link` or `_joint` appended, so that
+    the name means the role.
+    """
+    bodies = {f.name: i for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY}
+    for role in roles.values():
+        if role.link not in bodies:
+            raise UnknownNameError(
+                f"{where}: the link that should carry {role.name!r} does not exist",
+                got=role.link,
+                choices=bodies,
+            )
+    _free_names(model, set(roles))
+    for role in roles.values():
+        index = bodies[role.link]
+        link = model.frames[index]
+        placement = link.placement * pin.SE3(role.rotation, role.position)
+        frame = pin.Frame(role.name, link.parentJoint, index, placement, pin.FrameType.OP_FRAME)
+        model.addFrame(frame, False)
+
+
+def _free_names(model: pin.Model, names: set[str]) -> None:
+    taken = {f.name for f in model.frames} | names
+    for frame in [f for f in model.frames if f.name in names]:
+        suffix = "_link" if frame.type == pin.FrameType.BODY else "_joint"
+        frame.name = free_name(frame.name + suffix, taken)
+        taken.add(frame.name)

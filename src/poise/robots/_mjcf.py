@@ -38,8 +38,7 @@ _PLACEMENT = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 _BASE, _CARRIED, _GROUND = "base", ("body", "frame", "geom", "site"), ("plane", "hfield")
 """The body that stands for a world from which limbs hang, what it holds, and what it does not."""
 
-_DEEPEST = 10
-"""Files that include each other in a circle are never deeper than this otherwise."""
+_DEEPEST = 10  # Files that include each other in a circle are never deeper than this otherwise
 
 _QPOS_SIZE = {"FREE": 7, "BALL": 4}
 """Positions of a joint in MuJoCo's `qpos`; a hinge or slide has one."""

@@ -13,8 +13,7 @@ from poise.robots._mjcf_compile import mujoco_module
 _SIZES = {"SPHERE": 1, "CAPSULE": 2, "ELLIPSOID": 3, "CYLINDER": 2, "BOX": 3, "PLANE": 3}
 """Kinds of geoms beside meshes that are written, and how many sizes they have."""
 
-_NO_LIMIT = 1e300
-"""Pinocchio has the largest float where there is no limit."""
+_NO_LIMIT = 1e300  # Pinocchio has the largest float where there is no limit
 
 
 def mjcf_of(given: Any, geometry: pin.GeometryModel | None = None) -> str:

@@ -10,8 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 _LOG = logging.getLogger("poise.robots")
-_LOCK = threading.Lock()
-"""Where the process writes is one thing that all threads have in common."""
+_LOCK = threading.Lock()  # Where the process writes is one thing that all threads have in common
 
 
 @dataclass

@@ -14,11 +14,8 @@ from poise.errors import RobotError
 from poise.robots._robot import Robot, Sole
 from poise.robots._stance import REACHED, StanceGoals
 
-_FLAT_POSITION = 2e-3
-"""Soles this far off one plane [m] cannot stand on it."""
-
-_FLAT_ANGLE = 1e-2
-"""Soles tilted this much against each other [rad] cannot stand flat."""
+_FLAT_POSITION = 2e-3  # Soles this far off one plane [m] cannot stand on it
+_FLAT_ANGLE = 1e-2  # Soles tilted this much against each other [rad] cannot stand flat
 
 
 def home_configuration(

@@ -12,25 +12,18 @@ from jaxtyping import Float64
 
 @dataclass(frozen=True)
 class Proposal:
-    """A description with the reason for each guess.
+    """A description with the reason for each guess."""
 
-    Attributes:
-        name: of the model file.
-        facts: the description, as `load_robot(path, description)` takes it.
-        reasons: why, by the path of a fact, such as "soles.left_sole".
-        remarks: what is odd about the file, as sentences.
-        outlines: the flat face of each sole in the sole's own x and y [m].
-        links: names of the document's links.
-        joints: names of its joints.
-    """
-
-    name: str
+    name: str  # of the model file
+    # the description, as `load_robot(path, description)` takes it
     facts: dict[str, Any] = field(repr=False)
+    # why, by the path of a fact, such as "soles.left_sole"
     reasons: dict[str, str] = field(repr=False)
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...]  # what is odd about the file, as sentences
+    # the flat face of each sole in the sole's own x and y [m]
     outlines: dict[str, Float64[np.ndarray, "k 2"]] = field(repr=False)
-    links: tuple[str, ...] = field(repr=False)
-    joints: tuple[str, ...] = field(repr=False)
+    links: tuple[str, ...] = field(repr=False)  # names of the document's links
+    joints: tuple[str, ...] = field(repr=False)  # names of its joints
 
     @property
     def summary(self) -> str:

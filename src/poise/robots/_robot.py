@@ -1,10 +1,12 @@
 """`Robot`: what a robot is, apart from what it is doing. Immutable."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import wraps
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -64,8 +66,7 @@ _FRAME_KINDS = (
     pin.FrameType.OP_FRAME,
     pin.FrameType.JOINT,
     pin.FrameType.FIXED_JOINT,
-)
-"""Kinds of frames, in the order in which a name is looked up; roles are named like none else."""
+)  # Kinds of frames, in the order in which a name is looked up; roles are named like none else
 
 GRAVITY = 9.81
 """On Earth, as robots' models have it [m/s^2]."""
@@ -284,3 +285,19 @@ def _checked_numbers(value: Numbers, what: str, count: int) -> Float64[np.ndarra
     if numbers.shape != (count,) or not np.isfinite(numbers).all():
         raise ConfigurationError(what, got=value, wanted=f"{count} finite numbers")
     return numbers
+
+
+Made = TypeVar("Made")
+
+
+def once_a_robot(make: Callable[[Robot], Made]) -> Callable[[Robot], Made]:
+    """Keep what a function makes of a robot, which must not hold it, for as long as it lives."""
+    made: WeakKeyDictionary[Robot, Made] = WeakKeyDictionary()
+
+    @wraps(make)
+    def find(robot: Robot) -> Made:
+        if robot not in made:
+            made[robot] = make(robot)
+        return made[robot]
+
+    return find

@@ -16,8 +16,7 @@ _KNEES = (0.6, 0.3, 0.9, 1.2)
 REACHED = 1e-6
 """A stance misses what must hold by no more [m, rad]."""
 
-_MARGIN = 0.02
-"""Distance from position limits, for a controller to move both ways [rad]."""
+_MARGIN = 0.02  # Distance from position limits, for a controller to move both ways [rad]
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,6 @@ class StanceGoals:
     apart: float  # distance of the feet [m]
     height: float  # [m]
     of_com: bool  # whose height: the COM's or the root's
-    ahead: float = 0.0  # of the COM before the soles' middle [m]
 
     def __call__(self, q: Float64[np.ndarray, " nq"]) -> list[Level]:
         """Errors and Jacobians at a configuration."""
@@ -61,7 +59,7 @@ class StanceGoals:
         turn = pin.log3(world_R_base.T @ self.upright)
         must: list[Level] = []
         wish: list[Level] = [(turn, np.eye(3, model.nv, k=3))]
-        over, J_over = np.array([self.ahead, 0.0]) - data.com[0][:2], J_com[:2].copy()
+        over, J_over = -data.com[0][:2], J_com[:2].copy()
         for side, frame in zip((0.5, -0.5), self.soles, strict=True):
             place = pin.updateFramePlacement(model, data, frame)
             J = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
@@ -114,8 +112,6 @@ def find_stance(
     forward: Float64[np.ndarray, "3"],
     apart: float,
     start: Mapping[str, float],
-    *,
-    ahead: float = 0.0,
 ) -> Stance:
     """Bend the legs, each its joints from the hip, from `start` [rad] to meet `StanceGoals`."""
     turn = np.stack([forward, np.cross([0.0, 0.0, 1.0], forward), [0.0, 0.0, 1.0]])
@@ -137,7 +133,7 @@ def find_stance(
     found: list[Stance] = []
     for knee in _KNEES:
         q[2] = (hip - sole) * math.cos(0.5 * knee) - hip
-        goals = StanceGoals(model, soles, world_R_base, apart, float(q[2]), False, ahead)
+        goals = StanceGoals(model, soles, world_R_base, apart, float(q[2]), False)
         for bend in (knee, -knee):
             bent = _bent(model, q, axes, legs, bend, bounds)
             bent, ((must, _), (wish, _)) = goals.solve(bent, columns, bounds)

@@ -35,9 +35,7 @@ _SINGLE = {
     "visual": ("origin", "geometry", "material"),
     "collision": ("origin", "geometry"),
     "inertial": ("origin", "mass", "inertia"),
-}
-"""Elements that may stand once in another."""
-
+}  # Elements that may stand once in another
 _COUNTS = {
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
@@ -50,8 +48,7 @@ _COUNTS = {
     "cylinder": {"radius": 1, "length": 1},
     "capsule": {"radius": 1, "length": 1},
     "mesh": {"scale": 3},
-}
-"""How many numbers the attributes of elements hold."""
+}  # How many numbers the attributes of elements hold
 
 _ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """Where ixx, ixy, ixz, iyy, iyz, izz stand."""
