@@ -31,7 +31,7 @@ and what a hand and the body are told, what leads hands beside whatever leads th
 those do; and where the head looks;
 and the payload that a state carries, with what finds it, which nothing else tells controllers;
 and two trackers that lead feet, which everybody who has some would write anew, and wrongly: ours
-did, twice; and the numbers that a robot is led by, which whoever changes one has to have;
+did, twice; and the numbers of a teleoperated robot, which whoever changes one has to have;
 and the order of joints of other programs, which everybody who deploys a policy writes anew.
 """
 

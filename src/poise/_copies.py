@@ -63,7 +63,7 @@ def restored(own: Any, saved: Any) -> Any:
         return own._replace(**{k: restored(getattr(own, k), v) for k, v in saved._asdict().items()})
     if kind.__module__.startswith("poise."):
         restore(own, saved)
-    # An object of a user's own may be known elsewhere: it stays.
+    # A user's object may be known elsewhere: it stays.
     return own
 
 

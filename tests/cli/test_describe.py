@@ -16,17 +16,17 @@ from poise.robots._catalog import find_entry, open_entry
 def model(tmp_path, monkeypatch):
     """A humanoid's URDF without a description, in the folder to work in."""
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "stranger.urdf"
+    path = tmp_path / "newcomer.urdf"
     path.write_text(open_entry(find_entry("humanoid33"))[0])
     return path
 
 
-def test_a_stranger_is_described_stands_squats_and_reaches(model, capsys):
-    assert main(["describe", "stranger.urdf", "--out", "out", "--json"]) == 0
+def test_a_new_robot_is_described_stands_squats_and_reaches(model, capsys):
+    assert main(["describe", "newcomer.urdf", "--out", "out", "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert [attempt["name"] for attempt in printed["trial"]] == ["stand", "squat", "reach"]
     assert all(attempt["ok"] for attempt in printed["trial"])
-    robot = load_robot(model, model.parent / "out" / "stranger.poise.yaml")
+    robot = load_robot(model, model.parent / "out" / "newcomer.poise.yaml")
     assert robot.soles["left_sole"].length == pytest.approx(0.28, abs=2e-3)
     page = (model.parent / "out" / "describe.html").read_text()
     for words in ("largest rectangle on the flat lower face", "Soles from above", "rotor", "squat"):
@@ -48,13 +48,13 @@ def test_an_arm_holds_still_and_reaches(model, capsys):
 def test_saved_beside_the_model_it_is_found_and_another_is_written_over_only_by_force(
     model, capsys
 ):
-    line = ["describe", "stranger.urdf", "--save", "--no-trial"]
+    line = ["describe", "newcomer.urdf", "--save", "--no-trial"]
     assert main(line) == 0
     assert "left_sole 280 x 140 mm on left_foot_link" in capsys.readouterr().out
     # Without a warning.
     assert load_robot(model).hands == ("left_hand", "right_hand")
     assert main(line) == 0
-    saved = model.parent / "stranger.poise.yaml"
+    saved = model.parent / "newcomer.poise.yaml"
     proposed = saved.read_text()
     saved.write_text(proposed + "# measured by hand\n")
     capsys.readouterr()
@@ -67,13 +67,13 @@ def test_saved_beside_the_model_it_is_found_and_another_is_written_over_only_by_
 
 def test_a_model_without_mass_is_refused_in_a_line(model, capsys):
     model.write_text(re.sub(r"<inertial>.*?</inertial>", "", model.read_text(), flags=re.DOTALL))
-    assert main(["describe", "stranger.urdf", "--no-trial"]) == 2
+    assert main(["describe", "newcomer.urdf", "--no-trial"]) == 2
     assert "has no mass" in capsys.readouterr().err
 
 
 def test_a_robot_that_falls_is_told_in_words_with_status_one(model, capsys):
     model.write_text(re.sub(r'effort="[^"]*"', 'effort="0.5"', model.read_text()))
-    assert main(["describe", "stranger.urdf", "--out", "out"]) == 1
+    assert main(["describe", "newcomer.urdf", "--out", "out"]) == 1
     out = capsys.readouterr().out
     assert "FAIL  stand: robot fell after" in out
     assert "at its limit" in out
@@ -81,7 +81,7 @@ def test_a_robot_that_falls_is_told_in_words_with_status_one(model, capsys):
 
 def test_a_file_that_is_no_robot_is_one_line_and_status_two(model, capsys):
     model.write_text("<robot name='r'/>")
-    assert main(["describe", "stranger.urdf"]) == 2
+    assert main(["describe", "newcomer.urdf"]) == 2
     assert "no links" in capsys.readouterr().err
 
 
@@ -89,13 +89,13 @@ def test_a_description_that_does_not_load_yet_is_written_with_what_to_mend(model
     for link in ("right_wrist_roll_link", "right_hand_link"):
         bare = rf'(<link name="{link}">.*?)<inertial>.*?</inertial>'
         model.write_text(re.sub(bare, r"\1", model.read_text(), count=1, flags=re.DOTALL))
-    assert main(["describe", "stranger.urdf", "--out", "out", "--no-trial"]) == 1
+    assert main(["describe", "newcomer.urdf", "--out", "out", "--no-trial"]) == 1
     out = capsys.readouterr().out
     assert (
-        "FAIL  load: stranger.urdf has moving links without mass; got ['right_wrist_roll']" in out
+        "FAIL  load: newcomer.urdf has moving links without mass; got ['right_wrist_roll']" in out
     )
     assert "`locked`" in out
-    saved = model.parent / "out" / "stranger.poise.yaml"
+    saved = model.parent / "out" / "newcomer.poise.yaml"
     saved.write_text(saved.read_text() + "locked: [right_wrist_roll]\n")
     assert load_robot(model, saved).nj == 32
 
@@ -103,5 +103,5 @@ def test_a_description_that_does_not_load_yet_is_written_with_what_to_mend(model
 def test_what_is_odd_when_it_is_loaded_is_a_note(model, capsys):
     picture = '<visual><geometry><mesh filename="nowhere.stl"/></geometry></visual></link>'
     model.write_text(model.read_text().replace("</link>", picture, 1))
-    assert main(["describe", "stranger.urdf", "--out", "out", "--no-trial"]) == 0
+    assert main(["describe", "newcomer.urdf", "--out", "out", "--no-trial"]) == 0
     assert re.search(r"  note: .*nowhere\.stl", capsys.readouterr().out)

@@ -48,7 +48,7 @@ def duplicate(request):
 
 
 class Height(Task):
-    """A task of a user's own: the pelvis as high as it was first, and how often it was asked."""
+    """A user's task: the pelvis as high as it was first, and how often it was asked."""
 
     def __init__(self):
         super().__init__("height", kp=50.0, kd=None, weight=1.0)
@@ -113,7 +113,7 @@ def assert_equal(ours, theirs):
 
 
 def lead(stack, *, cones=False):
-    """What a leader sets before a tick: targets, gains, weights, speeds, contacts, limits."""
+    """Set what a leader sets before a tick: targets, gains, weights, speeds, contacts, limits."""
     hand, com = stack.task("left_hand pose"), stack.task("com")
     hand.set_target(position=hand.target_position + [0.03, 0.0, 0.02])
     com.set_gains(55.0, 11.0)
@@ -212,7 +212,7 @@ def test_what_is_copied_together_stays_together(robot, duplicate):
 
 
 class Own(poise.WholeBodyController):
-    """A controller of a user's own, which makes its own stack."""
+    """A user's controller, which makes its own stack."""
 
     def __init__(self, robot, kp):
         super().__init__(robot, Stack(levels=[[poise.ComTask(kp=kp)], [PostureTask()]]))

@@ -236,10 +236,10 @@ def shown(code, names):
 
 
 @pytest.mark.slow
-def test_the_notebook_describes_a_stranger_that_stands_through_a_push(monkeypatch, capsys):
+def test_the_notebook_describes_a_new_robot_that_stands_through_a_push(monkeypatch, capsys):
     monkeypatch.chdir(FOLDER)
     names: dict[str, object] = {}
-    values = [shown(code, names) for code in cells_of("16_stranger.ipynb")]
+    values = [shown(code, names) for code in cells_of("16_onboarding.ipynb")]
     printed = capsys.readouterr().out
     assert "left_sole 220 x 110 mm" in printed
     assert "soles.left_sole: the largest rectangle on the flat lower face" in printed

@@ -311,7 +311,7 @@ _KEPT = (
     *("_contacts", "_fallback", "_fall_watch", "_rate_limit"),
     *("_last_status", "_reason", "_held_back"),
 )
-"""What a copy of a controller takes over from it, beside the stack."""
+"""Attributes that a copy of a controller takes over, beside the stack."""
 
 
 def _make_again(

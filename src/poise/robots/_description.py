@@ -29,7 +29,7 @@ T = TypeVar("T")
 @checked(RobotError)
 @dataclass(frozen=True, kw_only=True)
 class Mount:
-    """Where a frame sits on a link."""
+    """Placement of a frame on a link."""
 
     link: Text  # the link
     # origin of the frame in the link [m]

@@ -105,7 +105,7 @@ class Document(ABC):
 
     @property
     def has_shapes(self) -> bool:
-        """Whether there is anything to see or to touch."""
+        """True where there is anything to see or to touch."""
         shapes = ("link/visual", "link/collision", ".//geom")
         return any(self.root.find(path) is not None for path in shapes)
 
@@ -241,7 +241,7 @@ def _floats(text: str, count: int = 1) -> list[float]:
 
 
 def is_number(word: str) -> bool:
-    """Whether a word is a finite number."""
+    """True for a word that is a finite number."""
     try:
         return bool(np.isfinite(float(word)))
     except ValueError:

@@ -137,7 +137,7 @@ class _Tree:
         return axis if np.linalg.norm(forward - axis) < 0.05 else forward
 
     def differences(self, limbs: tuple[Chain, ...]) -> list[str]:
-        """Where the links and offsets of two limbs are not mirror images, as sentences."""
+        """Differences of two limbs from mirror images of each other, as sentences."""
         if len(limbs) != 2:
             return []
         pair = limbs[0], limbs[1]

@@ -146,7 +146,7 @@ def _assemble(document: Document, facts: Description) -> tuple[Robot, list[str]]
     names = document.joints()
     limits = described_limits(facts, names)
     locked = match_joints(dict.fromkeys(facts.locked, True), names, f"{facts.where}: locked")
-    # As limits, an armature may be that of a joint that somebody locked afterwards.
+    # As limits, an armature may be that of a joint that is locked.
     armature = match_joints(facts.armature, names, f"{facts.where}: armature")
     assembly = assemble(
         document,

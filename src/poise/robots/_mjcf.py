@@ -132,7 +132,7 @@ class MjcfDocument(Document):
         )
 
     def _orientation(self) -> Float64[np.ndarray, "3 3"]:
-        """How the root body stands in the world, whatever it and the frames around it are."""
+        """Orientation of the root body in the world, with the frames around it."""
         alone = ET.Element("mujoco")
         for compiler in self.root.findall("compiler"):
             units = {k: v for k, v in compiler.attrib.items() if k in ("angle", "eulerseq")}

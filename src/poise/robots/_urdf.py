@@ -51,7 +51,7 @@ _COUNTS = {
 }  # How many numbers the attributes of elements hold
 
 _ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-"""Where ixx, ixy, ixz, iyy, iyz, izz stand."""
+"""Places of ixx, ixy, ixz, iyy, iyz, izz."""
 
 _XACRO, _SOURCE = "xacro", frozenset({"include", "macro", "property", "arg"})
 """Part of the namespace of xacro, and its elements that no expanded document has."""
@@ -137,7 +137,7 @@ class UrdfDocument(Document):
             self.root.remove(element)
 
     def _is_base(self, joint: ET.Element, root: str) -> bool:
-        """Whether a floating joint is all that a root link without mass carries."""
+        """True for a floating joint that is all that a root link without mass carries."""
         carried = [j for j in self._joints() if end_of(j, "parent") == root]
         links = [e for e in self.root.findall("link") if e.get("name") == root]
         return carried == [joint] and all(link.find("inertial") is None for link in links)
@@ -366,7 +366,7 @@ def _is_limited(limit: ET.Element | None) -> bool:
 
 
 def _is_nothing(shape: ET.Element) -> bool:
-    """Whether a primitive shape has a size of zero."""
+    """True for a primitive shape with a size of zero."""
     sizes = [
         solid.get(key, "")
         for solid in shape.iterfind("geometry/*")

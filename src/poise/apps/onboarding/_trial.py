@@ -33,7 +33,7 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Trial:
-    """What a robot did when it was tried out.
+    """Outcome of the trial of a robot.
 
     Attributes:
         attempts: one for each thing tried, in order.
@@ -43,7 +43,7 @@ class Trial:
 
     @property
     def ok(self) -> bool:
-        """Whether all went well."""
+        """True where all attempts are."""
         return all(attempt.ok for attempt in self.attempts)
 
 

@@ -104,7 +104,7 @@ class OperationalStrategy:
 
     @property
     def reference_wrenches(self) -> dict[str, Float64[np.ndarray, " c"]]:
-        """What was set of the internal forces, by contact [N, N m]."""
+        """Internal forces that were set, by contact [N, N m]."""
         return self._wrenches
 
     @reference_wrenches.setter
