@@ -510,3 +510,20 @@ def test_joints_without_rotor_inertia_are_named_once_under_torque_control(biped,
             word.message
         )
         assert "`armature: 0.01`" in str(word.message)
+
+
+@pytest.mark.parametrize(("name", "self_contact"), [("g1", False), ("talos", True)])
+def test_pictures_change_no_bit_of_a_fall(get_robot, name, self_contact):
+    plant = Plant(get_robot(name), PlantConfig(self_contact=self_contact))
+    shown = plant.drawn_model()
+    assert shown.nmesh > plant.model.nmesh
+    data, touched = mujoco.MjData(shown), 0
+    data.qpos[:], data.qvel[:] = plant.data.qpos, plant.data.qvel
+    data.qacc_warmstart[:] = plant.data.qacc_warmstart
+    for _ in range(1000):
+        plant.step(None)
+        mujoco.mj_step(shown, data)
+        touched = max(touched, data.ncon)
+    np.testing.assert_array_equal(plant.data.qpos, data.qpos)
+    np.testing.assert_array_equal(plant.data.qvel, data.qvel)
+    assert touched > 8  # more than the corners of its soles
