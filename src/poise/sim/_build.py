@@ -5,7 +5,8 @@ The model is a second, independent one: it is parsed from the document, not made
 The plant made different from its description, which the controller keeps.
 """
 
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
 
 import mujoco
 import numpy as np
@@ -126,6 +127,19 @@ def build_model(robot: Robot, config: PlantConfig, *, pictures: bool = False) ->
     return model
 
 
+@contextmanager
+def _uncached() -> Generator[None]:
+    """Keep meshes out of MuJoCo's cache, where a second copy would stay as long as the process."""
+    cache = mujoco.mj_getCache()
+    capacity = mujoco.mj_getCacheCapacity(cache)
+    mujoco.mj_setCacheCapacity(cache, mujoco.mj_getCacheSize(cache))
+    try:
+        yield
+    finally:
+        mujoco.mj_setCacheCapacity(cache, capacity)
+
+
+@_uncached()
 def _compile(spec: mujoco.MjSpec, robot: Robot) -> mujoco.MjModel:
     try:
         try:
