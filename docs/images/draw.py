@@ -51,7 +51,7 @@ def draw_moments() -> None:
     config = poise.sim.Camera.Config(
         width=460, height=620, azimuth=150.0, elevation=-10.0, distance=1.85, antialiasing=4
     )
-    with poise.sim.Camera(robot, plant.model, config) as camera:
+    with poise.sim.Camera(robot, plant.drawn_model(), config) as camera:
         frames = [camera.picture(q, markers(i)) for i, q in enumerate(moments["q"])]
     _save(Image.fromarray(np.concatenate(frames, axis=1)), "scenarios.jpg")
 
@@ -66,7 +66,7 @@ def draw_obstacle() -> None:
     config = poise.sim.Camera.Config(
         width=270, height=420, azimuth=140.0, elevation=-12.0, distance=1.75, antialiasing=4
     )
-    with poise.sim.Camera(robot, plant.model, config) as camera:
+    with poise.sim.Camera(robot, plant.drawn_model(), config) as camera:
         frames = [camera.picture(_at(log, "q", t)) for t in STEPS]
     _save(Image.fromarray(np.concatenate(frames, axis=1)), "obstacle.jpg")
 
@@ -79,7 +79,7 @@ def draw_walk() -> None:
     config = poise.sim.Camera.Config(
         width=230, height=360, azimuth=120.0, elevation=-10.0, distance=1.5, antialiasing=4
     )
-    with poise.sim.Camera(robot, plant.model, config) as camera:
+    with poise.sim.Camera(robot, plant.drawn_model(), config) as camera:
         frames = [camera.picture(_at(log, "q", t)) for t in WALK_STEPS]
     _save(Image.fromarray(np.concatenate(frames, axis=1)), "walk.jpg")
 

@@ -137,7 +137,7 @@ def test_a_mesh_file_that_holds_no_mesh_is_refused(biped, tmp_path):
     text = document().replace('<box size="0.2 0.3 0.15"/>', '<mesh filename="bad.dae"/>')
     source = ModelSource(kind="urdf", text=text, directory=tmp_path)
     with pytest.raises(RobotError, match=r"bad\.dae"):
-        Plant(dataclasses.replace(biped, source=source))
+        Plant(dataclasses.replace(biped, source=source)).drawn_model()
 
 
 def test_without_mujoco_the_message_names_the_extra():

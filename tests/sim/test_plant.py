@@ -1,4 +1,6 @@
 import dataclasses
+import subprocess
+import sys
 import warnings
 
 import mujoco
@@ -510,3 +512,34 @@ def test_joints_without_rotor_inertia_are_named_once_under_torque_control(biped,
             word.message
         )
         assert "`armature: 0.01`" in str(word.message)
+
+
+def test_a_process_with_one_plant_needs_at_most_350_megabytes(get_robot):
+    """The most memory that the process ever held (VmHWM), imports and compiling included."""
+    get_robot("g1")
+    code = (
+        "import poise\n"
+        "plant = poise.Plant(poise.load_robot('g1'))\n"
+        "for _ in range(100):\n    plant.step(None)\n"
+        "print(open('/proc/self/status').read())\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    peak = next(line for line in done.stdout.splitlines() if line.startswith("VmHWM:"))
+    assert int(peak.split()[1]) * 1024 < 350e6
+
+
+@pytest.mark.parametrize(("name", "self_contact"), [("g1", False), ("talos", True)])
+def test_pictures_change_no_bit_of_a_fall(get_robot, name, self_contact):
+    plant = Plant(get_robot(name), PlantConfig(self_contact=self_contact))
+    shown = plant.drawn_model()
+    assert shown.nmesh > plant.model.nmesh
+    data, touched = mujoco.MjData(shown), 0
+    data.qpos[:], data.qvel[:] = plant.data.qpos, plant.data.qvel
+    data.qacc_warmstart[:] = plant.data.qacc_warmstart
+    for _ in range(1000):
+        plant.step(None)
+        mujoco.mj_step(shown, data)
+        touched = max(touched, data.ncon)
+    np.testing.assert_array_equal(plant.data.qpos, data.qpos)
+    np.testing.assert_array_equal(plant.data.qvel, data.qvel)
+    assert touched > 8  # more than the corners of its soles

@@ -64,7 +64,7 @@ def test_the_whole_robot_is_seen_with_its_feet_and_hands(get_robot, name, arms, 
         if re.search(r"shoulder_pitch|arm_(left|right)_2|arm_(left|right)_1", joint):
             reach = {"down": 0.0, "up": -2.8, "ahead": -1.5}[arms]
             q[robot.nq - robot.nj + i] += np.clip(reach, robot.q_min[i], robot.q_max[i])
-    with Camera(robot, Plant(robot).model, SMALL) as camera:
+    with Camera(robot, Plant(robot).drawn_model(), SMALL) as camera:
         here = camera.picture(q).astype(int)
         empty = camera.picture(away, dt=1e-9).astype(int)
     seen = np.nonzero(np.abs(here - empty).sum(axis=2) > 30)
@@ -106,6 +106,37 @@ def test_the_camera_follows_the_robot(plant, biped, opengl_here):
             there = camera.picture(q, dt=0.1).astype(int)
     # Four floor tiles further on everything looks the same again.
     assert np.abs(here - there).mean() < 6.0
+
+
+def test_the_viewer_shows_the_plant_and_pulls_it(plant, monkeypatch):
+    viewer = pytest.importorskip("mujoco.viewer")
+    shown = []
+
+    class Window:
+        def is_running(self):
+            return True
+
+        def sync(self):
+            shown[0].xfrc_applied[1, 0] = 5.0
+
+        def close(self):
+            pass
+
+    def launch(model, data, **_):
+        shown.append(data)
+        return Window()
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(viewer, "launch_passive", launch)
+    plant.reset()
+    with open_viewer(plant) as window:
+        np.testing.assert_array_equal(shown[0].qpos, plant.data.qpos)
+        plant.step(None)
+        window.sync()
+        np.testing.assert_array_equal(shown[0].qpos, plant.data.qpos)
+        np.testing.assert_allclose(shown[0].xipos, plant.data.xipos, atol=1e-9)
+        assert plant.data.xfrc_applied[1, 0] == 5.0
+    plant.reset()
 
 
 def test_drawing_leaves_the_plant_alone(plant, biped, opengl_here):

@@ -20,7 +20,11 @@ from poise.robots._joint_order import JointOrder
 from poise.robots._limbs import swings as swings
 from poise.robots._loader import description_template, load_robot
 from poise.robots._mesh_files import mesh_path as mesh_path
-from poise.robots._mjcf_compile import anchor_assets as anchor_assets, make_spec as make_spec
+from poise.robots._mjcf_compile import (
+    anchor_assets as anchor_assets,
+    drop_meshes as drop_meshes,
+    make_spec as make_spec,
+)
 from poise.robots._posture import standing_posture as standing_posture
 from poise.robots._proposal import Proposal as Proposal
 from poise.robots._robot import (

@@ -6,7 +6,7 @@ settled one, compiled.
 
 import importlib
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Set
+from collections.abc import Callable, Set
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -35,7 +35,8 @@ def compile_mjcf(source: ModelSource, where: str, pictured: Set[str] = frozenset
     # MuJoCo wants some mass on every moving body; a massless one gets this little.
     spec.compiler.boundmass = max(spec.compiler.boundmass, 1e-12)
     spec.compiler.boundinertia = max(spec.compiler.boundinertia, 1e-14)
-    _drop_unread_meshes(mujoco, spec, pictured)
+    # A controller reads no pictures.
+    drop_meshes(mujoco, spec, lambda geom: geom.parent.name in pictured)
     try:
         return spec.compile()
     except ValueError as error:
@@ -54,17 +55,14 @@ def parse_mjcf(root: ET.Element, directory: Path | None, where: str) -> Any:
         raise RobotError(f"MuJoCo cannot read {where}: {_one_line(error)}") from None
 
 
-def make_spec(
-    mujoco: ModuleType, root: ET.Element, assets: Mapping[str, bytes] | None = None
-) -> Any:
+def make_spec(mujoco: ModuleType, root: ET.Element) -> Any:
     """MuJoCo's specification of a URDF or MJCF document, with a dense constraint Jacobian.
 
     MuJoCo itself takes a sparse one from 60 degrees of freedom on, whatever else is in the scene.
     MuJoCo 4.0.0 may then factor a wrong Hessian in Newton's method (its issue 3767): convergence is
     slow, and accelerations are wrong.
     """
-    text = ET.tostring(root, encoding="unicode")
-    spec = mujoco.MjSpec.from_string(text, assets=dict(assets or {}))
+    spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     return spec
 
@@ -89,16 +87,24 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _drop_unread_meshes(mujoco: ModuleType, spec: Any, pictured: Set[str]) -> None:
-    """Leave out the meshes that no inertia comes from: a controller reads no pictures."""
-    if spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
+def drop_meshes(mujoco: ModuleType, spec: Any, needed: Callable[[Any], bool]) -> None:
+    """Leave out mesh geometry that no inertia comes from, and the meshes that nothing else uses.
+
+    Args:
+        mujoco: MuJoCo.
+        spec: the specification, changed in place.
+        needed: whether a geom stays.
+    """
+    sources = mujoco.mjtInertiaFromGeom
+    if spec.compiler.inertiafromgeom == sources.mjINERTIAFROMGEOM_TRUE:
         return
+    given = spec.compiler.inertiafromgeom == sources.mjINERTIAFROMGEOM_FALSE
     kinds = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF)
     kept: set[str] = set()
     for body in spec.bodies:
+        unread = given or body.explicitinertial or body.name == "world"
         for geom in [g for g in body.geoms if g.meshname]:
-            unread = body.explicitinertial or body.name == "world"
-            if geom.type in kinds and unread and body.name not in pictured:
+            if geom.type in kinds and unread and not needed(geom):
                 spec.delete(geom)
             else:
                 kept.add(geom.meshname)

@@ -5,17 +5,18 @@ The model is a second, independent one: it is parsed from the document, not made
 The plant made different from its description, which the controller keeps.
 """
 
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
 
 import mujoco
 import numpy as np
 from jaxtyping import Float64
 
 from poise.errors import RobotError, UnknownNameError
-from poise.robots import FrameRole, Robot
+from poise.robots import FrameRole, Robot, drop_meshes
 from poise.sim._config import PlantConfig
 from poise.sim._disturbances import LinkError, Payload
-from poise.sim._document import add_sticks, parse_document
+from poise.sim._document import add_sticks, convert_meshes, parse_document
 from poise.sim._self_contact import covers, exclude_lasting_contacts, let_touch
 from poise.sim._weld import weld_joints
 from poise.sim._world import FLOOR_ONLY, add_world
@@ -70,7 +71,7 @@ _HIDDEN_GROUP = 3
 """MuJoCo's viewers do not draw geometry of this group unless asked to."""
 
 
-def build_model(robot: Robot, config: PlantConfig) -> mujoco.MjModel:
+def build_model(robot: Robot, config: PlantConfig, *, pictures: bool = False) -> mujoco.MjModel:
     """Build and compile the MuJoCo model of a robot in its world.
 
     Bodies, joints and sites carry the names of links, joints and frame roles; motor i drives
@@ -79,6 +80,7 @@ def build_model(robot: Robot, config: PlantConfig) -> mujoco.MjModel:
     Args:
         robot: the robot.
         config: the plant's configuration.
+        pictures: whether to keep meshes that nothing can touch and no inertia comes from.
 
     Returns:
         The compiled model.
@@ -113,6 +115,10 @@ def build_model(robot: Robot, config: PlantConfig) -> mujoco.MjModel:
     if robot.floating_base:
         _add_imu(spec, robot)
     add_world(spec, robot, config)
+    if not pictures:
+        drop_meshes(mujoco, spec, lambda geom: bool(geom.contype or geom.conaffinity))
+    if robot.source.kind == "urdf":
+        convert_meshes(spec)
     model = _compile(spec, robot)
     if config.self_contact:
         exclude_lasting_contacts(spec, model, robot)
@@ -121,6 +127,19 @@ def build_model(robot: Robot, config: PlantConfig) -> mujoco.MjModel:
     return model
 
 
+@contextmanager
+def _uncached() -> Generator[None]:
+    """Keep meshes out of MuJoCo's cache, where a second copy would stay as long as the process."""
+    cache = mujoco.mj_getCache()
+    capacity = mujoco.mj_getCacheCapacity(cache)
+    mujoco.mj_setCacheCapacity(cache, mujoco.mj_getCacheSize(cache))
+    try:
+        yield
+    finally:
+        mujoco.mj_setCacheCapacity(cache, capacity)
+
+
+@_uncached()
 def _compile(spec: mujoco.MjSpec, robot: Robot) -> mujoco.MjModel:
     try:
         try:

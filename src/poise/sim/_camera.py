@@ -184,7 +184,7 @@ class Camera:
 
     Args:
         robot: the robot.
-        model: its MuJoCo model.
+        model: a MuJoCo model of it, such as `Plant.drawn_model()`.
         config: size and view.
 
     Raises:

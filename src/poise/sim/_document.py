@@ -49,33 +49,15 @@ _BINARY_STL_HEADER = 84
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def mesh_bytes(path: Path) -> tuple[bytes, str]:
-    """Read a mesh, converting what MuJoCo cannot read (COLLADA, text STL) to binary STL.
-
-    Args:
-        path: the mesh file.
-
-    Returns:
-        The file's bytes, and the suffix that says their format.
-
-    Raises:
-        RobotError: the file holds no mesh that can be read.
-    """
-    suffix = path.suffix.lower()
-    data = path.read_bytes()
-    if suffix == ".obj" or (suffix == ".stl" and _is_binary_stl(data)):
-        return data, suffix
-    return _convert(path), ".stl"
+def _is_binary_stl(path: Path) -> bool:
+    with path.open("rb") as file:
+        header = file.read(_BINARY_STL_HEADER)
+    triangles = int.from_bytes(header[80:], "little")
+    return path.stat().st_size == _BINARY_STL_HEADER + triangles * _STL_TRIANGLE.itemsize
 
 
-def _is_binary_stl(data: bytes) -> bool:
-    if len(data) < _BINARY_STL_HEADER:
-        return False
-    triangles = int.from_bytes(data[80:84], "little")
-    return len(data) == _BINARY_STL_HEADER + triangles * _STL_TRIANGLE.itemsize
-
-
-def _convert(path: Path) -> bytes:
+def _binary_stl(path: Path) -> bytes:
+    """A mesh in another format (COLLADA, text STL), as MuJoCo reads it."""
     vertices, corners = load_mesh(path)
     faces = vertices[corners]
     volume = np.einsum("ti,ti->", faces[:, 0], np.cross(faces[:, 1], faces[:, 2]))
@@ -110,6 +92,7 @@ def parse_document(source: ModelSource) -> mujoco.MjSpec:
 
     Returns:
         The specification, not yet compiled: links, joints and geometry, and nothing else.
+        `convert_meshes` is for the meshes of a URDF.
 
     Raises:
         RobotError: the document cannot be read, or a mesh cannot be found.
@@ -130,21 +113,35 @@ def _parse_urdf(source: ModelSource) -> mujoco.MjSpec:
         root.remove(element)
     extension = ET.SubElement(root, "mujoco")
     ET.SubElement(extension, "compiler", _COMPILER | _MASSLESS)
-    return make_spec(mujoco, root, _gather_meshes(root, source))
-
-
-def _gather_meshes(root: ET.Element, source: ModelSource) -> dict[str, bytes]:
-    """Read all meshes, and give each file a name of its own that MuJoCo can tell apart."""
+    # MuJoCo tells meshes apart by the stems of their files.
     names: dict[Path, str] = {}
-    assets: dict[str, bytes] = {}
     for element in root.iter("mesh"):
         path = mesh_path(element.get("filename", ""), source)
-        if path not in names:
-            data, suffix = mesh_bytes(path)
-            names[path] = f"mesh{len(names):03d}{suffix}"
-            assets[names[path]] = data
-        element.set("filename", names[path])
-    return assets
+        element.set("filename", names.setdefault(path, f"mesh{len(names):03d}{path.suffix}"))
+    spec = make_spec(mujoco, root)
+    paths = {name: str(path) for path, name in names.items()}
+    for mesh in spec.meshes:
+        mesh.file = paths[mesh.file]
+    return spec
+
+
+def convert_meshes(spec: mujoco.MjSpec) -> None:
+    """Convert the meshes that a URDF's specification still has where MuJoCo cannot read the file.
+
+    Args:
+        spec: the specification, changed in place.
+
+    Raises:
+        RobotError: a file holds no mesh that can be read.
+    """
+    assets: dict[str, bytes] = {}
+    for mesh in spec.meshes:
+        path = Path(mesh.file)
+        if path.suffix == ".obj" or (path.suffix.lower() == ".stl" and _is_binary_stl(path)):
+            continue
+        mesh.file = f"{mesh.name}.stl"
+        assets[mesh.file] = _binary_stl(path)
+    spec.assets = assets
 
 
 def _parse_mjcf(source: ModelSource) -> mujoco.MjSpec:

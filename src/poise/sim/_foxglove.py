@@ -14,9 +14,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.robots import Robot
 from poise.sim._mapping import StateMap
 from poise.sim._mcap import McapFile, nanoseconds
+from poise.sim._plant import Plant
 from poise.sim._record_part import RecordPart
 from poise.sim._table import Names, Rows
 
@@ -106,18 +106,15 @@ class Topics:
     """Makes Foxglove's messages of a record, with data of its own: safe in a thread.
 
     Args:
-        robot: the robot.
-        model: its MuJoCo model.
+        plant: the plant; its state is not touched.
         log_dt: time from one sample of a topic to the next, 0 for every one [s].
         scene_dt: time from one set of body transforms to the next, 0 for none [s].
     """
 
-    def __init__(
-        self, robot: Robot, model: mujoco.MjModel, *, log_dt: float, scene_dt: float
-    ) -> None:
-        self._robot, self._log_dt = robot, log_dt
+    def __init__(self, plant: Plant, *, log_dt: float, scene_dt: float) -> None:
+        self._robot, self._log_dt = plant.robot, log_dt
         self._paces: dict[Names, Pace] = {}
-        self._scene = Scene(robot, model) if scene_dt > 0.0 else None
+        self._scene = Scene(plant) if scene_dt > 0.0 else None
         self._scene_pace, self._scene_begun = Pace(scene_dt), False
 
     def write(self, file: McapFile, part: RecordPart) -> None:
@@ -202,19 +199,20 @@ class Scene:
     """Makes Foxglove's messages from configurations, with data of its own: safe in a thread.
 
     Args:
-        robot: the robot.
-        model: its MuJoCo model.
+        plant: the plant; its state is not touched.
     """
 
-    def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
-        self._model = model
+    def __init__(self, plant: Plant) -> None:
+        self._model = model = plant.model
         self._data = mujoco.MjData(model)
-        self._map = StateMap(robot, model)
+        self._map = StateMap(plant.robot, model)
         self._bodies = [(i, model.body(i).name) for i in range(1, model.nbody)]
         self._bodies = [(i, name) for i, name in self._bodies if name]
         self._layout = np.dtype(
             [("count", "<u4"), *((str(i), _transform_of(name)) for i, name in self._bodies)]
         )
+        drawn = plant.drawn_model()
+        self._cubes = {name: [_box(drawn, g) for g in _shown(drawn, i)] for i, name in self._bodies}
 
     def transforms(
         self, times: Float64[np.ndarray, " n"], q: Float64[np.ndarray, "n nq"]
@@ -255,17 +253,17 @@ class Scene:
                 "frame_locked": True,
                 "cubes": cubes,
             }
-            for i, name in self._bodies
-            if (cubes := [_box(self._model, g) for g in self._drawn(i)])
+            for name, cubes in self._cubes.items()
+            if cubes
         ]
         return {"deletions": [], "entities": entities}
 
-    def _drawn(self, body: int) -> list[int]:
-        model = self._model
-        first = int(model.body_geomadr[body])
-        geoms = range(first, first + int(model.body_geomnum[body]))
-        pictures = [g for g in geoms if model.geom_group[g] < 3]
-        return pictures or list(geoms)
+
+def _shown(model: mujoco.MjModel, body: int) -> list[int]:
+    first = int(model.body_geomadr[body])
+    geoms = range(first, first + int(model.body_geomnum[body]))
+    pictures = [g for g in geoms if model.geom_group[g] < 3]
+    return pictures or list(geoms)
 
 
 def _transform_of(name: str) -> np.dtype[Any]:

@@ -59,6 +59,14 @@ class Plant:
         config: the plant's configuration.
         seed: seed of the sensor noise.
 
+    Attributes:
+        robot: the robot.
+        config: the plant's configuration.
+        model: the MuJoCo model that is simulated. Meshes that nothing can touch are left out;
+            `drawn_model` has them.
+        data: its state.
+        map: between the robot's q, v and the model's qpos, qvel.
+
     Raises:
         ConfigurationError: it is no robot, no configuration, or no seed.
         RobotError: the robot's document cannot be simulated.
@@ -136,6 +144,22 @@ class Plant:
         state = state if self._sensors is None else self._sensors.reset(state)
         self._state: RobotState | None = state
         return state
+
+    def drawn_model(self) -> mujoco.MjModel:
+        """Build the model with all its pictures, as a renderer needs it.
+
+        Bodies, joints and sites are those of `model`, at the same indices, so that qpos holds for
+        both; geoms are not. Each call compiles the model anew.
+
+            shown = plant.drawn_model()
+            data = mujoco.MjData(shown)
+            data.qpos[:] = plant.data.qpos
+            mujoco.mj_forward(shown, data)
+
+        Raises:
+            RobotError: a picture of the robot cannot be read.
+        """
+        return build_model(self.robot, self.config, pictures=True)
 
     def __repr__(self) -> str:
         how = "diverged" if self.diverged else "fallen" if self.fallen else "up"

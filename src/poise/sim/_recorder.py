@@ -157,9 +157,7 @@ class Recorder:
         self._next_flush = clock.monotonic() + self._config.flush_dt
         if self._path is not None:
             config = self._config
-            topics = Topics(
-                plant.robot, plant.model, log_dt=config.log_dt, scene_dt=config.scene_dt
-            )
+            topics = Topics(plant, log_dt=config.log_dt, scene_dt=config.scene_dt)
             self._log = McapLog(
                 self._path,
                 topics,

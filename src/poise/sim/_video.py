@@ -141,7 +141,7 @@ def render_video(
     config, path = config if config is not None else VideoConfig(), Path(path)
     _check(plant, times, qs)
     indices = frame_indices(times, config)
-    with Camera(plant.robot, plant.model, config.camera) as camera:
+    with Camera(plant.robot, plant.drawn_model(), config.camera) as camera:
         writer = _open_writer(path, config)
         try:
             for done, index in enumerate(indices):

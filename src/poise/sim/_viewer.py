@@ -7,10 +7,15 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
+import mujoco
+import numpy as np
+
 from poise.errors import PoiseError
 from poise.sim._plant import Plant
 
 _FRAME_SECONDS = 1.0 / 60.0
+
+_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 
 class NoDisplayError(PoiseError):
@@ -23,11 +28,15 @@ class Viewer:
     Args:
         plant: the plant.
         handle: MuJoCo's viewer.
+        model: the plant's model with pictures.
+        data: what the viewer shows, of that model.
     """
 
-    def __init__(self, plant: Plant, handle: Any) -> None:
-        self._plant = plant
-        self._handle = handle
+    def __init__(
+        self, plant: Plant, handle: Any, model: mujoco.MjModel, data: mujoco.MjData
+    ) -> None:
+        self._plant, self._handle = plant, handle
+        self._model, self._data = model, data
         self._began = time.monotonic() - plant.time
         self._next = 0.0
 
@@ -43,7 +52,18 @@ class Viewer:
             time.sleep(ahead)
         if time.monotonic() >= self._next:
             self._next = time.monotonic() + _FRAME_SECONDS
+            _show(self._plant, self._model, self._data)
             self._handle.sync()
+            # Pulled with the mouse.
+            self._plant.data.xfrc_applied[:] = self._data.xfrc_applied
+
+
+def _show(plant: Plant, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Bring data of the drawn model to the plant's state."""
+    state = np.empty(mujoco.mj_stateSize(model, _STATE))
+    mujoco.mj_getState(plant.model, plant.data, state, _STATE)
+    mujoco.mj_setState(model, data, state, _STATE)
+    mujoco.mj_forward(model, data)
 
 
 @contextmanager
@@ -62,13 +82,14 @@ def open_viewer(plant: Plant) -> Generator[Viewer]:
         )
     import mujoco.viewer
 
+    model = plant.drawn_model()
+    data = mujoco.MjData(model)
+    _show(plant, model, data)
     try:
-        handle = mujoco.viewer.launch_passive(
-            plant.model, plant.data, show_left_ui=False, show_right_ui=False
-        )
+        handle = mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
     except RuntimeError as error:
         raise NoDisplayError(f"the viewer's window cannot be opened: {error}") from error
     try:
-        yield Viewer(plant, handle)
+        yield Viewer(plant, handle, model, data)
     finally:
         handle.close()

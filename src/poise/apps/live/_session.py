@@ -103,7 +103,7 @@ class _Session(ABC):
         self._gamepad, self._source = gamepad, source
         self._last: dict[type[_Order], float] = {}
         self._asked = Body()
-        model = loop.plant.model
+        model = loop.plant.drawn_model()
         shapes = {"bodies": model.nbody, **shapes_payload(drawn_shapes(model))}
         self.front = Front(self, port=port, shapes=shapes)
 

@@ -71,12 +71,12 @@ def _pictures(robot: Robot, places: dict[str, pin.SE3], com: Float64[np.ndarray,
         arrows = (triple(0.1 * place.rotation[:, axis]) for axis in (0, 2))
         at = triple(place.translation)
         markers += [Marker(position=at, arrow=a, radius=0.012, colour=_BLUE) for a in arrows]
-    plant = Plant(robot)
+    model = Plant(robot).drawn_model()
     shown = '<p class="how">Orange: the COM. Blue: x and z of soles, hands, pelvis and torso.</p>'
     for label, azimuth in _VIEWS:
         file = io.BytesIO()
         config = Camera.Config(width=560, height=520, azimuth=azimuth)
-        with Camera(robot, plant.model, config) as camera:
+        with Camera(robot, model, config) as camera:
             imsave(file, camera.picture(robot.q_home, markers), format="png")
         data = base64.b64encode(file.getvalue()).decode()
         shown += f'<img alt="{escape(robot.name)} {label}" src="data:image/png;base64,{data}">'

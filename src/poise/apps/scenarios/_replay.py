@@ -51,7 +51,7 @@ def make_replay(plant: Plant, run: RunSignals, pushes: Sequence[Push] = ()) -> R
         body_names=tuple(model.body(i).name for i in range(model.nbody)),
         position=position,
         quaternion=quaternion,
-        geometries=tuple(drawn_shapes(model)),
+        geometries=tuple(drawn_shapes(plant.drawn_model())),
         forces=(
             *_contact_forces(plant, run, rows),
             *(_push_force(plant, run, rows, push) for push in pushes),
