@@ -75,6 +75,3 @@ def frame_error(
     placement = pin.updateFramePlacement(model, data, frame)
     error = pin.log6(placement.actInv(goal)).vector
     return error, pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)
-
-
-LAM = None

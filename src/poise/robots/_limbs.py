@@ -168,16 +168,12 @@ def _side(name: str, other: str) -> int:
     return {("l", "r"): 1, ("r", "l"): -1}.get(parted, 0)
 
 
-def _children(model: pin.Model, joint: int) -> list[int]:
-    return [j for j in range(1, model.njoints) if model.parents[j] == joint]
-
-
 def _branches(model: pin.Model) -> list[Chain]:
     """Chains from where left and right part to their deepest ends: one for each limb."""
     chains: list[Chain] = []
     trunks = [1]
     for trunk in trunks:
-        for child in _children(model, trunk):
+        for child in model.children[trunk]:
             end = max(model.subtrees[child], key=lambda j: len(model.supports[j]))
             chain = tuple(int(j) for j in model.supports[end] if j >= child)
             # A waist or neck leads to further limbs, which start where it ends.
@@ -190,7 +186,7 @@ def _branches(model: pin.Model) -> list[Chain]:
 
 def _parts(model: pin.Model, joint: int) -> bool:
     """A chain that parts into limbs, which are heavier than fingers."""
-    while len(children := _children(model, joint)) == 1:
+    while len(children := model.children[joint]) == 1:
         joint = children[0]
     beyond = sum(float(model.inertias[j].mass) for j in list(model.subtrees[joint])[1:])
     return len(children) > 1 and beyond >= _HAND_PART * pin.computeTotalMass(model)
@@ -198,7 +194,7 @@ def _parts(model: pin.Model, joint: int) -> bool:
 
 def _without_fingers(model: pin.Model, arm: Chain, grips: Collection[str]) -> Chain:
     """The arm up to the joint behind which it parts into fingers, and without a gripper's."""
-    parting = (k for k, j in enumerate(arm, 1) if k >= _FEWEST and len(_children(model, j)) > 1)
+    parting = (k for k, j in enumerate(arm, 1) if k >= _FEWEST and len(model.children[j]) > 1)
     kept = arm[: next(parting, len(arm))]
     while len(kept) > _FEWEST and model.names[kept[-1]] in grips:
         kept = kept[:-1]

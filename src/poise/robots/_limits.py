@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import pinocchio as pin
 
+from poise._show import few
 from poise.errors import RobotError
 from poise.robots._description import Description, match_joints
 from poise.robots._document import JointLimits
@@ -37,14 +38,11 @@ def described_limits(facts: Description, joints: tuple[str, ...]) -> JointLimits
 def apply_limits(model: pin.Model, limits: JointLimits) -> None:
     """Put limits by joint into a model, in place of its own."""
     for name, joint in hinges(model):
+        q, v = joint.idx_q, joint.idx_v
         if name in limits.position:
-            low, high = limits.position[name]
-            model.lowerPositionLimit[joint.idx_q] = low
-            model.upperPositionLimit[joint.idx_q] = high
-        model.velocityLimit[joint.idx_v] = limits.velocity.get(
-            name, model.velocityLimit[joint.idx_v]
-        )
-        model.effortLimit[joint.idx_v] = limits.torque.get(name, model.effortLimit[joint.idx_v])
+            model.lowerPositionLimit[q], model.upperPositionLimit[q] = limits.position[name]
+        model.velocityLimit[v] = limits.velocity.get(name, model.velocityLimit[v])
+        model.effortLimit[v] = limits.torque.get(name, model.effortLimit[v])
 
 
 def check_positions(model: pin.Model, where: str) -> None:
@@ -148,14 +146,8 @@ def _by_kind(model: pin.Model, limits: Mapping[int, float], *, turns: str, slide
         if of_kind:
             ends = (f"{min(of_kind.values()):.3g}", f"{max(of_kind.values()):.3g}")
             spread = " to ".join(dict.fromkeys(ends))
-            parts.append(f"{spread} {unit} for {_names(model, list(of_kind))}")
+            parts.append(f"{spread} {unit} for {few([model.names[j] for j in of_kind])}")
     return " and ".join(parts)
-
-
-def _names(model: pin.Model, joints: list[int]) -> str:
-    if len(joints) > 4:
-        return f"{len(joints)} joints ({model.names[joints[0]]}, ...)"
-    return ", ".join(model.names[j] for j in joints)
 
 
 def joint_kind(joint: pin.JointModel) -> str:

@@ -11,6 +11,7 @@ from jaxtyping import Float64
 
 from poise._checks import checked_number
 from poise.errors import RobotError
+from poise.robots._limits import hinges
 from poise.robots._robot import Robot, Sole
 from poise.robots._stance import REACHED, StanceGoals
 
@@ -54,9 +55,7 @@ def _on_ground(base_T_soles: list[pin.SE3]) -> pin.SE3:
 
 
 def _check_limits(model: pin.Model, q: Float64[np.ndarray, " nq"], where: str) -> None:
-    for joint, name in zip(model.joints, model.names, strict=True):
-        if joint.nq != 1:
-            continue
+    for name, joint in hinges(model):
         k = joint.idx_q
         low, high = model.lowerPositionLimit[k], model.upperPositionLimit[k]
         if not low <= q[k] <= high:
