@@ -392,6 +392,16 @@ def test_of_two_robots_in_a_scene_one_has_to_be_named(biped):
     assert set(data.ctrl[biped.nj :]) == {1.0}
 
 
+def test_a_slide_is_not_taken_for_the_hinge_of_its_name(biped):
+    """Also where the joint moves no other, so that nothing else shows it."""
+
+    def change(spec):
+        spec.joint("left_ankle_roll").type = mujoco.mjtJoint.mjJNT_SLIDE
+
+    with pytest.raises(RobotError, match=r"of another kind in the MuJoCo.*'left_ankle_roll'"):
+        MujocoBridge(biped, edit(change)(biped))
+
+
 EQ, OBJ = mujoco.mjtEq, mujoco.mjtObj
 
 
@@ -441,6 +451,9 @@ COUPLINGS = {
     "(joint): left_knee, right_knee": lambda spec: couple(
         spec, EQ.mjEQ_JOINT, OBJ.mjOBJ_JOINT, "left_knee", "right_knee"
     ),
+    "(joint): left_knee, left_hip_pitch": lambda spec: couple(
+        spec, EQ.mjEQ_JOINT, OBJ.mjOBJ_UNKNOWN, "left_knee", "left_hip_pitch"
+    ),
     "(joint): waist": lambda spec: couple(spec, EQ.mjEQ_JOINT, OBJ.mjOBJ_JOINT, "waist"),
     "(tendon): cable": couple_tendons,
     "(tendon): rope": couple_by_a_rope,
@@ -489,6 +502,9 @@ def add_fingers(spec):
 HARMLESS = {
     "joints that the robot lacks": (
         EQ.mjEQ_JOINT, OBJ.mjOBJ_JOINT, "left_foot_finger0", "right_foot_finger0",
+    ),
+    "such joints as MJCF text ties them": (
+        EQ.mjEQ_JOINT, OBJ.mjOBJ_UNKNOWN, "left_foot_finger0", "right_foot_finger0",
     ),
     "a loop within what one link carries": (
         EQ.mjEQ_CONNECT, OBJ.mjOBJ_BODY, "left_foot_finger0", "left_foot_finger1",

@@ -7,6 +7,7 @@ from poise.robots._catalog import (
     find_entry as find_entry,
 )
 from poise.robots._describe import describe
+from poise.robots._document import free_name as free_name
 from poise.robots._files_digest import (
     description_of as description_of,
     files_digest as files_digest,
@@ -18,6 +19,7 @@ from poise.robots._inverse_kinematics import (
 )
 from poise.robots._joint_order import JointOrder
 from poise.robots._limbs import swings as swings
+from poise.robots._limits import joint_kind as joint_kind
 from poise.robots._loader import description_template, load_robot
 from poise.robots._mesh_files import mesh_path as mesh_path
 from poise.robots._mjcf_compile import (

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._checks import Numbers
+from poise._checks import Numbers, checked_kind
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots._robot import Robot
 
@@ -41,7 +41,7 @@ class JointOrder:
     @staticmethod
     def of(robot: Robot) -> "JointOrder":
         """The order of `robot.joint_names`, which is Poise's everywhere."""
-        return JointOrder(robot.joint_names)
+        return JointOrder(checked_kind(robot, Robot, "robot of an order").joint_names)
 
     @staticmethod
     def from_mujoco(model: Any, *, prefix: str = "", actuators: bool = False) -> "JointOrder":
@@ -67,8 +67,7 @@ class JointOrder:
         """
         model, names, found = robot.model, list(robot.model.names), [int(robot.floating_base)]
         for parent in found:  # It grows meanwhile.
-            children = [j for j in range(parent + 1, model.njoints) if model.parents[j] == parent]
-            found += sorted(children, key=lambda j: names[j])
+            found += sorted(map(int, model.children[parent]), key=lambda j: names[j])
         return JointOrder([names[j] for j in found[1:]])
 
     @staticmethod

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._checks import checked_kind
 from poise._show import few
 from poise.control import Command, CommandStatus
 from poise.dynamics import RobotState
@@ -73,6 +74,8 @@ class MujocoBridge:
         prefix: str | None = None,
         accept_equalities: Collection[str] = (),
     ) -> None:
+        checked_kind(robot, Robot, "robot of the bridge")
+        checked_kind(model, mujoco.MjModel, "model of the bridge")
         prefix = _find_prefix(robot, model) if prefix is None else prefix
         place = find_base(robot, model, prefix)
         self.robot, self.model = robot, model

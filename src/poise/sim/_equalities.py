@@ -9,6 +9,12 @@ from poise.errors import RobotError, UnknownNameError
 from poise.robots import Robot
 from poise.sim._mapping import StateMap
 
+_OBJECTS = {
+    "JOINT": mujoco.mjtObj.mjOBJ_JOINT,
+    "TENDON": mujoco.mjtObj.mjOBJ_TENDON,
+    "FLEX": mujoco.mjtObj.mjOBJ_FLEX,
+}  # Things that equalities tie, by what the names of their kinds begin with
+
 
 def check_equalities(
     robot: Robot, model: mujoco.MjModel, mapping: StateMap, accepted: Collection[str]
@@ -70,7 +76,7 @@ def pulling_tendons(model: mujoco.MjModel, mapping: StateMap) -> list[str]:
 
 def _describe(model: mujoco.MjModel, equality: int, name: str) -> str:
     kind = mujoco.mjtEq(model.eq_type[equality]).name.removeprefix("mjEQ_").lower()
-    what = mujoco.mjtObj(model.eq_objtype[equality])
+    what = _kind_of_objects(model, equality)
     things = (_name(model, what, i) for i in _objects(model, equality))
     return f"{name} ({kind}): {', '.join(things)}"
 
@@ -84,9 +90,16 @@ def _objects(model: mujoco.MjModel, equality: int) -> list[int]:
     return [int(i) for i in (model.eq_obj1id[equality], model.eq_obj2id[equality]) if i >= 0]
 
 
+def _kind_of_objects(model: mujoco.MjModel, equality: int) -> mujoco.mjtObj:
+    """Kind of the things that an equality ties; MJCF text says it of bodies and sites only."""
+    kind = mujoco.mjtEq(model.eq_type[equality]).name.removeprefix("mjEQ_")
+    told = {name: obj for name, obj in _OBJECTS.items() if kind.startswith(name)}
+    return next(iter(told.values()), mujoco.mjtObj(model.eq_objtype[equality]))
+
+
 def _coupled_joints(model: mujoco.MjModel, equality: int) -> set[int]:
     """Joints in whose coordinates the constraint's Jacobian has entries."""
-    objects, what = _objects(model, equality), model.eq_objtype[equality]
+    objects, what = _objects(model, equality), _kind_of_objects(model, equality)
     if what == mujoco.mjtObj.mjOBJ_JOINT:
         return set(objects)
     if what == mujoco.mjtObj.mjOBJ_TENDON:

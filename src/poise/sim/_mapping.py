@@ -11,7 +11,7 @@ import pinocchio as pin
 from jaxtyping import Float64, Int
 
 from poise.errors import RobotError
-from poise.robots import Robot
+from poise.robots import Robot, joint_kind
 
 
 class StateMap:
@@ -141,7 +141,10 @@ def _pinocchio_joints(robot: Robot) -> tuple[list[str], list[int], list[int]]:
     return names, [j.idx_q for j in joints], [j.idx_v for j in joints]
 
 
-_HINGES = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+_HINGES = {
+    int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
+    int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
+}
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 """MuJoCo's kinds of joints, as numbers: its arrays hold such."""
 
@@ -154,12 +157,13 @@ def _check_joints(robot: Robot, model: mujoco.MjModel, names: list[str], ids: li
             got=missing,
             choices=[model.joint(i).name for i in range(model.njnt)],
         )
-    strange = [n for n, i in zip(names, ids, strict=True) if model.jnt_type[i] not in _HINGES]
-    if strange:
+    ours = [joint_kind(robot.model.joints[robot.model.getJointId(n)]) for n in names]
+    kinds = [_HINGES.get(int(model.jnt_type[i]), "") for i in ids]
+    if ours != kinds:
         raise RobotError(
             f"joints of robot {robot.name!r} are of another kind in the MuJoCo model",
-            got=strange,
-            wanted="a hinge or a slide each",
+            got=[n for n, one, other in zip(names, ours, kinds, strict=True) if one != other],
+            wanted="a hinge or a slide each, as in the robot",
         )
 
 
