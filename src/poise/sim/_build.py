@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.errors import RobotError, UnknownNameError
-from poise.robots import FrameRole, Robot, drop_meshes
+from poise.robots import FrameRole, Robot, drop_meshes, free_name
 from poise.sim._config import PlantConfig
 from poise.sim._disturbances import LinkError, Payload
 from poise.sim._document import add_sticks, convert_meshes, parse_document
@@ -173,7 +173,7 @@ def _place_base(spec: mujoco.MjSpec, robot: Robot) -> None:
         spec.delete(joint)
     if robot.floating_base:
         root = spec.worldbody.first_body()
-        root.add_freejoint(name=_BASE_JOINT)
+        root.add_freejoint(name=free_name(_BASE_JOINT, [joint.name for joint in spec.joints]))
         root.pos, root.quat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 

@@ -111,6 +111,10 @@ def _parse_urdf(source: ModelSource) -> mujoco.MjSpec:
     root = ET.fromstring(source.text)
     for element in root.findall("mujoco"):
         root.remove(element)
+    for limit in root.iter("limit"):
+        ends = [float(limit.attrib.pop(key, "0")) for key in ("lower", "upper")]
+        if ends[0] < ends[1]:  # MuJoCo writes others, those of welded joints, to its log.
+            limit.attrib.update(lower=repr(ends[0]), upper=repr(ends[1]))
     extension = ET.SubElement(root, "mujoco")
     ET.SubElement(extension, "compiler", _COMPILER | _MASSLESS)
     # MuJoCo tells meshes apart by the stems of their files.
@@ -153,6 +157,8 @@ def _parse_mjcf(source: ModelSource) -> mujoco.MjSpec:
     spec.compiler.discardvisual = False
     for key, least in _MASSLESS.items():
         setattr(spec.compiler, key, max(getattr(spec.compiler, key), float(least)))
+    for geom in spec.geoms:
+        geom.name = ""  # It might be that of the plant's floor, or of a sole.
     # The plant brings its own motors, sensors, floor and lights.
     for leftover in (
         *spec.actuators,

@@ -46,7 +46,7 @@ def add_world(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=(0.0, 0.0, 0.05),
         quat=_exponential(slope),
-        material="floor",
+        material="plant_floor",
         **surface,
     )
     for i, block in enumerate(config.blocks):
@@ -74,7 +74,7 @@ def _exponential(rotation_vector: np.ndarray) -> np.ndarray:
 def _add_looks(spec: mujoco.MjSpec) -> None:
     """Light colours, no shadows and no reflections: software rendering is slow enough."""
     spec.add_texture(
-        name="sky",
+        name="plant_sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
         rgb1=(0.93, 0.95, 0.98),
@@ -83,7 +83,7 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
         height=128,
     )
     spec.add_texture(
-        name="checker",
+        name="plant_checker",
         type=mujoco.mjtTexture.mjTEXTURE_2D,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
         rgb1=(0.86, 0.88, 0.90),
@@ -91,10 +91,12 @@ def _add_looks(spec: mujoco.MjSpec) -> None:
         width=256,
         height=256,
     )
-    floor = spec.add_material(name="floor", texrepeat=(2.0, 2.0), texuniform=True, reflectance=0.0)
-    floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "checker"
+    floor = spec.add_material(
+        name="plant_floor", texrepeat=(2.0, 2.0), texuniform=True, reflectance=0.0
+    )
+    floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "plant_checker"
     spec.worldbody.add_light(
-        name="sun",
+        name="plant_sun",
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
         pos=(0.0, 0.0, 4.0),
         dir=(-0.4, 0.3, -1.0),
