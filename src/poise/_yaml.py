@@ -35,8 +35,7 @@ def read_yaml(text: str, where: str, *, error: type[PoiseError]) -> LinedDict:
         data = yaml.load(text, Loader=_StrictLoader)
     # A date that does not exist is a ValueError, and lists may be nested without end.
     except (yaml.YAMLError, ValueError, RecursionError) as problem:
-        reason = " ".join(str(problem).split())
-        raise error(f"{where} is not valid YAML: {reason}") from None
+        raise error(f"{where} is not valid YAML: {problem}") from None
     if not isinstance(data, LinedDict):
         raise error(f"{where} has the wrong kind", got=data, wanted="keys with values")
     return data
@@ -50,12 +49,14 @@ def read_text(path: Path, *, error: type[PoiseError]) -> str:
     """
     try:
         return path.read_text(encoding="utf-8")
-    except OSError as problem:
-        raise error(
-            f"cannot read a file ({problem.strerror})", got=str(path), wanted="a readable file"
-        ) from None
     except UnicodeDecodeError:
         raise error("file is not text", got=str(path), wanted="UTF-8 text") from None
+    # A ValueError is of a path with a zero byte.
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", problem)
+        raise error(
+            f"cannot read a file ({reason})", got=str(path), wanted="a readable file"
+        ) from None
 
 
 _NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")

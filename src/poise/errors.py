@@ -45,7 +45,7 @@ class PoiseError(Exception):
         wanted: str = "",
         choices: Iterable[str] | None = None,
     ) -> None:
-        self.what = what
+        self.what = what = " ".join(what.split())
         self.got = None if got is _NOTHING else got
         self.wanted = wanted
         self.choices = tuple(choices) if choices is not None else ()

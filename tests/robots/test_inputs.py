@@ -1,5 +1,6 @@
 """Inputs that a new user brings: each is loaded with a remark, or refused in one line."""
 
+import os
 import re
 import types
 import warnings
@@ -8,9 +9,11 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from unchecked import run_unchecked
 
 from poise.errors import PoiseError, RobotError
 from poise.robots import describe, load_robot
+from poise.sim import Plant
 
 INERTIA = '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/>'
 BOX = '<collision><geometry><box size="0.2 0.1 0.04"/></geometry></collision>'
@@ -83,6 +86,12 @@ def loaded(given, description=None, **options):
         warnings.simplefilter("always")
         robot = load_robot(given, description, **options)
     return robot, " ".join(str(w.message) for w in said)
+
+
+def simulated(robot):
+    """The robot's plant, with or without rotor inertias."""
+    with warnings.catch_warnings(action="ignore"):
+        return Plant(robot)
 
 
 HEAD = link("head")
@@ -158,6 +167,34 @@ ACCEPTED = {
         "macros that xacro left behind are left out: wheel",
     ),
     "elements of a simulator": (biped('<gazebo reference="trunk"><link name="x"/></gazebo>'), ""),
+    "text behind a mark of the byte order": ("\ufeff\n" + biped(), ""),
+    "shapes without a solid": (
+        biped(foot=BOX + "".join(f"<visual>{solid}</visual>" for solid in (
+            "", "<geometry/>", '<geometry><cone radius="1"/></geometry>',
+            "<geometry><sphere/></geometry>"))),
+        "",
+    ),
+    "a speed below zero": (
+        biped().replace('velocity="8"', 'velocity="-1"', 1), "velocity limits of 1 joint",
+    ),
+    "an inertia that is off by rounding": (
+        biped().replace('izz="0.02"', 'izz="0.04000000001"', 1), "",
+    ),
+    "a joint with the name of the plant's base": (
+        biped(HEAD + joint("floating_base", "trunk", "head", "0 0 0.3")), "",
+    ),
+    "names of the plant's own": (
+        arm(before='<asset><texture name="sky" type="2d" builtin="flat" width="8" height="8"/>'
+            '<material name="floor" texture="sky"/></asset>',
+            tip='<geom name="floor" size="0.01" material="floor"/>'),
+        "",
+    ),
+    "sites with the names of roles": (arm(tip='<site name="hand"/><site name="hand_site"/>'), ""),
+    "bodies that MuJoCo repeats": (
+        arm(side='<replicate count="2" offset="0 0.1 0"><body name="stick" pos="0.2 0 0"><joint '
+            'name="peg" range="-1 1"/><geom size="0.02"/></body></replicate>'),
+        "velocity limits of 5 joints",
+    ),
     "a shape without size": (biped(foot=BOX + BOX.replace("0.2 0.1 0.04", "0 0 0")), ""),
     "shapes of one name": (biped(foot=BOX.replace("<collision>", '<collision name="c">')), ""),
     "an inertia that no body has": (
@@ -224,6 +261,7 @@ ACCEPTED = {
 def test_a_fault_that_published_models_have_is_repaired_with_a_remark(case, capfd):
     text, remark = ACCEPTED[case]
     robot, said = loaded(text)
+    simulated(robot)
     assert remark in said
     assert robot.nj >= 3
     assert capfd.readouterr() == ("", "")
@@ -243,6 +281,24 @@ REFUSED = {
     "a module of something else": (
         types.ModuleType("json5"),
         "module json5 names no model; got <module 'json5'>; wanted URDF_PATH or MJCF_PATH or",
+    ),
+    "a module of a number": (
+        module_of(URDF_PATH=3), "module some_description names no model; got <module 'some_descr",
+    ),
+    "a path with a zero byte": (
+        "a\0b.urdf", "cannot read a file (embedded null byte); got 'a\\x00b.urdf'; wanted a read",
+    ),
+    "an empty Pinocchio model": (pin.Model(), "pin.Model has nothing that moves; got ["),
+    "digits of another script": ("humanoid3\u0663", "unknown robot; got 'humanoid3\u0663'; "),
+    "too many joints": ("humanoid999", "no parametric humanoid has that many joints; got 'humanoi"),
+    "more digits than an integer has": ("humanoid" + "9" * 5000, "unknown robot; got 'humanoid99"),
+    "a link called world": (
+        biped(link("world") + joint("tie", "trunk", "world", "0 0 0", kind="fixed")),
+        "text has a link 'world' that is not its root; wanted another name for it",
+    ),
+    "NaN in an MJCF": (
+        arm().replace('pos="0 0 0.5"', 'pos="0 0 nan"'),
+        "text: pos in <body> 'base' is NaN; got '0 0 nan'; wanted numbers",
     ),
     "an unknown name": ("g2", "unknown robot; got 'g2'; choices: g1,"),
     "a missing file": ("g2.urdf", "cannot read a file (No such file or directory); got 'g2.urdf'"),
@@ -356,9 +412,133 @@ def test_of_several_bodies_the_one_with_a_free_joint_is_the_robot():
     door = '<body name="door" pos="2 0 0"><joint range="-1 1"/><geom size="0.1"/></body>'
     on_base = {"link": "base", "length": 0.1, "width": 0.1}
     stands = {"base": "floating", "pelvis": "base", "torso": "base", "soles": {"sole": on_base}}
-    robot, said = loaded(arm(root="<freejoint/>", world=door), stands)
+    tied = '<equality><joint joint1="door" joint2="hatch"/></equality>'
+    scene = door + door.replace('"door"', '"hatch"').replace("joint ", 'joint name="hatch" ')
+    scene = scene.replace("<joint range", '<joint name="door" range')
+    robot, said = loaded(arm(root="<freejoint/>", world=scene, after=tied), stands)
     assert robot.joint_names == ("shoulder", "elbow", "wrist")
-    assert "bodies beside the robot are left out: door" in said
+    assert "bodies beside the robot are left out: door, hatch" in said
+
+
+@pytest.mark.parametrize("kind", ["pipe", "pipe.urdf", "pipe.xacro"])
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path, kind):
+    os.mkfifo(tmp_path / kind)
+    with pytest.raises(PoiseError, match=r"^(unknown robot|cannot read what is no file); got "):
+        load_robot(tmp_path / kind)
+
+
+MESHES = {
+    "too short": (b"solid", "a mesh of the robot cannot be read: "),
+    "empty": (bytes(84), "a mesh of the robot has no triangles, or NaN in them; got "),
+    "NaN": (
+        bytes(80) + (1).to_bytes(4, "little") + np.full(12, np.nan, "<f4").tobytes() + bytes(2),
+        "a mesh of the robot has no triangles, or NaN in them; got ",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", MESHES)
+def test_a_mesh_that_is_none_is_refused_in_one_line(tmp_path, case):
+    content, message = MESHES[case]
+    (tmp_path / "foot.stl").write_bytes(content)
+    mesh = f'<collision><geometry><mesh filename="{tmp_path}/foot.stl"/></geometry></collision>'
+    with pytest.raises(RobotError) as error:
+        loaded(biped(foot=mesh))
+    assert str(error.value).startswith(message)
+    assert "\n" not in str(error.value)
+
+
+def test_files_are_included_from_the_folder_of_the_file_that_includes_them(tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/arm.xml").write_text('<mujoco><include file="leaf.xml"/></mujoco>')
+    (tmp_path / "parts/leaf.xml").write_text(arm())
+    main = tmp_path / "main.xml"
+    main.write_text('<mujoco model="main"><include file="parts/arm.xml"/></mujoco>')
+    assert loaded(main)[0].joint_names == ("shoulder", "elbow", "wrist")
+    (tmp_path / "parts/leaf.xml").write_bytes(b"\xff\xfe")
+    with pytest.raises(RobotError, match=r"^file is not text; got .*leaf.xml"):
+        loaded(main)
+
+
+def test_models_that_a_document_attaches_are_part_of_the_robot(tmp_path):
+    hand = '<body name="finger"><joint name="bend" range="-1 1"/><geom size="0.02"/></body>'
+    (tmp_path / "hand.xml").write_text(f"<mujoco><worldbody>{hand}</worldbody></mujoco>")
+    main = tmp_path / "main.xml"
+    main.write_text(
+        arm(
+            before='<asset><model name="hand" file="hand.xml"/></asset>',
+            tip='<attach model="hand" body="finger" prefix="right_"/>',
+        )
+    )
+    assert loaded(main, FIXED)[0].joint_names == ("shoulder", "elbow", "wrist", "right_bend")
+
+
+def test_nan_leaves_no_log_of_mujocos(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    model = mujoco.MjModel.from_xml_string(arm())
+    model.jnt_range[0, 0] = np.nan
+    with pytest.raises(RobotError, match=r"^MjModel: range in <joint> 'shoulder' is NaN"):
+        loaded(model, FIXED)
+    assert capfd.readouterr() == ("", "")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_robot_of_the_catalog_takes_no_other_description():
+    with pytest.raises(RobotError, match=r"^a robot of the catalog has one; got .*wanted no desc"):
+        load_robot("arm6", FIXED)
+
+
+OF_OTHER_KINDS = """
+import json, pinocchio as pin
+from poise.errors import PoiseError
+from poise.robots import JointOrder, load_robot
+from poise.sim import MujocoBridge
+said, arm = [], load_robot("arm6")
+text = "<mujoco><worldbody><body name='b'/></worldbody></mujoco>"
+for call in [
+    lambda: load_robot(text, 3),
+    lambda: load_robot(pin.Model(), geometry=3),
+    lambda: MujocoBridge("arm6", 3),
+    lambda: MujocoBridge(arm, 3),
+    lambda: JointOrder.of("arm6"),
+]:
+    try:
+        call()
+    except PoiseError as error:
+        said.append(str(error))
+print(json.dumps(said))
+"""
+
+
+def test_things_of_other_kinds_are_refused():
+    assert run_unchecked(OF_OTHER_KINDS) == [
+        "this is no description; got 3; wanted a path or a mapping",
+        "geometry of a model is of the wrong kind; got 3; wanted GeometryModel",
+        "robot of the bridge is of the wrong kind; got 'arm6'; wanted Robot",
+        "model of the bridge is of the wrong kind; got 3; wanted MjModel",
+        "robot of an order is of the wrong kind; got 'arm6'; wanted Robot",
+    ]
+
+
+def test_a_robot_without_a_joint_to_move_is_refused():
+    with pytest.raises(RobotError, match=r"^text has no joint to move; got \('shoulder', 'elbow'"):
+        loaded(arm(), FIXED | {"locked": [".*"]})
+
+
+def test_a_screw_of_pinocchios_is_no_hinge():
+    model = pin.Model()
+    screw = model.addJoint(0, pin.JointModelHX(0.1), pin.SE3.Identity(), "screw")
+    model.appendBodyToJoint(screw, pin.Inertia.Identity(), pin.SE3.Identity())
+    with pytest.raises(RobotError, match=r"^joint 'screw' of pin.Model is neither hinge nor slide"):
+        loaded(model, FIXED)
+
+
+def test_inertias_of_a_pinocchio_model_are_made_possible():
+    text = biped().replace('izz="0.02"', 'izz="0.5"', 1)
+    model = pin.buildModelFromXML(text)
+    robot, said = loaded(model, FIXED)
+    assert "inertias that no body has are made possible: trunk" in said
+    simulated(robot)
 
 
 def test_geometry_alone_is_refused():
@@ -429,6 +609,37 @@ def test_a_gear_and_its_output_are_one_joint_with_the_motor_of_the_gear():
     assert robot.tau_max[shoulder] == pytest.approx(8.0 / 0.5)
     assert robot.model.armature[shoulder] == pytest.approx(0.01 / 0.5**2)
     assert (robot.q_min[shoulder], robot.q_max[shoulder]) == (-1.5, 1.5)
+
+
+def test_a_gear_of_a_gear_passes_on_its_drive_in_any_order():
+    motor = (
+        '<body name="motor"><joint name="motor" axis="0 1 0" range="-9 9" armature="0.001" '
+        'actuatorfrcrange="-1 1"/><geom size="0.01" mass="0.005"/></body>'
+    )
+    text = gears().replace('<body name="gear">', motor + '<body name="gear">')
+    text = text.replace('actuatorfrcrange="-8 8"', "")
+    first = '<joint joint1="gear" joint2="motor" polycoef="0 0.25 0 0 0"/></equality>'
+    robot, said = loaded(text.replace("</equality>", first), FIXED)
+    shoulder = robot.joint_index("shoulder")
+    assert robot.tau_max[shoulder] == pytest.approx(1.0 / 0.25 / 0.5)
+    rotors = 0.01 + 0.001 / 0.25**2
+    assert robot.model.armature[shoulder] == pytest.approx(rotors / 0.5**2)
+    assert said.endswith("speed and rotor: shoulder")
+
+
+def test_a_coupling_that_is_not_linear_is_remarked_on():
+    _, said = loaded(gears().replace('polycoef="0 -0.5 0', 'polycoef="0 -0.5 0.3'), FIXED)
+    assert "couplings are taken as linear: shoulder" in said
+
+
+def test_a_joint_is_welded_below_a_joint_with_the_name_of_its_link():
+    text = arm().replace('body name="lower"', 'body name="elbow"')
+    robot, _ = loaded(text, FIXED | {"locked": ["wrist"]})
+    assert robot.joint_names == ("shoulder", "elbow")
+    names = [frame.name for frame in robot.model.frames]
+    assert names.count("elbow") == 2
+    assert names.count("palm") == 1
+    simulated(robot)
 
 
 def test_a_gear_and_its_output_move_as_mujoco_moves_them_coupled():

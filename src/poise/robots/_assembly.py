@@ -15,7 +15,7 @@ from poise.robots._robot import ModelSource
 _GEAR = 2.0
 """An output moves more than so many times the mass of its gear; mirrored fingers are equal."""
 
-
+_LINK = "\n(link)"  # Behind the name of a link that a joint has, too, for the time being
 _WRITTEN = 1e-4  # Keyframes are written with about so many digits [rad, m]
 
 
@@ -71,9 +71,11 @@ def assemble(
         limit = float(model.effortLimit[joint.idx_v])
         model.effortLimit[joint.idx_v] = min(limit, facts.torque.get(name, limit))
     fixed = set(locked)
-    free = [c for c in facts.couplings if not {c.follower, c.leader} & fixed]
+    known = {*document.joints(), ""}
+    tied = [c for c in facts.couplings if {c.follower, c.leader} <= known]
+    free = [c for c in tied if not {c.follower, c.leader} & fixed]
     # A follower of a locked joint stands still, too.
-    still = [c.follower for c in facts.couplings if c.leader in fixed]
+    still = [c.follower for c in tied if c.leader in fixed]
     swapped = _gears(model, free)
     apply_limits(model, limits)
     gears = [gear for gear, _ in swapped]
@@ -82,11 +84,9 @@ def assemble(
     if followers:
         remarks.append(f"joints that mimic others are locked at zero: {few(followers)}")
     if gears:
-        outputs = few([output for _, output in swapped])
-        remarks.append(
-            f"gears are one joint with their output, which has their torque, speed and rotor: "
-            f"{outputs}"
-        )
+        outputs = few([output for _, output in swapped if output not in gears])
+        said = "gears are one joint with their output, which has their torque, speed and rotor"
+        remarks.append(f"{said}: {outputs}")
     source = document.source(dict.fromkeys([*locked, *followers, *gears]))
     poses, clipped = _within_limits(model, facts.poses)
     return Assembly(
@@ -149,7 +149,8 @@ def _gears(model: pin.Model, couplings: Sequence[Coupling]) -> list[tuple[str, s
             kept = outputs.setdefault(coupling.leader, coupling)
             if data.mass[output] > data.mass[model.getJointId(kept.follower)]:
                 outputs[coupling.leader] = coupling
-    for coupling in outputs.values():
+    # A gear of a gear first: each moves less than its output.
+    for coupling in sorted(outputs.values(), key=lambda c: data.mass[model.getJointId(c.follower)]):
         _take_on(model, coupling)
     return [(gear, coupling.follower) for gear, coupling in outputs.items()]
 
@@ -184,7 +185,14 @@ def welded(model: pin.Model, names: Sequence[str]) -> pin.Model:
     # Pinocchio refuses lower limits above the upper ones, as those of a model without any are.
     model.lowerVelocityLimit[:] = -model.velocityLimit
     model.lowerEffortLimit[:] = -model.effortLimit
-    model = pin.buildReducedModel(model, joints, pin.neutral(model))
-    for name, joint in hinges(model):
-        model.armature[joint.idx_v] = armature[name]
-    return model
+    # Pinocchio looks joints' frames up by names, which links may share.
+    shared = set(model.names)
+    for frame in [*model.frames][1:]:
+        if frame.type != pin.FrameType.JOINT and frame.name in shared:
+            frame.name += _LINK
+    reduced = pin.buildReducedModel(model, joints, pin.neutral(model))
+    for frame in [*model.frames, *reduced.frames]:
+        frame.name = frame.name.removesuffix(_LINK)
+    for name, joint in hinges(reduced):
+        reduced.armature[joint.idx_v] = armature[name]
+    return reduced

@@ -15,7 +15,7 @@ from poise.robots._description import Description, parse_description
 _DATA_PACKAGE, _DATA_EXTRA = "example-robot-data", "robots"
 _DATA_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 _FOLDER = Path(__file__).parent
-_FAMILY = re.compile(r"humanoid([1-9]\d*)")
+_FAMILY = re.compile(r"humanoid([1-9][0-9]{0,8})")
 _ORDER = ("humanoid33", "biped20", "g1")  # These stand first in the list; the others follow by name
 
 

@@ -29,8 +29,12 @@ WORLD = "world"
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 """Attributes of a URDF's <inertia>."""
 
+BLANK = "\ufeff \t\r\n"  # Before the first sign of XML, with the mark of a file's byte order
+
 _ROUNDING = 1e-6
 """Inertias are written with about so many digits, by which a computed one may be off."""
+
+_PRINCIPAL = 1e-9  # MuJoCo's principal moments are off by up to 1e-12 of the largest
 
 
 class Coupling(NamedTuple):
@@ -170,7 +174,20 @@ class Document(ABC):
 
     def mend_inertias(self) -> list[str]:
         """Make rotational inertias possible, and return the links whose inertia was changed."""
-        return []
+        mended: list[str] = []
+        for link in self.root.iter(self.link_tag):
+            inertial = link.find("inertial")
+            given = None if inertial is None else inertial_numbers(inertial)[1]
+            possible = None if given is None else possible_inertia(given)
+            if inertial is not None and given is not None and possible is not None:
+                self._write_inertia(inertial, possible)
+                if np.abs(possible - given).max() > _ROUNDING * np.abs(given).max():
+                    mended.append(link.get("name", ""))
+        return mended
+
+    @abstractmethod
+    def _write_inertia(self, inertial: ET.Element, inertia: Float64[np.ndarray, "3 3"]) -> None:
+        """Write it [kg m^2]."""
 
     def endless(self) -> list[str]:
         """Joints without position limits."""
@@ -208,8 +225,8 @@ def possible_inertia(inertia: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray,
     No body has a larger one, and MuJoCo refuses it.
     """
     values, axes = np.linalg.eigh(inertia)
-    most = values[0] + values[1]
-    if values[2] <= most * (1.0 + _ROUNDING) or most <= 0.0:
+    most = (values[0] + values[1]) * (1.0 - _PRINCIPAL)
+    if values[2] <= most or most <= 0.0:
         return None
     values[2] = most
     return axes * values @ axes.T
@@ -243,7 +260,7 @@ def _floats(text: str, count: int = 1) -> list[float]:
 def is_number(word: str) -> bool:
     """True for a word that is a finite number."""
     try:
-        return bool(np.isfinite(float(word)))
+        return "_" not in word and bool(np.isfinite(float(word)))
     except ValueError:
         return False
 
@@ -268,7 +285,7 @@ def read_document(
     from poise.robots._urdf import UrdfDocument
 
     try:
-        root = ET.fromstring(text)
+        root = ET.fromstring(text.lstrip(BLANK))
     except ET.ParseError as error:
         raise RobotError(f"{where} is not valid XML: {error}") from None
     readers: dict[str, Any] = {"robot": (UrdfDocument, "name"), "mujoco": (MjcfDocument, "model")}

@@ -72,6 +72,8 @@ def load_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "
         # In a fraction of the library's time.
         triangles = np.frombuffer(data, _STL_TRIANGLE, offset=_STL_HEADER)
         vertices = triangles["corners"].reshape(-1, 3).astype(np.float64)
+        if not (count and np.isfinite(vertices).all()):
+            raise RobotError("a mesh of the robot has no triangles, or NaN in them", got=str(path))
         return vertices, np.arange(3 * count).reshape(-1, 3)
     # Pinocchio's collision library reads whatever Assimp reads.
     try:

@@ -7,9 +7,11 @@ from typing import Any
 
 import pinocchio as pin
 
+from poise._checks import checked_kind
 from poise._yaml import read_text
 from poise.errors import MissingExtraError, RobotError
-from poise.robots._document import Document, read_document
+from poise.robots._document import BLANK, Document, read_document
+from poise.robots._limits import hinges
 from poise.robots._mjcf_write import mjcf_of
 from poise.robots._noise import captured
 
@@ -35,14 +37,14 @@ def path_of(given: RobotInput) -> Path | None:
     """
     if isinstance(given, ModuleType):
         path = next((getattr(given, key) for key in _PATHS if hasattr(given, key)), None)
-        if path is None:
+        if not isinstance(path, str | os.PathLike):
             raise RobotError(
                 f"module {given.__name__} names no model", got=given, wanted=" or ".join(_PATHS)
             )
-        return Path(path)
-    if isinstance(given, os.PathLike):
-        return Path(os.fspath(given))
-    return None if not isinstance(given, str) or given.lstrip()[:1] == "<" else Path(given)
+        return Path(os.fsdecode(path))
+    if isinstance(given, str) and given.lstrip(BLANK)[:1] == "<":
+        return None
+    return Path(os.fsdecode(given)) if isinstance(given, str | os.PathLike) else None
 
 
 def open_document(given: RobotInput, geometry: pin.GeometryModel | None = None) -> Document:
@@ -60,15 +62,19 @@ def open_document(given: RobotInput, geometry: pin.GeometryModel | None = None) 
     if geometry is not None and not isinstance(given, pin.Model):
         raise RobotError("geometry comes with a model", got=given, wanted="a pinocchio.Model")
     if path is not None:
+        # A pipe without a writer would be waited for.
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise RobotError("cannot read what is no file", got=str(path), wanted=WANTED)
         expanded = path.suffix == XACRO and path.is_file()
         text = _expanded(path) if expanded else read_text(path, error=RobotError)
         return read_document(text, path.name, path.parent, _package_of(given))
     if isinstance(given, str):
         return read_document(given, "text", Path())
     if isinstance(given, pin.Model):
+        if geometry is not None:
+            checked_kind(geometry, pin.GeometryModel, "geometry of a model")
         document = read_document(mjcf_of(given, geometry), given.name or "pin.Model")
-        joints = zip(given.names, given.joints, strict=True)
-        speeds = {n: float(given.velocityLimit[j.idx_v]) for n, j in joints if j.nv == 1}
+        speeds = {n: float(given.velocityLimit[j.idx_v]) for n, j in hinges(given)}
         document.velocity = {n: speed for n, speed in speeds.items() if 0.0 < speed < 1e300}
         return document
     kind = type(given).__name__
@@ -79,7 +85,7 @@ def open_document(given: RobotInput, geometry: pin.GeometryModel | None = None) 
 
 def _package_of(given: RobotInput) -> tuple[Path, ...]:
     package = getattr(given, "PACKAGE_PATH", None)
-    return () if package is None else (Path(package).parent, Path(package))
+    return (Path(package).parent, Path(package)) if isinstance(package, str | os.PathLike) else ()
 
 
 def _expanded(path: Path) -> str:
@@ -99,7 +105,7 @@ def _expanded(path: Path) -> str:
             return xacro.process_file(str(path)).toxml()
         # Expressions in a file raise anything.
         except Exception as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
+            reason = str(error).strip() or type(error).__name__
     raise RobotError(
         f"{path.name} cannot be expanded by xacro: {reason}",
         got=str(path),

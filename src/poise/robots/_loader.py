@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -56,9 +57,11 @@ def load_robot(
         RobotError: a file, mesh, inertia, limit or fact is missing or wrong, or this is no model.
         MissingExtraError: the robot's files come with an extra that is not installed.
     """
-    named = name_or_model if isinstance(name_or_model, str) and description is None else ""
-    entry = find_entry(named)
+    entry = find_entry(name_or_model) if isinstance(name_or_model, str) else None
     if entry is not None:
+        if description is not None:
+            wanted = "no description, or a path such as ./NAME"
+            raise RobotError("a robot of the catalog has one", got=description, wanted=wanted)
         text, directory, packages = open_entry(entry)
         document = read_document(text, entry.name, directory, packages, name=entry.name)
         return _assemble(document, entry.description)[0]
@@ -117,17 +120,18 @@ licence: not stated
 def _find_description(
     document: Document,
     path: Path | None,
-    given: str | Path | Mapping[str, object] | None,
+    given: Any,
     model: RobotInput,
     geometry: pin.GeometryModel | None,
 ) -> tuple[Description, list[str]]:
     """The description of a model; where there is none, guesses and remarks as sentences."""
     if isinstance(given, Mapping):
         return parse_description(dict(given), f"description of {document.where}"), []
-    file = description_of(path) if path is not None and given is None else None
-    if given is not None:
-        file = Path(given)
-    if given is None and (file is None or not file.is_file()):
+    if given is not None and not isinstance(given, str | os.PathLike):
+        raise RobotError("this is no description", got=given, wanted="a path or a mapping")
+    beside = None if path is None else description_of(path)
+    file = beside if given is None else Path(given)
+    if file is None or (given is None and not file.is_file()):
         proposal = describe(model, geometry)
         facts = parse_description(proposal.facts, f"description guessed for {document.where}")
         shown = f"guessed: {proposal.summary}"
@@ -135,7 +139,6 @@ def _find_description(
             shown = f"guessed, as there is no {file.name}: {proposal.summary}"
             shown += f" (`poise describe {path}` shows and writes it)"
         return facts, [shown, *proposal.remarks]
-    assert file is not None
     data = read_yaml(read_text(file, error=RobotError), file.name, error=RobotError)
     return parse_description(data, file.name), []
 
@@ -156,6 +159,9 @@ def _assemble(document: Document, facts: Description) -> tuple[Robot, list[str]]
         taken={*facts.mounts(), "pelvis", "torso"},
     )
     model, source = assembly.model, assembly.source
+    if model.nv == 0:
+        wanted = "a hinge or slide that is not locked"
+        raise RobotError(f"{where} has no joint to move", got=names, wanted=wanted)
     for joint_name, joint in hinges(model):
         if joint_name in armature:
             model.armature[joint.idx_v] = armature[joint_name]
@@ -198,18 +204,18 @@ def _assemble(document: Document, facts: Description) -> tuple[Robot, list[str]]
 
 
 def _roles(facts: Description, root: str) -> dict[str, FrameRole]:
-    at_root = Mount(link=root)
-    mounts = {"pelvis": at_root, "torso": at_root} | facts.mounts()
+    mounts = dict.fromkeys(("pelvis", "torso"), Mount(link=root)) | facts.mounts()
     # Soles first, as the description orders them, then hands and trunk.
     order = [*facts.soles, *facts.hands, "pelvis", "torso"]
-    return {name: _role(name, mounts[name]) for name in order}
-
-
-def _role(name: str, mount: Mount) -> FrameRole:
-    rotation = pin.rpy.rpyToMatrix(*mount.rpy)
-    return FrameRole(
-        name=name, link=mount.link, position=_frozen(mount.position), rotation=_frozen(rotation)
-    )
+    return {
+        name: FrameRole(
+            name=name,
+            link=mounts[name].link,
+            position=_frozen(mounts[name].position),
+            rotation=_frozen(pin.rpy.rpyToMatrix(*mounts[name].rpy)),
+        )
+        for name in order
+    }
 
 
 def _frozen(array: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:

@@ -1,7 +1,7 @@
 """MJCF: the robot in a document, facts of the sections around it, and what is taken out."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -12,16 +12,19 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._show import few
+from poise._yaml import read_text
 from poise.errors import RobotError
-from poise.robots._document import Base, Coupling, Document, Facts, free_name
+from poise.robots._document import BLANK, Base, Coupling, Document, Facts, free_name
 from poise.robots._mjcf_compile import (
     asset_folder,
     compile_mjcf,
+    compile_spec,
     mujoco_module,
     parse_mjcf,
     rotation_of,
 )
 from poise.robots._mjcf_model import build_mjcf_model
+from poise.robots._mjcf_write import mjcf_of
 
 _LEFT_OUT = (
     "actuator", "contact", "custom", "deformable", "equality", "keyframe", "option", "sensor",
@@ -29,6 +32,10 @@ _LEFT_OUT = (
 )  # fmt: skip
 """Sections that the plant and the controller bring themselves, or that a `Robot` does not have."""
 
+_MACROS = ("replicate//body", "attach")
+"""Elements of which MuJoCo makes bodies with names of its own."""
+
+_NAN = frozenset({"nan", "-nan", "+nan"})
 _SPRINGS = ("stiffness", "springref", "springdamper")
 """Attributes of joints that would push in the plant while the controller knows of no spring."""
 
@@ -51,23 +58,34 @@ class MjcfDocument(Document):
     link_tag = "body"
 
     def joints(self) -> tuple[str, ...]:
-        worlds = self.root.findall("worldbody")
-        joints = (j for w in worlds for j in w.iter("joint") if j.get("type") != "free")
-        return tuple(j.get("name", "") for j in joints)
+        joints = self.root.iterfind("worldbody//joint")
+        return tuple(j.get("name", "") for j in joints if j.get("type") != "free")
 
     def _tidy(self) -> None:
-        _include(self.root, self.directory, self.where, depth=0)
+        _include(self.root, [self.directory or Path()], self.where)
+        self._check_numbers()
+        if any(self.root.find(f".//{tag}") is not None for tag in _MACROS):
+            for model in self.root.iterfind("asset/model[@file]"):
+                model.set("file", str((self.directory or Path()) / model.get("file", "")))
+            self.root = ET.fromstring(mjcf_of(parse_mjcf(self.root, self.directory, self.where)))
         _name_all(self.root)
+
+    def _check_numbers(self) -> None:
+        """Refuse NaN, which MuJoCo takes for a value that is not given, and logs to a file."""
+        names = {element.get("name") for element in self.root.iter()}
+        for element in self.root.iter():
+            for key, text in element.items():
+                if _NAN & {*text.lower().split()} and text not in names:
+                    what = f"{key} in <{element.tag}> {element.get('name', '')!r} is NaN"
+                    raise RobotError(f"{self.where}: {what}", got=text, wanted="numbers")
 
     def _check(self) -> None:
         """Refuse ball joints here: MuJoCo alone knows of classes that make one."""
-        for joint in self.root.iter("joint"):
+        for joint in self.root.iterfind("worldbody//joint"):
             if joint.get("type") == "ball":
-                raise RobotError(
-                    f"{self.where}: joint {joint.get('name')!r} is a ball joint",
-                    got="three degrees of freedom",
-                    wanted="three hinges in its place",
-                )
+                what = f"{self.where}: joint {joint.get('name')!r} is a ball joint"
+                wanted = "three hinges in its place"
+                raise RobotError(what, got="three degrees of freedom", wanted=wanted)
 
     @cached_property
     def _robot(self) -> ET.Element:
@@ -77,7 +95,7 @@ class MjcfDocument(Document):
         several limbs hang from the world, a new body stands for it.
         """
         bodies = [b for w in self.root.findall("worldbody") for b in _bodies(w)]
-        moving = [b for b in bodies if any(_is_hinge(j) for j in b.iter("joint"))]
+        moving = [b for b in bodies if any(j.get("type") != "free" for j in b.iter("joint"))]
         free = [b for b in moving if _free_joints(b)]
         others = [b.get("name", "") for b in moving if free and b not in free]
         if not moving or len(free) > 1:
@@ -116,6 +134,7 @@ class MjcfDocument(Document):
             "loops that these equalities close are left open": loops,
             "springs are left out": springs,
             "tendons are left out": [t.name for t in spec.tendons],
+            "couplings are taken as linear": [e.name1 for e in coupled if np.any(e.data[2:5])],
         }
         return Facts(
             fixed=not _free_joints(robot),
@@ -142,17 +161,16 @@ class MjcfDocument(Document):
         for frame in (f for world in worlds for f in _frames_in(world, self._robot)):
             place = ET.SubElement(place, "frame", _placement_of(frame))
         ET.SubElement(place, "body", _placement_of(self._robot))
-        return rotation_of(parse_mjcf(alone, None, self.where).compile().body_quat[1])
+        spec = parse_mjcf(alone, None, self.where)
+        return rotation_of(compile_spec(spec, self.where).body_quat[1])
 
     def settle(self, base: Base) -> str:
         robot, floating = self._robot, base == "floating"
         free = _free_joints(robot)
         if free and not floating:
-            raise RobotError(
-                f"{self.where} has a free joint, which contradicts a fixed base",
-                got=robot.get("name"),
-                wanted="base: floating in its description, with the soles it stands on",
-            )
+            what = f"{self.where} has a free joint, which contradicts a fixed base"
+            wanted = "base: floating in its description, with the soles it stands on"
+            raise RobotError(what, got=robot.get("name"), wanted=wanted)
         for joint in free:
             robot.remove(joint)
         if floating:
@@ -192,10 +210,19 @@ class MjcfDocument(Document):
         compiled = compile_mjcf(self.source(), self.where)
         return build_mjcf_model(compiled, floating=floating, where=self.where)
 
+    def mend_inertias(self) -> list[str]:
+        balanced = any(c.get("balanceinertia") == "true" for c in self.root.iter("compiler"))
+        return [] if balanced else super().mend_inertias()
+
+    def _write_inertia(self, inertial: ET.Element, inertia: Float64[np.ndarray, "3 3"]) -> None:
+        count, key = (6, "fullinertia") if "fullinertia" in inertial.attrib else (3, "diaginertia")
+        rows, columns = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
+        inertial.set(key, " ".join(map(repr, inertia[rows, columns].tolist()[:count])))
+
     def free_names(self, taken: set[str]) -> None:
-        for site in self.root.iter("site"):
-            if site.get("name") in taken:
-                site.set("name", f"{site.get('name')}_site")
+        sites = {site.get("name", ""): site for site in self.root.iterfind("worldbody//site")}
+        for name in taken & sites.keys():
+            sites[name].set("name", free_name(f"{name}_site", sites))
 
     def meshes(self) -> dict[str, Path | None]:
         said = [c.get("strippath") for c in self.root.findall("compiler") if c.get("strippath")]
@@ -237,10 +264,6 @@ class MjcfDocument(Document):
 
 def _free_joints(body: ET.Element) -> list[ET.Element]:
     return [j for j in body if j.tag == "freejoint" or j.get("type") == "free"]
-
-
-def _is_hinge(joint: ET.Element) -> bool:
-    return joint.get("type") != "free"
 
 
 def _bodies(element: ET.Element) -> Iterator[ET.Element]:
@@ -324,24 +347,23 @@ def _poses(
     return poses, upright
 
 
-def _include(element: ET.Element, directory: Path | None, where: str, depth: int) -> None:
-    """Put the content of included files in the place of each <include>."""
+def _include(element: ET.Element, folders: Sequence[Path], where: str) -> None:
+    """Put the content of files, sought from the first folder on, in the place of each <include>."""
     for index, child in reversed(list(enumerate(element))):
         if child.tag != "include":
-            _include(child, directory, where, depth)
+            _include(child, folders, where)
             continue
-        path = (directory or Path()) / child.get("file", "")
-        if depth > _DEEPEST or not path.is_file():
-            raise RobotError(
-                f"a file included by {where} cannot be found",
-                got=str(path),
-                wanted="the file at that place, or the <include> taken out",
-            )
+        paths = [folder / child.get("file", "") for folder in folders]
+        path = next((path for path in paths if path.is_file()), paths[0])
+        if len(folders) > _DEEPEST or not path.is_file():
+            what = f"a file included by {where} cannot be found"
+            wanted = "the file at that place, or the <include> taken out"
+            raise RobotError(what, got=str(path), wanted=wanted)
         try:
-            included = ET.fromstring(path.read_text(encoding="utf-8"))
+            included = ET.fromstring(read_text(path, error=RobotError).lstrip(BLANK))
         except ET.ParseError as error:
             raise RobotError(f"{path} is not valid XML: {error}") from None
-        _include(included, directory, path.name, depth + 1)
+        _include(included, [*folders, path.parent], path.name)
         element.remove(child)
         for k, inner in enumerate(included):
             element.insert(index + k, inner)
@@ -349,13 +371,13 @@ def _include(element: ET.Element, directory: Path | None, where: str, depth: int
 
 def _name_all(root: ET.Element) -> None:
     """Name the bodies and joints that a document leaves without a name."""
-    worlds = root.findall("worldbody")
-    bodies = {b.get("name", "") for w in worlds for b in w.iter("body")}
-    joints = {j.get("name", "") for w in worlds for j in w.iter("joint")}
-    for number, body in enumerate(b for w in worlds for b in w.iter("body")):
+    bodies = {b.get("name", "") for b in root.iterfind("worldbody//body")}
+    joints = {j.get("name", "") for j in root.iterfind("worldbody//joint")}
+    for number, body in enumerate(root.findall("worldbody//body")):
         if not body.get("name"):
             _name(body, f"body{number + 1}", bodies)
-        hinges = [j for j in _own(body, "joint") if not j.get("name") and _is_hinge(j)]
+        unnamed = [j for j in _own(body, "joint") if not j.get("name")]
+        hinges = [j for j in unnamed if j.get("type") != "free"]
         for k, joint in enumerate(hinges):
             number_of_it = k + 1 if len(hinges) > 1 else ""
             _name(joint, f"{body.get('name')}_joint{number_of_it}", joints)

@@ -37,10 +37,15 @@ def compile_mjcf(source: ModelSource, where: str, pictured: Set[str] = frozenset
     spec.compiler.boundinertia = max(spec.compiler.boundinertia, 1e-14)
     # A controller reads no pictures.
     drop_meshes(mujoco, spec, lambda geom: geom.parent.name in pictured)
+    return compile_spec(spec, where)
+
+
+def compile_spec(spec: Any, where: str) -> Any:
+    """MuJoCo's compiled model of a specification."""
     try:
         return spec.compile()
     except ValueError as error:
-        raise RobotError(f"MuJoCo cannot build {where}: {_one_line(error)}") from None
+        raise RobotError(f"MuJoCo cannot build {where}: {error}") from None
 
 
 def parse_mjcf(root: ET.Element, directory: Path | None, where: str) -> Any:
@@ -52,7 +57,7 @@ def parse_mjcf(root: ET.Element, directory: Path | None, where: str) -> Any:
     try:
         return make_spec(mujoco, root)
     except ValueError as error:
-        raise RobotError(f"MuJoCo cannot read {where}: {_one_line(error)}") from None
+        raise RobotError(f"MuJoCo cannot read {where}: {error}") from None
 
 
 def make_spec(mujoco: ModuleType, root: ET.Element) -> Any:
@@ -81,10 +86,6 @@ def asset_folder(root: ET.Element, key: str) -> Path:
     for compiler in root.findall("compiler"):
         folder = Path(compiler.get(key, compiler.get("assetdir", str(folder))))
     return folder
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
 
 
 def drop_meshes(mujoco: ModuleType, spec: Any, needed: Callable[[Any], bool]) -> None:

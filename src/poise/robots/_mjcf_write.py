@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from poise.errors import RobotError
 from poise.robots._document import free_name
-from poise.robots._mjcf_compile import mujoco_module
+from poise.robots._mjcf_compile import compile_spec, mujoco_module
 
 _SIZES = {"SPHERE": 1, "CAPSULE": 2, "ELLIPSOID": 3, "CYLINDER": 2, "BOX": 3, "PLANE": 3}
 """Kinds of geoms beside meshes that are written, and how many sizes they have."""
@@ -35,11 +35,7 @@ def mjcf_of(given: Any, geometry: pin.GeometryModel | None = None) -> str:
         spec = given.copy()
         # Links stay apart, with what can be seen of them.
         spec.compiler.fusestatic = spec.compiler.discardvisual = False
-        try:
-            given = spec.compile()
-        except ValueError as error:
-            said = " ".join(str(error).split())
-            raise RobotError(f"MuJoCo cannot compile the specification: {said}") from None
+        given = compile_spec(spec, "the specification")
     return _of_mujoco(mujoco, given).text
 
 
@@ -258,15 +254,15 @@ def _placed(place: pin.SE3) -> dict[str, Any]:
 
 def _add_pinocchio_joint(model: pin.Model, body: ET.Element, index: int) -> None:
     joint, name = model.joints[index], model.names[index]
-    if joint.nv != 1:
+    data, v = joint.createData(), joint.idx_v
+    joint.calc(data, pin.neutral(model)[joint.idx_q :][: joint.nq], np.zeros(joint.nv))
+    motion = np.ravel(data.S)
+    if joint.nv != 1 or (motion[:3].any() and motion[3:].any()):
         raise RobotError(
-            f"joint {name!r} of {model.name} has several degrees of freedom",
+            f"joint {name!r} of {model.name or 'pin.Model'} is neither hinge nor slide",
             got=joint.shortname(),
             wanted="hinges and slides, behind a free base or none",
         )
-    data, v = joint.createData(), joint.idx_v
-    joint.calc(data, pin.neutral(model)[joint.idx_q :][: joint.nq], np.zeros(1))
-    motion = np.ravel(data.S)
     turns = bool(np.abs(motion[3:]).max() > 0.5)
     span = [
         float(limit[joint.idx_q]) for limit in (model.lowerPositionLimit, model.upperPositionLimit)

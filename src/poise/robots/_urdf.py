@@ -5,7 +5,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
+from jaxtyping import Float64
 
 from poise._show import few
 from poise.errors import RobotError, UnknownNameError
@@ -18,13 +20,12 @@ from poise.robots._document import (
     Facts,
     JointLimits,
     free_name,
-    inertial_numbers,
     is_number,
-    possible_inertia,
 )
 from poise.robots._mesh_files import find_mesh, package_folders
 from poise.robots._noise import captured
 
+_ENDS = ("limit[@lower]", "limit[@upper]")
 _HINGES = ("revolute", "continuous", "prismatic")
 _PARTS = ("link", "joint", "material")
 """Elements of a robot; others are those of simulators, with links and meshes of their own."""
@@ -91,20 +92,19 @@ class UrdfDocument(Document):
 
     def settle(self, base: Base) -> str:
         root = self._root_link()
+        if root != WORLD and WORLD in self.links():
+            what = f"{self.where} has a link {WORLD!r} that is not its root"
+            raise RobotError(what, wanted="another name for it")
         floating = [j for j in self._joints() if j.get("type") == "floating"]
         names = [j.get("name") for j in floating]
         if floating and base == "fixed":
-            raise RobotError(
-                f"{self.where} has a floating joint, which contradicts a fixed base",
-                got=names,
-                wanted="base: floating in its description, with the soles it stands on",
-            )
+            what = f"{self.where} has a floating joint, which contradicts a fixed base"
+            wanted = "base: floating in its description, with the soles it stands on"
+            raise RobotError(what, got=names, wanted=wanted)
         if len(floating) > 1 or (floating and not self._is_base(floating[0], root)):
-            raise RobotError(
-                f"{self.where} has a floating joint that is not its base",
-                got=names,
-                wanted="at most one, from a root link that carries nothing else",
-            )
+            what = f"{self.where} has a floating joint that is not its base"
+            wanted = "at most one, from a root link that carries nothing else"
+            raise RobotError(what, got=names, wanted=wanted)
         if floating:
             self._take_out(root, floating[0])
             return self._root_link()
@@ -147,23 +147,19 @@ class UrdfDocument(Document):
         children = [child for _, child in joints]
         roots = [name for name in self.links() if name not in children]
         if len(roots) != 1:
-            raise RobotError(
-                f"{self.where} has no single root link",
-                got=roots,
-                wanted="one link that no joint moves: a <joint> to each of the others, or these "
-                "taken out of the file",
+            wanted = (
+                "one link that no joint moves: a <joint> to each of the others, or these taken out"
             )
+            raise RobotError(f"{self.where} has no single root link", got=roots, wanted=wanted)
         reached = list(roots)
         for link in reached:
             reached += [child for parent, child in joints if parent == link]
             if len(reached) > len(self.links()):
                 break
         if sorted(reached) != sorted(self.links()):
-            raise RobotError(
-                f"{self.where} is not a tree of links",
-                got=sorted(name for name in self.links() if reached.count(name) != 1),
-                wanted="one joint from the root's side to each of these links",
-            )
+            loose = sorted(name for name in self.links() if reached.count(name) != 1)
+            wanted = "one joint from the root's side to each of these links"
+            raise RobotError(f"{self.where} is not a tree of links", got=loose, wanted=wanted)
         return roots[0]
 
     def build(self, *, floating: bool) -> pin.Model:
@@ -174,7 +170,7 @@ class UrdfDocument(Document):
             try:
                 return pin.buildModelFromXML(text, *root)
             except (ValueError, RuntimeError, IndexError) as error:
-                reason = " ".join(str(error).split()) or type(error).__name__
+                reason = str(error) or type(error).__name__
         said = f" ({noise.text})" if noise.text else ""
         raise RobotError(f"{self.where} cannot be built: {reason}{said}") from None
 
@@ -210,20 +206,12 @@ class UrdfDocument(Document):
                 low, high = limits.position[name]
                 limit.attrib.update(lower=repr(low), upper=repr(high))
             for key, values in (("velocity", limits.velocity), ("effort", limits.torque)):
-                limit.set(key, repr(values[name]) if name in values else limit.get(key, "0"))
+                limit.set(key, repr(values.get(name, max(float(limit.get(key, "0")), 0.0))))
 
-    def mend_inertias(self) -> list[str]:
-        mended: list[str] = []
-        for link in self.root.findall("link"):
-            inertial, element = link.find("inertial"), link.find("inertial/inertia")
-            if inertial is None or element is None:
-                continue
-            possible = possible_inertia(inertial_numbers(inertial)[1])
-            if possible is not None:
-                for key, (i, j) in zip(INERTIA, _ENTRIES, strict=True):
-                    element.set(key, repr(float(possible[i, j])))
-                mended.append(link.get("name", ""))
-        return mended
+    def _write_inertia(self, inertial: ET.Element, inertia: Float64[np.ndarray, "3 3"]) -> None:
+        for element in inertial.findall("inertia"):
+            for key, (i, j) in zip(INERTIA, _ENTRIES, strict=True):
+                element.set(key, repr(float(inertia[i, j])))
 
     def endless(self) -> list[str]:
         """Joints that turn without end, and hinges whose limits do not say how far they turn."""
@@ -231,7 +219,7 @@ class UrdfDocument(Document):
             j.get("name", "")
             for j in self._joints()
             if j.get("type") == "continuous"
-            or (j.get("type") == "revolute" and not _is_limited(j.find("limit")))
+            or (j.get("type") == "revolute" and not any(map(j.findall, _ENDS)))
         )
 
     def _tidy(self) -> None:
@@ -319,22 +307,15 @@ class UrdfDocument(Document):
                     choices=self.links(),
                 )
         if kind not in (*_HINGES, "fixed", "floating"):
-            wanted = (
-                "revolute, continuous, prismatic or fixed, one joint for each degree of freedom"
-            )
-            raise RobotError(
-                f"{self.where}: joint {name!r} is of a type that Poise has not",
-                got=kind,
-                wanted=wanted,
-            )
+            what = f"{self.where}: joint {name!r} is of a type that Poise has not"
+            wanted = "revolute, continuous, prismatic or fixed, one for each degree of freedom"
+            raise RobotError(what, got=kind, wanted=wanted)
         axis = joint.find("axis")
         text = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
         if kind in _HINGES and not math.hypot(*map(float, text.split())) > 0.0:
-            raise RobotError(
-                f"{self.where}: the axis of joint {name!r} has no direction",
-                got=text,
-                wanted='three numbers that are not all zero, such as "0 1 0"',
-            )
+            what = f"{self.where}: the axis of joint {name!r} has no direction"
+            wanted = 'three numbers that are not all zero, such as "0 1 0"'
+            raise RobotError(what, got=text, wanted=wanted)
         mimic = joint.find("mimic")
         if mimic is not None and kind in _HINGES and mimic.get("joint") not in self.joints():
             raise UnknownNameError(
@@ -361,16 +342,10 @@ def crossed_limits(where: str, crossed: Mapping[str, tuple[float, float]]) -> Ro
     )
 
 
-def _is_limited(limit: ET.Element | None) -> bool:
-    return limit is not None and not {"lower", "upper"}.isdisjoint(limit.attrib)
-
-
 def _is_nothing(shape: ET.Element) -> bool:
-    """True for a primitive shape with a size of zero."""
-    sizes = [
-        solid.get(key, "")
-        for solid in shape.iterfind("geometry/*")
-        for key in ("radius", "length", "size")
-        if solid.tag != "mesh" and solid.get(key)
-    ]
+    """True without a solid that MuJoCo reads, and for a primitive with a size of zero."""
+    solid = shape.find("geometry/*")
+    if solid is None or solid.tag not in _COUNTS:
+        return True
+    sizes = [] if solid.tag == "mesh" else [solid.get(key, "0") for key in _COUNTS[solid.tag]]
     return any(is_number(word) and float(word) <= 0.0 for text in sizes for word in text.split())
