@@ -83,7 +83,7 @@ def check_inertia(model: pin.Model, where: str) -> None:
             "joints under `locked` in the description",
         )
     pin.crba(model, data, pin.neutral(model))
-    mass = np.triu(data.M) + np.triu(data.M, 1).T
+    mass = np.nan_to_num(np.triu(data.M) + np.triu(data.M, 1).T, nan=0.0, posinf=0.0, neginf=0.0)
     values, vectors = np.linalg.eigh(mass)
     if values[0] > _MIN_INERTIA:
         return

@@ -60,14 +60,15 @@ def load_robot(
     entry = find_entry(name_or_model) if isinstance(name_or_model, str) else None
     if entry is not None:
         if description is not None:
-            wanted = "no description, or a path such as ./NAME"
-            raise RobotError("a robot of the catalog has one", got=description, wanted=wanted)
+            what = "a robot of the catalog has a description"
+            raise RobotError(what, got=description, wanted="none, or a path such as ./NAME")
         text, directory, packages = open_entry(entry)
         document = read_document(text, entry.name, directory, packages, name=entry.name)
         return _assemble(document, entry.description)[0]
     path = path_of(name_or_model)
     if path is not None and not path.suffix and not os.path.isfile(path):
-        raise UnknownNameError("unknown robot", got=str(path), choices=catalog_names())
+        got = name_or_model if isinstance(name_or_model, str) else str(path)
+        raise UnknownNameError("unknown robot", got=got, choices=catalog_names())
     document = open_document(name_or_model, geometry)
     facts, guessed = _find_description(document, path, description, name_or_model, geometry)
     robot, notes = _assemble(document, facts)

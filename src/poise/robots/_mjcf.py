@@ -376,8 +376,7 @@ def _name_all(root: ET.Element) -> None:
     for number, body in enumerate(root.findall("worldbody//body")):
         if not body.get("name"):
             _name(body, f"body{number + 1}", bodies)
-        unnamed = [j for j in _own(body, "joint") if not j.get("name")]
-        hinges = [j for j in unnamed if j.get("type") != "free"]
+        hinges = [j for j in _own(body, "joint") if not (j.get("name") or j.get("type") == "free")]
         for k, joint in enumerate(hinges):
             number_of_it = k + 1 if len(hinges) > 1 else ""
             _name(joint, f"{body.get('name')}_joint{number_of_it}", joints)
