@@ -217,7 +217,7 @@ BAD_WORDS = {
     ),
     "out is a file": (["stand", "--out", "taken"], "'taken'", "writable"),
     "out under a file": (["stand", "--out", "taken/deeper"], "taken/deeper", "writable"),
-    "no soles for this stack": (["stand", "--robot", "arm6"], "left_sole", "choices"),
+    "no soles for this stack": (["stand", "--robot", "arm6"], "arm6", "left_sole, right_sole"),
     "empty file": (["empty.yaml"], "None", "keys with values"),
     "binary file": (["binary.yaml"], "binary.yaml", "UTF-8"),
     "URDF without inertia": (["stand", "--robot", "bare.urdf"], "bare.urdf", ""),

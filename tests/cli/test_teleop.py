@@ -144,7 +144,8 @@ def test_a_recording_of_a_robot_from_a_file_is_played_with_that(in_folder, capsy
     from poise.locomotion import ScriptedDevice
     from poise.robots import load_robot
 
-    (in_folder / "mona.urdf").write_text(load_robot("biped20").source.text, encoding="utf-8")
+    text = load_robot("biped20").source.text.replace('name="biped20"', 'name="mona"')
+    (in_folder / "mona.urdf").write_text(text, encoding="utf-8")
     facts = yaml.safe_load((files("poise.robots") / "descriptions" / "biped20.yaml").read_bytes())
     del facts["catalog"]
     (in_folder / "mona.poise.yaml").write_text(yaml.safe_dump(facts), encoding="utf-8")
