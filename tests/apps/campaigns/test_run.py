@@ -159,7 +159,7 @@ def test_a_worker_of_another_version_is_refused():
 def test_a_scenario_that_does_not_fit_its_robot_is_found_before_the_first_episode():
     (misfit,) = episodes.jobs(1, robot="arm6", stack=STACK)
     misfit = replace(misfit, version=version())
-    with pytest.raises(PoiseError, match="two feet.*left_sole"):
+    with pytest.raises(PoiseError, match="a foot.*left_sole"):
         warm_up([Kind(jobs=[misfit])])
     warm_up([Kind(jobs=[misfit], begun=True)])
     with pytest.raises(PoiseError, match="another version"):
