@@ -4,6 +4,7 @@ import json
 import math
 import time as clock
 from collections.abc import Mapping
+from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, Protocol, runtime_checkable
@@ -13,8 +14,9 @@ import numpy as np
 from poise._schema import Count, Duration, Seconds, checked
 from poise.control import Command
 from poise.dynamics import RobotState
+from poise.errors import PoiseError
 from poise.sim._blocks import BlockWatch
-from poise.sim._foxglove import Pace, Topics
+from poise.sim._foxglove import Pace, RobotTopics
 from poise.sim._log import McapLog
 from poise.sim._plant import Plant
 from poise.sim._record import Counts, RunRecord
@@ -33,9 +35,8 @@ class RecorderConfig:
 
     Attributes:
         record_dt: time from one recorded tick to the next, 0 for every tick [s].
-        log_dt: time from one sample of the log's topics to the next, 0 for every one [s]. It says
-            what Foxglove draws; the record in the log has every sample.
-        scene_dt: time from one logged set of body transforms to the next, 0 for none [s].
+        scene_dt: time from one logged set of joints and body transforms, which Foxglove draws, to
+            the next, 0 for none [s].
         flush_dt: wall-clock time after which a sample goes to the file, with the next one [s].
         capacity: how many such bundles of samples may wait for the writer.
         on_full: what happens when that many wait: "block" the run, or "hold" samples in memory for
@@ -44,7 +45,6 @@ class RecorderConfig:
     """
 
     record_dt: Seconds = 0.0
-    log_dt: Seconds = 0.005
     scene_dt: Seconds = 1.0 / 30.0
     flush_dt: Duration = 0.25
     capacity: Count = 64
@@ -96,9 +96,10 @@ class Recorder:
     period, when it said so, or handed on what was measured, `payload_estimate`: mass and offset
     beyond the description, and `held_estimate`: the mass in each hand.
 
-    The log, if there is one, holds that record to the last bit, see `read_log`. Beside it a topic
-    a signal (`/com`, `/zmp`, ...), one a topic of notes, `/joints`, `/tf` and `/scene` are for
-    Foxglove.
+    The log, if there is one, holds that record to the last bit, see `read_log`. Foxglove opens it:
+    `/signals` has a field a signal (`/signals.com[0]`, `/signals.wrench_left_sole[2]`), with a
+    number behind for those that are sampled apart; a topic each of notes, `/joints`, `/tf` and
+    `/scene`.
 
     Args:
         path: the MCAP file, None for memory alone.
@@ -138,31 +139,30 @@ class Recorder:
             leader: what leads its stack; None where nothing shall be recorded of it.
 
         Raises:
-            MissingExtraError: a log was asked for and the package zstandard is not installed.
+            MissingExtraError: a log was asked for and the package mcap is not installed.
             PoiseError: the log cannot be made.
         """
+        config = self._config
         self._plant = plant
         self._stack = controller if isinstance(controller, SolvesStack) else None
         self._leader = leader if isinstance(leader, HasSignals) else None
         self._truth = plant.true_state()
         self._watch = BlockWatch(plant) if plant.config.blocks else None
         self._watched = None if self._stack is None else _WatchedStack(self._stack)
+        self._wrenches = [(name, f"wrench/{name}") for name in plant.robot.soles]
         tasks = () if self._stack is None else self._stack.stack.tasks()
         self._units = {f"error/{task.name}": task.unit for _, task in tasks}
         joints = plant.robot.joint_names
         self.record = RunRecord(self._describe() | self._metadata, joints=joints)
-        self._pace = Pace(self._config.record_dt)
+        self._pace = Pace(config.record_dt)
         self._written: Counts = {}
         self._has_touched = False
-        self._next_flush = clock.monotonic() + self._config.flush_dt
+        self._next_flush = clock.monotonic() + config.flush_dt
         if self._path is not None:
-            config = self._config
-            topics = Topics(
-                plant.robot, plant.model, log_dt=config.log_dt, scene_dt=config.scene_dt
-            )
+            shown = config.scene_dt > 0.0
             self._log = McapLog(
                 self._path,
-                topics,
+                RobotTopics(plant.robot, plant.model, config.scene_dt) if shown else None,
                 metadata=self.record.metadata,
                 capacity=config.capacity,
                 waits=config.on_full == "block",
@@ -170,18 +170,14 @@ class Recorder:
 
     def observe(self, tick: Tick) -> None:
         """Records a tick, if one is due."""
-        self.note("status", tick.command.status.value)
+        time, note = self._plant.time, self.record.note
+        due = self._pace.is_due(time)
+        samples: dict[str, Value] = {}
+        note(time, "status", tick.command.status.value)
         if self._plant.config.self_contact:
             self._note_self_contacts()
-        told: dict[str, Value] = {}
-        for name, value in ({} if self._leader is None else self._leader.signals()).items():
-            if isinstance(value, str):
-                self.note(name, value)
-            else:
-                told[name] = value
-        time = self._plant.time
-        if self._pace.is_due(time):
-            samples = self._plant_samples(tick.truth)
+        if due:
+            self._add_plant(samples, tick.truth)
             # An estimator that can make nothing of a state hands it on as it came.
             if tick.estimator_seconds > 0.0 and self._plant.robot.floating_base:
                 self._add_estimate(samples, tick.estimate)
@@ -189,8 +185,16 @@ class Recorder:
             self._add_times(samples, tick)
             if self._watched is not None:
                 self._watched.add(samples, answered=tick.command.status.ok)
-            self._keep(time, samples | told)
+        if self._leader is not None:
+            for name, value in self._leader.signals().items():
+                if isinstance(value, str):
+                    note(time, name, value)
+                elif due:
+                    samples[name] = value
+        if due:
+            self.record.add(time, samples, self._units)
         self._truth = tick.truth
+        self._hand_over_in_time()
 
     def end(self) -> None:
         """The run is over: finishes the log.
@@ -200,13 +204,33 @@ class Recorder:
         """
         if self._log is not None:
             log, self._log = self._log, None
-            log.close(self.record.part(self._written), self.record.end)
+            log.close(self.record.part(self._written), self.record.metadata)
+
+    def copy(self, path: Path, metadata: Mapping[str, str]) -> Future[None]:
+        """Writes a finished copy of the log so far, while the run goes on.
+
+        Args:
+            path: of the copy.
+            metadata: texts about the copy, beside those of the log.
+
+        Returns:
+            Done when the copy is, or holds why there is none.
+
+        Raises:
+            PoiseError: there is no log.
+        """
+        if self._log is None:
+            raise PoiseError("no log is written, of which there could be a copy")
+        self._hand_over(self._log)
+        return self._log.copy(path, metadata)
 
     # By hand -------------------------------------------------------------------------------------
 
     def look(self) -> None:
         """Records the plant as it is now, outside of a rollout."""
-        self._keep(self._plant.time, self._plant_samples(self._plant.true_state()))
+        samples: dict[str, Value] = {}
+        self._add_plant(samples, self._plant.true_state())
+        self.sample(self._plant.time, **samples)
 
     def sample(self, time: float, **values: Value) -> None:
         """Records values of one instant, whatever they are.
@@ -218,7 +242,8 @@ class Recorder:
         Raises:
             TargetError: a signal changed its shape.
         """
-        self._keep(time, values)
+        self.record.add(time, values, self._units)
+        self._hand_over_in_time()
 
     def note(self, topic: str, text: str) -> None:
         """Notes a text of the plant's present time, where it differs from the last of its topic.
@@ -228,6 +253,15 @@ class Recorder:
             text: the text.
         """
         self.record.note(self._plant.time, topic, text)
+
+    def message(self, topic: str, content: bytes) -> None:
+        """Keeps a message of the plant's present time.
+
+        Args:
+            topic: such as `operator`; the log has it under that name.
+            content: the message.
+        """
+        self.record.message(self._plant.time, topic, content)
 
     # What is recorded ----------------------------------------------------------------------------
 
@@ -244,22 +278,17 @@ class Recorder:
             "levels": json.dumps([*_PHYSICS, *map(", ".join, levels)] if levels else []),
         }
 
-    def _plant_samples(self, truth: RobotState) -> dict[str, Value]:
+    def _add_plant(self, samples: dict[str, Value], truth: RobotState) -> None:
         plant = self._plant
-        samples: dict[str, Value] = {
-            "q": truth.q,
-            "v": truth.v,
-            "torque": plant.applied_torque,
-            "com": plant.com,
-            "zmp": plant.zmp(),
-        }
-        samples |= {f"wrench/{name}": wrench for name, wrench in truth.contacts.items()}
+        samples["q"], samples["v"], samples["torque"] = truth.q, truth.v, plant.applied_torque
+        samples["com"], samples["zmp"] = plant.com, plant.zmp()
+        for sole, name in self._wrenches:
+            samples[name] = truth.contacts[sole]
         if self._watch is not None:
             samples["clearance"] = self._watch.clearance()
             samples["touched"] = self._watch.touched()
         if plant.config.self_contact:
             samples["self_contact"] = max(plant.self_contacts.values(), default=0.0)
-        return samples
 
     def _note_self_contacts(self) -> None:
         pairs = ["{} on {}".format(*pair) for pair in sorted(self._plant.self_contacts)]
@@ -269,13 +298,13 @@ class Recorder:
 
     def _add_estimate(self, samples: dict[str, Value], estimate: RobotState) -> None:
         # What was known when the period began, beside what was so then.
-        for name, state in (("estimate", estimate), ("truth", self._truth)):
-            samples[f"base_{name}"] = state.q[:7]
-            samples[f"velocity_{name}"] = state.v[:6]
-        load = estimate.payload
-        samples["payload_estimate"] = (
-            np.zeros(4) if load is None else np.append(load.mass, load.offset)
-        )
+        truth, load = self._truth, estimate.payload
+        samples["base_estimate"], samples["velocity_estimate"] = estimate.q[:7], estimate.v[:6]
+        samples["base_truth"], samples["velocity_truth"] = truth.q[:7], truth.v[:6]
+        known = np.zeros(4)
+        if load is not None:
+            known[0], known[1:] = load.mass, load.offset
+        samples["payload_estimate"] = known
         held = np.zeros(len(self._plant.robot.hands))
         if len(held):
             if load is not None and len(load.held) == len(held):
@@ -301,16 +330,15 @@ class Recorder:
         if self._stack is None:
             samples["tick_us/controller"] = 1e6 * tick.controller_seconds
 
-    # What is kept --------------------------------------------------------------------------------
+    # What goes to the log ------------------------------------------------------------------------
 
-    def _keep(self, time: float, samples: Mapping[str, Value]) -> None:
-        self.record.add(time, samples, self._units)
+    def _hand_over_in_time(self) -> None:
         if self._log is not None and clock.monotonic() >= self._next_flush:
             self._next_flush = clock.monotonic() + self._config.flush_dt
-            self._hand_over(self._log, time)
+            self._hand_over(self._log)
 
-    def _hand_over(self, log: McapLog, time: float) -> None:
-        if not log.put(time, self.record.part(self._written)):
+    def _hand_over(self, log: McapLog) -> None:
+        if not log.put(self.record.part(self._written)):
             return
         if not self._config.keep:
             self.record.forget()
@@ -335,6 +363,9 @@ class _WatchedStack:
             if isinstance(task, FrameTask) and task.unit != "rad"
         ]
         self._contacts = [(f"planned/{c.frame}", c) for c in solver.stack.contacts]
+        # Names that are made once are the fastest keys.
+        self._names = {t.name: (f"error/{t.name}", f"target/{t.name}") for t in tasks}
+        self._phases: dict[str, str] = {}
 
     def add(self, samples: dict[str, Value], *, answered: bool) -> None:
         """Adds samples of the last tick.
@@ -345,18 +376,25 @@ class _WatchedStack:
         """
         suspended = self._solver.suspended
         for name, task in self._errors:
-            error = task.error
             # The Euclidean norm, in a third of the time of NumPy's function.
-            norm = math.sqrt(error.dot(error)) if task not in suspended else math.nan
-            samples[name] = norm
+            error = task.error
+            samples[name] = math.sqrt(error.dot(error))
         for task in self._coms:
-            if task.target_position is not None:
-                samples["com_reference"] = task.masked_target()
+            samples["com_reference"] = task.masked_target()
         for name, task in self._points:
             point = task.target_position
             if point is not None:
-                samples[name] = point if task not in suspended else np.full(3, np.nan)
+                samples[name] = point
+        for task in suspended:
+            error, target = self._names[task.name]
+            samples[error] = math.nan
+            if target in samples:
+                samples[target] = _NOWHERE
         for name, contact in self._contacts:
             samples[name] = float(contact.active)
         for phase, seconds in self._solver.timings.items():
-            samples[f"tick_us/{phase}"] = 1e6 * seconds if answered else math.nan
+            name = self._phases.get(phase) or self._phases.setdefault(phase, f"tick_us/{phase}")
+            samples[name] = 1e6 * seconds if answered else math.nan
+
+
+_NOWHERE = np.full(3, np.nan)
