@@ -98,6 +98,11 @@ class McapLog:
         self._thread = threading.Thread(target=self._run, name="poise-log", daemon=True)
         self._thread.start()
 
+    @property
+    def failure(self) -> Exception | None:
+        """Why nothing more is written; None while it is."""
+        return self._failure
+
     def put(self, part: Part) -> bool:
         """Hands over a part of the record.
 

@@ -194,7 +194,8 @@ class Recorder:
         if due:
             self.record.add(time, samples, self._units)
         self._truth = tick.truth
-        self._hand_over_in_time()
+        if clock.monotonic() >= self._next_flush:
+            self.flush()
 
     def end(self) -> None:
         """The run is over: finishes the log.
@@ -205,6 +206,11 @@ class Recorder:
         if self._log is not None:
             log, self._log = self._log, None
             log.close(self.record.part(self._written), self.record.metadata)
+
+    @property
+    def failure(self) -> Exception | None:
+        """Why the log is written no more; None while it is, and where there is none."""
+        return None if self._log is None else self._log.failure
 
     def copy(self, path: Path, metadata: Mapping[str, str]) -> Future[None]:
         """Writes a finished copy of the log so far, while the run goes on.
@@ -221,8 +227,17 @@ class Recorder:
         """
         if self._log is None:
             raise PoiseError("no log is written, of which there could be a copy")
-        self._hand_over(self._log)
+        self.flush()
         return self._log.copy(path, metadata)
+
+    def flush(self) -> None:
+        """Hands everything so far to the writer of the log, as happens every `flush_dt`."""
+        self._next_flush = clock.monotonic() + self._config.flush_dt
+        if self._log is None or not self._log.put(self.record.part(self._written)):
+            return
+        if not self._config.keep:
+            self.record.forget()
+        self._written = self.record.counts()
 
     # By hand -------------------------------------------------------------------------------------
 
@@ -243,7 +258,8 @@ class Recorder:
             TargetError: a signal changed its shape.
         """
         self.record.add(time, values, self._units)
-        self._hand_over_in_time()
+        if clock.monotonic() >= self._next_flush:
+            self.flush()
 
     def note(self, topic: str, text: str) -> None:
         """Notes a text of the plant's present time, where it differs from the last of its topic.
@@ -329,20 +345,6 @@ class Recorder:
             samples["tick_us/leader"] = 1e6 * tick.leader_seconds
         if self._stack is None:
             samples["tick_us/controller"] = 1e6 * tick.controller_seconds
-
-    # What goes to the log ------------------------------------------------------------------------
-
-    def _hand_over_in_time(self) -> None:
-        if self._log is not None and clock.monotonic() >= self._next_flush:
-            self._next_flush = clock.monotonic() + self._config.flush_dt
-            self._hand_over(self._log)
-
-    def _hand_over(self, log: McapLog) -> None:
-        if not log.put(self.record.part(self._written)):
-            return
-        if not self._config.keep:
-            self.record.forget()
-        self._written = self.record.counts()
 
 
 class _WatchedStack:
