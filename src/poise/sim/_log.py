@@ -6,13 +6,12 @@ topic each of notes a message a text, both as they were in memory and as Foxglov
 """
 
 import json
+import os
 import queue
 import re
-import shutil
 import struct
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -76,10 +75,11 @@ class McapLog:
         except ModuleNotFoundError as error:
             raise MissingExtraError("mcap", "sim", "Writing a log") from error
         self.path = path
-        self._topics, self._waits, self._metadata = topics, waits, dict(metadata)
+        self._topics, self._waits = topics, waits
+        self._metadata, self._added = dict(metadata), dict[str, str]()
         self._channels: dict[str, int] = {}
         self._tables: dict[tuple[Signal, ...], int] = {}
-        self._queue: queue.Queue[Part | Callable[[], None] | None] = queue.Queue(capacity)
+        self._queue: queue.Queue[Part | None] = queue.Queue(capacity)
         self._failure: Exception | None = None
         try:
             self._stream = _fresh(path)
@@ -115,32 +115,6 @@ class McapLog:
             return False
         return True
 
-    def copy(self, path: Path, metadata: Mapping[str, str]) -> "Future[None]":
-        """Writes a finished copy of what was put so far, from the thread.
-
-        Args:
-            path: of the copy.
-            metadata: texts about the copy, beside those of the log.
-
-        Returns:
-            Done when the copy is, or holds why there is none.
-        """
-        done = Future[None]()
-
-        def act() -> None:
-            try:
-                if self._failure is not None:
-                    raise self._failure
-                shutil.copyfile(self.path, path)
-                _finish(path, metadata)
-            except Exception as error:  # Whatever it is, it is that of whoever waits.
-                done.set_exception(error)
-            else:
-                done.set_result(None)
-
-        self._queue.put(act)
-        return done
-
     def close(self, last: Part, metadata: Mapping[str, str]) -> None:
         """Writes all that waits, finishes the file and closes it.
 
@@ -152,11 +126,9 @@ class McapLog:
             PoiseError: the log could not be written, because the disk is full for example.
         """
         if self._thread.is_alive():
+            self._added = {k: v for k, v in metadata.items() if self._metadata.get(k) != v}
             if last:
                 self._queue.put(last)
-            added = {k: v for k, v in metadata.items() if self._metadata.get(k) != v}
-            if added:
-                self._queue.put(lambda: self._writer.add_metadata(_METADATA, added))
             self._queue.put(None)
             self._thread.join()
         try:
@@ -170,22 +142,24 @@ class McapLog:
         return PoiseError(f"the log {str(self.path)!r} cannot be written: {cause}")
 
     def _run(self) -> None:
-        while (entry := self._queue.get()) is not None:
+        while (part := self._queue.get()) is not None:
             # After a failure the queue is still emptied, or a caller that waits never went on.
-            try:
-                if isinstance(entry, Part):
-                    if self._failure is None:
-                        self._write(entry)
-                else:
-                    entry()
-            except Exception as error:  # Whatever it is, `close` says so.
-                self._failure = self._failure or error
-        try:
             if self._failure is None:
-                self._writer.finish()
-                self._stream.flush()
-        except OSError as error:
+                self._try(self._write, part)
+        if self._failure is None:
+            self._try(self._end)
+
+    def _try(self, act: Callable[..., None], *arguments: Any) -> None:
+        try:
+            act(*arguments)
+        except Exception as error:  # Whatever it is, `close` says so; the run goes on until then.
             self._failure = error
+
+    def _end(self) -> None:
+        if self._added:
+            self._writer.add_metadata(_METADATA, self._added)
+        self._writer.finish()
+        self._stream.flush()
 
     def _write(self, part: Part) -> None:
         for signals, rows in part.rows:
@@ -265,16 +239,25 @@ def _fresh(path: Path) -> BinaryIO:
     return path.open("wb")
 
 
-def _finish(path: Path, metadata: Mapping[str, str]) -> None:
-    """Ends a file that ends with a whole chunk, without a summary."""
+def finish_log(path: Path) -> None:
+    """Ends a log that broke off, or a copy of one that goes on, behind what is whole of it.
+
+    Raises:
+        OSError: it cannot be written.
+    """
     from mcap.data_stream import RecordBuilder
-    from mcap.records import DataEnd, Footer, Metadata
+    from mcap.records import DataEnd, Footer
 
     end = RecordBuilder()
-    for record in (Metadata(_METADATA, dict(metadata)), DataEnd(0), Footer(0, 0, 0)):
-        record.write(end)
-    with path.open("ab") as stream:
+    DataEnd(0).write(end)
+    Footer(0, 0, 0).write(end)
+    with path.open("r+b") as stream:
+        place = len(_MAGIC)
+        for _ in _whole_records(stream, chunks=True):
+            place = stream.tell()
+        stream.seek(place)
         stream.write(end.end() + _MAGIC)
+        stream.truncate()
 
 
 def read_log(path: Path | str, topics: tuple[str, ...] | None = None) -> RunRecord:
@@ -298,22 +281,23 @@ def read_log(path: Path | str, topics: tuple[str, ...] | None = None) -> RunReco
 
     record, complete = RunRecord(), False
     channels, contents = dict[int, Channel](), dict[int, list[bytes]]()
-    for item in _whole_records(path):
-        if isinstance(item, Message):
-            if item.channel_id in contents:
-                contents[item.channel_id].append(item.data)
-        elif isinstance(item, Header) and item.library != _LIBRARY:
-            raise PoiseError(
-                f"{str(path)!r} is no log of this version of Poise",
-                got=f"written by {item.library!r}",
-                wanted=f"written by {_LIBRARY!r}",
-            )
-        elif isinstance(item, Metadata):
-            record.metadata |= item.metadata
-        elif isinstance(item, Channel) and _is_of(item, topics):
-            channels[item.id] = item
-            contents.setdefault(item.id, [])
-        complete = isinstance(item, Footer)
+    with path.open("rb") as stream:
+        for item in _whole_records(stream):
+            if isinstance(item, Message):
+                if item.channel_id in contents:
+                    contents[item.channel_id].append(item.data)
+            elif isinstance(item, Header) and item.library != _LIBRARY:
+                raise PoiseError(
+                    f"{str(path)!r} is no log of this version of Poise",
+                    got=f"written by {item.library!r}",
+                    wanted=f"written by {_LIBRARY!r}",
+                )
+            elif isinstance(item, Metadata):
+                record.metadata |= item.metadata
+            elif isinstance(item, Channel) and _is_of(item, topics):
+                channels[item.id] = item
+                contents.setdefault(item.id, [])
+            complete = isinstance(item, Footer)
     record.complete = complete and _ends(path)
     for number, channel in channels.items():
         if contents[number]:
@@ -357,20 +341,26 @@ def _checked(path: Path | str) -> Path:
     return path
 
 
-def _whole_records(path: Path) -> Iterator[Any]:
-    """Records up to the first that is cut off, is damaged, or says it is longer than the file."""
+def _whole_records(stream: BinaryIO, *, chunks: bool = False) -> Iterator[Any]:
+    """Records up to the first that is cut off, is damaged, or says it is longer than the file.
+
+    Args:
+        stream: the file.
+        chunks: whether to yield chunks as they are, and not what is in them.
+    """
     from mcap.exceptions import McapError
     from mcap.stream_reader import StreamReader
     from zstandard import ZstdError
 
     # Wrong checksums and texts that are none are ValueErrors.
     broken = (McapError, ZstdError, struct.error, ValueError)
-    size = path.stat().st_size
-    with path.open("rb") as stream:
-        reader = StreamReader(stream, record_size_limit=size, validate_crcs=True)
-        records = iter(reader.records)
-        while True:
-            try:
-                yield next(records)
-            except (StopIteration, *broken):
-                return
+    size = os.fstat(stream.fileno()).st_size
+    reader = StreamReader(
+        stream, record_size_limit=size, validate_crcs=not chunks, emit_chunks=chunks
+    )
+    records = iter(reader.records)
+    while True:
+        try:
+            yield next(records)
+        except (StopIteration, *broken):
+            return

@@ -4,7 +4,6 @@ import json
 import math
 import time as clock
 from collections.abc import Mapping
-from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, Protocol, runtime_checkable
@@ -14,7 +13,6 @@ import numpy as np
 from poise._schema import Count, Duration, Seconds, checked
 from poise.control import Command
 from poise.dynamics import RobotState
-from poise.errors import PoiseError
 from poise.sim._blocks import BlockWatch
 from poise.sim._foxglove import Pace, RobotTopics
 from poise.sim._log import McapLog
@@ -211,24 +209,6 @@ class Recorder:
     def failure(self) -> Exception | None:
         """Why the log is written no more; None while it is, and where there is none."""
         return None if self._log is None else self._log.failure
-
-    def copy(self, path: Path, metadata: Mapping[str, str]) -> Future[None]:
-        """Writes a finished copy of the log so far, while the run goes on.
-
-        Args:
-            path: of the copy.
-            metadata: texts about the copy, beside those of the log.
-
-        Returns:
-            Done when the copy is, or holds why there is none.
-
-        Raises:
-            PoiseError: there is no log.
-        """
-        if self._log is None:
-            raise PoiseError("no log is written, of which there could be a copy")
-        self.flush()
-        return self._log.copy(path, metadata)
 
     def flush(self) -> None:
         """Hands everything so far to the writer of the log, as happens every `flush_dt`."""

@@ -227,7 +227,7 @@ def test_what_a_killed_run_has_left_can_be_read(start, tmp_path):
 def test_a_copy_is_kept_while_the_run_goes_on(start, tmp_path):
     operator = OperatorInputs()
     loop = start(operator)
-    drive(loop, operator, Pad(), lambda s: s.time > 0.3, "some time")
+    drive(loop, operator, Pad(), lambda s: s.time > 1.0, "some time")
     path = loop.takes.keep()
     assert path.name == "kept-001.mcap"
     kept = read_recording(path)

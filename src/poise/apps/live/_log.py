@@ -4,11 +4,10 @@
 """
 
 import math
-import queue
 import re
+import shutil
 import time as clock
 from collections.abc import Callable
-from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
 
@@ -18,16 +17,21 @@ from jaxtyping import Float64
 from poise.apps.teleoperation import RecordedPush, TeleopRecorder
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import StepTeleoperator
-from poise.sim import AnyController, LeadFunction, Plant, Recorder, RecorderConfig, Tick
+from poise.sim import (
+    AnyController,
+    LeadFunction,
+    Plant,
+    Recorder,
+    RecorderConfig,
+    Tick,
+    finish_log,
+)
 from poise.stack import Leader
 
 SUFFIX = ".mcap"
 
 LIVE_CONFIG = RecorderConfig(record_dt=0.05, scene_dt=0.1, on_full="hold", keep=False)
 """The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more."""
-
-_PATIENCE = 10.0
-"""A copy that has not been made by then [s] is given up: the disk writes 1 GiB in less."""
 
 MOST_BYTES = 1 << 30
 """What the files of live runs in a folder may come to: some ten hours."""
@@ -129,7 +133,6 @@ class Takes:
         self._make: Callable[[Path], Recorder] | None = None
         self._recorder: Recorder | None = None
         self._pushes: list[RecordedPush] = []
-        self._copies: queue.Queue[tuple[Path, Future[Future[None]]]] = queue.Queue()
 
     @property
     def files(self) -> list[str]:
@@ -179,15 +182,6 @@ class Takes:
     def flush(self) -> None:
         """Whatever happens to the process, what was recorded so far is on the disk soon."""
         recorder = self._recorder
-        while not self._copies.empty():
-            path, copied = self._copies.get()
-            try:
-                if recorder is None:
-                    raise ConfigurationError(f"nothing is recorded: {self.name}")
-                ending = recorder.ending if isinstance(recorder, TeleopRecorder) else {}
-                copied.set_result(recorder.copy(path, ending))
-            except PoiseError as error:
-                copied.set_exception(error)
         if recorder is not None:
             recorder.flush()
             if recorder.failure is not None:
@@ -206,7 +200,7 @@ class Takes:
                 self.room.close(error)
 
     def keep(self) -> Path:
-        """Writes a finished copy of the take so far; the thread of the run goes on recording.
+        """Writes a finished copy of what is on the disk of the take; it may be a flush behind.
 
         Returns:
             The copy.
@@ -217,13 +211,12 @@ class Takes:
         if self._recorder is None or self.room.is_full:
             raise ConfigurationError(f"no copy is kept: {self.name}")
         path = self.folder / f"kept-{self._next('kept'):03}{SUFFIX}"
-        copied = Future[Future[None]]()
         try:
             if not self.room.holds(self.path.stat().st_size):
                 raise PoiseError("the folder has no room for it")
-            self._copies.put((path, copied))
-            copied.result(_PATIENCE).result(_PATIENCE)
-        except (OSError, PoiseError, TimeoutError) as error:
+            shutil.copyfile(self.path, path)
+            finish_log(path)
+        except (OSError, PoiseError) as error:
             raise ConfigurationError(f"no copy is kept: {error}") from error
         return path
 

@@ -116,13 +116,8 @@ class TeleopRecorder(Recorder):
         Raises:
             PoiseError: the log could not be written.
         """
-        self.record.metadata |= self.ending
+        self.record.metadata[_DURATION] = repr(self._ticks * self._dt)
         super().end()
-
-    @property
-    def ending(self) -> dict[str, str]:
-        """Metadata that is known at the end of a run alone, and of a copy."""
-        return {_DURATION: repr(self._ticks * self._dt)}
 
     def push(self, push: RecordedPush) -> None:
         """Notes a push that begins before a tick."""
