@@ -255,7 +255,7 @@ class RunRecord:
         table = self._tables.get(tuple(values))
         if table is None:
             table = self._new_table(values, units or {})
-        table.append(self._rows, time, tuple(values.values()))
+        table.append((self._rows, time, *values.values()))
         self._rows += 1
 
     def note(self, time: float, topic: str, text: str) -> bool:

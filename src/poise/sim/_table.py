@@ -1,7 +1,6 @@
 """`Table`: rows of signals that are sampled together, of which a `RunRecord` is made."""
 
-import math
-from collections.abc import Sequence
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,28 +48,36 @@ class Table:
         self.signals = signals
         fields = [(str(i), s.dtype, s.shape) for i, s in enumerate(signals)]
         self.layout = np.dtype([("order", "<i8"), ("time", "<f8"), *fields])
-        self._sizes = [math.prod(signal.shape) for signal in signals]
+        shapes = [(place, s.shape) for place, s in enumerate(signals, start=2)]
+        # Twice the first, for a getter of one place gives no tuple.
+        places = [place for place, shape in shapes if shape]
+        self._arrays = itemgetter(*places[:1], *places) if places else lambda _: ()
+        self._lengths = [shapes[place - 2][1][0] for place in (*places[:1], *places)]
+        self._matrices = [(place, shape) for place, shape in shapes if len(shape) > 1]
         self.clear()
 
     def __len__(self) -> int:
         return self._before + self._size
 
-    def append(self, order: int, time: float, values: Sequence[Value]) -> None:
-        """Keeps one row, copied.
+    def append(self, row: tuple[Value, ...]) -> None:
+        """Keeps one row, copied: order, time, and the samples.
 
         Raises:
             TargetError: a sample has another shape than the first one had.
         """
-        # NumPy refuses another shape unless it can broadcast it: then it has another size.
-        if [getattr(value, "size", 1) for value in values] != self._sizes:
-            self._refuse(values)
         if self._size == len(self._open):
             self._close()
             self._open = np.empty(_BLOCK_ROWS, self.layout)
         try:
-            self._open[self._size] = (order, time, *values)
-        except ValueError:
-            self._refuse(values)
+            # NumPy refuses other shapes unless it can broadcast them.
+            if [*map(len, self._arrays(row))] != self._lengths:
+                self._refuse(row)
+            for place, shape in self._matrices:
+                if np.shape(row[place]) != shape:
+                    self._refuse(row)
+            self._open[self._size] = row
+        except (TypeError, ValueError):
+            self._refuse(row)
             raise
         self._size += 1
 
@@ -100,8 +107,8 @@ class Table:
             self._before += self._size
         self._open, self._size = np.empty(0, self.layout), 0
 
-    def _refuse(self, values: Sequence[Value]) -> None:
-        for signal, value in zip(self.signals, values, strict=True):
+    def _refuse(self, row: tuple[Value, ...]) -> None:
+        for signal, value in zip(self.signals, row[2:], strict=True):
             if np.shape(value) != signal.shape:
                 raise TargetError(
                     f"signal {signal.name!r} changed its shape",
