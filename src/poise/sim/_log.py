@@ -179,6 +179,7 @@ class McapLog:
                     content = ros_text(content)
                 else:
                     channel = self._channel(f"/{topic}", None, {_HOLDS: _MESSAGES})
+                    content = bytes(content)
                 self._add(channel, time, struct.pack("<d", time) + content)
         self._writer.flush()
 
@@ -319,8 +320,8 @@ def _part(topic: str, holds: str, contents: list[bytes]) -> Part:
         return Part([(table.signals, np.frombuffer(b"".join(contents), table.layout))], {})
     times = [struct.unpack_from("<d", content)[0] for content in contents]
     # A text has its length before it.
-    texts = [c[12:].decode() if holds == _NOTES else c[8:] for c in contents]
-    return Part([], {topic: list(zip(times, texts, strict=True))})
+    found = [c[12:].decode() if holds == _NOTES else c[8:] for c in contents]
+    return Part([], {topic: list(zip(times, found, strict=True))})
 
 
 def _ends(path: Path) -> bool:

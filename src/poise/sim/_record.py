@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, SupportsBytes
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from poise._show import new_figure
 from poise.errors import MissingExtraError, UnknownNameError
 from poise.sim._table import Names, Signal, Table, Value
 
-Events = dict[str, list[tuple[float, str | bytes]]]
-"""Notes (texts) and messages (bytes) by topic, with their times [s]."""
+Events = dict[str, list[tuple[float, str | SupportsBytes]]]
+"""Notes (texts) and messages (bytes, or what becomes them) by topic, with their times [s]."""
 
 Counts = dict[Names | str, int]
 """How many rows of signals, and how many events of each topic, are elsewhere already."""
@@ -165,7 +165,7 @@ class RunRecord:
     def messages(self, topic: str) -> tuple[tuple[float, bytes], ...]:
         """Messages of a topic, with their times [s]; nothing where there are none."""
         found = self._events.get(topic, ())
-        return tuple((time, content) for time, content in found if isinstance(content, bytes))
+        return tuple((time, bytes(x)) for time, x in found if not isinstance(x, str))
 
     def __repr__(self) -> str:
         about = ", ".join(self.metadata[k] for k in ("robot", "scenario") if k in self.metadata)
@@ -266,8 +266,14 @@ class RunRecord:
         self._events.setdefault(topic, []).append((time, text))
         return True
 
-    def message(self, time: float, topic: str, content: bytes) -> None:
-        """Keeps a message; no topic has both notes and messages."""
+    def message(self, time: float, topic: str, content: SupportsBytes) -> None:
+        """Keeps a message; no topic has both notes and messages.
+
+        Args:
+            time: of the message [s].
+            topic: its topic.
+            content: bytes, or something that stays as it is and becomes bytes when they are needed.
+        """
         self._events.setdefault(topic, []).append((time, content))
 
     def forget(self) -> None:

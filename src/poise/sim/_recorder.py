@@ -6,7 +6,7 @@ import time as clock
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, SupportsBytes, runtime_checkable
 
 import numpy as np
 
@@ -250,12 +250,12 @@ class Recorder:
         """
         self.record.note(self._plant.time, topic, text)
 
-    def message(self, topic: str, content: bytes) -> None:
+    def message(self, topic: str, content: SupportsBytes) -> None:
         """Keeps a message of the plant's present time.
 
         Args:
             topic: such as `operator`; the log has it under that name.
-            content: the message.
+            content: bytes, or something that stays as it is and becomes bytes when they are needed.
         """
         self.record.message(self._plant.time, topic, content)
 

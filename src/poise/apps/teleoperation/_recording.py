@@ -1,6 +1,6 @@
 """`Recording`: what an operator did in a recorded run, and `RecordedDevice`, which does it again.
 
-`TeleopRecorder`: records a run with that. `encode_sample`, `decode_sample`: a sample in a log.
+`TeleopRecorder`: records a run with that. `RecordedSample`: a sample in a log.
 """
 
 import json
@@ -59,18 +59,29 @@ _SAMPLE = msgspec.msgpack.Decoder(tuple[int, DeviceSample], dec_hook=_array)
 _PUSH = msgspec.msgpack.Decoder(RecordedPush)
 
 
-def encode_sample(tick: int, sample: DeviceSample) -> bytes:
-    """A sample that came before a tick, as msgpack of its fields."""
-    return _ENCODER.encode((tick, sample))
+class RecordedSample(NamedTuple):
+    """A sample, as a log holds it.
 
-
-def decode_sample(content: bytes) -> tuple[int, DeviceSample]:
-    """Tick and sample that `encode_sample` made bytes of.
-
-    Raises:
-        msgspec.DecodeError: they are none.
+    Attributes:
+        tick: before which it came.
+        sample: as it came.
     """
-    return _SAMPLE.decode(content)
+
+    tick: int
+    sample: DeviceSample
+
+    def __bytes__(self) -> bytes:
+        """Msgpack of both."""
+        return _ENCODER.encode(tuple(self))
+
+    @classmethod
+    def decode(cls, content: bytes) -> "RecordedSample":
+        """The sample of some bytes.
+
+        Raises:
+            msgspec.DecodeError: there is none in them.
+        """
+        return cls(*_SAMPLE.decode(content))
 
 
 class TeleopRecorder(Recorder):
@@ -106,7 +117,8 @@ class TeleopRecorder(Recorder):
             self.push(self._coming.popleft())
         status = self._teleoperator.status
         if status is not None and status.sample is not None:
-            self.message(SAMPLES, encode_sample(tick.index, status.sample))
+            # A copy that nobody changes: it is encoded in the thread of the log.
+            self.message(SAMPLES, RecordedSample(tick.index, status.sample))
         self._ticks = tick.index + 1
         super().observe(tick)
 
@@ -135,7 +147,7 @@ class Recording:
         duration: of the run [s].
         setup: what it was made with, see `teleop_setup`; empty where that is not known.
         pushes: on the torso, in order of time.
-        messages: of the samples, see `decode_sample`.
+        messages: of the samples, see `RecordedSample`.
     """
 
     path: Path
@@ -147,9 +159,9 @@ class Recording:
     messages: list[bytes] = field(repr=False)
 
     @property
-    def samples(self) -> list[tuple[int, DeviceSample]]:
+    def samples(self) -> list[RecordedSample]:
         """Samples, each with the tick before which it came."""
-        return [decode_sample(content) for content in self.messages]
+        return [RecordedSample.decode(content) for content in self.messages]
 
     def device(self, *, robot: str, dt: float) -> "RecordedDevice":
         """The recording as a device.
@@ -203,14 +215,14 @@ class RecordedDevice:
         """
         del time
         found = None
-        while self._next is not None and self._next[0] <= self._tick:
-            found, self._next = self._next[1], self._read()
+        while self._next is not None and self._next.tick <= self._tick:
+            found, self._next = self._next.sample, self._read()
         self._tick += 1
         return found
 
-    def _read(self) -> tuple[int, DeviceSample] | None:
+    def _read(self) -> RecordedSample | None:
         content = next(self._messages, None)
-        return None if content is None else decode_sample(content)
+        return None if content is None else RecordedSample.decode(content)
 
 
 def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recording:
@@ -264,7 +276,7 @@ def recording_of(record: RunRecord, path: Path = Path()) -> Recording:
         ) from None
     messages = [content for _, content in record.messages(SAMPLES)]
     pushed = [content for _, content in record.messages(PUSHES)]
-    last = _check(path, "samples", messages, lambda content: decode_sample(content)[0])
+    last = _check(path, "samples", messages, lambda content: RecordedSample.decode(content).tick)
     last = max(last, _check(path, "pushes", pushed, lambda content: _PUSH.decode(content).tick))
     known = setup if "parameters" in setup else {}
     return Recording(
@@ -312,7 +324,7 @@ def write_recording(
     if duration is not None:
         record.metadata[_DURATION] = repr(duration)
     for tick, sample in samples:
-        record.message(tick * dt, SAMPLES, encode_sample(tick, sample))
+        record.message(tick * dt, SAMPLES, RecordedSample(tick, sample))
     for push in pushes:
         record.message(push.tick * dt, PUSHES, _ENCODER.encode(push))
     path.parent.mkdir(parents=True, exist_ok=True)
