@@ -21,7 +21,16 @@ from poise.errors import (
     TargetError,
     UnknownNameError,
 )
-from poise.sim import Plant, PlantConfig, Recorder, RecorderConfig, RunRecord, read_log, rollout
+from poise.sim import (
+    Plant,
+    PlantConfig,
+    Recorder,
+    RecorderConfig,
+    RunRecord,
+    finish_log,
+    read_log,
+    rollout,
+)
 
 pytest.importorskip("mcap")
 
@@ -414,6 +423,62 @@ def test_logs_of_other_versions_and_of_others_are_refused(tmp_path, library):
         writer.finish()
     with pytest.raises(PoiseError, match=f"no log of this version of Poise.*{library}"):
         read_log(path)
+
+
+@pytest.mark.parametrize(
+    "holds", ["nothing", "[]", "{}", '[["x", "m", "O", []]]', '[["x", "m", "<f8", [3]]]', "notes"]
+)
+def test_a_log_that_says_what_it_does_not_hold_is_refused(plant, tmp_path, holds):
+    from mcap.writer import Writer
+
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(library="poise log 3")
+        channel = writer.register_channel("/x", "poise", 0, {"holds": holds})
+        writer.add_message(channel, log_time=0, data=b"\xff" * 15, publish_time=0)
+        writer.finish()
+    with pytest.raises(PoiseError, match="x in .* cannot be read"):
+        read_log(path)
+
+
+def test_names_that_look_alike_in_foxglove_are_told_apart(plant, tmp_path):
+    path = tmp_path / "log.mcap"
+    with recording(plant, path) as recorder:
+        recorder.record.add(0.5, {"a/b": 1.0, "a_b": 2.0, "time": 3.0, "order": np.uint8(4)})
+        recorder.note("signals", "a topic of its own")
+    (_, message), (_, note) = read_topics(path)["/signals"]
+    numbers = [message[name] for name in ("a_b", "a_b_", "time_", "order_")]
+    assert (message["time"], numbers) == (0.5, [1.0, 2.0, 3.0, 4])
+    assert note["value"] == "a topic of its own"
+    assert_same(recorder.record, read_log(path))
+
+
+def test_odd_times_and_kinds_of_number_are_kept(plant, tmp_path):
+    path = tmp_path / "log.mcap"
+    with recording(plant, path) as recorder:
+        for time in (-1.0, np.nan, np.inf, 1e300):
+            recorder.sample(time, z=np.array([1.0 + 2.0j, np.nan]), half=np.float16(0.1))
+    log = read_log(path)
+    assert_same(recorder.record, log)
+    assert log["z"].dtype == np.complex128
+
+
+def test_a_copy_of_a_log_is_finished_behind_what_is_whole(plant, tmp_path):
+    path, copy = tmp_path / "log.mcap", tmp_path / "copy.mcap"
+    with recording(plant, path, config=RecorderConfig(flush_dt=0.02)) as recorder:
+        for _ in range(500):
+            recorder.look()
+            plant.step(None)
+    data = path.read_bytes()
+    for size in (len(data), len(data) - 30, len(data) // 2, len(data) // 3):
+        copy.write_bytes(data[:size])
+        before = read_log(copy)
+        finish_log(copy)
+        after = read_log(copy)
+        assert after.complete
+        assert_same(before, after)
+        assert read_topics(copy)["/scene"]
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from poise.sim._table import Signal
 
 
 class Schema(NamedTuple):
-    """How the messages of a topic are to be read.
+    """Type of the messages of a topic.
 
     Attributes:
         name: of the message type.
@@ -97,7 +97,7 @@ class Pace:
         self._dt, self._next = dt, -math.inf
 
     def is_due(self, time: float) -> bool:
-        """Whether a time [s] is picked; ask once for each."""
+        """Pick a time [s] or not; call once for each."""
         due = time >= self._next - _SLACK
         if due:
             self._next = time + self._dt

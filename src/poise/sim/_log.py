@@ -6,6 +6,7 @@ topic each of notes a message a text, both as they were in memory and as Foxglov
 """
 
 import json
+import math
 import os
 import queue
 import re
@@ -25,13 +26,16 @@ from poise.sim._record import Part, RunRecord
 from poise.sim._table import Signal, Table
 
 _LIBRARY = "poise log 3"
-"""Who wrote the file, and how it is packed: another number cannot be read."""
+"""Library of the header; the number is the version of the layout."""
 
 _METADATA = "poise"
 """Name of the texts that say what the log is of."""
 
 _HOLDS, _NOTES, _MESSAGES = "holds", "notes", "messages"
-"""What a channel's metadata says that it holds; that of signals has their names, in JSON."""
+"""Content of a channel, in its metadata: notes, messages, or the signals of a table in JSON."""
+
+_LAST = 1e9
+"""Latest time of a message [s]; its nanoseconds have 64 bits, and begin at zero."""
 
 _MAGIC = b"\x89MCAP0\r\n"
 
@@ -69,7 +73,7 @@ class McapLog:
         capacity: int = 0,
         waits: bool = True,
     ) -> None:
-        # Before there is a file.
+        # Before the file is made.
         try:
             from mcap.writer import Writer
         except ModuleNotFoundError as error:
@@ -77,7 +81,7 @@ class McapLog:
         self.path = path
         self._topics, self._waits = topics, waits
         self._metadata, self._added = dict(metadata), dict[str, str]()
-        self._channels: dict[str, int] = {}
+        self._channels: dict[tuple[str, Schema | None], int] = {}
         self._tables: dict[tuple[Signal, ...], int] = {}
         self._queue: queue.Queue[Part | None] = queue.Queue(capacity)
         self._failure: Exception | None = None
@@ -100,11 +104,11 @@ class McapLog:
 
     @property
     def failure(self) -> Exception | None:
-        """Why nothing more is written; None while it is."""
+        """Error that ended the writing; None for none."""
         return self._failure
 
     def put(self, part: Part) -> bool:
-        """Hands over a part of the record.
+        """Hand over a part of the record.
 
         Returns:
             Whether there was room for it; if not, the next one must hold it too.
@@ -116,7 +120,7 @@ class McapLog:
         return True
 
     def close(self, last: Part, metadata: Mapping[str, str]) -> None:
-        """Writes all that waits, finishes the file and closes it.
+        """Write all that waits, finish the file and close it.
 
         Args:
             last: what of the record is not in it yet.
@@ -184,8 +188,7 @@ class McapLog:
         self._writer.flush()
 
     def _add(self, channel: int, time: float, content: bytes) -> None:
-        # There are no times before zero.
-        stamp = max(round(time * 1e9), 0)
+        stamp = round(min(max(0.0, time), _LAST) * 1e9)
         self._writer.add_message(channel, stamp, content, stamp)
 
     def _new_table(self, signals: tuple[Signal, ...]) -> int:
@@ -195,19 +198,19 @@ class McapLog:
     def _channel(
         self, topic: str, schema: Schema | None, about: Mapping[str, str] | None = None
     ) -> int:
-        found = self._channels.get(topic)
+        found = self._channels.get((topic, schema))
         if found is None:
             number, encoding = 0, _MESSAGES
             if schema is not None:
                 text, encoding = schema.text.encode(), schema.encoding
                 number = self._writer.register_schema(schema.name, schema.language, text)
             found = self._writer.register_channel(topic, encoding, number, dict(about or {}))
-            self._channels[topic] = found
+            self._channels[topic, schema] = found
         return found
 
 
 def write_log(record: RunRecord, path: Path) -> None:
-    """Writes a record that is in memory to a log.
+    """Write a record that is in memory to a log.
 
     Raises:
         MissingExtraError: the package mcap is not installed.
@@ -222,26 +225,28 @@ def _table_text(signals: tuple[Signal, ...]) -> str:
 
 def _row_schema(topic: str, signals: tuple[Signal, ...]) -> Schema:
     """A row of a `Table` as ROS 1 reads it, with names that it takes."""
-    lines = ["int64 order", "float64 time  # [s]"]
+    lines = {"order": "int64 order", "time": "float64 time  # [s]"}
     for signal in signals:
-        size, kind = int(np.prod(signal.shape)), _ROS_TYPES.get(signal.dtype.str[1:])
+        name, kind = re.sub(r"\W", "_", signal.name), _ROS_TYPES.get(signal.dtype.str[1:])
+        count = f"[{math.prod(signal.shape)}]" if signal.shape else ""
         if kind is None:
-            kind, size = "uint8", size * signal.dtype.itemsize
-        count = f"[{size}]" if signal.shape or kind == "uint8" else ""
-        name = re.sub(r"\W", "_", signal.name)
-        lines.append(f"{kind}{count} {name}" + (f"  # [{signal.unit}]" if signal.unit else ""))
-    return Schema(f"poise{topic}", "\n".join(lines))
+            # Numbers that ROS does not have are shown as their bytes.
+            kind, count = "uint8", f"[{math.prod(signal.shape) * signal.dtype.itemsize}]"
+        while name in lines:
+            name += "_"
+        lines[name] = f"{kind}{count} {name}" + (f"  # [{signal.unit}]" if signal.unit else "")
+    return Schema(f"poise{topic}", "\n".join(lines.values()))
 
 
 def _fresh(path: Path) -> BinaryIO:
-    """A file of one's own: another run that still writes to one of this name keeps its own."""
+    """A new file: a run that still writes to an older one of this name keeps that."""
     if path.is_file() and not path.is_symlink():
         path.unlink()
     return path.open("wb")
 
 
 def finish_log(path: Path) -> None:
-    """Ends a log that broke off, or a copy of one that goes on, behind what is whole of it.
+    """End a log that broke off, or a copy of one that goes on, after its last whole chunk.
 
     Raises:
         OSError: it cannot be written.
@@ -262,7 +267,7 @@ def finish_log(path: Path) -> None:
 
 
 def read_log(path: Path | str, topics: tuple[str, ...] | None = None) -> RunRecord:
-    """Reads the record of a run from its log, up to where that ends or breaks off.
+    """Read the record of a run from its log, up to where that ends or breaks off.
 
     Args:
         path: an MCAP file that a `Recorder` wrote.
@@ -302,18 +307,21 @@ def read_log(path: Path | str, topics: tuple[str, ...] | None = None) -> RunReco
     record.complete = complete and _ends(path)
     for number, channel in channels.items():
         if contents[number]:
-            holds = channel.metadata[_HOLDS]
-            record.take_in(_part(channel.topic[1:], holds, contents[number]))
+            holds, topic = channel.metadata[_HOLDS], channel.topic[1:]
+            try:
+                record.take_in(_part(topic, holds, contents[number]))
+            except (ValueError, TypeError, struct.error) as error:
+                raise PoiseError(f"{topic} in {str(path)!r} cannot be read: {error}") from error
     return record
 
 
 def _is_of(channel: Any, topics: tuple[str, ...] | None) -> bool:
-    """Whether a channel is part of a record that has some topics; all where there is None."""
+    """True for a channel of a record that has one of some topics, or any where None."""
     return _HOLDS in channel.metadata and (topics is None or channel.topic[1:] in topics)
 
 
 def _part(topic: str, holds: str, contents: list[bytes]) -> Part:
-    """What the messages of a channel are of a record."""
+    """Rows or events of a channel's messages."""
     if holds not in (_NOTES, _MESSAGES):
         found = json.loads(holds)
         table = Table(tuple(Signal(n, u, np.dtype(d), tuple(s)) for n, u, d, s in found))

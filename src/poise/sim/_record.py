@@ -1,4 +1,4 @@
-"""`RunRecord`: what is known of one run, from which everything about it is made."""
+"""`RunRecord`: the record of one run, from which everything about it is made."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ Events = dict[str, list[tuple[float, str | SupportsBytes]]]
 """Notes (texts) and messages (bytes, or what becomes them) by topic, with their times [s]."""
 
 Counts = dict[Names | str, int]
-"""How many rows of signals, and how many events of each topic, are elsewhere already."""
+"""Number of rows of each table and of events of each topic."""
 
 UNITS = {
     "q": "m, rad",
@@ -50,7 +50,7 @@ _JOINTWISE = ("q", "v", "torque", "command_torque", "command_velocity")
 
 
 class Part(NamedTuple):
-    """What came to a record between two moments.
+    """Rows and events of a record between two moments.
 
     Attributes:
         rows: of each table, in order.
@@ -105,7 +105,7 @@ class RunRecord:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """What there are notes about."""
+        """Topics of the notes."""
         return tuple(t for t, found in self._events.items() if isinstance(found[0][1], str))
 
     @property
@@ -158,7 +158,7 @@ class RunRecord:
         return self._signal(name).shape
 
     def notes(self, topic: str) -> tuple[tuple[float, str], ...]:
-        """What was noted about a topic, with its times [s]; nothing where it never came up."""
+        """Notes of a topic, with their times [s]; nothing where there are none."""
         found = self._events.get(topic, ())
         return tuple((time, text) for time, text in found if isinstance(text, str))
 
@@ -229,7 +229,7 @@ class RunRecord:
         return frame
 
     def _labels(self, signal: Signal) -> list[str]:
-        """What a table calls the numbers of a sample."""
+        """Column names of the numbers of a sample."""
         parts = [", ".join(map(str, index)) for index in np.ndindex(signal.shape)]
         joints = json.loads(self.metadata.get("joints", "[]"))
         if signal.name in _JOINTWISE and 0 < len(joints) <= len(parts):
@@ -241,7 +241,7 @@ class RunRecord:
     def add(
         self, time: float, values: Mapping[str, Value], units: Mapping[str, str] | None = None
     ) -> None:
-        """Keeps a sample each of some signals.
+        """Keep a sample each of some signals.
 
         Args:
             time: of the samples [s].
@@ -267,7 +267,7 @@ class RunRecord:
         return True
 
     def message(self, time: float, topic: str, content: SupportsBytes) -> None:
-        """Keeps a message; no topic has both notes and messages.
+        """Keep a message; no topic has both notes and messages.
 
         Args:
             time: of the message [s].
@@ -277,7 +277,7 @@ class RunRecord:
         self._events.setdefault(topic, []).append((time, content))
 
     def forget(self) -> None:
-        """Drops all samples and events but the last of each topic; signals stay what they are."""
+        """Drop all samples, and events but the last of each topic; signals keep shape and unit."""
         for table in self._tables.values():
             table.clear()
         self._events = {topic: found[-1:] for topic, found in self._events.items()}
@@ -285,12 +285,12 @@ class RunRecord:
     # Parts, for a log -----------------------------------------------------------------------------
 
     def counts(self) -> Counts:
-        """How much there is of everything."""
+        """Number of rows and events so far."""
         counts: Counts = {names: len(table) for names, table in self._tables.items()}
         return counts | {topic: len(found) for topic, found in self._events.items()}
 
     def part(self, since: Counts) -> Part:
-        """What came after an earlier `counts`; later samples leave it alone."""
+        """Rows and events after an earlier `counts`; later samples do not change it."""
         rows = [
             (table.signals, part)
             for names, table in self._tables.items()
@@ -300,7 +300,7 @@ class RunRecord:
         return Part(rows, {topic: found for topic, found in events.items() if found})
 
     def take_in(self, part: Part) -> None:
-        """Adds what another record gave as a `part`, the one after the last."""
+        """Append a `part` of another record."""
         for signals, rows in part.rows:
             self._signals |= {s.name: s for s in signals if s.name not in self._signals}
             self._tables.setdefault(tuple(s.name for s in signals), Table(signals)).extend(rows)

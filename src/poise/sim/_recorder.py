@@ -29,7 +29,7 @@ _PHYSICS = ("dynamics, torques", "contacts, joints")
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class RecorderConfig:
-    """How much is recorded, how much is shown, and how soon it is on the disk.
+    """Rates and buffers of a recorder.
 
     Attributes:
         record_dt: time from one recorded tick to the next, 0 for every tick [s].
@@ -167,7 +167,7 @@ class Recorder:
             )
 
     def observe(self, tick: Tick) -> None:
-        """Records a tick, if one is due."""
+        """Record a tick, if one is due."""
         time, note = self._plant.time, self.record.note
         due = self._pace.is_due(time)
         samples: dict[str, Value] = {}
@@ -207,11 +207,11 @@ class Recorder:
 
     @property
     def failure(self) -> Exception | None:
-        """Why the log is written no more; None while it is, and where there is none."""
+        """Error that ended the writing of the log; None for none."""
         return None if self._log is None else self._log.failure
 
     def flush(self) -> None:
-        """Hands everything so far to the writer of the log, as happens every `flush_dt`."""
+        """Hand everything so far to the writer of the log, as happens every `flush_dt`."""
         self._next_flush = clock.monotonic() + self._config.flush_dt
         if self._log is None or not self._log.put(self.record.part(self._written)):
             return
@@ -228,7 +228,7 @@ class Recorder:
         self.sample(self._plant.time, **samples)
 
     def sample(self, time: float, **values: Value) -> None:
-        """Records values of one instant, whatever they are.
+        """Record values of one instant.
 
         Args:
             time: the instant [s].
@@ -251,7 +251,7 @@ class Recorder:
         self.record.note(self._plant.time, topic, text)
 
     def message(self, topic: str, content: SupportsBytes) -> None:
-        """Keeps a message of the plant's present time.
+        """Keep a message of the plant's present time.
 
         Args:
             topic: such as `operator`; the log has it under that name.
@@ -328,7 +328,7 @@ class Recorder:
 
 
 class _WatchedStack:
-    """What a recorder records of a stack; who is in it was looked up once.
+    """Signals of a stack; its tasks and contacts are looked up once.
 
     Args:
         solver: the controller that solves it.

@@ -49,7 +49,7 @@ class Table:
         fields = [(str(i), s.dtype, s.shape) for i, s in enumerate(signals)]
         self.layout = np.dtype([("order", "<i8"), ("time", "<f8"), *fields])
         shapes = [(place, s.shape) for place, s in enumerate(signals, start=2)]
-        # Twice the first, for a getter of one place gives no tuple.
+        # A getter of one place returns no tuple: the first is taken twice.
         places = [place for place, shape in shapes if shape]
         self._arrays = itemgetter(*places[:1], *places) if places else lambda _: ()
         self._lengths = [shapes[place - 2][1][0] for place in (*places[:1], *places)]
@@ -60,7 +60,7 @@ class Table:
         return self._before + self._size
 
     def append(self, row: tuple[Value, ...]) -> None:
-        """Keeps one row, copied: order, time, and the samples.
+        """Append a copy of one row: order, time, and the samples.
 
         Raises:
             TargetError: a sample has another shape than the first one had.
@@ -82,13 +82,13 @@ class Table:
         self._size += 1
 
     def extend(self, rows: np.ndarray) -> None:
-        """Keeps further rows as they are, not copied."""
+        """Append rows, not copied."""
         self._close()
         self._blocks.append(rows)
         self._before += len(rows)
 
     def clear(self) -> None:
-        """Drops all rows; views of them stay."""
+        """Drop all rows; views of them stay."""
         self._blocks, self._before = list[np.ndarray](), 0
         self._open, self._size = np.empty(0, self.layout), 0
 

@@ -34,14 +34,14 @@ LIVE_CONFIG = RecorderConfig(record_dt=0.05, scene_dt=0.1, on_full="hold", keep=
 """The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more."""
 
 MOST_BYTES = 1 << 30
-"""What the files of live runs in a folder may come to: some ten hours."""
+"""Size of the files of live runs in a folder at most [bytes]: some ten hours."""
 
 _LOOK_EVERY = 10.0
 """Time from one look into the folder to the next [s]; a run writes some 20 kB in a second."""
 
 
 class Room:
-    """Whether a folder can take more of a run; one that finds no room there goes on unrecorded.
+    """Disk quota of the folder of live runs; a run that exceeds it goes on unrecorded.
 
     Args:
         folder: where live runs are kept.
@@ -63,13 +63,13 @@ class Room:
 
     @property
     def is_full(self) -> bool:
-        """Whether nothing more is recorded; looked up now and then."""
+        """True when nothing more is recorded; checked every ten seconds."""
         if clock.monotonic() - self._looked_at >= _LOOK_EVERY:
             self.look()
         return not self._free
 
     def look(self) -> None:
-        """Looks at once."""
+        """Measure the folder now."""
         self._looked_at = clock.monotonic()
         try:
             paths = [*self.folder.iterdir()]
@@ -85,7 +85,7 @@ class Room:
             self._free = self._used < self._most
 
     def holds(self, more: int) -> bool:
-        """Whether there is room for so many bytes more; looks at once."""
+        """Measure the folder; True where so many bytes more fit."""
         self.look()
         return self._free and self._used + more <= self._most
 
@@ -104,7 +104,7 @@ class Room:
 
     @property
     def notice(self) -> str:
-        """What to tell whoever drives when nothing is recorded."""
+        """Text for the page when nothing is recorded."""
         full = f"not recorded: {self.folder} is full ({self._most / 2**20:.0f} MiB)"
         return self._problem or full
 
@@ -145,7 +145,7 @@ class Takes:
         return self.room.notice if self.room.is_full else self.path.name
 
     def expect(self, make: Callable[[Path], Recorder]) -> None:
-        """Says what records the next run, and finishes the one before.
+        """Set the recorder of the next run, and finish the one before.
 
         Args:
             make: makes the recorder of a file.
@@ -163,7 +163,7 @@ class Takes:
         self._cast = plant, controller, leader
 
     def observe(self, tick: Tick) -> None:
-        """Records a tick; of feet that are led, from the first one on at which somebody does."""
+        """Record a tick; of a step teleoperator from its first sample on."""
         if self._make is not None and (self._pushes or self._is_driven()):
             self._open(self._make)
         recorder = self._recorder
@@ -175,12 +175,12 @@ class Takes:
             recorder.observe(tick)
 
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
-        """Notes a push on the torso [N], [s] before a tick."""
+        """Note a push on the torso [N], [s] that begins before a tick."""
         x, y, z = force.tolist()
         self._pushes.append(RecordedPush(tick, (x, y, z), duration))
 
     def flush(self) -> None:
-        """Whatever happens to the process, what was recorded so far is on the disk soon."""
+        """Hand what was recorded so far to the writer; end a recording that cannot go on."""
         recorder = self._recorder
         if recorder is not None:
             recorder.flush()
@@ -190,7 +190,7 @@ class Takes:
             self.end()
 
     def end(self) -> None:
-        """Finishes the file, if there is one; the run is not recorded any more."""
+        """Finish the file, if there is one; the run is not recorded any more."""
         self._make = None
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
@@ -200,7 +200,7 @@ class Takes:
                 self.room.close(error)
 
     def keep(self) -> Path:
-        """Writes a finished copy of what is on the disk of the take; it may be a flush behind.
+        """Write a finished copy of what is on the disk of the take; it may be a flush behind.
 
         Returns:
             The copy.

@@ -1,4 +1,4 @@
-"""`Recording`: what an operator did in a recorded run, and `RecordedDevice`, which does it again.
+"""`Recording`: the operator's samples of a recorded run, and `RecordedDevice`, which replays them.
 
 `TeleopRecorder`: records a run with that. `RecordedSample`: a sample in a log.
 """
@@ -85,7 +85,7 @@ class RecordedSample(NamedTuple):
 
 
 class TeleopRecorder(Recorder):
-    """Records a teleoperated run with everything that comes from outside it.
+    """Record a teleoperated run with everything that comes from outside it.
 
     Args:
         path: the MCAP file, None for memory alone.
@@ -112,12 +112,12 @@ class TeleopRecorder(Recorder):
         self._dt, self._ticks = float(setup["dt"]), 0
 
     def observe(self, tick: Tick) -> None:
-        """Records a tick, if one is due, and always what came before it."""
+        """Record the tick, if it is due, and always its sample and pushes."""
         while self._coming and self._coming[0].tick <= tick.index:
             self.push(self._coming.popleft())
         status = self._teleoperator.status
         if status is not None and status.sample is not None:
-            # A copy that nobody changes: it is encoded in the thread of the log.
+            # The guard's own copy: it can be encoded in the thread of the log.
             self.message(SAMPLES, RecordedSample(tick.index, status.sample))
         self._ticks = tick.index + 1
         super().observe(tick)
@@ -132,13 +132,13 @@ class TeleopRecorder(Recorder):
         super().end()
 
     def push(self, push: RecordedPush) -> None:
-        """Notes a push that begins before a tick."""
+        """Note a push that begins before a tick."""
         self.message(PUSHES, _ENCODER.encode(push))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """What came from outside a recorded run.
+    """Everything that came from outside a recorded run.
 
     Attributes:
         path: the file; that of a record in memory is "".
@@ -189,7 +189,7 @@ class Recording:
 
 
 class RecordedDevice:
-    """Gives the samples of a recording at the ticks at which they came, asked once a tick.
+    """Replay the samples of a recording at their ticks; call `sample` once a tick.
 
     Gaps stay gaps, and what was refused then is refused now: the guard decides again.
 
@@ -206,7 +206,7 @@ class RecordedDevice:
         self._next = self._read()
 
     def sample(self, time: float) -> DeviceSample | None:
-        """What came before the next tick.
+        """Sample that came before the next tick.
 
         Ticks are counted: where sensors are late a robot's time at a tick is not the recorded one.
 
@@ -226,7 +226,7 @@ class RecordedDevice:
 
 
 def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recording:
-    """Opens a recording.
+    """Open a recording.
 
     Args:
         path: the log of a teleoperated run.
@@ -254,7 +254,7 @@ def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recordin
 
 
 def recording_of(record: RunRecord, path: Path = Path()) -> Recording:
-    """What a record holds of an operator.
+    """Operator's part of a record.
 
     Args:
         record: of a teleoperated run.
@@ -301,7 +301,7 @@ def write_recording(
     pushes: Sequence[RecordedPush] = (),
     duration: float | None = None,
 ) -> None:
-    """Writes a log that holds what came from outside a run, and nothing else of it.
+    """Write a log of samples and pushes alone.
 
     Args:
         path: the file.

@@ -62,7 +62,7 @@ def recorded_robot(name: str, what: str, *, option: str = "") -> Robot:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedSetup:
-    """What a recording was made with, beside its robot.
+    """Set-up of a recorded run, beside its robot.
 
     Attributes:
         parameters: of the teleoperator.
@@ -86,7 +86,7 @@ class RecordedSetup:
 
 
 def recorded_setup(recording: Recording, robot: Robot) -> RecordedSetup:
-    """What a recording was made with.
+    """Set-up of a recorded run.
 
     Args:
         recording: of `run_teleop` or of a live run.
@@ -136,7 +136,7 @@ def teleop_setup(
     rotator: bool = True,
     q_start: Float64[np.ndarray, " nq"] | None = None,
 ) -> dict[str, Any]:
-    """What a run is made with, as JSON, so that `replay_teleop` can run it again.
+    """Set-up of a run as JSON, from which `replay_teleop` repeats it.
 
     Args:
         teleoperator: that walks the robot.

@@ -35,7 +35,7 @@ _HEAD, _HEAD_CLUTCH = 4, 8
 
 
 def convert_recording(path: Path, target: Path) -> bool:
-    """Writes a log that plays as a `.teleop` file did.
+    """Write a log that plays as a `.teleop` file did.
 
     Args:
         path: the file.
