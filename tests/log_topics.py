@@ -1,13 +1,18 @@
 """What people see of a log: its messages, read by the definitions that stand in the file."""
 
 import json
+import re
 import struct
 from collections import defaultdict
 
+import numpy as np
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
-NUMBERS = {"float64": "d", "uint32": "I", "int32": "i", "uint8": "B", "bool": "?"}
+NUMBERS = {
+    "float64": "d", "uint32": "I", "int32": "i", "int64": "q", "int8": "b", "uint8": "B",
+    "bool": "?",
+}  # fmt: skip
 
 
 def read_topics(path):
@@ -24,6 +29,21 @@ def read_topics(path):
             schema = schemas[channel.schema_id]
             topics[channel.topic].append((found.log_time * 1e-9, _content(channel, schema, found)))
     return dict(topics)
+
+
+def read_signal(path, name):
+    """Times and numbers that are seen of a signal, in the order of its samples."""
+    field = re.sub(r"\W", "_", name)
+    found = [
+        message
+        for topic, messages in read_topics(path).items()
+        if topic.startswith("/signals")
+        for _, message in messages
+        if field in message
+    ]
+    found.sort(key=lambda message: message["order"])
+    values = np.array([message[field] for message in found], dtype=np.float64)
+    return np.array([message["time"] for message in found]), values
 
 
 def read_by_index(path, topic):
@@ -67,11 +87,17 @@ def _types(schema):
 
 def _take(types, kind, data, place):
     """A value of a type, and where the next one begins."""
-    if kind.endswith("[]"):
-        (count,) = struct.unpack_from("<I", data, place)
-        values, place = [], place + 4
+    listed = re.fullmatch(r"(.+)\[(\d*)\]", kind)
+    if listed:
+        kind, count = listed[1], listed[2]
+        if count:
+            count = int(count)
+        else:
+            (count,) = struct.unpack_from("<I", data, place)
+            place += 4
+        values = []
         for _ in range(count):
-            value, place = _take(types, kind[:-2], data, place)
+            value, place = _take(types, kind, data, place)
             values.append(value)
         return values, place
     if kind in NUMBERS:

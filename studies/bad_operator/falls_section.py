@@ -56,7 +56,7 @@ class Outcome:
 
 def run_trial(trial: Trial) -> Outcome:
     """Runs a trial; the input is kept only if the robot falls."""
-    path = None if trial.folder is None else trial.folder / f"seed-{trial.seed}.teleop"
+    path = None if trial.folder is None else trial.folder / f"seed-{trial.seed}.mcap"
     run = run_teleop(
         _robot(trial.robot),
         lambda controller: BadOperator(controller, trial.seed),

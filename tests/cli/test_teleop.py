@@ -105,9 +105,9 @@ def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
         ),
         replace(VELOCITY_TELEOP_PLANT, blocks=blocks),
         duration=0.1,
-        recording=in_folder / "x.teleop",
+        recording=in_folder / "x.mcap",
     )
-    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
+    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.mcap"]
     assert main(line + ([] if asked is None else ["--terrain", asked])) == 0
     assert [plant.blocks for _, plant in begun] == [blocks if asked is None else ()]
 
@@ -123,16 +123,16 @@ def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun)
         lambda c: ScriptedDevice([], c.resting_sample.left, c.resting_sample.right),
         VELOCITY_TELEOP_PLANT,
         duration=0.1,
-        recording=in_folder / "x.teleop",
+        recording=in_folder / "x.mcap",
     )
-    assert "made with" in refused(capsys, "--device", "x.teleop", "--actuation", "torque")
-    assert "made with" in refused(capsys, "--device", "x.teleop", "--controller", "osf")
-    assert "made with" in refused(capsys, "--device", "x.teleop", "--hand-scale", "0.5")
-    assert "made with" in refused(capsys, "--device", "x.teleop", "--noise")
+    assert "made with" in refused(capsys, "--device", "x.mcap", "--actuation", "torque")
+    assert "made with" in refused(capsys, "--device", "x.mcap", "--controller", "osf")
+    assert "made with" in refused(capsys, "--device", "x.mcap", "--hand-scale", "0.5")
+    assert "made with" in refused(capsys, "--device", "x.mcap", "--noise")
     assert "got '--robot g1'; wanted humanoid33" in refused(
-        capsys, "--device", "x.teleop", "--robot", "g1"
+        capsys, "--device", "x.mcap", "--robot", "g1"
     )
-    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
+    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.mcap"]
     assert main(line) == 0
     ((name, plant),) = begun
     assert (name, plant.actuation, plant.self_contact) == ("humanoid33", "velocity", False)
@@ -154,12 +154,12 @@ def test_a_recording_of_a_robot_from_a_file_is_played_with_that(in_folder, capsy
         lambda c: ScriptedDevice([], c.resting_sample.left, c.resting_sample.right),
         VELOCITY_TELEOP_PLANT,
         duration=0.1,
-        recording=in_folder / "x.teleop",
+        recording=in_folder / "x.mcap",
     )
-    line = refused(capsys, "--device", "x.teleop")
-    assert "x.teleop was made with a robot that is not in the catalog; got 'mona'" in line
+    line = refused(capsys, "--device", "x.mcap")
+    assert "x.mcap was made with a robot that is not in the catalog; got 'mona'" in line
     assert "--robot FILE" in line
-    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.teleop"]
+    line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.mcap"]
     assert main([*line, "--robot", "mona.urdf"]) == 0
     assert [name for name, _ in begun] == ["mona"]
 
@@ -175,11 +175,11 @@ def test_the_closing_line_names_what_this_run_has_recorded(in_folder, capsys):
         load_robot("biped20"),
         lambda c: ScriptedDevice([], *c.estimator.anchors),
         duration=0.1,
-        recording=in_folder / "x.teleop",
+        recording=in_folder / "x.mcap",
     )
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.4", "--out", "out"]
-    for take in ("take-001.teleop", "take-002.teleop"):
-        assert main([*line, "--device", "x.teleop"]) == 0
+    for take in ("take-001.mcap", "take-002.mcap"):
+        assert main([*line, "--device", "x.mcap"]) == 0
         assert capsys.readouterr().out.endswith(f"recordings in out: {take}\n")
     assert main(line) == 0
     assert capsys.readouterr().out.endswith("recordings in out: none, nobody drove\n")
@@ -268,8 +268,8 @@ def test_no_gamepad_is_one_line(in_folder, capsys):
 @needs_page
 @pytest.mark.parametrize("content", [b"", b"no recording", b"{}" + b" " * 20000])
 def test_a_file_that_is_no_recording_is_one_line(in_folder, capsys, content):
-    (in_folder / "x.teleop").write_bytes(content)
-    assert "x.teleop" in refused(capsys, "--device", "x.teleop")
+    (in_folder / "x.mcap").write_bytes(content)
+    assert "x.mcap" in refused(capsys, "--device", "x.mcap")
 
 
 def test_without_the_extra_the_line_says_how_to_install_it(in_folder, capsys, monkeypatch):
@@ -285,7 +285,7 @@ def test_a_run_that_is_terminated_leaves_a_finished_recording_that_plays(in_fold
     pytest.importorskip("websockets")
     from websockets.sync.client import connect
 
-    from poise.locomotion import read_recording
+    from poise.apps.teleoperation import read_recording
 
     command = [sys.executable, "-m", "poise", "teleop", "--no-open", "--port", "0"]
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
@@ -303,10 +303,10 @@ def test_a_run_that_is_terminated_leaves_a_finished_recording_that_plays(in_fold
                 time.sleep(0.03)
             process.send_signal(signal.SIGTERM)
             assert process.wait(timeout=60) == 0
-        assert "take-001.teleop" in process.stdout.read()
-    recording = read_recording(in_folder / "out" / "take-001.teleop")
-    assert len(recording.rows) > 20
+        assert "take-001.mcap" in process.stdout.read()
+    recording = read_recording(in_folder / "out" / "take-001.mcap")
+    assert len(recording.samples) > 20
     assert main(
         ["teleop", "--no-open", "--port", "0", "--seconds", "1", "--device",
-         "out/take-001.teleop"]
+         "out/take-001.mcap"]
     ) == 0  # fmt: skip

@@ -11,10 +11,11 @@ pytest.importorskip("mujoco")
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
+    read_recording,
     replay_teleop,
     run_teleop,
 )
-from poise.locomotion import ScriptedDevice, read_recording
+from poise.locomotion import ScriptedDevice
 from studies.bad_operator import conditions, led_trial
 from studies.bad_operator.conditions_section import _findings, _row
 from studies.bad_operator.falls_section import Outcome, Trial, _finding as falls_finding, run_trial
@@ -42,8 +43,8 @@ import json, sys
 from pathlib import Path
 from dataclasses import asdict, replace
 from studies.bad_operator.falls_section import Trial, run_trial
-from poise.locomotion import StepTeleoperator, read_recording
-from poise.apps.teleoperation import replay_teleop
+from poise.locomotion import StepTeleoperator
+from poise.apps.teleoperation import read_recording, replay_teleop
 from poise.robots import load_robot
 # Soft feet that may leave the ground whenever the ZMP is near: it falls soon.
 careless = replace(StepTeleoperator(load_robot("biped20")).parameters, w_S2=1.0, capture_max=1e3,
@@ -193,7 +194,7 @@ def test_falls_fail_what_is_asked_for_and_are_no_finding_where_nothing_is(outcom
 
 
 def test_pushes_of_a_run_are_recorded_and_come_again(get_robot, tmp_path):
-    robot, path = get_robot("biped20"), tmp_path / "pushed.teleop"
+    robot, path = get_robot("biped20"), tmp_path / "pushed.mcap"
     pushes = [(100, *conditions.pushes(robot, 1, 8.0, 0.005)[0][1:])]
 
     def hands(teleoperator):

@@ -56,6 +56,6 @@ def act(options: argparse.Namespace) -> int:
     run_live(session, robot.name, "To walk: arrow keys; to turn: Q and E.", options)
     logs = sorted(path.name for path in set(folder.glob("*.mcap")) - before)
     print(f"logs in {folder}: {', '.join(logs) if logs else 'none'}")
-    if session.loop.log.problem:
-        print(f"poise: the log: {session.loop.log.problem}", file=sys.stderr)
+    if session.loop.takes.room.is_full:
+        print(f"poise: {session.loop.takes.room.notice}", file=sys.stderr)
     return 0

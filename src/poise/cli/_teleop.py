@@ -106,8 +106,6 @@ def act(options: argparse.Namespace) -> int:
     print(f"recordings in {folder}: {', '.join(found) if found else none}")
     if room.is_full:
         print(f"poise: {room.notice}", file=sys.stderr)
-    if session.loop.log.problem:
-        print(f"poise: the log for Foxglove: {session.loop.log.problem}", file=sys.stderr)
     return 0
 
 
@@ -171,7 +169,7 @@ def _recording(device: str) -> Any:
     """The recording that a device names, None for a person."""
     if device in ("browser", "gamepad"):
         return None
-    from poise.locomotion import RecordingError, read_recording
+    from poise.apps.teleoperation import RecordingError, read_recording
 
     path = Path(device)
     if not path.is_file():

@@ -4,8 +4,22 @@ import argparse
 from collections.abc import Sequence
 
 from poise import __version__
-from poise.cli import _campaign, _describe, _drive, _robots, _run, _scorecard, _teleop, _warmup
+from poise.cli import (
+    _campaign,
+    _convert,
+    _describe,
+    _drive,
+    _robots,
+    _run,
+    _scorecard,
+    _teleop,
+    _warmup,
+)
 from poise.cli._command import run_command
+
+_VERBS = (
+    _run, _scorecard, _campaign, _robots, _describe, _teleop, _drive, _convert, _warmup,
+)  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -24,6 +38,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--version", action="version", version=f"poise {__version__}")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    for verb in (_run, _scorecard, _campaign, _robots, _describe, _teleop, _drive, _warmup):
+    for verb in (
+        _run,
+        _scorecard,
+        _campaign,
+        _robots,
+        _describe,
+        _teleop,
+        _drive,
+        _convert,
+        _warmup,
+    ):
         verb.add_parser(verbs)
     return run_command(parser, arguments)

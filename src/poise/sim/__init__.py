@@ -18,7 +18,7 @@ from poise.sim._camera import (
 )
 from poise.sim._config import Actuation as Actuation, PlantConfig
 from poise.sim._disturbances import Block, Push as Push
-from poise.sim._log import read_log
+from poise.sim._log import finish_log as finish_log, read_log, write_log as write_log
 from poise.sim._mapping import StateMap as StateMap
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord

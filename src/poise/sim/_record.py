@@ -1,20 +1,21 @@
-"""`RunRecord`: what is known of one run, from which everything about it is made."""
+"""`RunRecord`: the record of one run, from which everything about it is made."""
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple, SupportsBytes
 
 import numpy as np
 
 from poise._show import new_figure
 from poise.errors import MissingExtraError, UnknownNameError
-from poise.sim._record_part import RecordPart
 from poise.sim._table import Names, Signal, Table, Value
 
+Events = dict[str, list[tuple[float, str | SupportsBytes]]]
+"""Notes (texts) and messages (bytes, or what becomes them) by topic, with their times [s]."""
+
 Counts = dict[Names | str, int]
-"""How many rows of signals, and how many notes of each topic, are elsewhere already."""
+"""Number of rows of each table and of events of each topic."""
 
 UNITS = {
     "q": "m, rad",
@@ -48,12 +49,28 @@ _JOINTWISE = ("q", "v", "torque", "command_torque", "command_velocity")
 """Signals whose last numbers are one a joint, before them those of the base."""
 
 
+class Part(NamedTuple):
+    """Rows and events of a record between two moments.
+
+    Attributes:
+        rows: of each table, in order.
+        events: by topic.
+    """
+
+    rows: list[tuple[tuple[Signal, ...], np.ndarray]]
+    events: Events
+
+    def __bool__(self) -> bool:
+        return bool(self.rows or self.events)
+
+
 class RunRecord:
     """Columns of signals, notes, and texts about the run; grows while the run goes on.
 
     Signals that are sampled together share a table, a row an instant; not every tick has something
     to say about everything, so there may be several, and a signal may be in more than one. A note
-    is a text under a topic, kept when it differs from the one before: a mode, a status.
+    is a text under a topic, kept when it differs from the one before: a mode, a status. A message
+    is bytes under a topic: what an operator's device sent.
 
     Args:
         metadata: texts that say what the record is of: robot, controller, scenario, seed.
@@ -76,7 +93,8 @@ class RunRecord:
         self._signals: dict[str, Signal] = {}
         self._tables: dict[Names, Table] = {}
         self._rows = 0
-        self._notes: dict[str, list[tuple[float, str]]] = {}
+        self._events: Events = {}
+        self._said: dict[str, str] = {}
 
     # What is in it -------------------------------------------------------------------------------
 
@@ -87,14 +105,14 @@ class RunRecord:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """What there are notes about."""
-        return tuple(self._notes)
+        """Topics of the notes."""
+        return tuple(t for t, found in self._events.items() if isinstance(found[0][1], str))
 
     @property
     def end(self) -> float:
         """Time of the last sample [s], 0 for an empty record."""
-        last = max((table.last_time() for table in self._tables.values()), default=-math.inf)
-        return last if last > -math.inf else 0.0
+        parts = [table.since(len(table) - 1) for table in self._tables.values() if len(table)]
+        return max((float(rows[-1]["time"][-1]) for rows in parts), default=0.0)
 
     def __contains__(self, name: str) -> bool:
         return name in self._signals
@@ -140,8 +158,14 @@ class RunRecord:
         return self._signal(name).shape
 
     def notes(self, topic: str) -> tuple[tuple[float, str], ...]:
-        """What was noted about a topic, with its times [s]; nothing where it never came up."""
-        return tuple(self._notes.get(topic, ()))
+        """Notes of a topic, with their times [s]; nothing where there are none."""
+        found = self._events.get(topic, ())
+        return tuple((time, text) for time, text in found if isinstance(text, str))
+
+    def messages(self, topic: str) -> tuple[tuple[float, bytes], ...]:
+        """Messages of a topic, with their times [s]; nothing where there are none."""
+        found = self._events.get(topic, ())
+        return tuple((time, bytes(x)) for time, x in found if not isinstance(x, str))
 
     def __repr__(self) -> str:
         about = ", ".join(self.metadata[k] for k in ("robot", "scenario") if k in self.metadata)
@@ -197,14 +221,15 @@ class RunRecord:
                 # Of a time that came twice the last sample counts.
                 columns[label] = column[~column.index.duplicated(keep="last")]
         frame = pd.DataFrame(columns).rename_axis("time")
-        for topic, notes in self._notes.items():
+        for topic in self.topics:
+            notes = self.notes(topic)
             starts = np.array([time for time, _ in notes])
             place = np.searchsorted(starts, frame.index.to_numpy(), side="right") - 1
             frame[topic] = [notes[i][1] if i >= 0 else "" for i in place]
         return frame
 
     def _labels(self, signal: Signal) -> list[str]:
-        """What a table calls the numbers of a sample."""
+        """Column names of the numbers of a sample."""
         parts = [", ".join(map(str, index)) for index in np.ndindex(signal.shape)]
         joints = json.loads(self.metadata.get("joints", "[]"))
         if signal.name in _JOINTWISE and 0 < len(joints) <= len(parts):
@@ -216,7 +241,7 @@ class RunRecord:
     def add(
         self, time: float, values: Mapping[str, Value], units: Mapping[str, str] | None = None
     ) -> None:
-        """Keeps a sample each of some signals.
+        """Keep a sample each of some signals.
 
         Args:
             time: of the samples [s].
@@ -230,50 +255,57 @@ class RunRecord:
         table = self._tables.get(tuple(values))
         if table is None:
             table = self._new_table(values, units or {})
-        table.append(self._rows, time, values.values())
+        table.append((self._rows, time, *values.values()))
         self._rows += 1
 
     def note(self, time: float, topic: str, text: str) -> bool:
         """Notes a text; whether it differs from the last of its topic, else nothing is kept."""
-        notes = self._notes.setdefault(topic, [])
-        if notes and notes[-1][1] == text:
+        if self._said.get(topic) == text:
             return False
-        notes.append((time, text))
+        self._said[topic] = text
+        self._events.setdefault(topic, []).append((time, text))
         return True
 
+    def message(self, time: float, topic: str, content: SupportsBytes) -> None:
+        """Keep a message; no topic has both notes and messages.
+
+        Args:
+            time: of the message [s].
+            topic: its topic.
+            content: bytes, or something that stays as it is and becomes bytes when they are needed.
+        """
+        self._events.setdefault(topic, []).append((time, content))
+
     def forget(self) -> None:
-        """Drops all samples and notes but the last of each topic; signals stay what they are."""
+        """Drop all samples, and events but the last of each topic; signals keep shape and unit."""
         for table in self._tables.values():
             table.clear()
-        self._notes = {topic: found[-1:] for topic, found in self._notes.items()}
+        self._events = {topic: found[-1:] for topic, found in self._events.items()}
 
     # Parts, for a log -----------------------------------------------------------------------------
 
     def counts(self) -> Counts:
-        """How much there is of everything."""
+        """Number of rows and events so far."""
         counts: Counts = {names: len(table) for names, table in self._tables.items()}
-        return counts | {topic: len(notes) for topic, notes in self._notes.items()}
+        return counts | {topic: len(found) for topic, found in self._events.items()}
 
-    def part(self, since: Counts) -> RecordPart:
-        """What came after an earlier `counts`; later samples leave it alone."""
+    def part(self, since: Counts) -> Part:
+        """Rows and events after an earlier `counts`; later samples do not change it."""
         rows = [
-            part
+            (table.signals, part)
             for names, table in self._tables.items()
             for part in table.since(since.get(names, 0))
         ]
-        notes = {topic: found[since.get(topic, 0) :] for topic, found in self._notes.items()}
-        return RecordPart(rows, {topic: found for topic, found in notes.items() if found})
+        events = {topic: found[since.get(topic, 0) :] for topic, found in self._events.items()}
+        return Part(rows, {topic: found for topic, found in events.items() if found})
 
-    def take_in(self, part: RecordPart) -> None:
-        """Adds what another record gave as a `part`, the one after the last."""
-        for rows in part.rows:
-            names = tuple(signal.name for signal in rows.signals)
-            self._signals |= {s.name: s for s in rows.signals if s.name not in self._signals}
-            if names not in self._tables:
-                self._tables[names] = Table(rows.signals)
-            self._tables[names].extend(rows)
-        for topic, notes in part.notes.items():
-            self._notes.setdefault(topic, []).extend(notes)
+    def take_in(self, part: Part) -> None:
+        """Append a `part` of another record."""
+        for signals, rows in part.rows:
+            self._signals |= {s.name: s for s in signals if s.name not in self._signals}
+            self._tables.setdefault(tuple(s.name for s in signals), Table(signals)).extend(rows)
+        for topic, found in part.events.items():
+            self._events.setdefault(topic, []).extend(found)
 
     def _new_table(self, values: Mapping[str, Value], units: Mapping[str, str]) -> Table:
         for name, value in values.items():
@@ -288,7 +320,7 @@ class RunRecord:
         """Times and samples of a signal from all tables that have it, in the order taken."""
         signal = self._signal(name)
         parts = [
-            (rows.order, rows.times, rows.columns[names.index(name)])
+            (rows["order"], rows["time"], rows[str(names.index(name))])
             for names, table in self._tables.items()
             if name in names
             for rows in table.since(0)

@@ -6,7 +6,7 @@ import time as clock
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, SupportsBytes, runtime_checkable
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from poise._schema import Count, Duration, Seconds, checked
 from poise.control import Command
 from poise.dynamics import RobotState
 from poise.sim._blocks import BlockWatch
-from poise.sim._foxglove import Pace, Topics
+from poise.sim._foxglove import Pace, RobotTopics
 from poise.sim._log import McapLog
 from poise.sim._plant import Plant
 from poise.sim._record import Counts, RunRecord
@@ -29,13 +29,12 @@ _PHYSICS = ("dynamics, torques", "contacts, joints")
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class RecorderConfig:
-    """How much is recorded, how much is shown, and how soon it is on the disk.
+    """Rates and buffers of a recorder.
 
     Attributes:
         record_dt: time from one recorded tick to the next, 0 for every tick [s].
-        log_dt: time from one sample of the log's topics to the next, 0 for every one [s]. It says
-            what Foxglove draws; the record in the log has every sample.
-        scene_dt: time from one logged set of body transforms to the next, 0 for none [s].
+        scene_dt: time from one logged set of joints and body transforms, which Foxglove draws, to
+            the next, 0 for none [s].
         flush_dt: wall-clock time after which a sample goes to the file, with the next one [s].
         capacity: how many such bundles of samples may wait for the writer.
         on_full: what happens when that many wait: "block" the run, or "hold" samples in memory for
@@ -44,7 +43,6 @@ class RecorderConfig:
     """
 
     record_dt: Seconds = 0.0
-    log_dt: Seconds = 0.005
     scene_dt: Seconds = 1.0 / 30.0
     flush_dt: Duration = 0.25
     capacity: Count = 64
@@ -96,9 +94,10 @@ class Recorder:
     period, when it said so, or handed on what was measured, `payload_estimate`: mass and offset
     beyond the description, and `held_estimate`: the mass in each hand.
 
-    The log, if there is one, holds that record to the last bit, see `read_log`. Beside it a topic
-    a signal (`/com`, `/zmp`, ...), one a topic of notes, `/joints`, `/tf` and `/scene` are for
-    Foxglove.
+    The log, if there is one, holds that record to the last bit, see `read_log`. Foxglove opens it:
+    `/signals` has a field a signal (`/signals.com[0]`, `/signals.wrench_left_sole[2]`), with a
+    number behind for those that are sampled apart; a topic each of notes, `/joints`, `/tf` and
+    `/scene`.
 
     Args:
         path: the MCAP file, None for memory alone.
@@ -138,48 +137,45 @@ class Recorder:
             leader: what leads its stack; None where nothing shall be recorded of it.
 
         Raises:
-            MissingExtraError: a log was asked for and the package zstandard is not installed.
+            MissingExtraError: a log was asked for and the package mcap is not installed.
             PoiseError: the log cannot be made.
         """
+        config = self._config
         self._plant = plant
         self._stack = controller if isinstance(controller, SolvesStack) else None
         self._leader = leader if isinstance(leader, HasSignals) else None
         self._truth = plant.true_state()
         self._watch = BlockWatch(plant) if plant.config.blocks else None
         self._watched = None if self._stack is None else _WatchedStack(self._stack)
+        self._wrenches = [(name, f"wrench/{name}") for name in plant.robot.soles]
         tasks = () if self._stack is None else self._stack.stack.tasks()
         self._units = {f"error/{task.name}": task.unit for _, task in tasks}
         joints = plant.robot.joint_names
         self.record = RunRecord(self._describe() | self._metadata, joints=joints)
-        self._pace = Pace(self._config.record_dt)
+        self._pace = Pace(config.record_dt)
         self._written: Counts = {}
         self._has_touched = False
-        self._next_flush = clock.monotonic() + self._config.flush_dt
+        self._next_flush = clock.monotonic() + config.flush_dt
         if self._path is not None:
-            config = self._config
-            topics = Topics(plant, log_dt=config.log_dt, scene_dt=config.scene_dt)
+            shown = config.scene_dt > 0.0
             self._log = McapLog(
                 self._path,
-                topics,
+                RobotTopics(plant.robot, plant.model, config.scene_dt) if shown else None,
                 metadata=self.record.metadata,
                 capacity=config.capacity,
                 waits=config.on_full == "block",
             )
 
     def observe(self, tick: Tick) -> None:
-        """Records a tick, if one is due."""
-        self.note("status", tick.command.status.value)
+        """Record a tick, if one is due."""
+        time, note = self._plant.time, self.record.note
+        due = self._pace.is_due(time)
+        samples: dict[str, Value] = {}
+        note(time, "status", tick.command.status.value)
         if self._plant.config.self_contact:
             self._note_self_contacts()
-        told: dict[str, Value] = {}
-        for name, value in ({} if self._leader is None else self._leader.signals()).items():
-            if isinstance(value, str):
-                self.note(name, value)
-            else:
-                told[name] = value
-        time = self._plant.time
-        if self._pace.is_due(time):
-            samples = self._plant_samples(tick.truth)
+        if due:
+            self._add_plant(samples, tick.truth)
             # An estimator that can make nothing of a state hands it on as it came.
             if tick.estimator_seconds > 0.0 and self._plant.robot.floating_base:
                 self._add_estimate(samples, tick.estimate)
@@ -187,8 +183,17 @@ class Recorder:
             self._add_times(samples, tick)
             if self._watched is not None:
                 self._watched.add(samples, answered=tick.command.status.ok)
-            self._keep(time, samples | told)
+        if self._leader is not None:
+            for name, value in self._leader.signals().items():
+                if isinstance(value, str):
+                    note(time, name, value)
+                elif due:
+                    samples[name] = value
+        if due:
+            self.record.add(time, samples, self._units)
         self._truth = tick.truth
+        if clock.monotonic() >= self._next_flush:
+            self.flush()
 
     def end(self) -> None:
         """The run is over: finishes the log.
@@ -198,16 +203,32 @@ class Recorder:
         """
         if self._log is not None:
             log, self._log = self._log, None
-            log.close(self.record.part(self._written), self.record.end)
+            log.close(self.record.part(self._written), self.record.metadata)
+
+    @property
+    def failure(self) -> Exception | None:
+        """Error that ended the writing of the log; None for none."""
+        return None if self._log is None else self._log.failure
+
+    def flush(self) -> None:
+        """Hand everything so far to the writer of the log, as happens every `flush_dt`."""
+        self._next_flush = clock.monotonic() + self._config.flush_dt
+        if self._log is None or not self._log.put(self.record.part(self._written)):
+            return
+        if not self._config.keep:
+            self.record.forget()
+        self._written = self.record.counts()
 
     # By hand -------------------------------------------------------------------------------------
 
     def look(self) -> None:
         """Records the plant as it is now, outside of a rollout."""
-        self._keep(self._plant.time, self._plant_samples(self._plant.true_state()))
+        samples: dict[str, Value] = {}
+        self._add_plant(samples, self._plant.true_state())
+        self.sample(self._plant.time, **samples)
 
     def sample(self, time: float, **values: Value) -> None:
-        """Records values of one instant, whatever they are.
+        """Record values of one instant.
 
         Args:
             time: the instant [s].
@@ -216,7 +237,9 @@ class Recorder:
         Raises:
             TargetError: a signal changed its shape.
         """
-        self._keep(time, values)
+        self.record.add(time, values, self._units)
+        if clock.monotonic() >= self._next_flush:
+            self.flush()
 
     def note(self, topic: str, text: str) -> None:
         """Notes a text of the plant's present time, where it differs from the last of its topic.
@@ -226,6 +249,15 @@ class Recorder:
             text: the text.
         """
         self.record.note(self._plant.time, topic, text)
+
+    def message(self, topic: str, content: SupportsBytes) -> None:
+        """Keep a message of the plant's present time.
+
+        Args:
+            topic: such as `operator`; the log has it under that name.
+            content: bytes, or something that stays as it is and becomes bytes when they are needed.
+        """
+        self.record.message(self._plant.time, topic, content)
 
     # What is recorded ----------------------------------------------------------------------------
 
@@ -242,22 +274,17 @@ class Recorder:
             "levels": json.dumps([*_PHYSICS, *map(", ".join, levels)] if levels else []),
         }
 
-    def _plant_samples(self, truth: RobotState) -> dict[str, Value]:
+    def _add_plant(self, samples: dict[str, Value], truth: RobotState) -> None:
         plant = self._plant
-        samples: dict[str, Value] = {
-            "q": truth.q,
-            "v": truth.v,
-            "torque": plant.applied_torque,
-            "com": plant.com,
-            "zmp": plant.zmp(),
-        }
-        samples |= {f"wrench/{name}": wrench for name, wrench in truth.contacts.items()}
+        samples["q"], samples["v"], samples["torque"] = truth.q, truth.v, plant.applied_torque
+        samples["com"], samples["zmp"] = plant.com, plant.zmp()
+        for sole, name in self._wrenches:
+            samples[name] = truth.contacts[sole]
         if self._watch is not None:
             samples["clearance"] = self._watch.clearance()
             samples["touched"] = self._watch.touched()
         if plant.config.self_contact:
             samples["self_contact"] = max(plant.self_contacts.values(), default=0.0)
-        return samples
 
     def _note_self_contacts(self) -> None:
         pairs = ["{} on {}".format(*pair) for pair in sorted(self._plant.self_contacts)]
@@ -267,13 +294,13 @@ class Recorder:
 
     def _add_estimate(self, samples: dict[str, Value], estimate: RobotState) -> None:
         # What was known when the period began, beside what was so then.
-        for name, state in (("estimate", estimate), ("truth", self._truth)):
-            samples[f"base_{name}"] = state.q[:7]
-            samples[f"velocity_{name}"] = state.v[:6]
-        load = estimate.payload
-        samples["payload_estimate"] = (
-            np.zeros(4) if load is None else np.append(load.mass, load.offset)
-        )
+        truth, load = self._truth, estimate.payload
+        samples["base_estimate"], samples["velocity_estimate"] = estimate.q[:7], estimate.v[:6]
+        samples["base_truth"], samples["velocity_truth"] = truth.q[:7], truth.v[:6]
+        known = np.zeros(4)
+        if load is not None:
+            known[0], known[1:] = load.mass, load.offset
+        samples["payload_estimate"] = known
         held = np.zeros(len(self._plant.robot.hands))
         if len(held):
             if load is not None and len(load.held) == len(held):
@@ -299,24 +326,9 @@ class Recorder:
         if self._stack is None:
             samples["tick_us/controller"] = 1e6 * tick.controller_seconds
 
-    # What is kept --------------------------------------------------------------------------------
-
-    def _keep(self, time: float, samples: Mapping[str, Value]) -> None:
-        self.record.add(time, samples, self._units)
-        if self._log is not None and clock.monotonic() >= self._next_flush:
-            self._next_flush = clock.monotonic() + self._config.flush_dt
-            self._hand_over(self._log, time)
-
-    def _hand_over(self, log: McapLog, time: float) -> None:
-        if not log.put(time, self.record.part(self._written)):
-            return
-        if not self._config.keep:
-            self.record.forget()
-        self._written = self.record.counts()
-
 
 class _WatchedStack:
-    """What a recorder records of a stack; who is in it was looked up once.
+    """Signals of a stack; its tasks and contacts are looked up once.
 
     Args:
         solver: the controller that solves it.
@@ -333,6 +345,9 @@ class _WatchedStack:
             if isinstance(task, FrameTask) and task.unit != "rad"
         ]
         self._contacts = [(f"planned/{c.frame}", c) for c in solver.stack.contacts]
+        # Names that are made once are the fastest keys.
+        self._names = {t.name: (f"error/{t.name}", f"target/{t.name}") for t in tasks}
+        self._phases: dict[str, str] = {}
 
     def add(self, samples: dict[str, Value], *, answered: bool) -> None:
         """Adds samples of the last tick.
@@ -343,18 +358,25 @@ class _WatchedStack:
         """
         suspended = self._solver.suspended
         for name, task in self._errors:
-            error = task.error
             # The Euclidean norm, in a third of the time of NumPy's function.
-            norm = math.sqrt(error.dot(error)) if task not in suspended else math.nan
-            samples[name] = norm
+            error = task.error
+            samples[name] = math.sqrt(error.dot(error))
         for task in self._coms:
-            if task.target_position is not None:
-                samples["com_reference"] = task.masked_target()
+            samples["com_reference"] = task.masked_target()
         for name, task in self._points:
             point = task.target_position
             if point is not None:
-                samples[name] = point if task not in suspended else np.full(3, np.nan)
+                samples[name] = point
+        for task in suspended:
+            error, target = self._names[task.name]
+            samples[error] = math.nan
+            if target in samples:
+                samples[target] = _NOWHERE
         for name, contact in self._contacts:
             samples[name] = float(contact.active)
         for phase, seconds in self._solver.timings.items():
-            samples[f"tick_us/{phase}"] = 1e6 * seconds if answered else math.nan
+            name = self._phases.get(phase) or self._phases.setdefault(phase, f"tick_us/{phase}")
+            samples[name] = 1e6 * seconds if answered else math.nan
+
+
+_NOWHERE = np.full(3, np.nan)

@@ -1,14 +1,9 @@
-"""`Table`: rows of signals that are sampled together, of which a `RunRecord` is made.
+"""`Table`: rows of signals that are sampled together, of which a `RunRecord` is made."""
 
-`Signal`: one of them. `Rows`: some of the rows.
-"""
-
-import math
-from collections.abc import Iterable
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
 
 from poise.errors import TargetError
 
@@ -19,7 +14,7 @@ Names = tuple[str, ...]
 """Signals that are sampled together, in the order in which they are given."""
 
 _BLOCK_ROWS = 1024
-"""Rows that are allocated at once."""
+"""Rows that are allocated at a time."""
 
 
 class Signal(NamedTuple):
@@ -37,39 +32,13 @@ class Signal(NamedTuple):
     dtype: np.dtype[Any]
     shape: tuple[int, ...]
 
-    @property
-    def size(self) -> int:
-        """How many numbers a sample has."""
-        return math.prod(self.shape)
-
-
-class Rows(NamedTuple):
-    """Samples of signals that were taken together, a row an instant.
-
-    Attributes:
-        signals: what was sampled.
-        order: how many rows of the whole record came before each.
-        times: of the instants [s].
-        columns: the samples of each signal, time first.
-    """
-
-    signals: tuple[Signal, ...]
-    order: Int64[np.ndarray, " n"]
-    times: Float64[np.ndarray, " n"]
-    columns: list[np.ndarray]
-
-    def between(self, first: int, end: int) -> "Rows":
-        """Some of the rows, as views."""
-        rows = slice(first, end)
-        columns = [column[rows] for column in self.columns]
-        return Rows(self.signals, self.order[rows], self.times[rows], columns)
-
 
 class Table:
     """Rows of signals that are sampled together, in blocks that stay where they are.
 
-    A table that grows by a block copies nothing, so no tick of a long run waits for that, and what
-    was given out as a view stays as it is.
+    A row is packed as a log holds it: the number of rows of the whole record before it, its
+    time [s], and a field a signal, named by its place. A table that grows by a block copies
+    nothing, and views of its rows stay as they are.
 
     Args:
         signals: that make a row.
@@ -77,67 +46,69 @@ class Table:
 
     def __init__(self, signals: tuple[Signal, ...]) -> None:
         self.signals = signals
-        self._shapes = [signal.shape for signal in signals]
-        # Full ones, with how many rows came before each.
-        self._blocks: list[tuple[Rows, int]] = []
-        self._before = 0
-        self._begin()
+        fields = [(str(i), s.dtype, s.shape) for i, s in enumerate(signals)]
+        self.layout = np.dtype([("order", "<i8"), ("time", "<f8"), *fields])
+        shapes = [(place, s.shape) for place, s in enumerate(signals, start=2)]
+        # A getter of one place returns no tuple: the first is taken twice.
+        places = [place for place, shape in shapes if shape]
+        self._arrays = itemgetter(*places[:1], *places) if places else lambda _: ()
+        self._lengths = [shapes[place - 2][1][0] for place in (*places[:1], *places)]
+        self._matrices = [(place, shape) for place, shape in shapes if len(shape) > 1]
+        self.clear()
 
     def __len__(self) -> int:
         return self._before + self._size
 
-    def append(self, order: int, time: float, values: Iterable[Value]) -> None:
-        """Keeps one row, copied.
+    def append(self, row: tuple[Value, ...]) -> None:
+        """Append a copy of one row: order, time, and the samples.
 
         Raises:
             TargetError: a sample has another shape than the first one had.
         """
-        if self._size == _BLOCK_ROWS:
+        if self._size == len(self._open):
             self._close()
-        row, block = self._size, self._open
-        for column, shape, value in zip(block.columns, self._shapes, values, strict=True):
-            # Plain numbers, which have no shape, are by far the fastest this way.
-            if getattr(value, "shape", ()) != shape:
-                self._refuse(values)
-            column[row] = value
-        block.order[row], block.times[row] = order, time
-        self._size = row + 1
+            self._open = np.empty(_BLOCK_ROWS, self.layout)
+        try:
+            # NumPy refuses other shapes unless it can broadcast them.
+            if [*map(len, self._arrays(row))] != self._lengths:
+                self._refuse(row)
+            for place, shape in self._matrices:
+                if np.shape(row[place]) != shape:
+                    self._refuse(row)
+            self._open[self._size] = row
+        except (TypeError, ValueError):
+            self._refuse(row)
+            raise
+        self._size += 1
 
-    def extend(self, rows: Rows) -> None:
-        """Keeps further rows as they are, not copied."""
+    def extend(self, rows: np.ndarray) -> None:
+        """Append rows, not copied."""
         self._close()
-        self._blocks.append((rows, self._before))
-        self._before += len(rows.times)
+        self._blocks.append(rows)
+        self._before += len(rows)
 
     def clear(self) -> None:
-        """Drops all rows; what `since` gave stays."""
-        self._blocks, self._before = [], 0
-        self._begin()
+        """Drop all rows; views of them stay."""
+        self._blocks, self._before = list[np.ndarray](), 0
+        self._open, self._size = np.empty(0, self.layout), 0
 
-    def since(self, first: int) -> list[Rows]:
+    def since(self, first: int) -> list[np.ndarray]:
         """Rows from an index on, as views that later rows leave alone."""
-        blocks = [*self._blocks, (self._open.between(0, self._size), self._before)]
-        parts = [rows.between(max(first - before, 0), len(rows.times)) for rows, before in blocks]
-        return [part for part in parts if len(part.times)]
-
-    def last_time(self) -> float:
-        """Time of the last row [s]; minus infinity where there is none."""
-        parts = self.since(len(self) - 1) if len(self) else []
-        return float(parts[-1].times[-1]) if parts else -math.inf
-
-    def _begin(self) -> None:
-        columns = [np.empty((_BLOCK_ROWS, *s.shape), dtype=s.dtype) for s in self.signals]
-        order = np.empty(_BLOCK_ROWS, dtype=np.int64)
-        self._open, self._size = Rows(self.signals, order, np.empty(_BLOCK_ROWS), columns), 0
+        parts, before = list[np.ndarray](), 0
+        for block in (*self._blocks, self._open[: self._size]):
+            if len(block) and before + len(block) > first:
+                parts.append(block[max(first - before, 0) :])
+            before += len(block)
+        return parts
 
     def _close(self) -> None:
         if self._size:
-            self._blocks.append((self._open.between(0, self._size), self._before))
+            self._blocks.append(self._open[: self._size])
             self._before += self._size
-            self._begin()
+        self._open, self._size = np.empty(0, self.layout), 0
 
-    def _refuse(self, values: Iterable[Value]) -> None:
-        for signal, value in zip(self.signals, values, strict=True):
+    def _refuse(self, row: tuple[Value, ...]) -> None:
+        for signal, value in zip(self.signals, row[2:], strict=True):
             if np.shape(value) != signal.shape:
                 raise TargetError(
                     f"signal {signal.name!r} changed its shape",

@@ -13,7 +13,7 @@ STATUS = {
     "handTurns": [None, None], "gaze": "REST", "target": None,
     "polygon": [[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]], "bodies": [], "turns": [],
     "margin": 0.1, "loads": [300.0, 300.0], "tilt": 0.0, "fallen": False, "paused": False,
-    "speed": 1.0, "realTimeFactor": 1.0, "take": "take-001.teleop",
+    "speed": 1.0, "realTimeFactor": 1.0, "take": "take-001.mcap",
 }  # fmt: skip
 
 

@@ -12,8 +12,8 @@ pytest.importorskip("websockets", reason="the extra teleop is not installed: no 
 
 from pages import Page
 
-from poise.apps.teleoperation import MODES, TORQUE_TELEOP_PLANT, replay_teleop
-from poise.locomotion import DeviceStatus, HandStatus, Mode, read_recording
+from poise.apps.teleoperation import MODES, TORQUE_TELEOP_PLANT, read_recording, replay_teleop
+from poise.locomotion import DeviceStatus, HandStatus, Mode
 
 UP_THE_ARROW = 0.12
 """From the middle of a handle to a point of its upper arrow [m]."""
@@ -147,7 +147,7 @@ def test_a_dragged_handle_lifts_the_foot_letting_go_lowers_it_and_a_replay_is_th
         assert page.errors == []
         assert not session.loop.snapshot.fallen
     session.loop.stop()
-    run = replay_teleop(read_recording(tmp_path / "takes" / "take-001.teleop"))
+    run = replay_teleop(read_recording(tmp_path / "takes" / "take-001.mcap"))
     assert set(run.log.mode.tolist()) >= MODES_OF_A_STEP
     assert same_commands(run, heard)
 
@@ -246,7 +246,7 @@ def test_buttons_push_pause_and_keep(browser, session):
         page.ask(click.format('[data-push="left"]'))
         wait_for(lambda: abs(session.loop.snapshot.zmp[1]) > 0.005, "the push to be felt")
         page.ask(click.format("#keep"))
-        page.wait("part('said').textContent.includes('kept-001.teleop')", "the copy")
+        page.wait("part('said').textContent.includes('kept-001.mcap')", "the copy")
         page.ask(click.format("#pause"))
         wait_for(lambda: session.loop.snapshot.paused, "the pause")
 

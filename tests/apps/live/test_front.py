@@ -21,7 +21,8 @@ from websockets.sync.client import connect
 
 from poise.apps.live import _inputs as inputs, _seat as seats
 from poise.apps.live._front import PortInUseError
-from poise.locomotion import DeviceStatus, Mode, read_recording
+from poise.apps.teleoperation import read_recording
+from poise.locomotion import DeviceStatus, Mode
 
 HELD = [None, [0.0, -0.13, 0.4]]
 """The right handle, well above the ground [m]."""
@@ -222,9 +223,9 @@ def test_pushes_do_not_pile_up(front, session):
 
 def push_rows(session):
     """What is recorded of pushes."""
-    session.takes.flush()
-    rows = read_recording(session.takes.folder / session.takes.name, allow_partial=True).rows
-    return rows[rows["kind"] == 1]
+    # The loop hands over four times a second.
+    time.sleep(1.0)
+    return read_recording(session.takes.path, allow_partial=True).pushes
 
 
 def test_what_writes_files_is_not_done_as_often_as_it_is_asked_for(front, session):
@@ -243,7 +244,7 @@ def test_a_copy_that_takes_long_silences_no_operator(front, session, monkeypatch
 
     def copy():
         time.sleep(4.0)
-        return Path("kept-001.teleop")
+        return Path("kept-001.mcap")
 
     monkeypatch.setattr(session.takes, "keep", copy)
     session._last.clear()
@@ -256,7 +257,7 @@ def test_a_copy_that_takes_long_silences_no_operator(front, session, monkeypatch
             assert session.inputs.alive
             assert time.monotonic() < begin + 60.0
             time.sleep(0.03)
-        assert said["kept"] == "kept-001.teleop"
+        assert said["kept"] == "kept-001.mcap"
         assert time.monotonic() - begin > 3.9
 
 

@@ -112,7 +112,7 @@ def test_a_plant_with_blocks_survives_a_recordings_header(get_robot, terrain):
 
 @pytest.mark.slow
 def test_a_replay_has_the_terrain_of_its_recording_and_the_same_commands(get_robot, tmp_path):
-    robot, path = get_robot("biped20"), tmp_path / "run.teleop"
+    robot, path = get_robot("biped20"), tmp_path / "run.mcap"
     # The foot stands on the first stair when the run ends.
     points, _ = careful_steps(("right", 0.385, 0.05))
     plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks("steps", robot))
@@ -131,7 +131,7 @@ def test_a_replay_has_the_terrain_of_its_recording_and_the_same_commands(get_rob
 
 
 def test_a_recordings_header_has_room_for_all_bumps(get_robot, tmp_path):
-    robot, path = get_robot("biped20"), tmp_path / "run.teleop"
+    robot, path = get_robot("biped20"), tmp_path / "run.mcap"
     plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks("bumps", robot, seed=1))
     point = [WayPoint(at=0.0, right=(0.0, 0.0, 0.0))]
     run_teleop(

@@ -189,7 +189,7 @@ def test_a_run_with_a_driver_of_its_own_is_not_recorded(get_robot, tmp_path):
             VELOCITY_TELEOP_PLANT,
             duration=1.0,
             driver=ShifterDriver(ComShifter(0.765)),
-            recording=tmp_path / "x.teleop",
+            recording=tmp_path / "x.mcap",
         )
 
 

@@ -61,7 +61,7 @@ def test_a_foot_is_turned_in_the_air_and_the_trunk_faces_as_the_feet_do(get_robo
 
 
 def test_what_is_asked_of_the_body_is_recorded_and_comes_again(get_robot, tmp_path):
-    robot, path = get_robot("biped20"), tmp_path / "turned.teleop"
+    robot, path = get_robot("biped20"), tmp_path / "turned.mcap"
     body = BodySample(height=-0.03, torso=(0.1, 0.1, -0.1), turns=(0.0, -0.4))
     done = run(robot, body, up_and_down(lift=0.1), 1.2, recording=path)
     again = replay_teleop(path, robot)

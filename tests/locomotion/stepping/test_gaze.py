@@ -6,7 +6,13 @@ import pytest
 from slow import slow
 from walker import hands as device_of
 
-from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
+from poise.apps.teleoperation import (
+    TORQUE_TELEOP_PLANT,
+    read_recording,
+    replay_teleop,
+    run_teleop,
+    write_recording,
+)
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion import (
@@ -15,9 +21,7 @@ from poise.locomotion import (
     HandSample,
     HandStatus,
     HeadSample,
-    RecordingWriter,
     WayPoint,
-    read_recording,
     walking_stack,
 )
 from poise.locomotion._stepping._upper_body._neck import NeckMotion
@@ -177,7 +181,7 @@ def test_a_neck_stands_below_the_balance_of_a_walk(get_robot):
 
 @pytest.mark.parametrize(("name", "frame"), [("humanoid33", "head_link"), slow("g1", "torso")])
 def test_robots_look_there_and_the_run_replays(get_robot, name, frame, tmp_path):
-    robot, path = get_robot(name), tmp_path / "gaze.teleop"
+    robot, path = get_robot(name), tmp_path / "gaze.mcap"
     points = [WayPoint(at=0.1, head=(0.0, 0.0, 0.0)), WayPoint(at=0.4, head=(0.0, 0.0, 0.4))]
     plant = TORQUE_TELEOP_PLANT.with_noise()
     run = run_teleop(robot, device_of(*points), plant, duration=1.0, seed=2, recording=path)
@@ -202,10 +206,8 @@ def test_orientations_are_recorded_to_the_last_bit(tmp_path):
         looks = HeadSample(c if k % 5 else np.full(4, np.nan), k % 2 == 1) if k % 7 else None
         samples.append(DeviceSample(0.1 * k, rng.normal(size=3), rng.normal(size=3),
                                     hands=(left, right), head=looks))  # fmt: skip
-    path = tmp_path / "turns.teleop"
-    with RecordingWriter(path, robot="g1", dt=DT) as writer:
-        for k, sample in enumerate(samples):
-            writer.sample(k, sample)
+    path = tmp_path / "turns.mcap"
+    write_recording(path, enumerate(samples), robot="g1", dt=DT)
     device = read_recording(path).device(robot="g1", dt=DT)
     for k, sample in enumerate(samples):
         read = device.sample(k * DT)

@@ -281,7 +281,7 @@ def operator(points, make):
 @pytest.mark.slow
 @pytest.mark.parametrize("points", [[], up_and_down()], ids=["standing", "stepping"])
 def test_g1_swings_its_arms_with_a_load_it_does_not_know_of(get_robot, points, tmp_path):
-    robot, path = get_robot("g1"), tmp_path / "hands.teleop"
+    robot, path = get_robot("g1"), tmp_path / "hands.mcap"
     load = PlantConfig.Payload(frame="right_hand", mass=1.0)
     plant = replace(TORQUE_TELEOP_PLANT.with_noise(), payloads=(load,))
     run = run_teleop(

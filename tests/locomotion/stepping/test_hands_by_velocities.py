@@ -116,7 +116,7 @@ def test_hands_at_rest_change_no_command(get_robot, name):
 
 @pytest.mark.parametrize("name", ["biped20", slow("g1"), slow("humanoid33")])
 def test_hands_get_where_they_are_led_while_a_foot_is_lifted(get_robot, name, tmp_path):
-    robot, path = get_robot(name), tmp_path / "hands.teleop"
+    robot, path = get_robot(name), tmp_path / "hands.mcap"
     device, plant = operator(raised, up_and_down()), VELOCITY_TELEOP_PLANT.with_noise()
     run = run_teleop(robot, device, plant, duration=2.4, seed=1, recording=path)
     assert not run.fell
@@ -309,7 +309,7 @@ def turned(yaw):
 
 @pytest.mark.slow
 def test_a_neck_looks_there_and_the_run_replays(get_robot, tmp_path):
-    robot, path = get_robot("humanoid33"), tmp_path / "gaze.teleop"
+    robot, path = get_robot("humanoid33"), tmp_path / "gaze.mcap"
     points = [
         WayPoint(at=0.2, head=(0.0, 0.0, 0.0), left=DOWN, right=DOWN),
         WayPoint(at=0.7, head=(0.0, 0.0, 0.4)),

@@ -206,13 +206,13 @@ def test_each_controller_of_torques_solves_the_same_stack(get_robot):
 @pytest.mark.parametrize("name", [slow("reduced"), slow("osf")])
 def test_a_step_is_led_whichever_controller_finds_the_torques(get_robot, tmp_path, name):
     points = (WayPoint(at=0.4, right=(0.0, 0.0, 0.0)), WayPoint(at=1.0, right=(0.0, 0.0, 0.06)))
-    options = {"plant": TORQUE_TELEOP_PLANT.with_noise(), "recording": tmp_path / "x.teleop"}
+    options = {"plant": TORQUE_TELEOP_PLANT.with_noise(), "recording": tmp_path / "x.mcap"}
     run = walk(get_robot("g1"), points, 1.6, solved_by=name, **options)
     assert not run.fell
     assert run.log.tilt.max() < 0.1
     assert run.log.soles[:, 1, 2].max() > 0.03
     assert run.teleoperator.solved_by == name
-    again = replay_teleop(tmp_path / "x.teleop")
+    again = replay_teleop(tmp_path / "x.mcap")
     assert again.teleoperator.solved_by == name
     np.testing.assert_array_equal(again.log.command, run.log.command)
 

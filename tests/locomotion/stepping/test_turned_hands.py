@@ -354,7 +354,7 @@ class Watched:
     [("g1", False, 6), ("g1", True, 6), ("humanoid33", True, 6), ("talos", False, 4)],
 )
 def test_robots_turn_their_hands_and_keep_their_balance(get_robot, name, step, most, tmp_path):
-    robot, path = get_robot(name), tmp_path / "turns.teleop"
+    robot, path = get_robot(name), tmp_path / "turns.mcap"
     plant, off = TORQUE_TELEOP_PLANT.with_noise(), []
     # One of TALOS' wrists comes to its limit at once, and the arm takes its time from there on.
     ends = (1.5, 2.7, 4.2) if step else (3.0, 4.2, 5.8)

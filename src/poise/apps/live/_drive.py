@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from poise.apps.live._feet import hands_of, head_of, velocity_of
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._log import LOG_SUFFIX, LiveLog, Room
+from poise.apps.live._log import LIVE_CONFIG, Takes
 from poise.apps.live._pad import Pad
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
@@ -29,7 +29,7 @@ from poise.locomotion import (
     walking_stack,
 )
 from poise.robots import Robot
-from poise.sim import PlantConfig, Tick, rollout
+from poise.sim import PlantConfig, Recorder, Tick, rollout
 from poise.stack import Stack
 
 DRIVE_PLANT = PlantConfig(control_dt=0.002, self_contact=True)
@@ -98,7 +98,7 @@ class DriveLoop(RealTimeLoop):
         ConfigurationError: the robot cannot walk.
 
     Attributes:
-        log: of each run.
+        takes: where each run is logged.
     """
 
     def __init__(
@@ -111,11 +111,9 @@ class DriveLoop(RealTimeLoop):
         seed: int = 0,
     ) -> None:
         super().__init__(robot, plant, seed)
-        self._inputs, self._folder, self._room = inputs, folder, Room(folder)
-        self.log = LiveLog("whole_body")
+        self._inputs, self.takes = inputs, Takes(folder, "drive")
         self._ticks: Generator[Tick] | None = None
         self._driver = _Driver(robot, inputs, plant.control_dt)
-        self._path = folder
 
     @property
     def walker(self) -> Walker:
@@ -128,22 +126,19 @@ class DriveLoop(RealTimeLoop):
         Raises:
             OSError: the folder cannot be made.
         """
-        self._room.open()
+        self.takes.room.open()
         super().start()
 
     def _begin(self) -> None:
         self._finish()
         self._driver = _Driver(self.robot, self._inputs, self.plant.config.control_dt)
-        number = 1
-        while (self._folder / f"drive-{number:03}{LOG_SUFFIX}").exists():
-            number += 1
-        self._path = self._folder / f"drive-{number:03}{LOG_SUFFIX}"
-        self._room.look()
-        if not self._room.is_full:
-            self.log.expect(self._path)
+        about = {"controller": "whole_body"}
+        self.takes.expect(lambda path: Recorder(path, config=LIVE_CONFIG, metadata=about))
         controller = WholeBodyController(self.robot, self._driver.stack)
         estimator = StateEstimator(self.robot, payload=PayloadEstimator(self.robot))
-        self._ticks = rollout(self.plant, controller, self._driver, [self.log], estimator=estimator)
+        self._ticks = rollout(
+            self.plant, controller, self._driver, [self.takes], estimator=estimator
+        )
 
     def _tick(self) -> None:
         begin = clock.monotonic()
@@ -153,9 +148,7 @@ class DriveLoop(RealTimeLoop):
             self._driver.offset = done.truth.q[:3] - done.estimate.q[:3]
 
     def _flush(self) -> None:
-        """The log's own thread does that, as long as there is room."""
-        if self._room.is_full:
-            self.log.end()
+        self.takes.flush()
 
     def _finish(self) -> None:
         if self._ticks is not None:
@@ -193,7 +186,7 @@ class DriveLoop(RealTimeLoop):
             paused=self._paused,
             speed=self._speed,
             real_time_factor=self._factor,
-            take=self._room.notice if self._room.is_full else self._path.name,
+            take=self.takes.name,
             heading=self._heading(),
             hands=self._hands(),
             hands_do=tuple(self._driver.hands.status),

@@ -11,15 +11,21 @@ from jaxtyping import Float64
 from poise.apps.live._body import limits_of
 from poise.apps.live._feet import LiveFeet
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._log import LOG_SUFFIX, LiveLog, Takes
+from poise.apps.live._log import LIVE_CONFIG, Takes
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
-from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, foot_forces, recorded_setup, teleop_setup
-from poise.locomotion import (
-    Mode,
+from poise.apps.teleoperation import (
+    TORQUE_TELEOP_PLANT,
     RecordedPush,
     Recording,
     RecordingError,
+    TeleopRecorder,
+    foot_forces,
+    recorded_setup,
+    teleop_setup,
+)
+from poise.locomotion import (
+    Mode,
     StepEnd,
     StepTeleoperator,
     TeleopParameters,
@@ -55,10 +61,6 @@ def _mode_text(status: TeleopStatus) -> str:
     """What the robot does; why a step did not end as it should, until the next one."""
     ended = status.ended if status.mode is Mode.D else None
     return status.mode.value if ended in (None, StepEnd.LANDED) else ended.value
-
-
-_ENDLESS = 1e9
-"""Duration of a take that goes on [s]."""
 
 
 class _LiveTeleoperator(StepTeleoperator):
@@ -126,9 +128,6 @@ class LiveLoop(RealTimeLoop):
         ConfigurationError: the robot cannot be walked, or not at the plant's tick.
         UnknownNameError: no such controller of what the plant takes.
         RecordingError: the recording is of another robot, or begins elsewhere than at its home.
-
-    Attributes:
-        log: of each take, beside its recording.
     """
 
     def __init__(
@@ -148,7 +147,6 @@ class LiveLoop(RealTimeLoop):
         self.takes = takes
         self._inputs, self._recording = inputs, recording
         self._config, self._torso = plant, robot.frame_id(robot.torso)
-        self.log = LiveLog()
         self._ticks: Generator[Tick] | None = None
         self._start()
 
@@ -172,11 +170,6 @@ class LiveLoop(RealTimeLoop):
         if done is not None:
             self._inputs.commanded(command_time(begin, done))
             self.forces = foot_forces(self.teleoperator)
-            status = self.teleoperator.status
-            tick = round(self.plant.time / self._dt) - 1
-            self.takes.sample(tick, None if status is None else status.sample)
-        if self.plant.fallen:
-            self.takes.flush()
 
     def _push(self, force: Float64[np.ndarray, "3"], duration: float) -> None:
         if not self.plant.fallen:
@@ -204,31 +197,26 @@ class LiveLoop(RealTimeLoop):
     def _begin(self) -> None:
         if self._ticks is not None:
             self._start()
-        setup = teleop_setup(
-            self.teleoperator,
-            self._config,
-            seed=self._making.seed,
-            duration=_ENDLESS,
-            rotator=self._making.rotator,
+        teleoperator, making = self.teleoperator, self._making
+        setup = teleop_setup(teleoperator, self._config, seed=making.seed, rotator=making.rotator)
+        about = {"controller": "step teleoperation"}
+        self.takes.expect(
+            lambda path: TeleopRecorder(
+                path, teleoperator, setup, config=LIVE_CONFIG, metadata=about
+            )
         )
-        self.takes.begin(setup)
-        if not self.takes.room.is_full:
-            self.log.expect(self.takes.path.with_suffix(LOG_SUFFIX))
         self._ticks = rollout(
             self.plant,
             self.teleoperator.controller(),
             self.teleoperator,
-            [self.log],
+            [self.takes],
             estimator=self.teleoperator.estimator,
         )
 
     def _flush(self) -> None:
         self.takes.flush()
-        if self.takes.room.is_full:
-            self.log.end()
 
     def _finish(self) -> None:
-        self.takes.finish()
         self._end_rollout()
 
     def _end_rollout(self) -> None:

@@ -22,9 +22,9 @@ from poise.apps.live._pad import Body, Pad
 from poise.apps.live._real_time import RealTimeLoop
 from poise.apps.report import shapes_payload
 from poise.apps.scenarios import drawn_shapes
-from poise.apps.teleoperation import TORQUE_TELEOP_PLANT
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, Recording
 from poise.errors import ConfigurationError
-from poise.locomotion import Recording, TeleopParameters
+from poise.locomotion import TeleopParameters
 from poise.robots import Robot
 from poise.sim import PlantConfig
 
@@ -291,7 +291,7 @@ class LiveSession(_Session):
         inputs = OperatorInputs()
         source: Source = "gamepad" if gamepad else "browser" if recording is None else "recording"
         host = HostGamepad(inputs) if gamepad else None
-        self.takes = Takes(Path(folder), robot=robot.name, dt=plant.control_dt)
+        self.takes = Takes(Path(folder))
         loop = LiveLoop(
             robot,
             inputs,

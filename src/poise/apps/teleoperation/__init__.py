@@ -12,6 +12,15 @@ from poise.apps.teleoperation._log import (
     TeleopLog,
 )
 from poise.apps.teleoperation._operators import BadOperator, PoorLink
+from poise.apps.teleoperation._recording import (
+    RecordedDevice as RecordedDevice,
+    RecordedPush as RecordedPush,
+    Recording as Recording,
+    RecordingError as RecordingError,
+    TeleopRecorder as TeleopRecorder,
+    read_recording as read_recording,
+    write_recording as write_recording,
+)
 from poise.apps.teleoperation._run import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
@@ -29,6 +38,7 @@ from poise.apps.teleoperation._setup import (
     recorded_setup as recorded_setup,
     teleop_setup as teleop_setup,
 )
+from poise.apps.teleoperation._teleop_file import convert_recording as convert_recording
 from poise.apps.teleoperation._terrain import terrain_blocks
 
 __all__ = [

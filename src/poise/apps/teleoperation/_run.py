@@ -5,7 +5,6 @@ on.
 """
 
 import time as clock
-from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -16,26 +15,27 @@ from jaxtyping import Float64
 
 from poise._checks import checked_count, checked_kind, checked_number
 from poise.apps.teleoperation._log import TeleopLog
+from poise.apps.teleoperation._recording import (
+    RecordedDevice,
+    RecordedPush,
+    Recording,
+    TeleopRecorder,
+    read_recording,
+    recording_of,
+)
 from poise.apps.teleoperation._setup import recorded_robot, recorded_setup, teleop_setup
 from poise.errors import ConfigurationError
 from poise.locomotion import (
     ComDriver,
     Device,
-    RecordedDevice,
-    Recording,
-    RecordingWriter,
     StepTeleoperator,
     TeleopParameters,
-    read_recording,
 )
 from poise.robots import Robot
 from poise.sim import (
-    Observer,
     Plant,
     PlantConfig,
-    Recorder,
     RunRecord,
-    Tick,
     check_period,
     rollout,
 )
@@ -56,8 +56,8 @@ sag."""
 TORQUE_TELEOP_PLANT = PlantConfig(actuation="torque", control_dt=2e-3, physics_dt=1e-3)
 """Torques, and the tick of the step teleoperator that commands them."""
 
-Push = tuple[int, tuple[float, float, float], float]
-"""Tick, force [N] and duration [s] of a push, as recordings have it."""
+Push = RecordedPush | tuple[int, tuple[float, float, float], float]
+"""Tick, force [N] and duration [s] of a push."""
 
 MakeDevice = Callable[[StepTeleoperator], Device]
 """Makes a device for a teleoperator that has not begun: it knows where the feet stand."""
@@ -117,7 +117,8 @@ def run_teleop(
         rotator: whether the body rotator acts.
         driver: moves the COM; the COM shifter when None.
         q_start: configuration at the start; the robot's home when None.
-        recording: file to write, from which `replay_teleop` runs the same again.
+        recording: log to write, from which `replay_teleop` runs the same again; so it does from
+            the record that the run has in memory.
         leader: leads by rules of its own, for studies.
         pushes: on the torso: the tick at whose beginning, the force in the world [N], how long [s].
             Those of a recording come by themselves.
@@ -145,7 +146,8 @@ def run_teleop(
         raise ConfigurationError(
             "the run is shorter than a tick", got=f"{duration} s", wanted=f"{plant.control_dt} s"
         )
-    if recording is not None and (driver is not None or leader is not StepTeleoperator):
+    usual = driver is None and leader is StepTeleoperator
+    if recording is not None and not usual:
         raise ConfigurationError(
             "a run with a driver or a leader of its own cannot be recorded",
             got=(driver, leader.__name__),
@@ -160,18 +162,15 @@ def run_teleop(
     pushes = _in_order(pushes)
     for number, force, seconds in pushes:
         body.push(robot.torso, force, seconds, number * plant.control_dt)
-    controller = teleoperator.controller()
-    recorder, times = Recorder(), list[float]()
-    observers: list[Observer[Plant]] = [recorder]
-    if recording is not None:
-        setup = teleop_setup(
-            teleoperator, plant, seed=seed, duration=duration, rotator=rotator, q_start=q_start
-        )
-        writer = RecordingWriter(recording, robot=robot.name, dt=plant.control_dt, setup=setup)
-        observers.append(_Writing(writer, teleoperator, pushes))
+    controller, times = teleoperator.controller(), list[float]()
+    setup = teleop_setup(teleoperator, plant, seed=seed, rotator=rotator, q_start=q_start)
+    if not usual:
+        # Nothing by which it could run again.
+        setup = {"dt": plant.control_dt}
+    recorder = TeleopRecorder(recording, teleoperator, setup, pushes=pushes)
     estimator = teleoperator.estimator
     ticks = rollout(
-        body, controller, teleoperator, observers, estimator=estimator, duration=duration
+        body, controller, teleoperator, [recorder], estimator=estimator, duration=duration
     )
     begin = clock.perf_counter()
     with closing(ticks):
@@ -191,39 +190,8 @@ def run_teleop(
     )
 
 
-class _Writing:
-    """Writes a recording of a run as it goes on: samples, and pushes as they begin.
-
-    Args:
-        writer: of the file, which is closed with the run.
-        teleoperator: that walks the robot.
-        pushes: in order of time.
-    """
-
-    def __init__(
-        self, writer: RecordingWriter, teleoperator: StepTeleoperator, pushes: Sequence[Push]
-    ) -> None:
-        self._writer, self._teleoperator, self._coming = writer, teleoperator, deque(pushes)
-
-    def begin(self, plant: object, controller: object, leader: object) -> None:
-        """Nothing is known yet."""
-
-    def observe(self, tick: Tick) -> None:
-        """One row or more."""
-        if self._teleoperator.status is None:
-            return
-        while self._coming and self._coming[0][0] <= tick.index:
-            begins, force, seconds = self._coming.popleft()
-            self._writer.push(begins, np.array(force), seconds)
-        self._writer.sample(tick.index, self._teleoperator.status.sample)
-
-    def end(self) -> None:
-        """Finishes the file, however the run ended."""
-        self._writer.close()
-
-
 def _check_another_file(recording: str | Path | None, played: Recording) -> None:
-    """A recording is read as it is played: written over, it would end the process.
+    """A recording that is played is not written over.
 
     Raises:
         ConfigurationError: it would be.
@@ -236,7 +204,7 @@ def _check_another_file(recording: str | Path | None, played: Recording) -> None
         )
 
 
-def _in_order(pushes: Sequence[Push]) -> list[Push]:
+def _in_order(pushes: Sequence[Push]) -> list[RecordedPush]:
     """Pushes in order of time.
 
     Raises:
@@ -248,14 +216,16 @@ def _in_order(pushes: Sequence[Push]) -> list[Push]:
                 "a push is of the wrong kind", got=push, wanted="tick, force [N], and duration [s]"
             )
         checked_count(push[0], "the tick of a push")
-    return sorted(pushes, key=lambda push: push[0])
+    return sorted((RecordedPush(*push) for push in pushes), key=lambda push: push.tick)
 
 
-def replay_teleop(recording: Recording | str | Path, robot: Robot | None = None) -> TeleopRun:
+def replay_teleop(
+    recording: Recording | RunRecord | str | Path, robot: Robot | None = None
+) -> TeleopRun:
     """Runs a recording again: same robot, plant, seed and samples, hence the same commands.
 
     Args:
-        recording: opened, or its file.
+        recording: opened, or its file, or the record of a run.
         robot: of the recording; that of the catalog with its name when None.
 
     Raises:
@@ -263,7 +233,9 @@ def replay_teleop(recording: Recording | str | Path, robot: Robot | None = None)
         RecordingError: it cannot be read, is from another robot, also one of the same name that
             carries something else, or lacks the set-up of a run.
     """
-    if not isinstance(recording, Recording):
+    if isinstance(recording, RunRecord):
+        recording = recording_of(recording)
+    elif not isinstance(recording, Recording):
         recording = read_recording(recording)
     if robot is None:
         robot = recorded_robot(

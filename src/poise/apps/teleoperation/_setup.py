@@ -11,8 +11,9 @@ from jaxtyping import Float64
 
 from poise._schema import read
 from poise.apps.teleoperation._digest import robot_digest
+from poise.apps.teleoperation._recording import Recording, RecordingError
 from poise.errors import RobotError, UnknownNameError
-from poise.locomotion import Recording, RecordingError, StepTeleoperator, TeleopParameters
+from poise.locomotion import StepTeleoperator, TeleopParameters
 from poise.robots import Robot, find_entry, load_robot
 from poise.sim import PlantConfig
 
@@ -61,7 +62,7 @@ def recorded_robot(name: str, what: str, *, option: str = "") -> Robot:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedSetup:
-    """What a recording was made with, beside its robot.
+    """Set-up of a recorded run, beside its robot.
 
     Attributes:
         parameters: of the teleoperator.
@@ -85,7 +86,7 @@ class RecordedSetup:
 
 
 def recorded_setup(recording: Recording, robot: Robot) -> RecordedSetup:
-    """What a recording was made with.
+    """Set-up of a recorded run.
 
     Args:
         recording: of `run_teleop` or of a live run.
@@ -113,7 +114,7 @@ def _read_setup(recording: Recording) -> RecordedSetup:
             rotator=setup["rotator"],
             plant=plant_from_json(setup["plant"]),
             seed=setup["seed"],
-            duration=setup["duration"],
+            duration=recording.duration,
             q_start=None if setup["q_start"] is None else np.array(setup["q_start"]),
             # The first recordings do not say.
             solved_by=setup.get("solved_by"),
@@ -132,17 +133,15 @@ def teleop_setup(
     plant: PlantConfig,
     *,
     seed: int,
-    duration: float,
     rotator: bool = True,
     q_start: Float64[np.ndarray, " nq"] | None = None,
 ) -> dict[str, Any]:
-    """What a recording's header needs so that `replay_teleop` can run it again.
+    """Set-up of a run as JSON, from which `replay_teleop` repeats it.
 
     Args:
         teleoperator: that walks the robot.
         plant: of the run.
         seed: of the sensor noise.
-        duration: of the run [s]; a live run may give a long one: a replay ends there.
         rotator: whether the body rotator acts.
         q_start: configuration at the start; None for the robot's home.
     """
@@ -151,7 +150,7 @@ def teleop_setup(
         "rotator": rotator,
         "plant": plant_to_json(plant),
         "seed": seed,
-        "duration": duration,
+        "dt": plant.control_dt,
         "q_start": None if q_start is None else np.asarray(q_start).tolist(),
         "solved_by": teleoperator.solved_by,
         "digest": robot_digest(teleoperator.robot),

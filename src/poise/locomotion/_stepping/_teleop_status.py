@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from jaxtyping import Float64
@@ -64,24 +65,51 @@ class TeleopStatus:
             soles: names of the soles, left and right.
             hands: names of the hands.
         """
-        support, nowhere = self.mode.support if self.mode.single else None, np.full(3, np.nan)
-        sample = self.sample
-        return {
-            **{f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(soles)},
-            **{f"target/{hand}": at for hand, at in zip(hands, self.hand_targets, strict=True)},
-            "target/left device": nowhere if sample is None else sample.left,
-            "target/right device": nowhere if sample is None else sample.right,
-            "foot_target": nowhere if self.target is None else self.target,
-            "zmp_reference": self.zmp_reference,
-            "estimate/zmp": self.zmp,
-            "estimate/cart_table_zmp": self.cart_table_zmp,
-            "estimate/com": self.com,
-            "estimate/soles": np.array(self.soles),
-            "estimate/loads": self.loads,
-            "estimate/tilt": self.tilt,
-            "mode": self.mode.name,
-            "device": self.device.name,
-            "hands": ", ".join(hand.name for hand in self.hands),
-            "gaze": "" if self.gaze is None else self.gaze.name,
-            "step_end": "" if self.ended is None else self.ended.name,
-        }
+        support, sample = self.mode.support if self.mode.single else None, self.sample
+        values = (
+            float(support in (None, 0)),
+            float(support in (None, 1)),
+            *self.hand_targets,
+            _NOWHERE if sample is None else sample.left,
+            _NOWHERE if sample is None else sample.right,
+            _NOWHERE if self.target is None else self.target,
+            self.zmp_reference,
+            self.zmp,
+            self.cart_table_zmp,
+            self.com,
+            np.array(self.soles),
+            self.loads,
+            self.tilt,
+            self.mode.name,
+            self.device.name,
+            ", ".join([hand.name for hand in self.hands]),
+            "" if self.gaze is None else self.gaze.name,
+            "" if self.ended is None else self.ended.name,
+        )
+        return dict(zip(_signal_names(tuple(soles), tuple(hands)), values, strict=True))
+
+
+_NOWHERE = np.full(3, np.nan)
+
+
+@cache
+def _signal_names(soles: tuple[str, ...], hands: tuple[str, ...]) -> tuple[str, ...]:
+    return (
+        *(f"planned/{sole}" for sole in soles),
+        *(f"target/{hand}" for hand in hands),
+        "target/left device",
+        "target/right device",
+        "foot_target",
+        "zmp_reference",
+        "estimate/zmp",
+        "estimate/cart_table_zmp",
+        "estimate/com",
+        "estimate/soles",
+        "estimate/loads",
+        "estimate/tilt",
+        "mode",
+        "device",
+        "hands",
+        "gaze",
+        "step_end",
+    )

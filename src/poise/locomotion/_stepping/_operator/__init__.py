@@ -14,14 +14,6 @@ from poise.locomotion._stepping._operator._grips import (
 )
 from poise.locomotion._stepping._operator._guard import DeviceGuard
 from poise.locomotion._stepping._operator._pursuit import is_point
-from poise.locomotion._stepping._operator._recording import (
-    RecordedDevice,
-    RecordedPush,
-    Recording,
-    RecordingWriter,
-    read_recording,
-)
-from poise.locomotion._stepping._operator._recording_format import RecordingError
 from poise.locomotion._stepping._operator._sample_clock import Lateness, SampleClock
 from poise.locomotion._stepping._operator._samples import (
     BodySample,
@@ -51,11 +43,6 @@ __all__ = [
     "HeadGrip",
     "HeadSample",
     "Lateness",
-    "RecordedDevice",
-    "RecordedPush",
-    "Recording",
-    "RecordingError",
-    "RecordingWriter",
     "SampleClock",
     "ScriptedDevice",
     "TurnPursuit",
@@ -63,6 +50,5 @@ __all__ = [
     "checked_reading",
     "checked_tracker",
     "is_point",
-    "read_recording",
     "rotation_of",
 ]

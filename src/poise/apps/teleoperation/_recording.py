@@ -1,0 +1,356 @@
+"""`Recording`: the operator's samples of a recorded run, and `RecordedDevice`, which replays them.
+
+`TeleopRecorder`: records a run with that. `RecordedSample`: a sample in a log.
+"""
+
+import json
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from poise.errors import ConfigurationError, MissingExtraError, PoiseError
+from poise.locomotion import DeviceSample, StepTeleoperator
+from poise.sim import Recorder, RecorderConfig, RunRecord, Tick, read_log, write_log
+
+SAMPLES, PUSHES = "operator", "push"
+"""Topics of the messages that hold samples and pushes."""
+
+_SETUP, _DURATION = "teleoperation", "duration"
+"""Keys of a record's metadata: what the run was made with, in JSON, and how long it was [s]."""
+
+_MOST_TICKS = 10**15
+
+
+class RecordingError(PoiseError):
+    """A recording that cannot be read or does not belong to this robot."""
+
+
+class RecordedPush(NamedTuple):
+    """A push on the torso.
+
+    Attributes:
+        tick: at whose beginning.
+        force: in the world [N].
+        duration: how long [s].
+    """
+
+    tick: int
+    force: tuple[float, float, float]
+    duration: float
+
+
+def _numbers(value: object) -> object:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise NotImplementedError
+
+
+def _array(_: type, value: object) -> np.ndarray:
+    return np.array(value, dtype=np.float64)
+
+
+_ENCODER = msgspec.msgpack.Encoder(enc_hook=_numbers)
+_SAMPLE = msgspec.msgpack.Decoder(tuple[int, DeviceSample], dec_hook=_array)
+_PUSH = msgspec.msgpack.Decoder(RecordedPush)
+
+
+class RecordedSample(NamedTuple):
+    """A sample, as a log holds it.
+
+    Attributes:
+        tick: before which it came.
+        sample: as it came.
+    """
+
+    tick: int
+    sample: DeviceSample
+
+    def __bytes__(self) -> bytes:
+        """Msgpack of both."""
+        return _ENCODER.encode(tuple(self))
+
+    @classmethod
+    def decode(cls, content: bytes) -> "RecordedSample":
+        """The sample of some bytes.
+
+        Raises:
+            msgspec.DecodeError: there is none in them.
+        """
+        return cls(*_SAMPLE.decode(content))
+
+
+class TeleopRecorder(Recorder):
+    """Record a teleoperated run with everything that comes from outside it.
+
+    Args:
+        path: the MCAP file, None for memory alone.
+        teleoperator: that leads the run.
+        setup: what the run is made with, see `teleop_setup`.
+        pushes: on the torso, in order of time, kept as they begin; others by `push`.
+        config: rates and buffers.
+        metadata: further texts kept with the record.
+    """
+
+    def __init__(
+        self,
+        path: str | Path | None,
+        teleoperator: StepTeleoperator,
+        setup: dict[str, Any],
+        *,
+        pushes: Sequence[RecordedPush] = (),
+        config: RecorderConfig | None = None,
+        metadata: dict[str, str] | None = None,
+    ) -> None:
+        texts = {_SETUP: json.dumps(setup)} | (metadata or {})
+        super().__init__(path, config=config, metadata=texts)
+        self._teleoperator, self._coming = teleoperator, deque(pushes)
+        self._dt, self._ticks = float(setup["dt"]), 0
+
+    def observe(self, tick: Tick) -> None:
+        """Record the tick, if it is due, and always its sample and pushes."""
+        while self._coming and self._coming[0].tick <= tick.index:
+            self.push(self._coming.popleft())
+        status = self._teleoperator.status
+        if status is not None and status.sample is not None:
+            # The guard's own copy: it can be encoded in the thread of the log.
+            self.message(SAMPLES, RecordedSample(tick.index, status.sample))
+        self._ticks = tick.index + 1
+        super().observe(tick)
+
+    def end(self) -> None:
+        """The run is over: finishes the log.
+
+        Raises:
+            PoiseError: the log could not be written.
+        """
+        self.record.metadata[_DURATION] = repr(self._ticks * self._dt)
+        super().end()
+
+    def push(self, push: RecordedPush) -> None:
+        """Note a push that begins before a tick."""
+        self.message(PUSHES, _ENCODER.encode(push))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """Everything that came from outside a recorded run.
+
+    Attributes:
+        path: the file; that of a record in memory is "".
+        robot: the robot's name.
+        dt: length of a tick [s].
+        duration: of the run [s].
+        setup: what it was made with, see `teleop_setup`; empty where that is not known.
+        pushes: on the torso, in order of time.
+        messages: of the samples, see `RecordedSample`.
+    """
+
+    path: Path
+    robot: str
+    dt: float
+    duration: float
+    setup: dict[str, Any] = field(repr=False)
+    pushes: list[RecordedPush] = field(repr=False)
+    messages: list[bytes] = field(repr=False)
+
+    @property
+    def samples(self) -> list[RecordedSample]:
+        """Samples, each with the tick before which it came."""
+        return [RecordedSample.decode(content) for content in self.messages]
+
+    def device(self, *, robot: str, dt: float) -> "RecordedDevice":
+        """The recording as a device.
+
+        Args:
+            robot: name of the robot that it shall drive.
+            dt: length of its ticks [s].
+
+        Raises:
+            RecordingError: another robot or another tick.
+        """
+        if robot != self.robot:
+            raise RecordingError(
+                f"the recording {self.path.name} is from another robot",
+                got=self.robot,
+                wanted=robot,
+            )
+        if dt != self.dt:
+            raise RecordingError(
+                f"the recording {self.path.name} has another length of a tick",
+                got=f"{self.dt} s",
+                wanted=f"{dt} s",
+            )
+        return RecordedDevice(self)
+
+
+class RecordedDevice:
+    """Replay the samples of a recording at their ticks; call `sample` once a tick.
+
+    Gaps stay gaps, and what was refused then is refused now: the guard decides again.
+
+    Args:
+        recording: where they are.
+
+    Attributes:
+        recording: where they are.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        self._messages, self._tick = iter(recording.messages), 0
+        self._next = self._read()
+
+    def sample(self, time: float) -> DeviceSample | None:
+        """Sample that came before the next tick.
+
+        Ticks are counted: where sensors are late a robot's time at a tick is not the recorded one.
+
+        Args:
+            time: of the robot, of no matter here [s].
+        """
+        del time
+        found = None
+        while self._next is not None and self._next.tick <= self._tick:
+            found, self._next = self._next.sample, self._read()
+        self._tick += 1
+        return found
+
+    def _read(self) -> RecordedSample | None:
+        content = next(self._messages, None)
+        return None if content is None else RecordedSample.decode(content)
+
+
+def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recording:
+    """Open a recording.
+
+    Args:
+        path: the log of a teleoperated run.
+        allow_partial: whether a log that was not finished counts, as far as it goes.
+
+    Raises:
+        RecordingError: no recording, another version, one that was not finished or is damaged, or
+            ticks that go backwards.
+        MissingExtraError: the package mcap is not installed.
+    """
+    path = Path(path)
+    try:
+        record = read_log(path, (SAMPLES, PUSHES))
+    except MissingExtraError:
+        raise
+    except PoiseError as error:
+        hint = "; `poise convert` makes a log of it" if path.suffix == ".teleop" else ""
+        raise RecordingError(f"{path.name} is no recording: {error}{hint}") from None
+    if not (record.complete or allow_partial):
+        raise RecordingError(
+            f"the recording {path.name} was not finished",
+            wanted="read_recording(path, allow_partial=True), which has what there is",
+        )
+    return recording_of(record, path)
+
+
+def recording_of(record: RunRecord, path: Path = Path()) -> Recording:
+    """Operator's part of a record.
+
+    Args:
+        record: of a teleoperated run.
+        path: of its file, for messages.
+
+    Raises:
+        RecordingError: the record is of another run, or holds what cannot be.
+    """
+    try:
+        setup = json.loads(record.metadata[_SETUP])
+        robot, dt = record.metadata["robot"], float(setup["dt"])
+        if not 0.0 < dt < 1.0:
+            raise ValueError(f"a tick of {dt} s")
+    except (KeyError, ValueError, TypeError) as error:
+        raise RecordingError(
+            f"{path.name} is no recording of a teleoperated run",
+            got=f"{type(error).__name__}: {error}",
+            wanted="the log of one, which has its set-up",
+        ) from None
+    messages = [content for _, content in record.messages(SAMPLES)]
+    pushed = [content for _, content in record.messages(PUSHES)]
+    last = _check(path, "samples", messages, lambda content: RecordedSample.decode(content).tick)
+    last = max(last, _check(path, "pushes", pushed, lambda content: _PUSH.decode(content).tick))
+    known = setup if "parameters" in setup else {}
+    return Recording(
+        path=path,
+        robot=robot,
+        dt=dt,
+        # Nobody knew how long a run would be that did not come to its end.
+        duration=float(record.metadata.get(_DURATION, (last + 1) * dt)),
+        setup=known,
+        pushes=[_PUSH.decode(content) for content in pushed],
+        messages=messages,
+    )
+
+
+def write_recording(
+    path: Path,
+    samples: Iterable[tuple[int, DeviceSample]],
+    *,
+    robot: str,
+    dt: float,
+    setup: dict[str, Any] | None = None,
+    pushes: Sequence[RecordedPush] = (),
+    duration: float | None = None,
+) -> None:
+    """Write a log of samples and pushes alone.
+
+    Args:
+        path: the file.
+        samples: each with the tick before which it came, in order.
+        robot: the robot's name.
+        dt: length of a tick [s].
+        setup: what the run was made with, see `teleop_setup`.
+        pushes: on the torso, in order.
+        duration: of the run [s]; up to the last sample when None.
+
+    Raises:
+        ConfigurationError: the set-up is no JSON.
+        PoiseError: the file cannot be written.
+    """
+    try:
+        text = json.dumps({**(setup or {}), "dt": dt}, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"the set-up of a recording is no JSON: {error}") from None
+    record = RunRecord({"robot": robot, _SETUP: text})
+    if duration is not None:
+        record.metadata[_DURATION] = repr(duration)
+    for tick, sample in samples:
+        record.message(tick * dt, SAMPLES, RecordedSample(tick, sample))
+    for push in pushes:
+        record.message(push.tick * dt, PUSHES, _ENCODER.encode(push))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_log(record, path)
+
+
+def _check(
+    path: Path, what: str, messages: Sequence[bytes], tick_of: Callable[[bytes], int]
+) -> int:
+    """The last tick of some messages, -1 for none.
+
+    Raises:
+        RecordingError: one cannot be read, or ticks go backwards.
+    """
+    last = -1
+    for number, content in enumerate(messages):
+        try:
+            tick = tick_of(content)
+        except (msgspec.DecodeError, TypeError, ValueError, OverflowError) as error:
+            raise RecordingError(
+                f"number {number} of the {what} of {path.name} cannot be read: {error}"
+            ) from None
+        if not max(last, 0) <= tick < _MOST_TICKS:
+            raise RecordingError(
+                f"number {number} of the {what} of {path.name} cannot be: its tick goes backwards",
+                got=tick,
+            )
+        last = tick
+    return last

@@ -1,0 +1,130 @@
+"""`convert_recording`: a log of a `.teleop` file, as earlier versions wrote recordings."""
+
+import json
+from collections.abc import Generator
+from dataclasses import replace
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from poise.apps.teleoperation._recording import RecordedPush, RecordingError, write_recording
+from poise.locomotion import BodySample, DeviceSample, HandSample, HeadSample
+
+_FORMAT = {"format": "poise teleoperation", "version": 1}
+_HEADER_BYTES = 16384
+"""One line of JSON, padded; behind it are rows, little-endian."""
+
+_ROW = np.dtype(
+    [("tick", "<i8"), ("kind", "<u1"), ("flags", "<u1"), ("time", "<f8"), ("numbers", "<f8", (6,))]
+)
+
+
+class _Kind(IntEnum):
+    """Kinds of row; from `HANDS` on they say more of the sample before."""
+
+    SAMPLE, PUSH, HANDS, BODY, VELOCITY, TURN, RATES = range(7)
+
+
+_LEFT, _RIGHT, _LEFT_CLUTCH, _RIGHT_CLUTCH, _REST = 1, 2, 4, 8, 16
+"""Flags of hands."""
+
+_HEAD, _HEAD_CLUTCH = 4, 8
+"""Flags of a turn that is the head's, beside those of hands."""
+
+
+def convert_recording(path: Path, target: Path) -> bool:
+    """Write a log that plays as a `.teleop` file did.
+
+    Args:
+        path: the file.
+        target: the log, overwritten.
+
+    Returns:
+        Whether the file was finished; if not, the log goes as far as it does.
+
+    Raises:
+        RecordingError: no such file, or it is none.
+        PoiseError: the log cannot be written.
+    """
+    try:
+        content = path.read_bytes()
+        header = json.loads(content[:_HEADER_BYTES])
+        found = {key: header[key] for key in _FORMAT}
+        robot, dt, promised, setup = (header[key] for key in ("robot", "dt", "rows", "setup"))
+        dt, setup = float(dt), dict(setup)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise RecordingError(f"{path.name} is no .teleop file") from None
+    if found != _FORMAT:
+        raise RecordingError(f"{path.name} is no .teleop file", got=found, wanted=str(_FORMAT))
+    count = max(len(content) - _HEADER_BYTES, 0) // _ROW.itemsize
+    rows = np.frombuffer(content, _ROW, count, _HEADER_BYTES) if count else np.empty(0, _ROW)
+    if np.any(np.diff(rows["tick"], prepend=0) < 0) or np.any(rows["kind"] > _Kind.RATES):
+        raise RecordingError(f"{path.name} has rows whose ticks go backwards, or of no known kind")
+    finished = promised == count
+    pushes = [
+        RecordedPush(int(row["tick"]), tuple(row["numbers"][:3].tolist()), float(row["numbers"][3]))
+        for row in rows[rows["kind"] == _Kind.PUSH]
+    ]
+    duration = setup.pop("duration", None)
+    write_recording(
+        target,
+        _samples(rows),
+        robot=str(robot),
+        dt=dt,
+        setup=setup,
+        pushes=pushes,
+        duration=duration if finished else None,
+    )
+    return finished
+
+
+def _samples(rows: np.ndarray) -> Generator[tuple[int, DeviceSample]]:
+    tick, sample = 0, None
+    for row in rows[rows["kind"] != _Kind.PUSH]:
+        if row["kind"] == _Kind.SAMPLE:
+            if sample is not None:
+                yield tick, sample
+            left, right = row["numbers"].reshape(2, 3).copy()
+            tick = int(row["tick"])
+            sample = DeviceSample(float(row["time"]), left, right, bool(row["flags"]))
+        elif sample is not None:
+            sample = replace(sample, **_more(sample, row))
+    if sample is not None:
+        yield tick, sample
+
+
+def _more(sample: DeviceSample, row: np.void) -> dict[str, Any]:
+    """Fields of a sample that a row behind it has."""
+    flags, numbers = int(row["flags"]), row["numbers"].copy()
+    first, second = numbers[:3], numbers[3:]
+    match int(row["kind"]):
+        case _Kind.HANDS:
+            left = HandSample(first, bool(flags & _LEFT_CLUTCH)) if flags & _LEFT else None
+            right = HandSample(second, bool(flags & _RIGHT_CLUTCH)) if flags & _RIGHT else None
+            return {"hands": (left, right), "rest": bool(flags & _REST)}
+        case _Kind.BODY:
+            height, *turns = first.tolist()
+            return {"body": BodySample(height, tuple(second.tolist()), tuple(turns))}
+        case _Kind.VELOCITY:
+            return {"velocity": tuple(first.tolist())}
+        case _Kind.TURN:
+            turned = numbers[:4]
+            if flags & _HEAD:
+                return {"head": HeadSample(turned, bool(flags & _HEAD_CLUTCH))}
+            sides = (_LEFT, _RIGHT)
+            return {
+                "hands": tuple(
+                    replace(hand, orientation=turned) if hand is not None and flags & side else hand
+                    for hand, side in zip(sample.hands, sides, strict=True)
+                )
+            }
+        case _:
+            rates = tuple(None if np.isnan(r).all() else r for r in (first, second))
+            if not flags:
+                return {"rates": rates}
+            hands = zip(sample.hands, rates, strict=True)
+            return {"hands": tuple(h if h is None else replace(h, velocity=r) for h, r in hands)}
