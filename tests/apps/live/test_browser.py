@@ -288,7 +288,7 @@ def test_handles_and_gamepads_do_not_wait_for_the_next_beat(browser, session):
         page.wait("view !== null && newest.device !== 'LOST'", "the device")
         page.ask(LISTEN)
         page.ask("view.drags = () => [null, [0, -0.1, 0.05]]; 0")
-        page.wait("sent.some((m) => m.drag[1] !== null)", "the handle")
+        page.wait("sent.some((m) => m.feet[1] !== null)", "the handle")
         page.ask(
             "navigator.getGamepads = () => [{connected: true, mapping: 'standard', axes: [],"
             " buttons: [0, 0, 0, 0, 1].map((on) => ({pressed: Boolean(on)}))}]; 0"

@@ -10,7 +10,7 @@ from operators import wait_for
 pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
-from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes, _log as logs
+from poise.apps.live import LiveLoop, OperatorInputs, Takes, _log as logs
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
@@ -19,8 +19,8 @@ from poise.apps.teleoperation import (
 )
 from poise.errors import ConfigurationError
 from poise.locomotion import (
-    DeviceSample,
     Mode,
+    OperatorSample,
     RecordingError,
     ScriptedDevice,
     StepTeleoperator,
@@ -41,7 +41,7 @@ def loop(get_robot, tmp_path):
 
 def drive(loop, pad, until, what):
     def seen():
-        loop._inputs.pad(pad)
+        loop._inputs.take(pad)
         return until(loop.snapshot)
 
     wait_for(seen, what)
@@ -53,8 +53,8 @@ def test_a_run_leaves_a_log_beside_its_recording_that_agrees_with_its_replay(loo
 
     from poise.sim import read_log
 
-    drive(loop, Pad(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
-    drive(loop, Pad(), lambda s: s.mode is Mode.D, "double support")
+    drive(loop, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
+    drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     loop.stop()
     assert loop.log.problem == ""
     log = read_log(tmp_path / "takes" / "take-001.mcap")
@@ -78,10 +78,10 @@ def test_a_run_leaves_a_log_beside_its_recording_that_agrees_with_its_replay(loo
 
 def test_a_reset_begins_another_log(loop, tmp_path):
     pytest.importorskip("mcap")
-    drive(loop, Pad(), lambda s: s.time > 0.3, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.3, "some time")
     loop.reset()
     wait_for(lambda: loop.snapshot.take == "take-002.teleop", "the reset")
-    drive(loop, Pad(), lambda s: s.time > 0.1, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.1, "some time")
     loop.stop()
     names = {path.name for path in (tmp_path / "takes").glob("*.mcap")}
     assert names == {"take-001.mcap", "take-002.mcap"}
@@ -102,7 +102,7 @@ def test_without_the_package_the_run_goes_on_and_says_so(loop, tmp_path, monkeyp
         return real(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", missing)
-    drive(loop, Pad(), lambda s: s.time > 0.3, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.3, "some time")
     loop.stop()
     assert loop.error is None
     assert "zstandard" in loop.log.problem
@@ -111,7 +111,7 @@ def test_without_the_package_the_run_goes_on_and_says_so(loop, tmp_path, monkeyp
 
 def test_a_log_that_cannot_be_made_costs_nothing_but_itself(loop, tmp_path):
     (tmp_path / "takes" / "take-001.mcap").mkdir()
-    drive(loop, Pad(), lambda s: s.time > 0.3, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.3, "some time")
     loop.stop()
     assert loop.error is None
     assert "take-001.mcap" in loop.log.problem
@@ -128,9 +128,9 @@ def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path
     loop = LiveLoop(robot, OperatorInputs(), takes, plant=VELOCITY_TELEOP_PLANT)
     loop.start()
     wait_for(lambda: loop.snapshot, "the first picture")
-    drive(loop, Pad(), lambda s: "is full" in s.take, "the folder to be full")
+    drive(loop, OperatorSample(), lambda s: "is full" in s.take, "the folder to be full")
     now = loop.snapshot.time
-    drive(loop, Pad(), lambda s: s.time > now + 0.2, "the run to go on")
+    drive(loop, OperatorSample(), lambda s: s.time > now + 0.2, "the run to go on")
     held = {path.name: path.stat().st_size for path in tmp_path.iterdir()}
     assert sum(held.values()) < 200_000
     with pytest.raises(ConfigurationError, match="is full"):
@@ -139,7 +139,7 @@ def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path
     assert len(read_recording(tmp_path / "take-001.teleop").rows) > 10
     loop.reset()
     wait_for(lambda: loop.snapshot.time < now, "the reset")
-    drive(loop, Pad(), lambda s: s.time > 0.5, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.5, "some time")
     loop.stop()
     assert loop.error is None
     assert {path.name for path in tmp_path.iterdir()} == set(held)
@@ -151,11 +151,11 @@ def test_a_file_that_can_be_written_no_more_costs_the_recording_and_not_the_run(
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    drive(loop, Pad(), lambda s: s.time > 0.2, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     monkeypatch.setattr(loop.takes._writer, "sample", full)
-    drive(loop, Pad(), lambda s: "No space left" in s.take, "the loss to be told")
+    drive(loop, OperatorSample(), lambda s: "No space left" in s.take, "the loss to be told")
     now = loop.snapshot.time
-    drive(loop, Pad(), lambda s: s.time > now + 0.2, "the run to go on")
+    drive(loop, OperatorSample(), lambda s: s.time > now + 0.2, "the run to go on")
     with pytest.raises(ConfigurationError, match="No space left"):
         loop.takes.keep()
     loop.reset()
@@ -167,11 +167,11 @@ def test_a_file_that_can_be_written_no_more_costs_the_recording_and_not_the_run(
 
 def test_a_folder_that_is_gone_costs_the_recording_and_not_the_run(loop, tmp_path, monkeypatch):
     monkeypatch.setattr(logs, "_LOOK_EVERY", 0.0)
-    drive(loop, Pad(), lambda s: s.time > 0.2, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     shutil.rmtree(tmp_path / "takes")
-    drive(loop, Pad(), lambda s: "not recorded" in s.take, "the loss to be told")
+    drive(loop, OperatorSample(), lambda s: "not recorded" in s.take, "the loss to be told")
     now = loop.snapshot.time
-    drive(loop, Pad(), lambda s: s.time > now + 0.2, "the run to go on")
+    drive(loop, OperatorSample(), lambda s: s.time > now + 0.2, "the run to go on")
     loop.stop()
     assert loop.error is None
 
@@ -199,8 +199,7 @@ def test_a_link_to_nothing_in_the_folder_costs_nothing(tmp_path):
 
 def test_a_recording_of_another_robot_of_the_same_name_is_not_played(get_robot, tmp_path):
     robot, path = get_robot("biped20"), tmp_path / "loaded.teleop"
-    start = StepTeleoperator(robot).resting_sample
-    device = ScriptedDevice([], start.left, start.right)
+    device = ScriptedDevice([], *StepTeleoperator(robot).estimator.anchors)
     run_teleop(robot, device, duration=0.02, recording=path)
     takes = Takes(tmp_path, robot=robot.name, dt=TORQUE_TELEOP_PLANT.control_dt)
     heavier = robot.carrying("torso", 3.0)
@@ -212,7 +211,7 @@ def test_a_take_that_somebody_has_moved_costs_itself_alone(tmp_path):
     takes = Takes(tmp_path, robot="biped20", dt=0.005)
     for moved in (True, False):
         takes.begin({})
-        takes.sample(0, DeviceSample(0.0, np.zeros(3), np.zeros(3)))
+        takes.sample(0, OperatorSample(0.0))
         if moved:
             takes.path.unlink()
     takes.finish()
@@ -224,7 +223,7 @@ def test_no_copy_is_kept_for_which_there_is_no_room(tmp_path):
     takes = Takes(tmp_path, robot="biped20", dt=0.005, most_bytes=60_000)
     takes.begin({})
     for tick in range(300):
-        takes.sample(tick, DeviceSample(0.005 * tick, np.zeros(3), np.zeros(3)))
+        takes.sample(tick, OperatorSample(0.005 * tick))
     takes.flush()
     with pytest.raises(ConfigurationError, match="has no room for it"):
         takes.keep()

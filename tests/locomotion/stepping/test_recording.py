@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 from walker import hands, sample, up_and_down, walk
 
 from poise.apps.teleoperation import (
@@ -18,7 +19,6 @@ from poise.apps.teleoperation import (
 )
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.locomotion import (
-    DeviceSample,
     DeviceStatus,
     Mode,
     RecordingError,
@@ -80,7 +80,7 @@ def test_nan_and_times_that_go_backwards_come_through_to_the_guard(tmp_path):
     with RecordingWriter(path, robot="biped20", dt=0.005) as writer:
         writer.sample(0, sample(5.0))
         writer.sample(1, sample(1.0))
-        writer.sample(2, DeviceSample(6.0, np.full(3, np.nan), np.zeros(3)))
+        writer.sample(2, sample(6.0, np.full(3, np.nan), np.zeros(3)))
     device = read_recording(path).device(robot="biped20", dt=0.005)
     assert [device.sample(t * 0.005).time for t in range(3)] == [5.0, 1.0, 6.0]
 
@@ -108,7 +108,7 @@ def test_a_walk_with_gaps_and_times_that_go_backwards_ends_on_both_feet(get_robo
             # Nothing for 0.6 s while the foot is in the air, then 0.2 s of samples from the past.
             if not 200 <= tick < 320:
                 moment = given.time - (1.0 if 340 <= tick < 380 else 0.0)
-                writer.sample(tick, replace(given, time=moment))
+                writer.sample(tick, structs.replace(given, time=moment))
     run = run_teleop(
         robot,
         read_recording(path).device(robot="biped20", dt=0.005),

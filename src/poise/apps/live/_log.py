@@ -18,7 +18,7 @@ from jaxtyping import Float64
 
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import (
-    DeviceSample,
+    OperatorSample,
     RecordingError,
     RecordingWriter,
     StepTeleoperator,
@@ -228,7 +228,7 @@ class Takes:
                 with self._writing():
                     self._writer = self._open(self.path, setup)
 
-    def sample(self, tick: int, sample: DeviceSample | None) -> None:
+    def sample(self, tick: int, sample: OperatorSample | None) -> None:
         """Notes a tick, and what came before it."""
         if self._writer is not None:
             with self._writing():

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._operator import DeviceSample, DeviceStatus
+from poise.locomotion._stepping._operator import DeviceStatus, OperatorSample
 from poise.locomotion._stepping._stance import Mode, StepEnd
 from poise.locomotion._stepping._upper_body import HandStatus
 
@@ -37,7 +37,7 @@ class TeleopStatus:
 
     mode: Mode
     device: DeviceStatus = DeviceStatus.OK
-    sample: DeviceSample | None
+    sample: OperatorSample | None
     zmp: Float64[np.ndarray, "2"]
     zmp_reference: Float64[np.ndarray, "2"]
     cart_table_zmp: Float64[np.ndarray, "2"]
@@ -69,8 +69,8 @@ class TeleopStatus:
         return {
             **{f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(soles)},
             **{f"target/{hand}": at for hand, at in zip(hands, self.hand_targets, strict=True)},
-            "target/left device": nowhere if sample is None else sample.left,
-            "target/right device": nowhere if sample is None else sample.right,
+            "target/left device": nowhere if sample is None else np.array(sample.place(0)),
+            "target/right device": nowhere if sample is None else np.array(sample.place(1)),
             "foot_target": nowhere if self.target is None else self.target,
             "zmp_reference": self.zmp_reference,
             "estimate/zmp": self.zmp,

@@ -97,7 +97,7 @@ function tell(letter) {
   keys.bends.add(letter);
   const [what] = BENDS[letter];
   if (what !== "height" && newest.limits.torso[2] === 0) hint("Where velocities are commanded, only the height of the body changes.");
-  else if (what === "turn" && !pad().lift.some(Boolean) && !pad().drag.some(Boolean)) hint("A foot is turned while it is held: hold Q or E as well.");
+  else if (what === "turn" && !pad().lift.some(Boolean) && !pad().feet.some(Boolean)) hint("A foot is turned while it is held: hold Q or E as well.");
 }
 
 // Keys that hold a hand, left and right; then arrows and two letters move it along the torso's axes.

@@ -4,12 +4,13 @@
 """
 
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
+from msgspec.structs import replace
 
 from poise.locomotion._stepping._operator._recording_format import (
     FORMAT,
@@ -28,7 +29,7 @@ from poise.locomotion._stepping._operator._recording_format import (
     with_rates,
     with_turn,
 )
-from poise.locomotion._stepping._operator._samples import BodySample, DeviceSample
+from poise.locomotion._stepping._operator._sample import BodyCommand, OperatorSample, TrackedPose
 
 
 class RecordingWriter:
@@ -67,18 +68,18 @@ class RecordingWriter:
         self._file.write(text)
         self._rows = 0
 
-    def sample(self, tick: int, sample: DeviceSample | None) -> None:
+    def sample(self, tick: int, sample: OperatorSample | None) -> None:
         """Notes a sample that came before a tick, good or bad; nothing where none came."""
         if sample is None:
             return
         flags = int(sample.upright)
-        self._write(tick, RowKind.SAMPLE, sample.time, sample.left, sample.right, flags)
+        self._write(tick, RowKind.SAMPLE, sample.time, sample.place(0), sample.place(1), flags)
         flags = int(hand_flags(sample))
         if flags:
             left, right = (np.full(3, np.nan) if h is None else h.position for h in sample.hands)
             self._write(tick, RowKind.HANDS, sample.time, left, right, flags)
         body = sample.body
-        if body != BodySample():
+        if body != BodyCommand():
             left, right = np.array([body.height, *body.turns]), np.array(body.torso)
             self._write(tick, RowKind.BODY, sample.time, left, right)
         if any(sample.velocity):
@@ -87,8 +88,8 @@ class RecordingWriter:
         for flags, turned in turns_of(sample):
             last = np.array([turned[3], 0.0, 0.0])
             self._write(tick, RowKind.TURN, sample.time, turned[:3], last, int(flags))
-        of_hands = tuple(None if hand is None else hand.velocity for hand in sample.hands)
-        for flag, (left, right) in enumerate((sample.rates, of_hands)):
+        rates = (tuple(p and p.velocity for p in pair) for pair in (sample.feet, sample.hands))
+        for flag, (left, right) in enumerate(rates):
             if not (left is None and right is None):
                 self._write(tick, RowKind.RATES, sample.time, left, right, flag)
 
@@ -242,7 +243,7 @@ class RecordedDevice:
         self.recording = recording
         self._rows, self._next, self._tick = recording.rows, 0, 0
 
-    def sample(self, time: float) -> DeviceSample | None:
+    def sample(self, time: float) -> OperatorSample | None:
         """What came before the next tick.
 
         Ticks are counted: where sensors are late a robot's time at a tick is not the recorded one.
@@ -258,13 +259,14 @@ class RecordedDevice:
             self._next += 1
             if row["kind"] == RowKind.SAMPLE:
                 left, right = row["left"].astype(np.float64), row["right"].astype(np.float64)
-                found = DeviceSample(float(row["time"]), left, right, bool(row["flags"]))
+                feet = (TrackedPose(left.tolist()), TrackedPose(right.tolist()))
+                found = OperatorSample(float(row["time"]), feet, upright=bool(row["flags"]))
             elif row["kind"] == RowKind.HANDS and found is not None:
                 found = with_hands(found, row)
             elif row["kind"] == RowKind.BODY and found is not None:
                 height, left_turn, right_turn = row["left"].tolist()
                 roll, pitch, yaw = row["right"].tolist()
-                body = BodySample(height, (roll, pitch, yaw), (left_turn, right_turn))
+                body = BodyCommand(height, (roll, pitch, yaw), (left_turn, right_turn))
                 found = replace(found, body=body)
             elif row["kind"] == RowKind.VELOCITY and found is not None:
                 ahead, left, turn = row["left"].tolist()

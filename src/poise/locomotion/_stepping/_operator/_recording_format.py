@@ -6,16 +6,17 @@ its length does not matter.
 """
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from poise._schema import Bounds, Duration, Text, checked, read
 from poise.errors import ConfigurationError, PoiseError
-from poise.locomotion._stepping._operator._samples import DeviceSample, HandSample, HeadSample
+from poise.locomotion._stepping._operator._sample import OperatorSample, TrackedPose
 
 FORMAT, VERSION = "poise teleoperation", 1
 HEADER_BYTES = 16384
@@ -168,37 +169,30 @@ def read_header(path: str | Path) -> Header:
 
 
 def as_point(value: object) -> np.ndarray:
-    if isinstance(value, np.ndarray) and value.shape == (3,) and value.dtype == np.float64:
-        return value
-    return np.full(3, np.nan)
+    point = np.asarray(value, dtype=np.float64) if isinstance(value, tuple | np.ndarray) else None
+    return np.full(3, np.nan) if point is None or point.shape != (3,) else point
 
 
-def as_quaternion(value: object) -> np.ndarray:
-    """An orientation as it is kept; what is none as one that is refused again."""
-    if isinstance(value, np.ndarray) and value.shape == (4,) and value.dtype == np.float64:
-        return value
-    return np.full(4, np.nan)
-
-
-def turns_of(sample: DeviceSample) -> list[tuple[TurnFlags, np.ndarray]]:
+def turns_of(sample: OperatorSample) -> list[tuple[TurnFlags, np.ndarray]]:
     """Orientations that a sample has, and whose they are."""
     found: list[tuple[TurnFlags, np.ndarray]] = []
     for hand, flag in zip(sample.hands, (TurnFlags.LEFT, TurnFlags.RIGHT), strict=True):
         if hand is not None and hand.orientation is not None:
-            found.append((flag, as_quaternion(hand.orientation)))
+            found.append((flag, np.array(hand.orientation)))
     head = sample.head
-    if head is not None:
+    if head is not None and head.orientation is not None:
         flag = TurnFlags.HEAD | TurnFlags.CLUTCH if head.clutch else TurnFlags.HEAD
-        found.append((flag, as_quaternion(head.orientation)))
+        found.append((flag, np.array(head.orientation)))
     return found
 
 
-def with_turn(sample: DeviceSample, row: np.void) -> DeviceSample:
+def with_turn(sample: OperatorSample, row: np.void) -> OperatorSample:
     """A sample with the orientation that a row has."""
     flags = TurnFlags(int(row["flags"]))
-    turned = np.array([*row["left"], row["right"][0]], dtype=np.float64)
+    x, y, z = row["left"].tolist()
+    turned = (x, y, z, float(row["right"][0]))
     if flags & TurnFlags.HEAD:
-        return replace(sample, head=HeadSample(turned, bool(flags & TurnFlags.CLUTCH)))
+        return replace(sample, head=TrackedPose(None, bool(flags & TurnFlags.CLUTCH), turned))
     left, right = sample.hands
     if flags & TurnFlags.LEFT and left is not None:
         left = replace(left, orientation=turned)
@@ -207,23 +201,17 @@ def with_turn(sample: DeviceSample, row: np.void) -> DeviceSample:
     return replace(sample, hands=(left, right))
 
 
-def with_rates(sample: DeviceSample, row: np.void) -> DeviceSample:
+def with_rates(sample: OperatorSample, row: np.void) -> OperatorSample:
     """A sample with the velocities that a row has."""
-    left, right = (
-        None if np.isnan(rate).all() else rate
-        for rate in (row["left"].astype(np.float64), row["right"].astype(np.float64))
-    )
-    if not row["flags"]:
-        return replace(sample, rates=(left, right))
-    hands = (
-        hand if hand is None else replace(hand, velocity=rate)
-        for hand, rate in zip(sample.hands, (left, right), strict=True)
-    )
-    left_hand, right_hand = hands
-    return replace(sample, hands=(left_hand, right_hand))
+    name = "hands" if row["flags"] else "feet"
+    parts = [
+        part and replace(part, velocity=None if np.isnan(rate).all() else tuple(rate.tolist()))
+        for part, rate in zip(getattr(sample, name), (row["left"], row["right"]), strict=True)
+    ]
+    return replace(sample, **{name: tuple(parts)})
 
 
-def hand_flags(sample: DeviceSample) -> HandFlags:
+def hand_flags(sample: OperatorSample) -> HandFlags:
     flags = HandFlags.REST if sample.rest else HandFlags(0)
     present = (HandFlags.LEFT, HandFlags.RIGHT)
     closed = (HandFlags.LEFT_CLUTCH, HandFlags.RIGHT_CLUTCH)
@@ -233,13 +221,13 @@ def hand_flags(sample: DeviceSample) -> HandFlags:
     return flags
 
 
-def with_hands(sample: DeviceSample, row: np.void) -> DeviceSample:
+def with_hands(sample: OperatorSample, row: np.void) -> OperatorSample:
     """A sample with what a row says of the hands."""
     flags = HandFlags(int(row["flags"]))
 
-    def hand(side: str, here: HandFlags, clutch: HandFlags) -> HandSample | None:
-        position = row[side].astype(np.float64)
-        return HandSample(position, bool(flags & clutch)) if flags & here else None
+    def hand(side: str, here: HandFlags, clutch: HandFlags) -> TrackedPose | None:
+        x, y, z = row[side].tolist()
+        return TrackedPose((x, y, z), bool(flags & clutch)) if flags & here else None
 
     left = hand("left", HandFlags.LEFT, HandFlags.LEFT_CLUTCH)
     right = hand("right", HandFlags.RIGHT, HandFlags.RIGHT_CLUTCH)
