@@ -704,16 +704,26 @@ def test_a_tracked_hand_says_how_fast_it_is(made):
     assert sample.hands[1].velocity is None
 
 
-def test_a_hand_that_is_nowhere_is_lost_and_leads_on_when_it_is_back(made):
-    operator, _, device = made
-    near = TrackedPose((0.1, 0.0, 0.0), clutch=True)
-    run(operator, device, 1, OperatorSample(hands=(replace(near, clutch=False), near)))
-    for nowhere in (TrackedPose((1e9, 0.0, 0.0), True), replace(near, velocity=(0.0, -100.0, 0.0))):
-        sample = run(operator, device, 1, OperatorSample(lift=(False, True), hands=(nowhere, None)))
-        assert sample.hands == (None, None)
+def test_a_hand_that_is_nowhere_moves_nothing_and_leads_on_when_it_is_back(made):
+    operator, controller, device = made
+    guard, soles, time = OperatorGuard(dt=DT), controller.estimator.anchors, 0.0
+
+    def moved(hand):
+        nonlocal time
+        time += DT
+        raw = OperatorSample(lift=(False, True), hands=(hand, None))
+        guard.check(replace(run(operator, device, 1, raw), time=time), time, soles, soles)
         assert operator.read().lift == (False, True)
-        sample = run(operator, device, 1, OperatorSample(lift=(False, True), hands=(near, None)))
-        assert sample.hands[0].clutch
+        return guard.hands[0].step[0]
+
+    near = TrackedPose((0.1, 0.0, 0.0), clutch=True)
+    moved(replace(near, clutch=False))
+    assert moved(near) == 0.0
+    assert [moved(TrackedPose((x, 0.0, 0.0), True)) for x in (1e9, -1e300, 9.0)] == [0.0] * 3
+    assert moved(replace(near, position=(0.11, 0.0, 0.0))) == pytest.approx(0.01)
+    # Nor does a velocity that no hand has.
+    moved(replace(near, velocity=(0.0, -100.0, 0.0)))
+    assert guard.hands[0].velocity(time) is None
 
 
 def test_a_velocity_that_is_not_told_anew_counts_for_a_moment(made, monkeypatch):

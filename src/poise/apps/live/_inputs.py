@@ -21,11 +21,6 @@ from poise.locomotion import (
     TrackedPose,
 )
 
-_NOWHERE = 100.0
-"""Distance [m] and speed [m/s] of what is no hand or foot: it is lost."""
-_FAR = 1e6
-"""A handle stands in the drawn world, in which a robot may walk far [m]."""
-
 
 class StageTimes(NamedTuple):
     """When a message of the operator's was where, on this machine's monotonic clock but for `sent`.
@@ -88,23 +83,21 @@ class OperatorInputs:
                 self._clock.reset()
             if stamp > 0.0 and not self._clock.accepts(stamp, now):
                 return self._refusal(stamp, now)
+            parts = _parts(sample)
+            held = _held(sample, parts)
             if not alive:
                 # Who has only just come may press keys already; a part has a place, which is an old
                 # one until it is let go.
-                some = ("handle", "clutch") if self._alive_at is None else None
-                self._stale = {e for e in _held(sample) if some is None or e[0] in some}
-            parts, held = _parts(sample), _held(sample)
+                new = self._alive_at is None
+                self._stale = {e for e in held if not new or e[0] in ("handle", "clutch")}
             # Out of sight is not let go.
-            self._stale = {
-                lever
-                for lever in self._stale
-                if lever in held or (lever[0] == "clutch" and parts[lever[1]] is None)
-            }
-            self._sample, self._alive_at = _without(sample, self._stale), now
+            unseen = {("clutch", index) for index, part in enumerate(parts) if part is None}
+            self._stale &= held | unseen
+            self._sample, self._alive_at = _without(sample, parts, self._stale), now
             self._opened |= {
                 index: part
-                for index, part in enumerate(_parts(self._sample))
-                if part is not None and part.clutch is False
+                for index, part in enumerate(parts)
+                if part is not None and not part.clutch and not _is_handle(index, part)
             }
             self._unread = (stamp, now)
             return {}
@@ -125,7 +118,7 @@ class OperatorInputs:
             sample, opened = self._sample, self._opened
             if opened:
                 parts = [opened.get(i, part) for i, part in enumerate(_parts(sample))]
-                sample, self._opened = _with_parts(sample, parts), dict[int, TrackedPose]()
+                sample, self._opened = _with_parts(sample, parts), {}
             if not self._alive:
                 return None
             # The loop reads the last message again in each tick: what stood still meanwhile rests.
@@ -173,8 +166,9 @@ _STICKS: dict[str, Any] = {
 
 
 def _parts(sample: OperatorSample) -> list[TrackedPose | None]:
-    """Feet, hands and head; None for what is nowhere."""
-    return [*map(_reached, (*sample.feet, *sample.hands)), sample.head]
+    """Feet, hands and head; None for a foot or hand without a place."""
+    limbs = (*sample.feet, *sample.hands)
+    return [*(p if p is not None and p.position else None for p in limbs), sample.head]
 
 
 def _with_parts(sample: OperatorSample, parts: Sequence[TrackedPose | None]) -> OperatorSample:
@@ -182,21 +176,26 @@ def _with_parts(sample: OperatorSample, parts: Sequence[TrackedPose | None]) -> 
     return replace(sample, feet=(left, right), hands=(left_hand, right_hand), head=head)
 
 
-def _held(sample: OperatorSample) -> set[Lever]:
+def _is_handle(index: int, part: TrackedPose) -> bool:
+    """A foot without a clutch; hands and heads without one are let go."""
+    return part.clutch is None and index < 2
+
+
+def _held(sample: OperatorSample, parts: Sequence[TrackedPose | None]) -> set[Lever]:
     """All that is held in a sample."""
     held: set[Lever] = {("lift", foot) for foot in (0, 1) if sample.lift[foot]}
     held |= {(name, 0) for name, rest in _STICKS.items() if getattr(sample, name) != rest}
-    for index, part in enumerate(_parts(sample)):
-        if part is not None and part.clutch:
-            held.add(("clutch", index))
-        elif part is not None and part.clutch is None and index < 2:
-            held.add(("handle", index))
+    for index, part in enumerate(parts):
+        if part is not None and (part.clutch or _is_handle(index, part)):
+            held.add(("clutch" if part.clutch else "handle", index))
     return held
 
 
-def _without(sample: OperatorSample, stale: set[Lever]) -> OperatorSample:
-    """A sample in which stale levers are let go, and what is nowhere is lost."""
-    parts, left, right = _parts(sample), *sample.lift
+def _without(
+    sample: OperatorSample, parts: list[TrackedPose | None], stale: set[Lever]
+) -> OperatorSample:
+    """A sample with these parts, in which stale levers are let go."""
+    parts, (left, right) = list(parts), sample.lift
     for name, index in stale:
         if name in ("clutch", "handle"):
             parts[index] = None
@@ -209,13 +208,3 @@ def _resting(sample: OperatorSample) -> OperatorSample:
     """A sample without velocities."""
     parts = [part and replace(part, velocity=None) for part in _parts(sample)]
     return _with_parts(sample, parts)
-
-
-def _reached(part: TrackedPose | None) -> TrackedPose | None:
-    """A part; None where it is nowhere."""
-    if part is None or part.position is None:
-        return None
-    numbers, most = part.position, _FAR
-    if part.clutch is not None:
-        numbers, most = (*numbers, *(part.velocity or ())), _NOWHERE
-    return part if all(abs(number) < most for number in numbers) else None

@@ -23,8 +23,8 @@ SPEED_MAX = 2.5
 """Largest speed at which a part is followed [m/s]: a foot in a brisk walk, a hand that reaches."""
 
 BURST = 0.06
-"""Distance that is followed without delay after rest [m]: what `SPEED_MAX` covers in one period of a
-tracker of 40 Hz, the slowest that are sold."""
+"""Distance that is followed without delay after rest [m]: what `SPEED_MAX` covers in one period of
+a tracker of 40 Hz."""
 
 JUMP = SPEED_MAX * SLOWEST + BURST
 """Largest distance of a sample from where its part is followed to [m]: what a part at `SPEED_MAX`
@@ -34,8 +34,8 @@ TURN_SPEED_MAX = 3.0
 """Largest speed at which a hand's turn is followed [rad/s]: what wrists of robots reach."""
 
 TURN_BURST = TURN_SPEED_MAX / 25.0
-"""Turn that is followed without delay after rest [rad]: one period of a tracker of 25 Hz, for a wrist
-that is flicked runs ahead of what follows it."""
+"""Turn that is followed without delay after rest [rad]: one period of a tracker of 25 Hz, for a
+wrist that is flicked runs ahead of what follows it."""
 
 TURN_JUMP = 12.0 * SLOWEST
 """Largest turn from one sample to the next [rad]: a wrist that is flicked, at 12 rad/s."""

@@ -16,7 +16,7 @@ Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Quaternion = tuple[float, float, float, float]
 """Of a rotation, (x, y, z, w)."""
 
-_Numbers = Sequence[float] | np.ndarray
+_Numbers = Sequence[float | int] | np.ndarray
 _NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
 
