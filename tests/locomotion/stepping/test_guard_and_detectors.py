@@ -87,6 +87,13 @@ def test_a_bad_sample_is_refused_and_the_last_good_one_holds(bad):
     assert made.status is DeviceStatus.REFUSED
 
 
+def test_a_tracker_that_nobody_made_a_place_of_is_refused():
+    made, at = held(), sample(DT)
+    tracker = structs.replace(at.feet[0], clutch=True)
+    check(made, structs.replace(at, feet=(tracker, at.feet[1])), DT)
+    assert made.status is DeviceStatus.REFUSED
+
+
 def test_one_bad_device_does_not_hold_up_the_other():
     made = held()
     up = sample(DT, left=(np.nan, 0.0, 0.0), right=(0.0, -0.135, 0.01))

@@ -96,7 +96,8 @@ class OperatorSample(
 
     Attributes:
         time: when it was measured, on the sender's clock [s]. In messages 0 means no clock.
-        feet: devices of the left and the right foot, each of its sole; None for none.
+        feet: devices of the left and the right foot, each of its sole; None for none. Controllers
+            follow those without a clutch; `TrackedFeet` makes them of trackers.
         hands: left and right; None for a hand without a device, which stays as it is.
         head: where the operator looks; None without a headset: the gaze stays as it is.
         body: height, torso and turns of the feet.

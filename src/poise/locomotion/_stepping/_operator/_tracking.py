@@ -254,6 +254,9 @@ class Tracker:
                 rotation = rotation_of(part.orientation)
                 if rotation is None:
                     return False
+        elif part.clutch is not None:
+            # A tracker's position is in no world; `FootTracker` makes a place of it.
+            return False
         if point is None or not all(map(math.isfinite, point)):
             return False
         begin = point
