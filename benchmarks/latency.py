@@ -45,8 +45,8 @@ with connect(url, proxy=None, max_queue=None) as socket:
     begin = time.monotonic()
     for k in range(count):
         time.sleep(max(0.0, begin + k / rate - time.monotonic()))
-        pad = {"do": "drive", "beat": 1e3 * time.monotonic(), "lift": [False, k % 300 > 150]}
-        socket.send(json.dumps(pad))
+        sample = {"do": "drive", "time": time.monotonic(), "lift": [False, k % 300 > 150]}
+        socket.send(json.dumps(sample))
 """
 
 

@@ -24,7 +24,7 @@ from poise.apps.teleoperation import (
 from poise.control import Command
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
-from poise.locomotion import Device, DeviceSample, StepTeleoperator
+from poise.locomotion import Device, OperatorSample, StepTeleoperator
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, rollout
 
@@ -95,7 +95,7 @@ class WalkTick:
     """
 
     state: RobotState
-    sample: DeviceSample | None
+    sample: OperatorSample | None
 
 
 def record_walk(walk: Walk, ticks: int, progress: Progress | None = None) -> tuple[WalkTick, ...]:
@@ -307,10 +307,10 @@ def time_steps(walk: Walk, recorded: Sequence[WalkTick]) -> StepTimes:
 class Replayed:
     """A device that says again what another said, tick by tick."""
 
-    def __init__(self, samples: Iterator[DeviceSample | None]) -> None:
+    def __init__(self, samples: Iterator[OperatorSample | None]) -> None:
         self._samples = samples
 
-    def sample(self, time: float) -> DeviceSample | None:
+    def sample(self, time: float) -> OperatorSample | None:
         """The next one, whatever the time."""
         del time
         return next(self._samples)

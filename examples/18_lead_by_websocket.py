@@ -41,10 +41,10 @@ with LiveSession(poise.load_robot(options.robot), tempfile.mkdtemp()) as session
             begin = status["time"]
             # In the robot's time: on a busy machine it is slower than the clock.
             while (phase := (status["time"] - begin) / 2.5) < 1.2:
-                tracked = [None, None]
-                tracked[foot] = hand(min(phase, 1.0))
-                beat = 1e3 * time.monotonic()
-                socket.send(json.dumps({"do": "drive", "beat": beat, "tracked": tracked}))
+                feet: list[dict[str, Any] | None] = [None, None]
+                feet[foot] = hand(min(phase, 1.0))
+                now = time.monotonic()
+                socket.send(json.dumps({"do": "drive", "time": now, "feet": feet}))
                 status = newest()
                 modes.add(status["mode"])
             left, right = (sole[0] for sole in status["soles"])

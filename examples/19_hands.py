@@ -21,14 +21,14 @@ plant = replace(TORQUE_TELEOP_PLANT.with_noise(), payloads=(load,))
 
 def operator(teleoperator: StepTeleoperator) -> ScriptedDevice:
     """Lifts the right foot, and the right hand with it; the left hand reaches too far."""
-    start, up = teleoperator.resting_sample, (0.15, 0.0, 0.2)
+    up = (0.15, 0.0, 0.2)
     points = [
         WayPoint(at=0.5, right=(0.0, 0.0, 0.0), right_hand=(0.0, 0.0, 0.0)),
         WayPoint(at=1.2, right=(0.0, 0.0, 0.08), right_hand=up, left_hand=(0.0, 0.0, 0.0)),
         WayPoint(at=2.5, right=(0.0, 0.0, 0.08), right_hand=up, left_hand=(0.7, 0.0, 0.3)),
         WayPoint(at=3.2, right=(0.0, 0.0, -0.02)),
     ]
-    return ScriptedDevice(points, start.left, start.right)
+    return ScriptedDevice(points, *teleoperator.estimator.anchors)
 
 
 for known in (False, True):

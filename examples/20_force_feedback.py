@@ -37,7 +37,7 @@ arms = SimulatedArm(resting), SimulatedArm(stepping)
 driver = HapticDriver(*arms)
 
 
-def tracked() -> list[dict[str, Any] | None]:
+def feet() -> list[dict[str, Any] | None]:
     """What both arms say, as the message has it."""
     said = driver.readings
     return [r and {"position": r[0].tolist(), "clutch": bool(r[1])} for r in said]
@@ -61,7 +61,7 @@ with LiveSession(poise.load_robot(options.robot), tempfile.mkdtemp()) as session
                     driver.tick(periods * driver.dt)
                     forces.append(float(arms[1].force[2]))
                     periods += 1
-                socket.send(json.dumps({"do": "drive", "beat": 1e3 * now, "tracked": tracked()}))
+                socket.send(json.dumps({"do": "drive", "time": now, "feet": feet()}))
         left, right = (sole[0] for sole in message["soles"])
         print(f"feet at {left:.2f} and {right:.2f} m")
         strongest = int(np.argmax(forces))

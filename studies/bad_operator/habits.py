@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion import BodySample, DeviceSample, StepTeleoperator
+from poise.locomotion import BodyCommand, OperatorSample, StepTeleoperator, TrackedPose
 
 Place = Float64[np.ndarray, "3"]
 
@@ -38,7 +38,7 @@ class Move:
     right: Place | None = None
     silent: bool = False
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    body: BodySample = field(default_factory=BodySample)
+    body: BodyCommand = field(default_factory=BodyCommand)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -286,7 +286,7 @@ def _bow(sight: Sight) -> Iterator[Move]:
         height = sight.size * float(sight.rng.uniform(-0.15, 0.05))
         roll, pitch, yaw = sight.rng.uniform((-0.3, -0.3, -0.5), (0.3, 0.4, 0.5)).tolist()
         left, right = sight.rng.uniform(-0.4, 0.4, 2).tolist()
-        body = BodySample(height=height, torso=(roll, pitch, yaw), turns=(left, right))
+        body = BodyCommand(height=height, torso=(roll, pitch, yaw), turns=(left, right))
         up = sight.sole(foot) + sight.ahead(0.0, 0.0, 0.15)
         down = sight.sole(foot) + sight.ahead(0.08, 0.0, -0.03)
         for place in (up, down):
@@ -336,7 +336,7 @@ class HabitualOperator:
         self._from, self._hands = [left.copy(), right.copy()], [left.copy(), right.copy()]
         self._begin, self._move = 0.0, Move(seconds=_BEGIN)
 
-    def sample(self, time: float) -> DeviceSample | None:
+    def sample(self, time: float) -> OperatorSample | None:
         """Where the hands are at a time, which goes on from call to call [s]."""
         while time >= self._begin + self._move.seconds:
             self._begin += self._move.seconds
@@ -347,8 +347,8 @@ class HabitualOperator:
         self._place((time - self._begin) / move.seconds)
         if move.silent:
             return None
-        left, right = (hand.copy() for hand in self._hands)
-        return DeviceSample(time, left, right, velocity=move.velocity, body=move.body)
+        left, right = (TrackedPose.of(hand) for hand in self._hands)
+        return OperatorSample(time, (left, right), velocity=move.velocity, body=move.body)
 
     def _place(self, way: float) -> None:
         """Puts the hands a part of their way on."""

@@ -36,7 +36,7 @@ DEPARTURES = (
         "ground there, or, where the ZMP is smoothed, they fall, too",
     ),
     Departure(
-        rule="devices are guarded (`DeviceGuard`)",
+        rule="devices are guarded (`OperatorGuard`)",
         paper="(14), (15d): each sample as it comes",
         reason="a place more than 0.3 m from where the device is followed to is a jump that no "
         "hand makes, and is refused; so are samples that are old, late or no numbers, and a device "

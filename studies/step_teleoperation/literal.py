@@ -16,8 +16,8 @@ from poise.control import DifferentialIK
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import (
     ComShifter,
-    DeviceSample,
     Mode,
+    OperatorSample,
     StepTeleoperator,
     TeleopStatus,
 )
@@ -114,7 +114,7 @@ class LiteralTeleoperator(StepTeleoperator):
         if state is not dynamics.state or self.device is None:
             return
         sample = self.device.sample(state.time)
-        if sample is not None and np.isfinite([sample.left, sample.right]).all():
+        if sample is not None and np.isfinite([sample.place(0), sample.place(1)]).all():
             self._sample = sample
         self.zmp_sensor.update(state, dynamics)
         self._move_on(dynamics)
@@ -197,13 +197,13 @@ class LiteralTeleoperator(StepTeleoperator):
             stack.task(task).set_velocity(saturate(p.omega_lim, turn))
         foot, here = stack.task(f"{self.soles[other]} place"), estimator.sole(other)
         single = self._paper_mode.single
-        place = self._sample.position(other) if single else here
+        place = np.array(self._sample.place(other)) if single else here
         foot.set_velocity(saturate(p.v_lim, p.k_v * (place - here)))
         error = (reference - self.zmp_sensor.zmp).tolist()
         weigh_as_paper(self, error, single=single)
 
     def _paper_status(
-        self, reference: Float64[np.ndarray, "2"], sample: DeviceSample | None, dynamics: Dynamics
+        self, reference: Float64[np.ndarray, "2"], sample: OperatorSample | None, dynamics: Dynamics
     ) -> TeleopStatus:
         torso = dynamics.placement(self.robot.frame_id(self.robot.torso))
         other = 1 - self.estimator.stance
@@ -215,7 +215,7 @@ class LiteralTeleoperator(StepTeleoperator):
             cart_table_zmp=self._cart_table_zmp(dynamics),
             com=dynamics.com,
             soles=(self.estimator.sole(0), self.estimator.sole(1)),
-            target=self._sample.position(other) if self._paper_mode.single else None,
+            target=np.array(self._sample.place(other)) if self._paper_mode.single else None,
             loads=self.zmp_sensor.loads.copy(),
             tilt=float(np.arccos(np.clip(torso[1][2, 2], -1.0, 1.0))),
             hands=tuple(self.hands.status),

@@ -65,12 +65,12 @@ def _robot(name: str) -> Robot:
 
 def _hands(teleoperator: StepTeleoperator) -> ScriptedDevice:
     """A step of the left foot, in the size of the robot."""
-    start = teleoperator.resting_sample
-    com = float(teleoperator.estimator.dynamics.com[2] - start.left[2])
+    left, right = teleoperator.estimator.anchors
+    com = float(teleoperator.estimator.dynamics.com[2] - left[2])
     ahead, height = _STEP * com / 0.765, _HEIGHT * com / 0.765
     places = ((_LIFT, 0.0, 0.0), (1.2, ahead, height), (_LOWER, ahead, height), (_END, ahead, 0.0))
     points = [WayPoint(at=at, left=(x, 0.0, z)) for at, x, z in places]
-    return ScriptedDevice(points, start.left, start.right)
+    return ScriptedDevice(points, left, right)
 
 
 def run_trial(trial: Trial) -> Outcome:

@@ -77,13 +77,13 @@ def run_trial(trial: Trial) -> Outcome:
     """Runs a trial."""
     robot, rng = _robot(trial.robot), np.random.default_rng((trial.seed, 5))
     stride = _STRIDE * robot.soles["right_sole"].length
-    start = StepTeleoperator(robot).resting_sample.right
+    start = StepTeleoperator(robot).estimator.anchors[1]
     block = _bump(robot, start[:2] + np.array([stride, 0.0]), rng)
     points = _points(stride, block.size[2], rng)
     plant = replace(changed_plant(robot, "torque", MIXED, trial.seed), blocks=(block,))
     run = run_teleop(
         robot,
-        lambda t: ScriptedDevice(points, t.resting_sample.left, t.resting_sample.right),
+        lambda t: ScriptedDevice(points, *t.estimator.anchors),
         plant,
         duration=points[-1].at + _REST,
         seed=trial.seed,

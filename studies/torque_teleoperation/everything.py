@@ -1,13 +1,13 @@
 """`EverythingOperator`: feet, hands, head, body and stick at once, all of them at random."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
+from msgspec.structs import replace
 
 from poise.apps.teleoperation import BadOperator
-from poise.locomotion import BodySample, DeviceSample, HeadSample, StepTeleoperator
+from poise.locomotion import BodyCommand, OperatorSample, StepTeleoperator, TrackedPose
 from studies.torque_teleoperation.random_hands import RandomHands, arm_length
 
 _LOOKS_FROM = 0.3
@@ -49,7 +49,7 @@ class EverythingOperator:
         self._head, self._stick = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)
         self._next, self._walks_until, self._last = 1.0, 0.0, 0.0
 
-    def sample(self, time: float) -> DeviceSample | None:
+    def sample(self, time: float) -> OperatorSample | None:
         """What all of it says; drawn tick by tick, so ask once a tick."""
         if time >= self._next:
             self._next = time + float(self._rng.uniform(*_PAUSE))
@@ -65,8 +65,8 @@ class EverythingOperator:
         return replace(
             feet,
             hands=hands,
-            head=HeadSample(self._head.copy(), clutch=time > _LOOKS_FROM),
-            body=BodySample(height, (roll, pitch, yaw), (left, right)),
+            head=TrackedPose(clutch=time > _LOOKS_FROM, orientation=self._head.tolist()),
+            body=BodyCommand(height, (roll, pitch, yaw), (left, right)),
             velocity=(ahead, aside, turn),
         )
 

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 from jaxtyping import Float64
+from msgspec import structs
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, TeleopRun, run_teleop
 from poise.control import WholeBodyController
@@ -13,8 +14,9 @@ from poise.dynamics import Dynamics, RobotState
 from poise.estimation import PayloadEstimator, StateEstimator
 from poise.locomotion import (
     Device,
-    DeviceSample,
     HandLeader,
+    OperatorGuard,
+    OperatorSample,
     ScriptedDevice,
     StepTeleoperator,
     Walker,
@@ -50,11 +52,11 @@ class _Operator:
     def __init__(self, feet: Device, hands: RandomHands | None) -> None:
         self._feet, self._hands = feet, hands
 
-    def sample(self, time: float) -> DeviceSample | None:
+    def sample(self, time: float) -> OperatorSample | None:
         sample = self._feet.sample(time)
         if sample is None or self._hands is None:
             return sample
-        return replace(sample, hands=self._hands.hands(time))
+        return structs.replace(sample, hands=self._hands.hands(time))
 
 
 class _Walk:
@@ -64,6 +66,7 @@ class _Walk:
         leader = HandLeader(robot, dt=dt)
         self.stack = walking_stack(robot, leader.task)
         self.walker, self._leader = Walker(robot, self.stack), leader
+        self._guard = OperatorGuard(dt=dt)
         self._hands = (
             RandomHands(leader, arm_length(robot), dt, trial.seed) if trial.moving else None
         )
@@ -71,11 +74,10 @@ class _Walk:
 
     def lead(self, state: RobotState) -> None:
         """Another velocity every four seconds."""
-        nowhere = np.full(3, np.nan)
         if self._hands is not None:
             hands = self._hands.hands(state.time)
-            sample = DeviceSample(state.time, nowhere, nowhere, hands=hands)
-            self._leader.lead(sample, state)
+            self._guard.check(OperatorSample(state.time, hands=hands), state.time)
+            self._leader.lead(self._guard, state)
         self.walker.set_velocity(*_VELOCITIES[int(state.time / 4.0) % len(_VELOCITIES)])
         self.walker.lead(state)
         if state.time > BEGINS:

@@ -116,7 +116,6 @@ def _overruled(run: TeleopRun) -> Bool[np.ndarray, " T"]:
 
 def _hand(teleoperator: StepTeleoperator, place: int, *, left: bool) -> ScriptedDevice:
     """Lifts one device, and holds it where the foot shall be."""
-    start = teleoperator.resting_sample
     ahead, outwards, height = _PLACES[place]
     aside = outwards if left else -outwards
     ways = (
@@ -129,7 +128,7 @@ def _hand(teleoperator: StepTeleoperator, place: int, *, left: bool) -> Scripted
         WayPoint(at=_BEGIN + at, left=offset) if left else WayPoint(at=_BEGIN + at, right=offset)
         for at, offset in ways
     ]
-    return ScriptedDevice(points, start.left, start.right)
+    return ScriptedDevice(points, *teleoperator.estimator.anchors)
 
 
 def held_section(options: StudyOptions, progress: Progress) -> Section:

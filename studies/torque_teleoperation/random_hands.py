@@ -3,7 +3,7 @@
 import numpy as np
 
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion import HandLeader, HandSample, HandStatus
+from poise.locomotion import HandLeader, HandStatus, TrackedPose
 from poise.robots import Robot
 
 FASTEST = 1.0
@@ -37,17 +37,17 @@ class RandomHands:
         self._speeds, self._until = [FASTEST] * count, [0.0] * count
         self._open_at, self._stuck = [BEGINS] * count, [0.0] * count
 
-    def hands(self, time: float) -> tuple[HandSample | None, HandSample | None]:
+    def hands(self, time: float) -> tuple[TrackedPose | None, TrackedPose | None]:
         """What both devices say; drawn tick by tick, so ask once a tick."""
         left, right = (self._hand(hand, time) for hand in (0, 1))
         return left, right
 
-    def _hand(self, hand: int, time: float) -> HandSample:
+    def _hand(self, hand: int, time: float) -> TrackedPose:
         if time >= self._open_at[hand] + 0.3:
             self._open_at[hand] = time + float(self._rng.uniform(3.0, 8.0))
             self._devices[hand] = self._rng.uniform(-1.0, 1.0, 3)
         if time < BEGINS or time >= self._open_at[hand]:
-            return HandSample(self._devices[hand].copy(), clutch=False)
+            return TrackedPose.of(self._devices[hand], clutch=False)
         edge = self._leader.status[hand] is HandStatus.REACH
         self._stuck[hand] = self._stuck[hand] + self._dt if edge else 0.0
         way = self._goals[hand] - self._leader.places[hand]
@@ -56,7 +56,7 @@ class RandomHands:
             self._draw(hand, time)
         step = min(1.0, self._dt * self._speeds[hand] / max(far, 1e-9))
         self._devices[hand] = self._devices[hand] + step * way
-        return HandSample(self._devices[hand].copy())
+        return TrackedPose.of(self._devices[hand], clutch=True)
 
     def _draw(self, hand: int, time: float) -> None:
         """A place in a box that is larger than what the hand reaches."""

@@ -71,7 +71,7 @@ def _robot(name: str) -> Robot:
 def run_trial(trial: Trial) -> Outcome:
     """Runs a trial."""
     robot = _robot(trial.robot)
-    sole, start = robot.soles["right_sole"], StepTeleoperator(robot).resting_sample.right
+    sole, start = robot.soles["right_sole"], StepTeleoperator(robot).estimator.anchors[1]
     stride = _STRIDE * sole.length
     ridge = Block(
         center=(float(start[0]) + stride, float(start[1]) - trial.beside * sole.width),
@@ -90,7 +90,7 @@ def run_trial(trial: Trial) -> Outcome:
     ]
     run = run_teleop(
         robot,
-        lambda t: ScriptedDevice(points, t.resting_sample.left, t.resting_sample.right),
+        lambda t: ScriptedDevice(points, *t.estimator.anchors),
         replace(plant, blocks=(ridge,)),
         duration=_END,
         seed=trial.seed,

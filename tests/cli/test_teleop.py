@@ -100,9 +100,7 @@ def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
     blocks = terrain_blocks("bumps", load_robot("biped20"), seed=3)
     run_teleop(
         load_robot("biped20"),
-        lambda c: ScriptedDevice(
-            [WayPoint(at=0.0, left=(0.0, 0.0, 0.0))], c.resting_sample.left, c.resting_sample.right
-        ),
+        lambda c: ScriptedDevice([WayPoint(at=0.0, left=(0.0, 0.0, 0.0))], *c.estimator.anchors),
         replace(VELOCITY_TELEOP_PLANT, blocks=blocks),
         duration=0.1,
         recording=in_folder / "x.mcap",
@@ -120,7 +118,7 @@ def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun)
 
     run_teleop(
         load_robot("humanoid33"),
-        lambda c: ScriptedDevice([], c.resting_sample.left, c.resting_sample.right),
+        lambda c: ScriptedDevice([], *c.estimator.anchors),
         VELOCITY_TELEOP_PLANT,
         duration=0.1,
         recording=in_folder / "x.mcap",
@@ -151,7 +149,7 @@ def test_a_recording_of_a_robot_from_a_file_is_played_with_that(in_folder, capsy
     (in_folder / "mona.poise.yaml").write_text(yaml.safe_dump(facts), encoding="utf-8")
     run_teleop(
         load_robot("mona.urdf"),
-        lambda c: ScriptedDevice([], c.resting_sample.left, c.resting_sample.right),
+        lambda c: ScriptedDevice([], *c.estimator.anchors),
         VELOCITY_TELEOP_PLANT,
         duration=0.1,
         recording=in_folder / "x.mcap",

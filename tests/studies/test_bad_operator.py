@@ -98,10 +98,10 @@ def noted(controller):
 
 run_teleop(load_robot("biped20"), noted, VELOCITY_TELEOP_PLANT, duration=9.0)
 given = [s for s in samples if s is not None]
-good = np.array([s.right for s in given if not np.isnan(s.left).any()])
+good = np.array([s.place(1) for s in given if not np.isnan(s.place(0)).any()])
 print(json.dumps({
     "froze": len(samples) - len(given),
-    "rubbish": int(sum(np.isnan(s.left).any() for s in given)),
+    "rubbish": int(sum(np.isnan(s.place(0)).any() for s in given)),
     "jump": float(np.abs(np.diff(good, axis=0)).max()),
     "far": float(np.abs(good[:, :2]).max()),
 }))

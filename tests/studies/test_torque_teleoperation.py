@@ -137,13 +137,12 @@ def test_a_fall_or_a_com_that_is_further_off_fails_the_finding():
 
 def test_either_foot_is_held_at_the_same_place_from_where_it_stood(get_robot):
     teleoperator = StepTeleoperator(get_robot("g1"), actuation="torque")
-    start = teleoperator.resting_sample
-    offsets = []
+    start, offsets = teleoperator.estimator.anchors, []
     for left in (True, False):
         held = _hand(teleoperator, 7, left=left).sample(4.0)
-        moved, still = (held.left, held.right) if left else (held.right, held.left)
-        np.testing.assert_array_equal(still, start.right if left else start.left)
-        offsets.append(moved - (start.left if left else start.right))
+        foot = 0 if left else 1
+        np.testing.assert_array_equal(held.place(1 - foot), start[1 - foot])
+        offsets.append(held.place(foot) - start[foot])
     np.testing.assert_allclose(offsets[0], [0.15, 0.1, 0.12])
     np.testing.assert_allclose(offsets[1], [0.15, -0.1, 0.12])
 

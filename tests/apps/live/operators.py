@@ -36,9 +36,9 @@ def control(front, token=None, **options):
         yield socket, json.loads(socket.recv(timeout=PATIENCE))
 
 
-def beat(socket, **pad):
+def beat(socket, **raw):
     """A sign of life, with keys, sticks and handles."""
-    socket.send(json.dumps({"do": "drive", "beat": 1e3 * time.monotonic(), **pad}))
+    socket.send(json.dumps({"do": "drive", "time": time.monotonic(), **raw}))
 
 
 def answer(socket):

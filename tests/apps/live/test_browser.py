@@ -1,6 +1,7 @@
 """The page in a real browser, as an operator and as a watcher."""
 
 import contextlib
+import math
 import re
 import time
 
@@ -288,7 +289,7 @@ def test_handles_and_gamepads_do_not_wait_for_the_next_beat(browser, session):
         page.wait("view !== null && newest.device !== 'LOST'", "the device")
         page.ask(LISTEN)
         page.ask("view.drags = () => [null, [0, -0.1, 0.05]]; 0")
-        page.wait("sent.some((m) => m.drag[1] !== null)", "the handle")
+        page.wait("sent.some((m) => m.feet[1] !== null)", "the handle")
         page.ask(
             "navigator.getGamepads = () => [{connected: true, mapping: 'standard', axes: [],"
             " buttons: [0, 0, 0, 0, 1].map((on) => ({pressed: Boolean(on)}))}]; 0"
@@ -615,9 +616,8 @@ def test_a_hands_handle_that_is_dragged_to_the_horizon_lets_go_of_nothing_else(b
         page.wait("view !== null && newest.device !== 'LOST'", "the device")
         page.ask("keys.left = view.grips[1].dragging = true; 0")
         page.ask("view.grips[1].object.position.set(-3e5, 2e4, 0.5); 0")
-        x, y, z = page.ask("view.hands()[1].position")
-        assert (x, y) == (-10.0, 10.0)
-        assert abs(z) < 2.0
+        x, y, _ = page.ask("view.hands()[1].position")
+        assert math.hypot(x, y) > 1e5
         wait_for(lambda: (pad := standing.inputs.read()) and pad.lift[0], "the key")
         assert page.text("said").strip() == ""
         assert page.errors == []

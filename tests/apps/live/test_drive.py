@@ -14,9 +14,8 @@ from pages import Page
 
 from poise.apps.live import DriveLoop, DriveSession, OperatorInputs, _inputs as inputs
 from poise.apps.live._feet import velocity_of
-from poise.apps.live._gamepad import pad_from
-from poise.apps.live._pad import Pad
-from poise.locomotion import VelocityLimits
+from poise.apps.live._gamepad import sample_from
+from poise.locomotion import OperatorSample, VelocityLimits
 
 LIMITS = VelocityLimits(ahead=1.0, back=0.5, sideways=0.4, turn=0.8)
 
@@ -40,10 +39,10 @@ def test_nobody_asks_for_rest():
 @pytest.mark.parametrize(
     ("pad", "sign"),
     [
-        (Pad(move=(1.0, 0.0)), (1, 0, 0)),
-        (Pad(move=(-1.0, 0.0)), (-1, 0, 0)),
-        (Pad(move=(0.0, 1.0)), (0, 1, 0)),
-        (Pad(turn=-1.0), (0, 0, -1)),
+        (OperatorSample(move=(1.0, 0.0)), (1, 0, 0)),
+        (OperatorSample(move=(-1.0, 0.0)), (-1, 0, 0)),
+        (OperatorSample(move=(0.0, 1.0)), (0, 1, 0)),
+        (OperatorSample(turn=-1.0), (0, 0, -1)),
     ],
 )
 def test_sticks_ask_for_velocities_within_limits(pad, sign):
@@ -54,8 +53,8 @@ def test_sticks_ask_for_velocities_within_limits(pad, sign):
 
 
 def test_the_right_stick_turns():
-    assert pad_from([], [0.0, -1.0, 1.0]).move == (1.0, 0.0)
-    assert pad_from([], [0.0, 0.0, 1.0]).turn == -1.0
+    assert sample_from([], [0.0, -1.0, 1.0]).move == (1.0, 0.0)
+    assert sample_from([], [0.0, 0.0, 1.0]).turn == -1.0
 
 
 def test_beats_walk_the_robot_and_silence_stops_it(session):
@@ -78,7 +77,7 @@ def test_the_zmp_that_is_shown_is_the_measured_one_and_its_reference_is_beside_i
 
     def walked():
         beat_once = session.loop.snapshot
-        session.inputs.pad(Pad(move=(1.0, 0.0)))
+        session.inputs.take(OperatorSample(move=(1.0, 0.0)))
         if not seen or beat_once.time != seen[-1].time:
             seen.append(beat_once)
         return beat_once.time > 2.5
@@ -109,7 +108,7 @@ def test_a_reset_begins_a_new_log(session, tmp_path):
 
 def test_keys_in_a_browser_drive_the_robot(browser, session, monkeypatch):
     # Where a busy machine stops for a moment, a key that is held would have to be let go first.
-    monkeypatch.setattr(inputs, "FRESH_FOR", 10.0)
+    monkeypatch.setattr(inputs, "LOST_AFTER", 10.0)
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device === 'OK'", "the operator")
         assert page.ask("[newest.kind, document.body.dataset.kind]") == ["velocity", "velocity"]

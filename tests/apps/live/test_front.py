@@ -22,9 +22,9 @@ from websockets.sync.client import connect
 from poise.apps.live import _inputs as inputs, _seat as seats
 from poise.apps.live._front import PortInUseError
 from poise.apps.teleoperation import read_recording
-from poise.locomotion import DeviceStatus, Mode
+from poise.locomotion import DeviceStatus, Mode, TrackedPose
 
-HELD = [None, [0.0, -0.13, 0.4]]
+HELD = [None, {"position": [0.0, -0.13, 0.4]}]
 """The right handle, well above the ground [m]."""
 
 
@@ -128,7 +128,7 @@ def test_who_has_not_sees_but_cannot_command(front, session, token):
         assert status["mode"] == "D"
         for message in (
             {"do": "drive", "lift": [False, True]},
-            {"do": "drive", "drag": [None, [0.0, -0.13, 0.4]]},
+            {"do": "drive", "feet": [None, {"position": [0.0, -0.13, 0.4]}]},
             {"do": "pause", "value": True},
             {"do": "push", "value": "left"},
             {"do": "reset"},
@@ -162,14 +162,19 @@ def test_every_message_is_answered_with_what_the_feet_feel(front, session):
 
 
 def test_who_sends_what_does_not_count_is_told_why(front, monkeypatch):
-    monkeypatch.setattr(inputs, "FRESH_FOR", 60.0)
+    monkeypatch.setattr(inputs, "LOST_AFTER", 60.0)
     with control(front, front.seat.token) as (operator, _):
-        for sent, told in ((2000.0, {}), (1990.0, {"old": 0.01}), (1000.0, {"old": 1.0})):
-            operator.send(json.dumps({"do": "drive", "beat": sent}))
+        for sent, told in (
+            (2.0, {}),
+            (1.99, {"old": 0.01}),
+            (1.0, {"old": 1.0}),
+            (9.0, {"early": 7.0}),
+        ):
+            operator.send(json.dumps({"do": "drive", "time": sent}))
             found = answer(operator)
             assert found.pop("echo") == sent
             assert found.pop("forces") is not None
-            assert found == pytest.approx(told)
+            assert found == pytest.approx(told, abs=1.0 if "early" in told else 1e-9)
 
 
 def test_when_the_operator_leaves_the_seat_is_free(front):
@@ -183,10 +188,10 @@ def test_when_the_operator_leaves_the_seat_is_free(front):
 def test_whoever_comes_takes_the_seat_of_a_frozen_operator(front, session, monkeypatch):
     monkeypatch.setattr(seats, "SILENT_FOR", 0.5)
     with control(front, front.seat.token) as (frozen, _):
-        place = [0.0, float(session.loop.snapshot.soles[1][1]), 0.14]
+        place = {"position": [0.0, float(session.loop.snapshot.soles[1][1]), 0.14]}
         beat(frozen)
         wait_for(
-            lambda: beat(frozen, drag=[None, place]) or session.loop.snapshot.mode is Mode.SL,
+            lambda: beat(frozen, feet=[None, place]) or session.loop.snapshot.mode is Mode.SL,
             "the lift",
         )
         time.sleep(1.0)
@@ -195,14 +200,14 @@ def test_whoever_comes_takes_the_seat_of_a_frozen_operator(front, session, monke
             wait_for(lambda: session.loop.snapshot.mode is Mode.D, "the foot to come down")
             beat(second)
             # It wakes up: too late.
-            beat(frozen, drag=[None, place])
+            beat(frozen, feet=[None, place])
             while "echo" in (told := answer(frozen)):
                 pass
             assert told["hello"] == "watcher"
             assert "somebody else drives" in told["reason"]
             assert "watching" in answer(frozen)["error"]
             assert front.seat.taken
-            assert session.inputs.read().drag == (None, None)
+            assert session.inputs.read().feet == (None, None)
 
 
 def test_pushes_do_not_pile_up(front, session):
@@ -240,7 +245,7 @@ def test_what_writes_files_is_not_done_as_often_as_it_is_asked_for(front, sessio
 
 
 def test_a_copy_that_takes_long_silences_no_operator(front, session, monkeypatch):
-    monkeypatch.setattr(inputs, "FRESH_FOR", 2.0)
+    monkeypatch.setattr(inputs, "LOST_AFTER", 2.0)
 
     def copy():
         time.sleep(4.0)
@@ -268,11 +273,11 @@ def test_handles_move_nothing_without_the_seat(front, session, token):
     with control(front, front.seat.token) as (operator, _), control(front, token) as (other, _):
         for _ in range(10):
             beat(operator)
-            beat(other, drag=[None, None])
-            beat(other, drag=HELD)
+            beat(other, feet=[None, None])
+            beat(other, feet=HELD)
             time.sleep(0.03)
         assert "watching" in answer(other)["error"]
-        assert session.inputs.read().drag == (None, None)
+        assert session.inputs.read().feet == (None, None)
         assert session.loop.snapshot.mode is Mode.D
 
 
@@ -287,20 +292,20 @@ def test_who_was_refused_does_not_inherit_the_seat(front, session):
             assert hello["hello"] == "operator"
             beat(operator)
             beat(second)
-            beat(second, drag=HELD)
+            beat(second, feet=HELD)
             assert "watching" in answer(second)["error"]
             beat(operator)
             wait_for(lambda: session.inputs.read() is not None, "what the operator says")
-            assert session.inputs.read().drag == (None, None)
+            assert session.inputs.read().feet == (None, None)
 
 
 def test_the_operators_handle_lifts_the_foot_and_a_page_that_goes_lets_go(front, session):
     with control(front, front.seat.token) as (operator, _):
         beat(operator)
-        place = [0.0, float(session.loop.snapshot.soles[1][1]), 0.14]
+        place = {"position": [0.0, float(session.loop.snapshot.soles[1][1]), 0.14]}
 
         def lifted():
-            beat(operator, drag=[None, place])
+            beat(operator, feet=[None, place])
             now = session.loop.snapshot
             return now.mode is Mode.SL and now.soles[1][2] > 0.05
 
@@ -332,9 +337,9 @@ def test_what_is_held_at_a_reset_leads_nothing_until_it_is_let_go(front, session
 def test_a_handle_that_is_let_go_brings_the_foot_down(front, session):
     with control(front, front.seat.token) as (operator, _):
         beat(operator)
-        place = [0.0, float(session.loop.snapshot.soles[1][1]), 0.14]
+        place = {"position": [0.0, float(session.loop.snapshot.soles[1][1]), 0.14]}
         wait_for(
-            lambda: beat(operator, drag=[None, place]) or session.loop.snapshot.mode is Mode.SL,
+            lambda: beat(operator, feet=[None, place]) or session.loop.snapshot.mode is Mode.SL,
             "the lift",
         )
         wait_for(
@@ -352,16 +357,16 @@ def test_a_handle_that_is_let_go_brings_the_foot_down(front, session):
         '{"do": "drive", "lift": [true, true], "move": [NaN, 0]}',
         '{"do": "drive", "lift": [true, true], "move": [1e9, 0]}',
         '{"do": "drive", "lift": [true, true], "move": ["a", 0]}',
-        '{"do": "drive", "tracked": [{"position": [0, 0], "clutch": true}, null]}',
-        '{"do": "drive", "tracked": [{"position": [0, 0, NaN]}, null]}',
-        '{"do": "drive", "tracked": [{"position": [0, 0, 1e999]}, null]}',
-        '{"do": "drive", "tracked": [{"position": [0, 0, 0], "clutch": 1}, null]}',
-        '{"do": "drive", "tracked": [null]}',
+        '{"do": "drive", "feet": [{"position": [0, 0], "clutch": true}, null]}',
+        '{"do": "drive", "feet": [{"position": [0, 0, NaN]}, null]}',
+        '{"do": "drive", "feet": [{"position": [0, 0, 1e999]}, null]}',
+        '{"do": "drive", "feet": [{"position": [0, 0, 0], "clutch": 1}, null]}',
+        '{"do": "drive", "feet": [null]}',
         '{"do": "drive", "head": {"orientation": [0, 0, 1], "clutch": true}}',
         '{"do": "drive", "head": {"orientation": [0, 0, NaN, 1]}}',
         '{"do": "drive", "second": [2, 0]}',
         '{"do": "drive", "hand": [null, null]}',
-        '{"do": "drive", "tracked": [{"position": [0, 0, 0], "cluch": true}, null]}',
+        '{"do": "drive", "feet": [{"position": [0, 0, 0], "cluch": true}, null]}',
         '{"do": "reset", "now": true}',
         '{"do": "push", "value": "up"}',
         '{"do": "push", "value": ["left"]}',
@@ -384,44 +389,46 @@ def test_nonsense_of_an_operator_gets_an_answer_and_moves_nothing(front, session
 
 @pytest.mark.fast_cases(3)
 @pytest.mark.parametrize(
-    "drag", [[None, None], [None, [0.0, 0.0]], [None, [1e9, 0.0, 0.0]], [None, "abc"], [None],
-             "abc", [None, [None] * 3], [None, [0.0, 0.0, True]], [None] * 2 + [[0.0, 0.0, 0.1]]]
-)  # fmt: skip
-def test_a_handle_that_is_nowhere_is_not_followed(front, session, drag):
+    "place", [None, [0.0, 0.0], "abc", [None] * 3, [0.0, 0.0, True], ["0"] * 3]
+)
+def test_a_handle_that_is_nowhere_is_not_followed(front, session, place):
     with control(front, front.seat.token) as (operator, _):
         beat(operator)
-        beat(operator, drag=drag)
-        operator.send('{"do": "drive", "drag": [null, [NaN, NaN, NaN]]}')
+        beat(operator, feet=[None, {"position": place}])
+        beat(operator, feet=[None] * 2 + [{"position": [0.0, 0.0, 0.1]}])
+        operator.send('{"do": "drive", "feet": [null, {"position": [NaN, NaN, NaN]}]}')
         time.sleep(0.2)
-        assert session.inputs.read().drag == (None, None)
+        assert session.inputs.read().feet == (None, None)
         assert session.loop.running
 
 
-AWAY = {"position": [0.0, 1e9, 0.0], "clutch": True}
-FAST = {"position": [0.0] * 3, "velocity": [0.0, -1e300, 0.0]}
-NO_TURN = {"position": [0.0] * 3, "orientation": [0.0, 0.0, 1e300, 1.0]}
+AWAY = {"position": [0.0, 1e300, 0.0], "clutch": True}
+FAST = {"position": [0.0] * 3, "clutch": True, "velocity": [0.0, -1e300, 0.0]}
+NO_TURN = {"position": [0.0] * 3, "clutch": True, "orientation": [0.0, 0.0, 1e300, 1.0]}
 
 
 @pytest.mark.fast_cases(3)
 @pytest.mark.parametrize(
-    ("member", "value", "lost"),
+    ("member", "value"),
     [
-        ("hands", [AWAY, None], True), ("tracked", [AWAY, None], True),
-        ("hands", [FAST, None], True), ("tracked", [FAST, None], True),
-        ("hands", [NO_TURN, None], False), ("tracked", [NO_TURN, None], False),
-        ("head", {"orientation": [0.0, 0.0, 9.0, 1.0], "clutch": False}, False),
+        ("hands", AWAY), ("feet", AWAY), ("feet", {"position": [-1e308] * 3}), ("hands", FAST),
+        ("feet", FAST), ("hands", NO_TURN), ("feet", NO_TURN),
+        ("head", {"orientation": [0.0, 0.0, 9.0, 1.0], "clutch": True}),
     ],
 )  # fmt: skip
-def test_what_is_out_of_reach_does_not_cost_the_rest_of_its_message(
-    front, session, member, value, lost
-):
+def test_what_is_out_of_reach_does_not_cost_the_rest_of_its_message(front, session, member, value):
+    opened = {**value, "clutch": False}
     with control(front, front.seat.token) as (operator, _):
-        for drag in ([None, None], HELD):
-            beat(operator, drag=drag, **{member: value})
+        for one, handle in ((opened, None), (value, HELD[1])):
+            sent = {"feet": [None, handle], member: one}
+            if member != "head":
+                sent[member] = [one, handle if member == "feet" else None]
+            beat(operator, **sent)
             assert answer(operator).keys() == {"echo", "forces"}
-        pad = session.inputs.read()
-        assert pad.drag == (None, tuple(HELD[1]))
-        assert lost is (getattr(pad, member) == (None, None))
+        assert session.inputs.read().feet[1] == TrackedPose(tuple(HELD[1]["position"]))
+        time.sleep(0.1)
+        assert session.loop.running
+        assert np.isfinite(session.loop.snapshot.handles).all()
 
 
 def test_messages_beyond_all_measure_end_the_connection(front):

@@ -10,7 +10,7 @@ from operators import wait_for
 pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
-from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes, _log as logs
+from poise.apps.live import LiveLoop, OperatorInputs, Takes, _log as logs
 from poise.apps.teleoperation import (
     VELOCITY_TELEOP_PLANT,
     RecordingError,
@@ -19,7 +19,7 @@ from poise.apps.teleoperation import (
     run_teleop,
 )
 from poise.errors import ConfigurationError
-from poise.locomotion import Mode, ScriptedDevice, StepTeleoperator
+from poise.locomotion import Mode, OperatorSample, ScriptedDevice, StepTeleoperator
 from poise.sim import Recorder
 
 
@@ -36,7 +36,7 @@ def loop(get_robot, tmp_path):
 
 def drive(loop, pad, until, what):
     def seen():
-        loop._inputs.pad(pad)
+        loop._inputs.take(pad)
         return until(loop.snapshot)
 
     wait_for(seen, what)
@@ -48,8 +48,8 @@ def test_a_run_leaves_a_log_that_agrees_with_its_replay(loop, tmp_path):
 
     from poise.sim import read_log
 
-    drive(loop, Pad(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
-    drive(loop, Pad(), lambda s: s.mode is Mode.D, "double support")
+    drive(loop, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
+    drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     loop.stop()
     assert not loop.takes.room.is_full
     log = read_log(tmp_path / "takes" / "take-001.mcap")
@@ -73,10 +73,10 @@ def test_a_run_leaves_a_log_that_agrees_with_its_replay(loop, tmp_path):
 
 def test_a_reset_begins_another_log(loop, tmp_path):
     pytest.importorskip("mcap")
-    drive(loop, Pad(), lambda s: s.time > 0.3, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.3, "some time")
     loop.reset()
     wait_for(lambda: loop.snapshot.take == "take-002.mcap", "the reset")
-    drive(loop, Pad(), lambda s: s.time > 0.1, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.1, "some time")
     loop.stop()
     names = {path.name for path in (tmp_path / "takes").glob("*.mcap")}
     assert names == {"take-001.mcap", "take-002.mcap"}
@@ -97,7 +97,7 @@ def test_without_the_package_the_run_goes_on_and_says_so(loop, tmp_path, monkeyp
         return real(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", missing)
-    drive(loop, Pad(), lambda s: s.time > 0.3, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.3, "some time")
     loop.stop()
     assert loop.error is None
     assert "not recorded" in loop.takes.name
@@ -107,7 +107,7 @@ def test_without_the_package_the_run_goes_on_and_says_so(loop, tmp_path, monkeyp
 
 def test_a_log_that_cannot_be_made_costs_nothing_but_itself(loop, tmp_path):
     (tmp_path / "takes" / "take-001.mcap").mkdir()
-    drive(loop, Pad(), lambda s: s.time > 0.3, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.3, "some time")
     loop.stop()
     assert loop.error is None
     assert "take-001.mcap" in loop.takes.name
@@ -121,9 +121,9 @@ def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path
     loop = LiveLoop(robot, OperatorInputs(), takes, plant=VELOCITY_TELEOP_PLANT)
     loop.start()
     wait_for(lambda: loop.snapshot, "the first picture")
-    drive(loop, Pad(), lambda s: "is full" in s.take, "the folder to be full")
+    drive(loop, OperatorSample(), lambda s: "is full" in s.take, "the folder to be full")
     now = loop.snapshot.time
-    drive(loop, Pad(), lambda s: s.time > now + 1.0, "the run to go on")
+    drive(loop, OperatorSample(), lambda s: s.time > now + 1.0, "the run to go on")
     held = {path.name: path.stat().st_size for path in tmp_path.iterdir()}
     assert sum(held.values()) < 400_000
     with pytest.raises(ConfigurationError, match="is full"):
@@ -132,7 +132,7 @@ def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path
     assert len(read_recording(tmp_path / "take-001.mcap").samples) > 10
     loop.reset()
     wait_for(lambda: loop.snapshot.time < now, "the reset")
-    drive(loop, Pad(), lambda s: s.time > 0.5, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.5, "some time")
     loop.stop()
     assert loop.error is None
     assert {path.name for path in tmp_path.iterdir()} == set(held)
@@ -144,11 +144,11 @@ def test_a_file_that_can_be_written_no_more_costs_the_recording_and_not_the_run(
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    drive(loop, Pad(), lambda s: s.time > 1.0, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 1.0, "some time")
     monkeypatch.setattr(loop.takes._recorder._log._writer, "flush", full)
-    drive(loop, Pad(), lambda s: "No space left" in s.take, "the loss to be told")
+    drive(loop, OperatorSample(), lambda s: "No space left" in s.take, "the loss to be told")
     now = loop.snapshot.time
-    drive(loop, Pad(), lambda s: s.time > now + 0.2, "the run to go on")
+    drive(loop, OperatorSample(), lambda s: s.time > now + 0.2, "the run to go on")
     with pytest.raises(ConfigurationError, match="No space left"):
         loop.takes.keep()
     loop.reset()
@@ -161,11 +161,11 @@ def test_a_file_that_can_be_written_no_more_costs_the_recording_and_not_the_run(
 
 def test_a_folder_that_is_gone_costs_the_recording_and_not_the_run(loop, tmp_path, monkeypatch):
     monkeypatch.setattr(logs, "_LOOK_EVERY", 0.0)
-    drive(loop, Pad(), lambda s: s.time > 0.2, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     shutil.rmtree(tmp_path / "takes")
-    drive(loop, Pad(), lambda s: "not recorded" in s.take, "the loss to be told")
+    drive(loop, OperatorSample(), lambda s: "not recorded" in s.take, "the loss to be told")
     now = loop.snapshot.time
-    drive(loop, Pad(), lambda s: s.time > now + 0.2, "the run to go on")
+    drive(loop, OperatorSample(), lambda s: s.time > now + 0.2, "the run to go on")
     loop.stop()
     assert loop.error is None
 
@@ -193,8 +193,7 @@ def test_a_link_to_nothing_in_the_folder_costs_nothing(tmp_path):
 
 def test_a_recording_of_another_robot_of_the_same_name_is_not_played(get_robot, tmp_path):
     robot, path = get_robot("biped20"), tmp_path / "loaded.mcap"
-    start = StepTeleoperator(robot).resting_sample
-    device = ScriptedDevice([], start.left, start.right)
+    device = ScriptedDevice([], *StepTeleoperator(robot).estimator.anchors)
     run_teleop(robot, device, duration=0.02, recording=path)
     takes = Takes(tmp_path)
     heavier = robot.carrying("torso", 3.0)
@@ -203,18 +202,18 @@ def test_a_recording_of_another_robot_of_the_same_name_is_not_played(get_robot, 
 
 
 def test_a_take_that_somebody_has_moved_costs_itself_alone(loop, tmp_path):
-    drive(loop, Pad(), lambda s: s.time > 0.2, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     (tmp_path / "takes" / "take-001.mcap").unlink()
     loop.reset()
     wait_for(lambda: loop.snapshot.time < 0.2, "the reset")
-    drive(loop, Pad(), lambda s: s.time > 0.2, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     loop.stop()
     assert not loop.takes.room.is_full
     assert loop.takes.files == ["take-001.mcap"]
 
 
 def test_no_copy_is_kept_for_which_there_is_no_room(loop, monkeypatch):
-    drive(loop, Pad(), lambda s: s.time > 0.5, "some time")
+    drive(loop, OperatorSample(), lambda s: s.time > 0.5, "some time")
     size = loop.takes.path.stat().st_size
     monkeypatch.setattr(loop.takes.room, "_most", 2 * size - 1)
     with pytest.raises(ConfigurationError, match="has no room for it"):

@@ -5,15 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from msgspec.structs import replace as replace_pad
+from msgspec.structs import replace as replace_sample
 from operators import listen_to, same_commands, wait_for
 from slow import slow
 
 pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
-from poise.apps.live import LiveLoop, OperatorInputs, Pad, Takes, Tracked
-from poise.apps.live._pad import Body
+from poise.apps.live import LiveLoop, OperatorInputs, Takes
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
@@ -25,12 +24,15 @@ from poise.apps.teleoperation import (
 )
 from poise.errors import ConfigurationError
 from poise.locomotion import (
+    BodyCommand,
     DeviceStatus,
     HandStatus,
     Mode,
+    OperatorSample,
     ScriptedDevice,
     StepEnd,
     StepTeleoperator,
+    TrackedPose,
 )
 from poise.robots import standing_posture
 from poise.sim import PlantConfig
@@ -58,14 +60,14 @@ def start(get_robot, tmp_path):
 @pytest.fixture(autouse=True)
 def patient(monkeypatch):
     """An operator who is not thought gone when a busy machine stops all of this for a while."""
-    monkeypatch.setattr("poise.apps.live._inputs.FRESH_FOR", 10.0)
+    monkeypatch.setattr("poise.apps.live._inputs.LOST_AFTER", 10.0)
 
 
 def drive(loop, operator, pad, until, what):
     """Holds keys until something is seen."""
 
     def seen():
-        operator.pad(pad)
+        operator.take(pad)
         return until(loop.snapshot)
 
     wait_for(seen, what)
@@ -79,10 +81,10 @@ def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path)
     wait_for(lambda: loop.snapshot.time < 0.5, "the reset")
     heard = listen_to(loop)
     first = loop.plant.time
-    lift = Pad(lift=(False, True))
+    lift = OperatorSample(lift=(False, True))
     drive(loop, operator, lift, lambda s: s.mode is Mode.SL and s.soles[1][2] > 0.05, "the lift")
     loop.push("left")
-    drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+    drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     loop.stop()
     name = loop.takes.files[-1]
     assert first < 1.0
@@ -94,12 +96,16 @@ def test_a_step_that_came_to_nothing_says_why_until_the_next_one(start):
     operator = OperatorInputs()
     loop = start(operator)
     assert loop.snapshot.text == Mode.D.value
-    drive(loop, operator, Pad(lift=(False, True)), lambda s: s.mode is Mode.TL, "the shift")
+    drive(
+        loop, operator, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.TL, "the shift"
+    )
     assert loop.snapshot.text == Mode.TL.value
-    drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+    drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     assert loop.snapshot.text == StepEnd.LOWERED.value
-    drive(loop, operator, Pad(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
-    drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+    drive(
+        loop, operator, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift"
+    )
+    drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     assert loop.snapshot.text == Mode.D.value
 
 
@@ -110,11 +116,13 @@ def test_each_foot_makes_a_step_forward(start, name):
     for foot, standing in ((1, Mode.SL), (0, Mode.SR)):
         lift = (foot == 0, foot == 1)
         first = loop.snapshot.soles[foot][0]
-        drive(loop, operator, Pad(lift=lift), lambda s, m=standing: s.mode is m, "the lift")
-        forward = Pad(lift=lift, move=(1.0, 0.0))
+        drive(
+            loop, operator, OperatorSample(lift=lift), lambda s, m=standing: s.mode is m, "the lift"
+        )
+        forward = OperatorSample(lift=lift, move=(1.0, 0.0))
         goal = first + 0.08
         drive(loop, operator, forward, lambda s, f=foot, x=goal: s.soles[f][0] > x, "the way")
-        drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+        drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
         assert loop.snapshot.soles[foot][2] == pytest.approx(0.0, abs=5e-3)
     assert not loop.snapshot.fallen
 
@@ -130,7 +138,7 @@ def test_a_hand_is_led_let_go_and_goes_back_to_rest(start, name, plant):
     home = loop.snapshot.hands[0].copy()
 
     def led(z, clutch=True):
-        return Pad(hands=(Tracked((0.0, 0.0, z), clutch=clutch), None))
+        return OperatorSample(hands=(TrackedPose((0.0, 0.0, z), clutch=clutch), None))
 
     drive(loop, operator, led(0.0, clutch=False), lambda s: s.device is DeviceStatus.OK, "a sample")
     drive(loop, operator, led(0.0), lambda s: s.hands_do[0] is HandStatus.LED, "the grip")
@@ -139,7 +147,7 @@ def test_a_hand_is_led_let_go_and_goes_back_to_rest(start, name, plant):
     drive(loop, operator, held, lambda s: s.hands_do[0] is HandStatus.HELD, "the hold")
     assert loop.snapshot.hands[0][2] > home[2] + 0.13
     assert loop.snapshot.hands_do[1] is HandStatus.REST
-    rest = replace_pad(held, rest=True)
+    rest = replace_sample(held, rest=True)
     drive(loop, operator, rest, lambda s: s.hands[0][2] < home[2] + 0.02, "the rest")
     assert not loop.snapshot.fallen
 
@@ -148,7 +156,7 @@ def test_a_live_run_on_stairs_is_recorded_with_them(start, get_robot, tmp_path):
     operator = OperatorInputs()
     plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks("steps", get_robot("biped20")))
     loop = start(operator, plant=plant)
-    drive(loop, operator, Pad(), lambda s: s.time > 0.2, "some time")
+    drive(loop, operator, OperatorSample(), lambda s: s.time > 0.2, "some time")
     loop.stop()
     run = replay_teleop(tmp_path / "takes" / "take-001.mcap")
     assert run.plant.config == plant
@@ -157,7 +165,7 @@ def test_a_live_run_on_stairs_is_recorded_with_them(start, get_robot, tmp_path):
 def test_a_browser_that_closes_in_mid_step_brings_the_foot_down(start):
     operator = OperatorInputs()
     loop = start(operator)
-    lift = Pad(lift=(True, False))
+    lift = OperatorSample(lift=(True, False))
     drive(loop, operator, lift, lambda s: s.mode is Mode.SR and s.soles[0][2] > 0.05, "the lift")
     operator.clear()
     wait_for(lambda: loop.snapshot.device is DeviceStatus.LOST, "the loss to show")
@@ -184,7 +192,7 @@ def test_pause_stops_time_and_slow_motion_slows_it(start):
 def test_reset_begins_anew_and_with_a_new_recording(start):
     operator = OperatorInputs()
     loop = start(operator)
-    drive(loop, operator, Pad(), lambda s: s.time > 0.2, "some time")
+    drive(loop, operator, OperatorSample(), lambda s: s.time > 0.2, "some time")
     loop.reset()
     wait_for(lambda: loop.snapshot.take == "take-002.mcap", "the second take")
     wait_for(lambda: loop.snapshot.time > 0.0, "the first tick")
@@ -194,7 +202,7 @@ def test_reset_begins_anew_and_with_a_new_recording(start):
 def test_an_error_in_the_loop_is_kept_and_so_is_the_recording(start, tmp_path):
     operator = OperatorInputs()
     loop = start(operator)
-    drive(loop, operator, Pad(), lambda s: s.time > 0.2, "some time")
+    drive(loop, operator, OperatorSample(), lambda s: s.time > 0.2, "some time")
 
     def fail(command):
         raise RuntimeError("the plant broke")
@@ -214,7 +222,7 @@ def test_a_run_in_which_nobody_drove_leaves_no_file(start):
 def test_what_a_killed_run_has_left_can_be_read(start, tmp_path):
     operator = OperatorInputs()
     loop = start(operator)
-    drive(loop, operator, Pad(), lambda s: s.time > 0.8, "some time")
+    drive(loop, operator, OperatorSample(), lambda s: s.time > 0.8, "some time")
     # As the disk has it if the process were gone now.
     left = tmp_path / "left.mcap"
     left.write_bytes((tmp_path / "takes" / "take-001.mcap").read_bytes())
@@ -227,22 +235,22 @@ def test_what_a_killed_run_has_left_can_be_read(start, tmp_path):
 def test_a_copy_is_kept_while_the_run_goes_on(start, tmp_path):
     operator = OperatorInputs()
     loop = start(operator)
-    drive(loop, operator, Pad(), lambda s: s.time > 1.0, "some time")
+    drive(loop, operator, OperatorSample(), lambda s: s.time > 1.0, "some time")
     path = loop.takes.keep()
     assert path.name == "kept-001.mcap"
     kept = read_recording(path)
     assert len(kept.samples) > 10
     assert kept.duration >= 0.3
     now = loop.snapshot.time
-    drive(loop, operator, Pad(), lambda s: s.time > now, "the run to go on")
+    drive(loop, operator, OperatorSample(), lambda s: s.time > now, "the run to go on")
 
 
 def test_a_recording_drives_in_place_of_a_person(start, tmp_path):
     operator = OperatorInputs()
     loop = start(operator)
-    lift = Pad(lift=(False, True))
+    lift = OperatorSample(lift=(False, True))
     drive(loop, operator, lift, lambda s: s.mode is Mode.SL, "the lift")
-    drive(loop, operator, Pad(), lambda s: s.mode is Mode.D, "double support")
+    drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     loop.stop()
     again = start(recording=read_recording(tmp_path / "takes" / "take-001.mcap"))
     wait_for(lambda: again.snapshot.mode is Mode.SL, "the step")
@@ -317,7 +325,7 @@ def test_a_recording_is_played_with_its_own_noise(get_robot, tmp_path):
     plant = VELOCITY_TELEOP_PLANT.with_noise()
     run = run_teleop(
         robot,
-        lambda c: ScriptedDevice([], c.resting_sample.left, c.resting_sample.right),
+        lambda c: ScriptedDevice([], *c.estimator.anchors),
         plant,
         duration=0.1,
         seed=7,
@@ -338,7 +346,7 @@ def test_where_hands_are_dragged_along_is_where_the_torso_faces(start):
     """By the page, which tells how far a handle has moved as the torso faces."""
     operator = OperatorInputs()
     loop = start(operator, name="g1", plant=TORQUE_TELEOP_PLANT)
-    turned = Pad(body=Body(torso=(0.0, 0.0, 0.4)))
+    turned = OperatorSample(body=BodyCommand(torso=(0.0, 0.0, 0.4)))
     drive(loop, operator, turned, lambda s: s.heading > 0.3, "the torso that turns")
     site = loop.plant.data.site(loop.robot.torso).xmat.reshape(3, 3)
     assert loop.snapshot.heading == pytest.approx(np.arctan2(site[1, 0], site[0, 0]), abs=0.1)

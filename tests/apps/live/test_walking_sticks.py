@@ -7,10 +7,11 @@ import pytest
 pytest.importorskip("mujoco")
 pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
 
+
 from poise.apps.live._feet import LiveFeet
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._pad import Pad, Tracked
-from poise.locomotion import StepTeleoperator
+from poise.apps.live._odometry import Odometry
+from poise.locomotion import OperatorSample, StepTeleoperator, TrackedPose
 
 AHEAD = (1.0, 0.0)
 
@@ -18,7 +19,7 @@ AHEAD = (1.0, 0.0)
 @pytest.fixture
 def walked(get_robot):
     inputs = Mock(spec=OperatorInputs)
-    feet = LiveFeet(inputs, StepTeleoperator(get_robot("biped20"), actuation="torque"))
+    feet = LiveFeet(inputs, StepTeleoperator(get_robot("biped20"), actuation="torque"), Odometry())
 
     def velocity(pad):
         inputs.read.return_value = pad
@@ -29,29 +30,29 @@ def walked(get_robot):
 
 
 def test_a_stick_walks_the_robot_ahead(walked):
-    assert walked(Pad()) == (0.0, 0.0, 0.0)
-    ahead, left, turn = walked(Pad(move=AHEAD))
+    assert walked(OperatorSample()) == (0.0, 0.0, 0.0)
+    ahead, left, turn = walked(OperatorSample(move=AHEAD))
     assert ahead > 0.3
     assert (left, turn) == (0.0, 0.0)
-    assert walked(Pad()) == (0.0, 0.0, 0.0)
+    assert walked(OperatorSample()) == (0.0, 0.0, 0.0)
 
 
 def test_one_that_led_a_foot_has_to_be_let_go_first(walked):
-    walked(Pad())
-    assert not any(walked(Pad(move=AHEAD, lift=(True, False))))
-    assert not any(walked(Pad(move=AHEAD)))
-    assert not any(walked(Pad()))
-    assert any(walked(Pad(move=AHEAD)))
+    walked(OperatorSample())
+    assert not any(walked(OperatorSample(move=AHEAD, lift=(True, False))))
+    assert not any(walked(OperatorSample(move=AHEAD)))
+    assert not any(walked(OperatorSample()))
+    assert any(walked(OperatorSample(move=AHEAD)))
 
 
 def test_one_that_is_held_when_somebody_comes_does_nothing(walked):
-    walked(Pad())
+    walked(OperatorSample())
     assert walked(None) is None
-    assert not any(walked(Pad(move=AHEAD)))
+    assert not any(walked(OperatorSample(move=AHEAD)))
 
 
 def test_a_tracked_foot_that_is_not_held_keeps_no_stick_from_walking(walked):
     for clutch in (False, True):
-        seen = Tracked(position=(0.0, 0.0, 1.0), clutch=clutch)
-        walked(Pad())
-        assert any(walked(Pad(move=AHEAD, tracked=(seen, None)))) is not clutch
+        seen = TrackedPose(position=(0.0, 0.0, 1.0), clutch=clutch)
+        walked(OperatorSample())
+        assert any(walked(OperatorSample(move=AHEAD, feet=(seen, None)))) is not clutch

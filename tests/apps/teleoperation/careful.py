@@ -40,7 +40,7 @@ def walk_over(
     dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))
     return run_teleop(
         robot,
-        lambda c: ScriptedDevice(points, c.resting_sample.left, c.resting_sample.right),
+        lambda c: ScriptedDevice(points, *c.estimator.anchors),
         replace(plant, blocks=tuple(blocks)),
         duration=end + rest,
         q_start=standing_posture(robot, com_height=0.94 * float(dynamics.com[2])),

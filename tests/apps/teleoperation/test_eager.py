@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip("mujoco")
 
 from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
-from poise.locomotion import DeviceSample, Mode
+from poise.locomotion import Mode, OperatorSample, TrackedPose
 
 UP, FORWARD, DOWN = 0.10, 0.08, 0.07
 """How high a foot is held, how far ahead it is set, and how far below the floor it is sent [m]."""
@@ -20,8 +20,7 @@ class Eager:
     def __init__(self, teleoperator, phase, steps):
         self._teleoperator, self._begin, self.steps = teleoperator, 0.5 + phase, steps
         self._dt, self._foot, self._ahead, self._was = teleoperator.parameters.dt, 1, 0.0, Mode.D
-        start = teleoperator.resting_sample
-        self._places = [start.left.copy(), start.right.copy()]
+        self._places = [anchor.copy() for anchor in teleoperator.estimator.anchors]
 
     def sample(self, time):
         mode, foot, estimator = self._teleoperator.mode, self._foot, self._teleoperator.estimator
@@ -33,7 +32,7 @@ class Eager:
         if time > self._begin and self.steps > 0:
             self._lead(foot, estimator)
         left, right = (place.copy() for place in self._places)
-        return DeviceSample(time, left, right)
+        return OperatorSample(time, (TrackedPose.of(left), TrackedPose.of(right)))
 
     def _lead(self, foot, estimator):
         place, anchor = self._places[foot], estimator.anchors[foot]

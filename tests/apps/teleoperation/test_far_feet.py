@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("mujoco")
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
-from poise.locomotion import DeviceSample, Mode
+from poise.locomotion import Mode, OperatorSample, TrackedPose
 
 UP, BELOW = 0.10, 0.03
 """How high the foot is led, and how far below the floor it is sent [m]."""
@@ -19,8 +19,7 @@ class Far:
     """Leads the right foot up, far away, and down; or is lost before it goes down."""
 
     def __init__(self, teleoperator, far, lost):
-        start = teleoperator.resting_sample
-        self._left, self._right = start.left.copy(), start.right.copy()
+        self._left, self._right = (anchor.copy() for anchor in teleoperator.estimator.anchors)
         self._far, self._lost = np.array([*far, 0.0]), lost
 
     def sample(self, time):
@@ -30,7 +29,8 @@ class Far:
             float(np.interp(time, when, (0.0, 1.0))) for when in (LIFTED, LED, LOWERED)
         )
         height = [0.0, 0.0, UP * up * (1.0 - down) - BELOW * down]
-        return DeviceSample(time, self._left, self._right + led * self._far + height)
+        right = self._right + led * self._far + height
+        return OperatorSample(time, (TrackedPose.of(self._left), TrackedPose.of(right)))
 
 
 @pytest.mark.slow

@@ -248,13 +248,13 @@ def test_an_arm_that_says_it_is_nowhere_leads_nothing_until_its_clutch_was_open(
     device = HapticFeet(HapticDriver(*arms), teleoperator)
     device.sample(0.0)
     arms[1].clutch = True
-    foot = device.sample(0.005).right
+    foot = np.array(device.sample(0.005).place(1))
     arms[1].place = np.full(3, np.nan)
-    assert device.sample(0.01).right == pytest.approx(foot)
+    assert np.array(device.sample(0.01).place(1)) == pytest.approx(foot)
     arms[1].place = HOME + [0.0, 0.0, 0.05]
     device.sample(0.015)
     arms[1].place = HOME + [0.0, 0.0, 0.1]
-    assert device.sample(0.02).right == pytest.approx(foot)
+    assert np.array(device.sample(0.02).place(1)) == pytest.approx(foot)
 
 
 def test_rubbish_from_the_robot_is_no_news():
@@ -345,7 +345,9 @@ def test_a_clutch_that_was_not_seen_open_leads_nothing(get_robot):
         nonlocal now
         now += 0.005
         arms[1].place, arms[1].clutch = HOME + [0.0, 0.0, by], clutch
-        return round(float((device.sample(now).right - teleoperator.estimator.sole(1))[2]), 9)
+        return round(
+            float((np.array(device.sample(now).place(1)) - teleoperator.estimator.sole(1))[2]), 9
+        )
 
     # Closed from the beginning, then let go, taken hold of, and led.
     assert [moved(0.0, True), moved(0.05, True)] == [0.0, 0.0]
@@ -373,9 +375,9 @@ def test_arms_may_speak_in_lists_and_other_numbers(get_robot, kind):
         arm.place = given(1.0, 0.0, 0.0)
     device.sample(0.0)
     arms[1].clutch = 1
-    before = device.sample(0.005).right
+    before = np.array(device.sample(0.005).place(1))
     arms[1].place = given(1.0, 0.0, 0.25) if kind != "int64" else given(1, 0, 0)
-    risen = device.sample(0.01).right - before
+    risen = np.array(device.sample(0.01).place(1)) - before
     np.testing.assert_allclose(risen, [0.0, 0.0, 0.0 if kind == "int64" else 0.25], atol=1e-12)
     place, clutch = device.driver.readings[1]
     assert place.dtype == np.float64
@@ -429,7 +431,7 @@ def test_an_arm_that_is_gone_lets_go_of_its_own_foot_alone(get_robot, gone):
         for arm in arms:
             arm.place = HOME + [0.0, 0.0, by]
         sample = device.sample(time)
-        places = zip((sample.left, sample.right), teleoperator.estimator.anchors, strict=True)
+        places = zip(map(sample.place, (0, 1)), teleoperator.estimator.anchors, strict=True)
         return [round(float(place[2] - anchor[2]), 9) for place, anchor in places]
 
     assert heights(0.01, 0.05) == [0.05, 0.05]

@@ -14,7 +14,14 @@ from poise.apps.teleoperation import (
     run_teleop,
 )
 from poise.errors import ConfigurationError
-from poise.locomotion import DeviceSample, DeviceStatus, HandSample, Mode, ScriptedDevice, WayPoint
+from poise.locomotion import (
+    DeviceStatus,
+    Mode,
+    OperatorSample,
+    ScriptedDevice,
+    TrackedPose,
+    WayPoint,
+)
 
 LIFT, LOWER = 0.5, 1.6
 PLACES = ((LIFT, 0.0, 0.0), (1.1, 0.08, 0.08), (LOWER, 0.08, 0.08), (2.1, 0.08, -0.02))
@@ -27,9 +34,8 @@ ASTRAY = 1.55
 
 def a_step(teleoperator):
     """Hands that make a step."""
-    start = teleoperator.resting_sample
     points = [WayPoint(at=at, right=(x, 0.0, z)) for at, x, z in PLACES]
-    return ScriptedDevice(points, start.left, start.right)
+    return ScriptedDevice(points, *teleoperator.estimator.anchors)
 
 
 def over(**link):
@@ -68,8 +74,8 @@ class Reuses:
 
     def sample(self, time):
         self._places[:] = time
-        left, right, hand = self._places
-        return DeviceSample(time, left, right, hands=(HandSample(hand), None))
+        left, right, hand = map(TrackedPose, self._places)
+        return OperatorSample(time, (left, right), hands=(hand, None))
 
 
 def test_a_device_that_reuses_its_arrays_is_late_all_the_same():
@@ -81,8 +87,8 @@ def test_a_device_that_reuses_its_arrays_is_late_all_the_same():
             assert arrived is None
             continue
         sent = pytest.approx(np.full(3, time - 0.1))
-        assert arrived.left == sent
-        assert arrived.right == sent
+        assert arrived.feet[0].position == sent
+        assert arrived.feet[1].position == sent
         assert arrived.hands[0].position == sent
 
 
@@ -138,7 +144,8 @@ class Strays:
         said = self._device.sample(time)
         if time < self._at:
             return said
-        return DeviceSample(time, said.left + self._offset, said.right + self._offset)
+        left, right = (TrackedPose.of(said.place(foot) + self._offset) for foot in (0, 1))
+        return OperatorSample(time, (left, right))
 
 
 @pytest.mark.fast_cases(1)
@@ -164,7 +171,7 @@ class Naps:
     """Hands that fall silent with a foot in the air, and come back with it still held up."""
 
     def __init__(self, teleoperator):
-        self._device, self._start = a_step(teleoperator), teleoperator.resting_sample
+        self._device, self._start = a_step(teleoperator), teleoperator.estimator.anchors.copy()
 
     def sample(self, time):
         if 1.2 <= time < 2.5:
@@ -173,8 +180,8 @@ class Naps:
             return self._device.sample(time)
         # Held up for a second, put down, and lifted anew.
         height = 0.08 if time < 3.5 else max(0.0, min(0.08, 0.2 * (time - 4.0)))
-        right = self._start.right + [0.08, 0.0, height]
-        return DeviceSample(time, self._start.left, right)
+        left, right = self._start[0], self._start[1] + [0.08, 0.0, height]
+        return OperatorSample(time, (TrackedPose.of(left), TrackedPose.of(right)))
 
 
 def test_who_comes_back_leads_only_after_putting_the_device_down(get_robot):

@@ -59,9 +59,9 @@ def test_samples_and_pushes_are_those_of_the_file(tmp_path):
     (tick, first), (later, second) = recording.samples
     assert (tick, later) == (0, 9)
     assert (first.time, first.upright, first.rest) == (0.25, True, True)
-    np.testing.assert_array_equal(first.left, [0.0, 0.1, 0.2])
-    np.testing.assert_array_equal(first.right, [0.3, -0.0, 0.5])
-    assert np.signbit(first.right[1])
+    assert first.place(0) == (0.0, 0.1, 0.2)
+    assert first.place(1) == (0.3, 0.0, 0.5)
+    assert np.signbit(first.place(1)[1])
     left, right = first.hands
     assert (left.clutch, right.clutch) == (False, True)
     np.testing.assert_array_equal(left.position, [1.0, 1.1, 1.2])
@@ -75,10 +75,11 @@ def test_samples_and_pushes_are_those_of_the_file(tmp_path):
     assert first.velocity == (0.7, 0.8, 0.9)
     assert first.head.clutch
     np.testing.assert_array_equal(first.head.orientation, [0.0, 0.0, 0.6, 0.8])
-    assert first.rates[0] is None
-    np.testing.assert_array_equal(first.rates[1], [3.0, 3.1, 3.2])
-    np.testing.assert_array_equal(second.left, [np.nan, 0.1, 0.2])
-    assert (second.hands, second.head, second.rates) == ((None, None), None, (None, None))
+    assert first.feet[0].velocity is None
+    assert first.feet[1].velocity == (3.0, 3.1, 3.2)
+    np.testing.assert_array_equal(second.place(0), [np.nan, 0.1, 0.2])
+    assert (second.hands, second.head) == ((None, None), None)
+    assert [part.velocity for part in second.feet] == [None, None]
 
 
 def test_the_set_up_and_the_duration_are_kept(tmp_path, get_robot):

@@ -118,7 +118,7 @@ def test_a_replay_has_the_terrain_of_its_recording_and_the_same_commands(get_rob
     plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks("steps", robot))
     run = run_teleop(
         robot,
-        lambda c: ScriptedDevice(points, c.resting_sample.left, c.resting_sample.right),
+        lambda c: ScriptedDevice(points, *c.estimator.anchors),
         plant,
         duration=4.5,
         recording=path,
@@ -136,7 +136,7 @@ def test_a_recordings_header_has_room_for_all_bumps(get_robot, tmp_path):
     point = [WayPoint(at=0.0, right=(0.0, 0.0, 0.0))]
     run_teleop(
         robot,
-        lambda c: ScriptedDevice(point, c.resting_sample.left, c.resting_sample.right),
+        lambda c: ScriptedDevice(point, *c.estimator.anchors),
         plant,
         duration=0.05,
         recording=path,

@@ -3,15 +3,26 @@
 import numpy as np
 
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion import DeviceSample, HandLeader
+from poise.locomotion import HandLeader, OperatorGuard, OperatorSample
+from poise.locomotion._stepping._operator import Tracker
 
 DT = 0.002
-NOWHERE = np.full(3, np.nan)
 
 
 def both(time, left=None, right=None, rest=False):
     """A sample of hands alone."""
-    return DeviceSample(time, NOWHERE, NOWHERE, hands=(left, right), rest=rest)
+    return OperatorSample(time, hands=(left, right), rest=rest)
+
+
+class Hand(Tracker):
+    """A tracker of a hand, a tick of which says how far the hand goes."""
+
+    def __init__(self):
+        super().__init__(DT)
+
+    def tick(self, sample, time):
+        self.update(sample, time)
+        return self.step
 
 
 class Follows:
@@ -19,14 +30,15 @@ class Follows:
 
     def __init__(self, robot, **options):
         self.robot, self.leader = robot, HandLeader(robot, dt=DT, **options)
-        self.time = 0.0
+        self.time, self.guard = 0.0, OperatorGuard(dt=DT)
         self.index = [7 + robot.joint_index(name) for name in self.leader.task.joints]
 
     def say(self, left=None, right=None, seconds=DT, rest=False):
         for _ in range(round(seconds / DT)):
             self.time += DT
             state = RobotState(self.q, np.zeros(self.robot.nv), time=self.time)
-            self.leader.lead(both(self.time, left, right, rest), state)
+            self.guard.check(both(self.time, left, right, rest), self.time)
+            self.leader.lead(self.guard, state)
 
     @property
     def q(self):

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from walker import sample
 
 pytest.importorskip("mujoco")
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, foot_forces, run_teleop
-from poise.locomotion import DeviceSample, StepTeleoperator, along_ahead
+from poise.locomotion import StepTeleoperator, along_ahead
 
 
 def facing(robot, yaw):
@@ -44,7 +45,7 @@ class TurnsThenSteps:
             up = 0.06 if since < 1.8 else -0.02
             right += along_ahead((0.06 if since > 0.8 else 0.0, 0.0, up), teleoperator.ahead)
         turning = 0.5 < time < self._until
-        return DeviceSample(time, left, right, velocity=(0.0, 0.0, self._rate if turning else 0.0))
+        return sample(time, left, right, velocity=(0.0, 0.0, self._rate if turning else 0.0))
 
 
 @pytest.mark.slow

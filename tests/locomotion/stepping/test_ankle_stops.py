@@ -88,7 +88,7 @@ def test_g1_stands_still_with_one_edge_of_a_sole_on_a_ridge(get_robot, outwards)
     0.64 rad.
     """
     robot = get_robot("g1")
-    stride, start = 0.15, StepTeleoperator(robot).resting_sample.right
+    stride, start = 0.15, StepTeleoperator(robot).estimator.anchors[1]
     ridge = Block(
         center=(float(start[0]) + stride, float(start[1]) - outwards), size=(0.2, 0.03, 0.02)
     )
@@ -102,7 +102,7 @@ def test_g1_stands_still_with_one_edge_of_a_sole_on_a_ridge(get_robot, outwards)
     points = [WayPoint(at=at, right=place) for at, place in places]
     run = run_teleop(
         robot,
-        lambda t: ScriptedDevice(points, t.resting_sample.left, t.resting_sample.right),
+        lambda t: ScriptedDevice(points, *t.estimator.anchors),
         replace(TORQUE_TELEOP_PLANT, blocks=(ridge,)),
         duration=5.0,
         seed=7,

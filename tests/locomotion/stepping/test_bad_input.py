@@ -7,10 +7,11 @@ from unittest.mock import Mock
 import numpy as np
 import pinocchio as pin
 import pytest
+from msgspec import structs
 from odd import odd
 from standing import PARAMETERS, footing
 from unchecked import run_unchecked
-from walker import hands, sample, up_and_down
+from walker import hands, up_and_down
 
 from poise.apps.teleoperation import (
     VELOCITY_TELEOP_PLANT,
@@ -22,20 +23,18 @@ from poise.apps.teleoperation._setup import plant_to_json
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, RobotError, UnknownNameError
 from poise.locomotion import (
-    BodySample,
-    DeviceSample,
+    BodyCommand,
     DeviceStatus,
-    HandSample,
-    HeadSample,
+    OperatorSample,
     ScriptedDevice,
     StepTeleoperator,
     TeleopParameters,
+    TrackedPose,
     WayPoint,
 )
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._by_velocity._com_motion import ShifterDriver
-from poise.locomotion._stepping._operator._fields import FieldError
-from poise.locomotion._stepping._operator._samples import checked_sample
+from poise.locomotion._stepping._operator._fields import FieldError, checked_sample
 from poise.locomotion._stepping._scaling import scaled_parameters
 from poise.locomotion._stepping._stance._biped import biped_of, leg_geometry
 from poise.robots import Sole, standing_posture
@@ -209,11 +208,11 @@ def test_a_script_blends_from_rest_to_rest():
         np.ones(3),
         np.zeros(3),
     )
-    x = np.array([device.sample(t).left[0] for t in (0.0, 1.0, 1.001, 1.5, 1.999, 2.0, 9.0)])
+    x = np.array([device.sample(t).place(0)[0] for t in (0.0, 1.0, 1.001, 1.5, 1.999, 2.0, 9.0)])
     assert x[[0, 1, 3, 5, 6]] == pytest.approx([1.0, 1.0, 1.5, 2.0, 2.0])
     assert x[2] - 1.0 < 1e-7
     assert 2.0 - x[4] < 1e-7
-    assert not device.sample(1.5).right.any()
+    assert not any(device.sample(1.5).place(1))
 
 
 def test_a_posture_out_of_reach_is_refused(get_robot):
@@ -261,7 +260,6 @@ def test_what_holds_arrays_is_compared_as_the_thing_it_is(get_robot):
     """Not number by number, which would be no answer."""
     robot = get_robot("biped20")
     makes = (
-        lambda: sample(0.0),
         lambda: leg_geometry(robot, next(iter(robot.soles)), 0.1),
         lambda: biped_of(robot, PARAMETERS),
         lambda: footing(robot),
@@ -322,8 +320,8 @@ def test_each_way_in_which_a_device_fails_is_said_once_until_reset(get_robot, ca
     teleoperator.device = device
     state = RobotState(teleoperator.robot.q_home, np.zeros(teleoperator.robot.nv))
     failures = [
-        OSError("the cable is out"), ValueError("no number"), odd(rest, left="up"),
-        odd(rest, right="up"), odd(rest, left="down", right="down"), odd(rest, velocity=0.0), rest,
+        OSError("the cable is out"), ValueError("no number"), feet("up", (0.0, 0.0, 0.0)),
+        feet((0.0, 0.0, 0.0), "up"), feet("down", "down"), odd(rest, velocity=0.0), rest,
     ]  # fmt: skip
     for _ in range(2):
         caplog.clear()
@@ -333,16 +331,28 @@ def test_each_way_in_which_a_device_fails_is_said_once_until_reset(get_robot, ca
         assert [str(record.exc_info[1]) for record in caplog.records] == [
             "the cable is out",
             "no number",
-            "left is 'up', not 3 numbers",
-            "right is 'up', not 3 numbers",
+            "position of left foot is 'up', not 3 numbers",
+            "position of right foot is 'up', not 3 numbers",
             "velocity is 0.0, not 3 numbers",
         ]
         assert teleoperator.device_error is None
         teleoperator.reset()
 
 
-WHOLE = DeviceSample(0.0, np.zeros(3), np.zeros(3))
-HAND, HEAD = HandSample(np.zeros(3)), HeadSample(np.zeros(4))
+def feet(left, right, left_rate=None, right_rate=None):
+    """A sample of two foot devices at places of any kind."""
+    return OperatorSample(
+        0.0,
+        (
+            TrackedPose(left, velocity=left_rate),
+            TrackedPose(right, velocity=right_rate),
+        ),
+    )
+
+
+ORIGIN = (0.0, 0.0, 0.0)
+WHOLE = feet(ORIGIN, ORIGIN)
+HAND, HEAD = TrackedPose(ORIGIN, True), TrackedPose(None, True, (0.0, 0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -351,11 +361,11 @@ HAND, HEAD = HandSample(np.zeros(3)), HeadSample(np.zeros(4))
         ("time", None), ("time", "now"), ("time", np.zeros(2)), ("body", None),
         ("height", None), ("torso", (0.0, 0.0)), ("turns", ("a", "b")), ("velocity", None),
         ("velocity", (0.1, 0.0)), ("velocity", np.zeros(2)), ("hands", ()), ("hands", None),
-        ("hands", (1.0, 2.0)), ("rates", ()), ("head", "ahead"), ("upright", None),
+        ("hands", (1.0, 2.0)), ("feet", ()), ("head", "ahead"), ("upright", None),
         ("upright", "yes"), ("rest", np.zeros(2)), ("head", odd(HEAD, clutch=np.zeros(2))),
         ("hands", (None, odd(HAND, clutch=0.5))), ("velocity", 0.0), ("velocity", np.array(0.1)),
         ("torso", np.zeros((3, 1))), ("torso", np.zeros(3, bool)), ("time", np.zeros(1)),
-        ("height", "tall"), ("turns", None), ("rates", 0.0),
+        ("height", "tall"), ("turns", None), ("feet", 0.0),
     ],
     ids=repr,
 )  # fmt: skip
@@ -374,11 +384,11 @@ def test_no_number_of_a_sample_ends_the_loop(get_robot, actuation, number):
     teleoperator = StepTeleoperator(get_robot("biped20"), actuation=actuation)
     rest = teleoperator.resting_sample
     point = np.full(3, number)
-    hand = HandSample(point, orientation=np.full(4, number), velocity=point)
+    hand = TrackedPose(point, True, np.full(4, number), point)
     wild = {
-        "left": point, "rates": (point, point), "hands": (hand, hand),
-        "head": HeadSample(np.full(4, number)), "velocity": (number, number, number),
-        "body": BodySample(number, (number, number, number), (number, number)),
+        "feet": (TrackedPose(point, velocity=point), rest.feet[1]), "hands": (hand, hand),
+        "head": TrackedPose(None, True, np.full(4, number)), "velocity": (number, number, number),
+        "body": BodyCommand(number, (number, number, number), (number, number)),
     }  # fmt: skip
     said = [(), *[(name,) for name in wild], tuple(wild)]
     state, dt = RobotState(teleoperator.robot.q_home, np.zeros(teleoperator.robot.nv)), 0.0
@@ -387,7 +397,7 @@ def test_no_number_of_a_sample_ends_the_loop(get_robot, actuation, number):
     for tick in range(4 * len(said)):
         dt = tick * teleoperator.dt
         changed = {name: wild[name] for name in said[tick % len(said)]}
-        device.sample.return_value = replace(rest, time=dt, **changed)
+        device.sample.return_value = structs.replace(rest, time=dt, **changed)
         known = teleoperator.estimator.update(replace(state, time=dt))
         teleoperator.lead(known)
         command = controller.step(known)
@@ -406,7 +416,7 @@ def test_every_number_of_a_sample_becomes_a_float(kind):
     sample, fault = checked_sample(asked)
     assert fault is None
     assert (sample.time, sample.velocity) == (1.0, (0.0, 1.0, 2.0))
-    assert sample.body == BodySample(1.0, (0.0, 1.0, 2.0), (0.0, 1.0))
+    assert sample.body == BodyCommand(1.0, (0.0, 1.0, 2.0), (0.0, 1.0))
     for number in (sample.time, *sample.velocity, *sample.body.numbers):
         assert type(number) is float
     assert sample.upright is True
@@ -422,7 +432,7 @@ def test_arrays_do_where_numbers_are_wanted(kind):
     asked = odd(WHOLE, time=given(6), body=body, velocity=given(7, 8, 9), rest=np.array(True))
     sample, fault = checked_sample(asked)
     assert fault is None
-    assert sample.body == BodySample(1.0, (1.0, 2.0, 3.0), (4.0, 5.0))
+    assert sample.body == BodyCommand(1.0, (1.0, 2.0, 3.0), (4.0, 5.0))
     assert (sample.time, sample.velocity, sample.rest) == (6.0, (7.0, 8.0, 9.0), True)
     for value in (sample.time, *sample.velocity, *sample.body.numbers):
         assert type(value) is float
@@ -449,13 +459,13 @@ LONG = [[0.5] * 1000] * 1000
 )  # fmt: skip
 def test_what_is_no_place_is_said_in_a_line_and_in_little_time(value):
     begin = clock.perf_counter()
-    _, fault = checked_sample(odd(WHOLE, left=value))
+    _, fault = checked_sample(feet(value, ORIGIN))
     for field in ("time", "velocity", "hands", "head", "body"):
         with pytest.raises((TypeError, OverflowError)) as caught:
             checked_sample(odd(WHOLE, **{field: value}))
         assert len(str(caught.value)) < 400
     assert clock.perf_counter() - begin < 0.05
-    assert fault.fields == ("left",)
+    assert fault.fields == ("position of left foot",)
     assert len(str(fault)) < 400
 
 
@@ -464,11 +474,11 @@ def test_a_number_too_large_for_a_float_makes_a_device_silent_and_ends_no_loop(g
     rest, device = teleoperator.resting_sample, Mock()
     teleoperator.device = device
     state = RobotState(teleoperator.robot.q_home, np.zeros(teleoperator.robot.nv))
-    body = odd(BodySample(), height=10**400)
+    body = odd(BodyCommand(), height=10**400)
     for bad in ({"time": 10**400}, {"velocity": (10**400, 0, 0)}, {"body": body}):
         device.sample.return_value = odd(rest, **bad)
         teleoperator.lead(teleoperator.estimator.update(state))
-        assert isinstance(teleoperator.device_error, OverflowError)
+        assert isinstance(teleoperator.device_error, FieldError)
         assert str(teleoperator.device_error).startswith(("time is", "velocity is", "height is"))
 
 
@@ -515,33 +525,34 @@ def facing(robot, yaw):
 @pytest.mark.parametrize(
     ("changed", "fault"),
     [
-        ({"left": None}, ""),
         ({"left": np.full(3, np.nan)}, ""),
-        ({"left": np.zeros(2)}, "left is array([0., 0.]), not 3 numbers"),
-        ({"left": np.zeros((3, 1))}, "left is array("),
-        ({"right": "abc"}, "right is 'abc', not 3 numbers"),
-        ({"right": ["0", "1", "2"]}, "right is ['0', '1', '2'], not 3 numbers"),
-        ({"right": [0.0, [1.0], 2.0]}, "right is [0.0, [1.0], 2.0], not 3 numbers"),
-        ({"left": np.zeros(3, complex)}, "left is array("),
-        ({"left": np.zeros(3, bool)}, "left is array("),
-        ({"rates": (None, np.zeros(4))}, "rates is array("),
+        ({"left": np.zeros(2)}, "position of left foot is array([0., 0.]), not 3 numbers"),
+        ({"left": np.zeros((3, 1))}, "position of left foot is array("),
+        ({"right": "abc"}, "position of right foot is 'abc', not 3 numbers"),
+        ({"right": ["0", "1", "2"]}, "position of right foot is ['0', '1', '2'], not 3 n"),
+        ({"right": [0.0, [1.0], 2.0]}, "position of right foot is [0.0, [1.0], 2.0], not 3 n"),
+        ({"left": np.zeros(3, complex)}, "position of left foot is array("),
+        ({"left": np.zeros(3, bool)}, "position of left foot is array("),
+        ({"rates": np.zeros(4)}, "velocity of right foot is array("),
         ({"hands": (odd(HAND, position=()), None)}, "position of left hand is (), not 3 numbers"),
         ({"hands": (None, odd(HAND, orientation=[1.0]))}, "orientation of right hand is [1.0], n"),
         ({"head": odd(HEAD, orientation=np.zeros(3))}, "orientation of head is array("),
-        ({"left": 1.0, "right": 2.0}, "left is 1.0, not 3 numbers; right is 2.0, not 3 numbers"),
+        ({"left": 1.0, "right": 2.0}, "position of left foot is 1.0, not 3 numbers; position of"),
     ],
     ids=str,
 )
 def test_what_is_no_place_is_ignored_and_said_and_the_rest_counts(changed, fault):
-    sample, said = checked_sample(odd(WHOLE, **changed))
+    places = [changed.get(name, ORIGIN) for name in ("left", "right")]
+    others = {name: changed[name] for name in ("hands", "head") if name in changed}
+    given = structs.replace(feet(*places, right_rate=changed.get("rates")), **others)
+    sample, said = checked_sample(given)
     assert str(said).startswith(fault) if fault else said is None
-    for name in ("left", "right"):
-        place = getattr(sample, name)
-        assert place.dtype == np.float64
-        np.testing.assert_array_equal(place, np.full(3, np.nan if name in changed else 0.0))
+    for foot, name in enumerate(("left", "right")):
+        expected = np.full(3, np.nan if name in changed else 0.0)
+        np.testing.assert_array_equal(sample.place(foot), expected)
+    assert sample.feet[0].velocity is None
     if "rates" in changed:
-        assert sample.rates[0] is None
-        np.testing.assert_array_equal(sample.rates[1], np.full(3, np.nan))
+        np.testing.assert_array_equal(sample.feet[1].velocity, np.full(3, np.nan))
     if "head" in changed:
         np.testing.assert_array_equal(sample.head.orientation, np.full(4, np.nan))
     if "hands" in changed:
@@ -560,26 +571,23 @@ def test_places_are_taken_as_any_numbers(kind):
     hand = odd(
         HAND, position=given(0, 1, 2), orientation=given(0, 1, 2, 3), velocity=given(4, 5, 6)
     )
-    asked = odd(
-        WHOLE,
-        left=given(1, 2, 3),
-        right=given(4, 5, 6),
+    asked = structs.replace(
+        feet(given(1, 2, 3), given(4, 5, 6), given(7, 8, 9)),
         hands=(None, hand),
-        rates=(given(7, 8, 9), None),
         head=odd(HEAD, orientation=given(0, 0, 0, 1)),
     )
     sample, fault = checked_sample(asked)
     assert fault is None
-    np.testing.assert_array_equal([sample.left, sample.right], [[1, 2, 3], [4, 5, 6]])
-    np.testing.assert_array_equal(sample.rates[0], [7, 8, 9])
-    assert sample.rates[1] is None
+    assert [sample.place(foot) for foot in (0, 1)] == [(1, 2, 3), (4, 5, 6)]
+    assert [part.velocity for part in sample.feet] == [(7, 8, 9), None]
     assert sample.hands[0] is None
     np.testing.assert_array_equal(sample.hands[1].position, [0, 1, 2])
     np.testing.assert_array_equal(sample.hands[1].orientation, [0, 1, 2, 3])
     np.testing.assert_array_equal(sample.hands[1].velocity, [4, 5, 6])
     np.testing.assert_array_equal(sample.head.orientation, [0, 0, 0, 1])
-    for array in (sample.left, sample.right, sample.rates[0], sample.hands[1].position):
-        assert array.dtype == np.float64
+    vectors = (sample.place(0), sample.place(1), sample.feet[0].velocity, *sample.hands[1:])
+    for number in (*vectors[0], *vectors[1], *vectors[2], *vectors[3].position):
+        assert type(number) is float
 
 
 def test_a_place_of_another_size_ends_no_record(get_robot):
@@ -588,14 +596,18 @@ def test_a_place_of_another_size_ends_no_record(get_robot):
 
         class Odd:
             def sample(self, time):
-                sample = replace(rest, time=time)
-                return odd(sample, left=np.zeros(2)) if time > 0.05 else sample
+                left, right = rest.feet
+                left = odd(left, position=np.zeros(2)) if time > 0.05 else left
+                return structs.replace(rest, time=time, feet=(left, right))
 
         return Odd()
 
     run = run_teleop(get_robot("biped20"), make, VELOCITY_TELEOP_PLANT, duration=0.2)
     assert run.plant.time == pytest.approx(0.2)
-    assert str(run.teleoperator.device_error) == "left is array([0., 0.]), not 3 numbers"
+    assert (
+        str(run.teleoperator.device_error)
+        == "position of left foot is array([0., 0.]), not 3 numbers"
+    )
     places = run.record["target/left device"]
     assert np.isfinite(places[5]).all()
     assert np.isnan(places[-1]).all()

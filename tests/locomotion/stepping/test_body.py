@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from msgspec import structs
 from slow import slow
 from standing import footing
 from walker import hands, sample, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion import BodySample, Mode, StepTeleoperator, teleop_parameters
+from poise.locomotion import BodyCommand, Mode, StepTeleoperator, teleop_parameters
 from poise.locomotion._stepping._by_torque._waist import waist_ranges
-from poise.locomotion._stepping._operator._guard import DeviceGuard
+from poise.locomotion._stepping._operator._guard import OperatorGuard
 from poise.locomotion._stepping._stance._biped import biped_of
 from poise.locomotion._stepping._stance._lean import TrunkPose
 
@@ -25,7 +26,7 @@ class Asks:
         self._feet, self._body = feet, body
 
     def sample(self, time):
-        return replace(self._feet.sample(time), body=self._body)
+        return structs.replace(self._feet.sample(time), body=self._body)
 
 
 def run(robot, body, points, duration, **options):
@@ -48,7 +49,7 @@ def yaw(rotation):
 @pytest.mark.parametrize("name", ["biped20", slow("g1")])
 def test_a_foot_is_turned_in_the_air_and_the_trunk_faces_as_the_feet_do(get_robot, name):
     robot = get_robot(name)
-    done = run(robot, BodySample(turns=(0.0, -0.4)), up_and_down(lift=0.1, lower=1.1), 2.8)
+    done = run(robot, BodyCommand(turns=(0.0, -0.4)), up_and_down(lift=0.1, lower=1.1), 2.8)
     assert not done.fell
     assert done.log.tilt.max() < 0.15
     assert len(done.log.entries(Mode.SL)) == 1
@@ -62,7 +63,7 @@ def test_a_foot_is_turned_in_the_air_and_the_trunk_faces_as_the_feet_do(get_robo
 
 def test_what_is_asked_of_the_body_is_recorded_and_comes_again(get_robot, tmp_path):
     robot, path = get_robot("biped20"), tmp_path / "turned.mcap"
-    body = BodySample(height=-0.03, torso=(0.1, 0.1, -0.1), turns=(0.0, -0.4))
+    body = BodyCommand(height=-0.03, torso=(0.1, 0.1, -0.1), turns=(0.0, -0.4))
     done = run(robot, body, up_and_down(lift=0.1), 1.2, recording=path)
     again = replay_teleop(path, robot)
     assert len(done.log.entries(Mode.SL)) == 1
@@ -72,7 +73,7 @@ def test_what_is_asked_of_the_body_is_recorded_and_comes_again(get_robot, tmp_pa
 @pytest.mark.slow
 def test_feet_are_turned_no_further_than_they_may_be_against_each_other(get_robot):
     robot = get_robot("biped20")
-    done = run(robot, BodySample(turns=(0.0, 2.0)), up_and_down(), 4.6)
+    done = run(robot, BodyCommand(turns=(0.0, 2.0)), up_and_down(), 4.6)
     left, right = frames(robot, done.log.q[-1], *robot.soles)
     assert yaw(right) - yaw(left) == pytest.approx(0.12, abs=0.02)
     assert not done.fell
@@ -82,7 +83,7 @@ def test_feet_are_turned_no_further_than_they_may_be_against_each_other(get_robo
 @pytest.mark.parametrize("name", ["humanoid33", "g1"])
 def test_the_body_comes_down_and_the_torso_bows_and_turns(get_robot, name):
     robot = get_robot(name)
-    done = run(robot, BodySample(height=-0.06, torso=(0.1, 0.2, -0.3)), [], 3.0)
+    done = run(robot, BodyCommand(height=-0.06, torso=(0.1, 0.2, -0.3)), [], 3.0)
     log = done.log
     assert not done.fell
     assert log.com[-1, 2] - log.com[0, 2] == pytest.approx(-0.06, abs=0.01)
@@ -109,7 +110,7 @@ def test_the_pelvis_does_what_the_waist_cannot(get_robot, name):
 @pytest.mark.slow
 def test_a_torso_leans_as_told_on_a_waist_that_does_not(get_robot):
     robot = get_robot("talos")
-    done = run(robot, BodySample(torso=(0.2, 0.0, 0.0)), [], 3.0)
+    done = run(robot, BodyCommand(torso=(0.2, 0.0, 0.0)), [], 3.0)
     assert not done.fell
     (torso,) = frames(robot, done.log.q[-1], robot.torso)
     assert torso[2, 1] == pytest.approx(np.sin(0.2), abs=0.01)
@@ -118,16 +119,16 @@ def test_a_torso_leans_as_told_on_a_waist_that_does_not(get_robot):
 @pytest.mark.slow
 def test_whatever_is_commanded_of_the_body_it_stands(get_robot):
     robot = get_robot("g1")
-    done = run(robot, BodySample(height=-9.0, torso=(9.0, -9.0, 9.0)), up_and_down(), 4.0)
+    done = run(robot, BodyCommand(height=-9.0, torso=(9.0, -9.0, 9.0)), up_and_down(), 4.0)
     assert not done.fell
 
 
 def test_what_is_no_number_leaves_the_body_as_it_was():
-    guard = DeviceGuard(dt=0.005, low=0.01, press_depth=0.08)
-    soles = [sample(0.0).left, sample(0.0).right]
-    good = BodySample(height=-0.05, turns=(0.1, 0.0))
-    for k, body in enumerate((good, BodySample(height=np.nan), BodySample(turns=(0.0, np.inf)))):
-        told = replace(sample(0.005 * k), body=body)
+    guard = OperatorGuard(dt=0.005, low=0.01, press_depth=0.08)
+    soles = [np.array(sample(0.0).place(foot)) for foot in (0, 1)]
+    good = BodyCommand(height=-0.05, turns=(0.1, 0.0))
+    for k, body in enumerate((good, BodyCommand(height=np.nan), BodyCommand(turns=(0.0, np.inf)))):
+        told = sample(0.005 * k, body=body)
         assert guard.check(told, 0.005 * k, soles, soles).body == good
 
 

@@ -16,18 +16,17 @@ from poise.apps.teleoperation import (
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion import (
-    DeviceSample,
     GazeLeader,
-    HandSample,
     HandStatus,
-    HeadSample,
+    OperatorGuard,
+    OperatorSample,
+    TrackedPose,
     WayPoint,
     walking_stack,
 )
 from poise.locomotion._stepping._upper_body._neck import NeckMotion
 
 DT = 0.002
-NOWHERE = np.full(3, np.nan)
 NECKS = {
     "humanoid33": ("neck_yaw", "neck_pitch"),
     "talos": ("head_1_joint", "head_2_joint"),
@@ -42,7 +41,7 @@ NECKS = {
 
 
 def head(*turn, clutch=True):
-    return HeadSample(np.array(pin.Quaternion(pin.exp3(np.array(turn))).coeffs()), clutch)
+    return TrackedPose.of(None, clutch, pin.Quaternion(pin.exp3(np.array(turn))).coeffs())
 
 
 def angle(one, other):
@@ -55,7 +54,10 @@ def test_a_neck_is_what_is_between_torso_and_head(get_robot, name, joints):
     leader = GazeLeader(robot, dt=DT)
     assert set(leader.task.joints if leader.task else ()) == set(joints)
     assert (leader.status is None) == (not joints)
-    leader.lead(DeviceSample(0.0, NOWHERE, NOWHERE, head=head(0.0, 0.0, 0.3)), 0.0)
+    guard = OperatorGuard(dt=DT)
+    for time, clutch in ((0.0, False), (DT, True)):
+        guard.check(OperatorSample(time, head=head(0.0, 0.0, 0.3, clutch=clutch)), time)
+        leader.lead(guard)
     assert leader.torso == (0.0, 0.0, 0.0)
 
 
@@ -80,14 +82,14 @@ class Looks:
 
     def __init__(self, robot, **options):
         self.leader, self.time = GazeLeader(robot, dt=DT, **options), 0.0
+        self.guard = OperatorGuard(dt=DT)
         self.gazes = [self.leader.gaze]
 
     def say(self, head, seconds=DT, rest=False):
         for _ in range(round(seconds / DT)):
             self.time += DT
-            self.leader.lead(
-                DeviceSample(self.time, NOWHERE, NOWHERE, head=head, rest=rest), self.time
-            )
+            self.guard.check(OperatorSample(self.time, head=head, rest=rest), self.time)
+            self.leader.lead(self.guard)
             self.gazes.append(self.leader.gaze)
 
 
@@ -146,9 +148,9 @@ def test_a_bad_orientation_is_refused_and_then_lost(get_robot, bad):
     robot.say(head(0.0, 0.0, 0.0, clutch=False))
     robot.say(head(0.0, 0.0, 0.2), 0.5)
     gaze = robot.leader.gaze
-    robot.say(HeadSample(bad), 0.3)
+    robot.say(TrackedPose.of(None, True, bad), 0.3)
     assert robot.leader.status is HandStatus.LED
-    robot.say(HeadSample(bad), 0.3)
+    robot.say(TrackedPose.of(None, True, bad), 0.3)
     assert robot.leader.status is HandStatus.HELD
     np.testing.assert_array_equal(robot.leader.gaze, gaze)
 
@@ -201,11 +203,12 @@ def test_orientations_are_recorded_to_the_last_bit(tmp_path):
     rng, samples = np.random.default_rng(0), []
     for k in range(20):
         a, b, c = (q / np.linalg.norm(q) for q in rng.normal(size=(3, 4)))
-        left = HandSample(rng.normal(size=3), k % 2 == 0, a)
-        right = HandSample(rng.normal(size=3), k % 3 == 0, b if k % 4 else None)
-        looks = HeadSample(c if k % 5 else np.full(4, np.nan), k % 2 == 1) if k % 7 else None
-        samples.append(DeviceSample(0.1 * k, rng.normal(size=3), rng.normal(size=3),
-                                    hands=(left, right), head=looks))  # fmt: skip
+        left = TrackedPose.of(rng.normal(size=3), k % 2 == 0, a)
+        right = TrackedPose.of(rng.normal(size=3), k % 3 == 0, b if k % 4 else None)
+        looks = TrackedPose.of(None, k % 2 == 1, c if k % 5 else np.full(4, np.nan))
+        feet = (TrackedPose.of(rng.normal(size=3)), TrackedPose.of(rng.normal(size=3)))
+        looks = looks if k % 7 else None
+        samples.append(OperatorSample(0.1 * k, feet, hands=(left, right), head=looks))
     path = tmp_path / "turns.mcap"
     write_recording(path, enumerate(samples), robot="g1", dt=DT)
     device = read_recording(path).device(robot="g1", dt=DT)

@@ -5,20 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from msgspec import structs
 from slow import slow
 from walker import hands as device_of, up_and_down
 
 from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import (
-    DeviceSample,
     GazeLeader,
     HandLeader,
-    HandSample,
     HandStatus,
-    HeadSample,
     Mode,
+    OperatorGuard,
+    OperatorSample,
     StepTeleoperator,
+    TrackedPose,
     WayPoint,
 )
 from poise.locomotion._stepping._upper_body._arms import ArmMotion
@@ -31,7 +32,7 @@ NOBODY = (None, None)
 
 
 def hand(x, y=0.0, z=0.0, clutch=True):
-    return HandSample(np.array([x, y, z]), clutch)
+    return TrackedPose.of((x, y, z), clutch)
 
 
 def open_hands():
@@ -49,7 +50,7 @@ def circling(time, start=0.3):
 
 def circling_nowhere(time):
     """Likewise with open clutches."""
-    return tuple(replace(each, clutch=False) for each in circling(time))
+    return tuple(structs.replace(each, clutch=False) for each in circling(time))
 
 
 def raised(time):
@@ -75,7 +76,7 @@ def operator(make, points=STAND, rest=None):
                 if both is None:
                     return None
                 resting = rest is not None and time >= rest
-                return replace(feet.sample(time), hands=both, rest=resting)
+                return structs.replace(feet.sample(time), hands=both, rest=resting)
 
         return Both()
 
@@ -180,7 +181,7 @@ def test_nothing_jumps_where_a_clutch_opens_or_closes_a_device_is_lost_or_hands_
     def make(time):
         if 0.8 < time < 0.9 or 1.1 < time < 1.2:
             left, right = circling(time)
-            return replace(left, clutch=False), replace(right, clutch=False)
+            return tuple(structs.replace(each, clutch=False) for each in (left, right))
         if 1.4 < time < 2.0:
             return None
         return circling(time) if time < 2.0 else open_hands()
@@ -203,7 +204,9 @@ def test_nothing_jumps_where_a_clutch_opens_or_closes_a_device_is_lost_or_hands_
 
 BAD = {
     "hand": lambda time: (hand(np.nan), hand(np.nan)),
-    "turn": lambda time: tuple(replace(h, orientation=np.full(4, np.nan)) for h in circling(time)),
+    "turn": lambda time: tuple(
+        structs.replace(h, orientation=(np.nan,) * 4) for h in circling(time)
+    ),
     "far": lambda time: (hand(1e9), hand(-1e9)),
 }
 
@@ -267,11 +270,11 @@ def test_arms_and_their_model_come_together_again_after_ticks_that_failed(get_ro
 def test_nothing_winds_up_in_arms_that_cannot_follow(get_robot):
     """Somebody holds them: servos are asked for no more than the gap gives, and learn nothing."""
     robot = get_robot("g1")
-    leader = HandLeader(robot, dt=DT, servos=True)
+    leader, guard = HandLeader(robot, dt=DT, servos=True), OperatorGuard(dt=DT)
     for k in range(1000):
         both = raised(DT * k)
-        sample = DeviceSample(DT * k, np.full(3, np.nan), np.full(3, np.nan), hands=both)
-        leader.lead(sample, RobotState(robot.q_home, np.zeros(robot.nv), time=DT * k))
+        guard.check(OperatorSample(DT * k, hands=both), DT * k)
+        leader.lead(guard, RobotState(robot.q_home, np.zeros(robot.nv), time=DT * k))
         assert not leader._feedback.bias.any()
     np.testing.assert_allclose(leader.task.velocity_gain, 2.0)
 
@@ -304,7 +307,7 @@ def test_arms_stay_smooth_within_limits_and_off_the_body_at_this_tick(get_robot,
 
 
 def turned(yaw):
-    return HeadSample(np.array(pin.Quaternion(pin.exp3(np.array([0.0, 0.0, yaw]))).coeffs()))
+    return TrackedPose(None, True, (0.0, 0.0, float(np.sin(0.5 * yaw)), float(np.cos(0.5 * yaw))))
 
 
 @pytest.mark.slow
@@ -329,14 +332,14 @@ def test_a_neck_looks_there_and_the_run_replays(get_robot, tmp_path):
 
 def test_a_neck_back_at_rest_is_asked_for_nothing(get_robot):
     leader = GazeLeader(get_robot("humanoid33"), dt=DT, servos=True)
-    nowhere = np.full(3, np.nan)
+    guard = OperatorGuard(dt=DT)
 
     def say(k, head, rest=False):
-        sample = DeviceSample(DT * k, nowhere, nowhere, head=head, rest=rest)
-        leader.lead(sample, DT * k)
+        guard.check(OperatorSample(DT * k, head=head, rest=rest), DT * k)
+        leader.lead(guard)
         return leader.task.velocity_gain[0]
 
-    assert say(0, replace(turned(0.0), clutch=False)) == 0.0
+    assert say(0, structs.replace(turned(0.0), clutch=False)) == 0.0
     assert max(say(k, turned(0.3)) for k in range(1, 200)) == pytest.approx(2.0)
     assert leader.status is HandStatus.LED
     gains = [say(k, None, rest=True) for k in range(200, 600)]

@@ -6,10 +6,10 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from standing import PARAMETERS, biped, estimator, footing, sensor
-from walker import hands
+from walker import hands, sample
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
-from poise.locomotion import DeviceSample, DeviceStatus, Mode, StepTeleoperator, WayPoint
+from poise.locomotion import DeviceStatus, Mode, StepTeleoperator, WayPoint
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._by_torque._com_feedback import ComFeedback
 from poise.locomotion._stepping._mode_events import ModeEvents
@@ -80,7 +80,7 @@ def test_a_foot_is_lifted_where_the_zmp_brings_the_robot_back(get_robot, foot, i
     for tick in range(20):
         places = [anchor.copy() for anchor in ours.anchors]
         places[1 - foot][2] += 0.0 if tick == 0 else 0.05
-        device = DeviceSample(0.005 * tick, *places)
+        device = sample(0.005 * tick, *places)
         events.advance(device, (True, True), 0.005 * tick, rescuing=False)
     assert events.mode.support == foot
     assert events.mode.single == lifted

@@ -7,12 +7,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from slow import slow
-from walker import hands
+from walker import hands, sample
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.dynamics import RobotState
 from poise.locomotion import (
-    DeviceSample,
     DeviceStatus,
     Mode,
     ScriptedDevice,
@@ -269,7 +268,7 @@ class WalksThenSteps:
         if 0.5 < time < 1.0:
             left[2] += self._height
         velocity = (0.3, 0.0, 0.0) if 1.0 < time < 2.2 else (0.0, 0.0, 0.0)
-        return DeviceSample(time, left, right, velocity=velocity)
+        return sample(time, left, right, velocity=velocity)
 
 
 @pytest.mark.parametrize("height", [0.0, slow(0.06)], ids=["both feet down", "one held up"])
@@ -331,12 +330,12 @@ class StickInMidStep:
     """The right foot is held up, and a stick is pushed ahead meanwhile."""
 
     def __init__(self, teleoperator):
-        self._start = teleoperator.resting_sample
+        self._left, self._right = teleoperator.estimator.anchors
 
     def sample(self, time):
         up = np.array([0.0, 0.0, min(max(0.2 * (time - 0.6), 0.0), 0.06)])
         velocity = (0.3 if time >= PUSHED_AT else 0.0, 0.0, 0.0)
-        return replace(self._start, time=time, right=self._start.right + up, velocity=velocity)
+        return sample(time, self._left, self._right + up, velocity=velocity)
 
 
 def test_a_stick_in_mid_step_makes_no_jump_of_the_zmp(get_robot):

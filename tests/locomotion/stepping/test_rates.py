@@ -14,13 +14,11 @@ from poise.apps.teleoperation import (
     run_teleop,
     write_recording,
 )
-from poise.locomotion import DeviceSample, HandSample, Mode
-from poise.locomotion._stepping import DeviceGuard
+from poise.locomotion import Mode, OperatorGuard, OperatorSample, TrackedPose
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
-from poise.locomotion._stepping._operator._pursuit import DeviceRate
+from poise.locomotion._stepping._operator._tracking import Tracker, VelocityCheck
 from poise.locomotion._stepping._stance._reach import FootRange
 from poise.locomotion._stepping._upper_body._arms import ArmMotion
-from poise.locomotion._stepping._upper_body._hands import HandGrip
 
 DT = 0.002
 UP = np.array([0.1, 0.0, 0.2])
@@ -29,12 +27,12 @@ SOLES = [np.array([0.0, 0.135, 0.0]), np.array([0.0, -0.135, 0.0])]
 
 def rates_after(rate, waits=0):
     """What a guard makes of a left device's velocity, so many ticks after it was told."""
-    guard = DeviceGuard(dt=DT, low=0.02, press_depth=0.05)
-    guard.check(replace(sample(0.0), rates=(rate, None)), 0.0, SOLES, SOLES)
-    found = guard.check(replace(sample(DT), rates=(rate, None)), DT, SOLES, SOLES)
+    guard = OperatorGuard(dt=DT, low=0.02, press_depth=0.05)
+    guard.check(sample(0.0, rates=(rate, None)), 0.0, SOLES, SOLES)
+    found = guard.check(sample(DT, rates=(rate, None)), DT, SOLES, SOLES)
     for tick in range(waits):
         found = guard.check(None, (tick + 2) * DT, SOLES, SOLES)
-    return found.rates
+    return tuple(part.velocity for part in found.feet)
 
 
 def test_a_velocity_counts_for_a_tenth_of_a_second():
@@ -52,9 +50,9 @@ def test_what_no_hand_does_is_no_velocity_and_the_place_counts(bad):
 
 def told(claims, moves, period=DT, seconds=1.0):
     """The velocities that count of a device that claims one velocity and moves by another."""
-    rate, found, place = DeviceRate(2.5), [], np.zeros(3)
+    rate, found, place = VelocityCheck(), [], np.zeros(3)
     for k in range(round(seconds / period)):
-        rate.tell(claims(k * period), place.tolist(), k * period)
+        rate.update(tuple(claims(k * period)), tuple(place), k * period)
         found.append(rate.at(k * period))
         place = place + period * moves((k + 0.5) * period)
     return found
@@ -90,7 +88,7 @@ def sent(robot, lifted, where):
     now = steady(robot, mode=Mode.SL, lifted=lifted)
     target = FootTarget(FootRange(robot, biped(robot).soles, PARAMETERS), PARAMETERS)
     x, y, z = (now.anchors[1] + where).tolist()
-    device = replace(sample(0.0, right=(x, y, z)), rates=(None, UP))
+    device = sample(0.0, right=(x, y, z), rates=(None, UP))
     place = target.place(now, device, room_below=0.0, gives_way=False)
     assert np.linalg.norm(place - [x, y, z]) < 1e-6 or not target.rate.any()
     return target.rate.tolist()
@@ -147,44 +145,45 @@ def test_a_hand_is_no_faster_than_it_may_be_whatever_its_device_says(get_robot):
 
 
 def test_an_open_clutch_has_no_velocity():
-    grip = HandGrip(DT, 1.5)
-    grip.update(HandSample(np.zeros(3), clutch=False, velocity=UP), 0.0)
-    assert grip.rate.at(0.0) is None
-    grip.update(HandSample(np.zeros(3), velocity=UP), DT)
-    np.testing.assert_array_equal(grip.rate.at(DT), UP)
+    hand = Tracker(DT)
+    hand.update(TrackedPose.of(np.zeros(3), False, velocity=UP), 0.0)
+    assert hand.velocity(0.0) is None
+    hand.update(TrackedPose.of(np.zeros(3), True, velocity=UP), DT)
+    np.testing.assert_array_equal(hand.velocity(DT), UP)
 
 
 def test_velocities_are_recorded_and_come_back(tmp_path):
-    hand = HandSample(np.zeros(3), velocity=-UP)
-    told = replace(sample(0.0), rates=(None, UP), hands=(hand, HandSample(np.ones(3))))
-    odd = replace(sample(DT), rates=(np.full(3, np.nan), None))
+    hand = TrackedPose.of(np.zeros(3), True, velocity=-UP)
+    told = sample(0.0, rates=(None, UP), hands=(hand, TrackedPose.of(np.ones(3), True)))
+    odd = sample(DT, rates=(np.full(3, np.nan), None))
     said = enumerate((told, odd, sample(2 * DT)))
     write_recording(tmp_path / "x.mcap", said, robot="biped20", dt=DT)
     device = read_recording(tmp_path / "x.mcap").device(robot="biped20", dt=DT)
     first, second, third = (device.sample(tick * DT) for tick in range(3))
-    assert first.rates[0] is None
-    np.testing.assert_array_equal(first.rates[1], UP)
+    assert first.feet[0].velocity is None
+    np.testing.assert_array_equal(first.feet[1].velocity, UP)
     np.testing.assert_array_equal(first.hands[0].velocity, -UP)
     assert first.hands[1].velocity is None
-    assert np.isnan(second.rates[0]).all()
-    assert (second.rates[1], third.rates) == (None, (None, None))
+    assert np.isnan(second.feet[0].velocity).all()
+    assert second.feet[1].velocity is None
+    assert [part.velocity for part in third.feet] == [None, None]
 
 
 class Swinging:
     """A right foot that is lifted, and then swings forward and back; it may say how fast."""
 
     def __init__(self, teleoperator, *, told):
-        self._start, self._told = teleoperator.resting_sample, told
+        (self._left, self._right), self._told = teleoperator.estimator.anchors, told
 
     def place(self, time):
         up, angle = min(max(2.0 * (time - 0.5), 0.0), 1.0), math.pi * max(time - 1.8, 0.0)
-        return self._start.right + [0.05 * math.sin(angle), 0.0, 0.08 * up]
+        return self._right + [0.05 * math.sin(angle), 0.0, 0.08 * up]
 
     def sample(self, time):
         rate = None
         if self._told:
             rate = (self.place(time + 1e-4) - self.place(time - 1e-4)) / 2e-4
-        return DeviceSample(time, self._start.left, self.place(time), rates=(None, rate))
+        return sample(time, self._left, self.place(time), rates=(None, rate))
 
 
 def foot_lag(robot, *, told):
@@ -206,13 +205,13 @@ class Claiming:
     """A right foot that is held up ahead, and claims to go on."""
 
     def __init__(self, teleoperator):
-        self._start = teleoperator.resting_sample
+        self._left, self._right = teleoperator.estimator.anchors
 
     def sample(self, time):
         up, ahead = min(max(2.0 * (time - 0.5), 0.0), 1.0), min(max(time - 1.8, 0.0), 1.0)
-        place = self._start.right + [0.2 * ahead, 0.0, 0.1 * up]
+        place = self._right + [0.2 * ahead, 0.0, 0.1 * up]
         rate = np.array([2.4, 0.0, 0.0]) if time > 3.0 else None
-        return DeviceSample(time, self._start.left, place, rates=(None, rate))
+        return sample(time, self._left, place, rates=(None, rate))
 
 
 def test_a_foot_stays_where_its_device_is_whatever_that_claims(get_robot):
@@ -242,8 +241,9 @@ def test_a_device_may_write_over_what_it_has_given(get_robot):
                 rate[:] = hand[:] = (0.0, 0.0, 0.4)
                 if time > 0.6:
                     place[:] = rate[:] = hand[:] = np.nan
-                held = HandSample(hand, clutch=time > 0.02, velocity=rate)
-                return DeviceSample(time, left, place, hands=(held, held), rates=(None, rate))
+                held = TrackedPose(hand, time > 0.02, velocity=rate)
+                feet = TrackedPose.of(left), TrackedPose(place, velocity=rate)
+                return OperatorSample(time, feet, hands=(held, held))
 
         return Reusing()
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from walker import hands
+from walker import hands, sample
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
-from poise.locomotion import BodySample, Device, DeviceSample
+from poise.locomotion import BodyCommand, Device
 from poise.locomotion._stepping._by_torque._trunk_feedback import TrunkFeedback
 
 DT, KP = 0.002, 100.0
@@ -72,7 +72,7 @@ def test_a_torso_that_cannot_be_bent_as_asked_is_upright_again_afterwards(get_ro
         class Bending(Device):
             def sample(self, time):
                 asked = (0.0, -0.4, 0.0) if 0.1 < time < 0.9 else (0.0, 0.0, 0.0)
-                return DeviceSample(time, left, right, body=BodySample(torso=asked))
+                return sample(time, left, right, body=BodyCommand(torso=asked))
 
         return Bending()
 

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from led_hands import DT, Follows
+from led_hands import DT, Follows, Hand
 from unchecked import run_unchecked
 from walker import hands as device_of, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion import HandSample, HandStatus, WayPoint
-from poise.locomotion._stepping._operator._grips import HandGrip
+from poise.locomotion import HandStatus, TrackedPose, WayPoint
 from poise.locomotion._stepping._upper_body._arms import ArmMotion
 from poise.locomotion._stepping._upper_body._null_space import serve
 from poise.locomotion._stepping._upper_body._turning import TurnShare
@@ -25,7 +24,7 @@ def quaternion(*turn):
 
 
 def hand(*turn, x=0.0, clutch=True):
-    return HandSample(np.array([x, 0.0, 0.0]), clutch, quaternion(*turn))
+    return TrackedPose.of((x, 0.0, 0.0), clutch, quaternion(*turn))
 
 
 def angle(one, other):
@@ -42,7 +41,7 @@ def turned(grip, samples, begin=2):
 
 
 def gripped(*turn):
-    grip = HandGrip(DT, 1.5)
+    grip = Hand()
     grip.update(hand(*turn, clutch=False), 0.0)
     grip.update(hand(*turn), DT)
     return grip
@@ -55,7 +54,7 @@ def test_a_hand_turns_by_what_its_device_turned_along_the_same_axes():
         assert grip.turns
         way = pin.exp3(np.array([0.1, 0.0, 0.05]))
         held = pin.Quaternion(way @ pin.exp3(np.array(start))).coeffs()
-        rotation = turned(grip, [HandSample(np.zeros(3), True, np.array(held))] * 10)
+        rotation = turned(grip, [TrackedPose.of(np.zeros(3), True, held)] * 10)
         np.testing.assert_allclose(rotation, way, atol=1e-9)
 
 
@@ -77,20 +76,20 @@ BAD = {
 @pytest.mark.parametrize("bad", BAD.values(), ids=BAD)
 def test_an_orientation_that_cannot_be_is_refused_and_the_hand_stays(bad):
     grip = gripped(0.0, 0.0, 0.0)
-    sample = HandSample(np.array([0.01, 0.0, 0.0]), True, bad)
-    assert not grip.update(sample, 2 * DT).any()
+    sample = TrackedPose.of((0.01, 0.0, 0.0), True, bad)
+    assert not grip.tick(sample, 2 * DT).any()
     assert not grip.turn.any()
-    assert grip.holds
+    assert grip.engaged
     np.testing.assert_array_equal(turned(grip, [sample] * 300, 3), np.eye(3))
     # Half a second of it, and the device is lost until its clutch was open.
-    assert not grip.holds
-    assert not grip.update(hand(0.0, 0.0, 0.0), 303 * DT).any()
-    assert not grip.holds
+    assert not grip.engaged
+    assert not grip.tick(hand(0.0, 0.0, 0.0), 303 * DT).any()
+    assert not grip.engaged
 
 
 def test_an_orientation_that_comes_again_turns_from_there_on():
     grip = gripped(0.0, 0.0, 0.0)
-    without = HandSample(np.zeros(3), True)
+    without = TrackedPose.of(np.zeros(3), True)
     rotation = turned(grip, [hand(0.1, 0, 0)] * 5 + [without] * 5 + [hand(0.8, 0, 0)] * 5)
     np.testing.assert_allclose(rotation, pin.exp3(np.array([0.1, 0.0, 0.0])), atol=1e-9)
     rotation = turned(grip, [hand(0.85, 0, 0)] * 5, 17)
@@ -181,18 +180,18 @@ import json
 import numpy as np
 import poise
 from poise.dynamics import RobotState
-from poise.locomotion import DeviceSample, GazeLeader, HandLeader, HandSample, HeadSample
+from poise.locomotion import GazeLeader, HandLeader, OperatorGuard, OperatorSample, TrackedPose
 from poise.locomotion._stepping._upper_body import _null_space as code
-robot, turn = poise.load_robot("humanoid33"), np.array([0.0, 0.0, 0.1, np.sqrt(0.99)])
+robot, turn = poise.load_robot("humanoid33"), (0.0, 0.0, 0.1, np.sqrt(0.99))
 hands, gaze = HandLeader(robot, dt=0.002), GazeLeader(robot, dt=0.002)
+guard = OperatorGuard(dt=0.002)
 functions = code._turn, code._step, code._serve_alone
 before = [len(function.signatures) for function in functions]
 for k in range(200):
-    hand = HandSample(np.array([0.0, 0.0, 0.001 * k]), k > 1, turn)
-    head, nowhere = HeadSample(turn, k > 1), np.full(3, np.nan)
-    sample = DeviceSample(0.002 * k, nowhere, nowhere, hands=(hand, hand), head=head)
-    hands.lead(sample, RobotState(robot.q_home, np.zeros(robot.nv), time=0.002 * k))
-    gaze.lead(sample, 0.002 * k)
+    hand, head = (TrackedPose((0.0, 0.0, 0.001 * k), k > 1, turn) for _ in (0, 1))
+    guard.check(OperatorSample(0.002 * k, hands=(hand, hand), head=head), 0.002 * k)
+    hands.lead(guard, RobotState(robot.q_home, np.zeros(robot.nv), time=0.002 * k))
+    gaze.lead(guard)
 turned = hands.rotations[0] is not None and np.abs(gaze.gaze - np.eye(3)).max() > 0.05
 print(json.dumps([before, [len(function.signatures) for function in functions], bool(turned)]))
 """
@@ -284,11 +283,11 @@ def test_a_hand_is_turned_regripped_held_and_comes_back_to_rest(get_robot):
     assert angle(robot.rotation, pin.exp3(np.array([0.2, 0.0, 0.0])) @ way @ start) < 0.07
     np.testing.assert_allclose(leader.places[1], place, atol=1e-6)
     # Without orientation it keeps the one that it has.
-    robot.say(None, HandSample(np.zeros(3), False))
-    robot.say(None, HandSample(np.zeros(3)))
-    robot.say(None, HandSample(np.array([0.02, 0.0, 0.02])), 1.0)
+    robot.say(None, TrackedPose.of(np.zeros(3), False))
+    robot.say(None, TrackedPose.of(np.zeros(3), True))
+    robot.say(None, TrackedPose.of((0.02, 0.0, 0.02), True), 1.0)
     assert angle(robot.rotation, pin.exp3(np.array([0.2, 0.0, 0.0])) @ way @ start) < 0.07
-    robot.say(None, HandSample(np.zeros(3), False), 3.0, rest=True)
+    robot.say(None, TrackedPose.of(np.zeros(3), False), 3.0, rest=True)
     assert leader.rotations[1] is None
     assert angle(robot.rotation, start) < 0.02
 

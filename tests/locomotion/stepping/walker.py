@@ -1,17 +1,14 @@
 """What the tests of teleoperation share: devices, short runs, and robots that cannot be walked."""
 
-import numpy as np
-
 from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
-from poise.locomotion import DeviceSample, ScriptedDevice, WayPoint
+from poise.locomotion import OperatorSample, ScriptedDevice, TrackedPose, WayPoint
 
 
 def hands(*points):
     """A device by way-points, for `run_teleop`."""
 
     def make(controller):
-        start = controller.resting_sample
-        return ScriptedDevice(points, start.left, start.right)
+        return ScriptedDevice(points, *controller.estimator.anchors)
 
     return make
 
@@ -27,8 +24,13 @@ def walk(robot, points, duration, plant=VELOCITY_TELEOP_PLANT, **changes):
     return run_teleop(robot, hands(*points), plant, duration=duration, **changes)
 
 
-def sample(time, left=(0.0, 0.135, 0.0), right=(0.0, -0.135, 0.0)):
-    return DeviceSample(time, np.array(left), np.array(right))
+def sample(time, left=(0.0, 0.135, 0.0), right=(0.0, -0.135, 0.0), rates=(None, None), **more):
+    """A sample of two foot devices, and of whatever else."""
+    feet = (
+        TrackedPose.of(place, velocity=rate)
+        for place, rate in zip((left, right), rates, strict=True)
+    )
+    return OperatorSample(time, tuple(feet), **more)
 
 
 class Says:

@@ -6,9 +6,6 @@ from poise.errors import MissingExtraError
 
 if find_spec("websockets") is None:
     raise MissingExtraError("websockets", "teleop", "Live teleoperation")
-# Another package may have brought the first one.
-if find_spec("msgspec") is None:
-    raise MissingExtraError("msgspec", "teleop", "Live teleoperation")
 
 from poise.apps.live._drive import DRIVE_PLANT as DRIVE_PLANT, DriveLoop as DriveLoop
 from poise.apps.live._feet import LiveFeet as LiveFeet
@@ -16,7 +13,7 @@ from poise.apps.live._gamepad import HostGamepad as HostGamepad
 from poise.apps.live._inputs import OperatorInputs as OperatorInputs
 from poise.apps.live._log import Takes as Takes
 from poise.apps.live._loop import LiveLoop as LiveLoop
-from poise.apps.live._pad import Pad as Pad, Tracked as Tracked
+from poise.apps.live._odometry import Odometry as Odometry
 from poise.apps.live._session import DriveSession, LiveSession
 from poise.apps.live._snapshot import Snapshot as Snapshot
 

@@ -6,8 +6,7 @@
 import math
 from typing import NamedTuple
 
-from poise.apps.live._pad import Body
-from poise.locomotion import FOOT_TURNS, TORSO_MOST, StepTeleoperator
+from poise.locomotion import FOOT_TURNS, TORSO_MOST, BodyCommand, StepTeleoperator
 
 _RISE = 0.04
 """How much higher legs lift the COM that straighten, over its height."""
@@ -61,8 +60,12 @@ class Bend(NamedTuple):
 
 
 def bent(
-    body: Body, bend: Bend, held: tuple[bool, bool], seconds: float, limits: BodyLimits
-) -> Body:
+    body: BodyCommand,
+    bend: Bend,
+    held: tuple[bool, bool],
+    seconds: float,
+    limits: BodyLimits,
+) -> BodyCommand:
     """What is asked of the body after a button was held for a moment; it stays when it is let go.
 
     Args:
@@ -73,7 +76,7 @@ def bent(
         limits: of the robot.
     """
     if bend.neutral:
-        return Body()
+        return BodyCommand()
     roll, pitch, yaw = body.torso
     _, most_pitch, most_yaw = limits.torso
     pitch += seconds * _LEANT * bend.pitch
@@ -87,7 +90,7 @@ def bent(
         if held[1]:
             right = _turned(right + turn, left, -outwards, inwards)
         turns = left, right
-    return Body(
+    return BodyCommand(
         height=_clipped(body.height + seconds * _RAISED * bend.height, *limits.height),
         torso=(roll, _clipped(pitch, -most_pitch, most_pitch), _clipped(yaw, -most_yaw, most_yaw)),
         turns=turns,

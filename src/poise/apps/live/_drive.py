@@ -7,22 +7,23 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64
+from msgspec.structs import replace
 
-from poise.apps.live._feet import hands_of, head_of, velocity_of
+from poise.apps.live._feet import velocity_of
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LIVE_CONFIG, Takes
-from poise.apps.live._pad import Pad
+from poise.apps.live._odometry import Odometry
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
 from poise.control import WholeBodyController, is_usable
 from poise.dynamics import RobotState
 from poise.estimation import PayloadEstimator, StateEstimator
 from poise.locomotion import (
-    DeviceSample,
     DeviceStatus,
     GazeLeader,
     HandLeader,
     Mode,
+    OperatorGuard,
     Walker,
     signed_margin,
     soles_outline,
@@ -40,11 +41,7 @@ _STEP_MODES = ((Mode.TR, Mode.SR), (Mode.TL, Mode.SL))
 
 
 class _Driver:
-    """The leader: asks walker, arms and neck for what the operator asks for.
-
-    Attributes:
-        offset: from the world that is estimated to the simulator's [m].
-    """
+    """The leader: walker, arms and neck follow the operator."""
 
     def __init__(self, robot: Robot, inputs: OperatorInputs, dt: float) -> None:
         self.hands = HandLeader(robot, dt=dt)
@@ -52,36 +49,28 @@ class _Driver:
         self.stack: Stack = walking_stack(robot, self.hands.task, self.gaze.task)
         self.walker = Walker(robot, self.stack)
         self._inputs, self._robot = inputs, robot
-        self.offset: Float64[np.ndarray, "3"] = np.zeros(3)
+        self._guard, self.odometry = OperatorGuard(dt=dt), Odometry()
 
     def lead(self, state: RobotState) -> None:
         """Sets what the next tick should do; a state that cannot be used changes nothing."""
         if not is_usable(state, self._robot):
             return
-        pad = self._inputs.read()
-        self.walker.set_velocity(*velocity_of(pad, self.walker.limits))
+        sample = self._inputs.read()
+        self.walker.set_velocity(*velocity_of(sample, self.walker.limits))
         self.walker.lead(state)
-        sample = None if pad is None else _sample(pad, state.time)
-        self.hands.lead(sample, state)
-        self.gaze.lead(sample, state.time)
+        # Its age was checked by the wall clock; here the robot's time goes on.
+        self._guard.check(sample and replace(sample, time=state.time), state.time)
+        self.hands.lead(self._guard, state)
+        self.gaze.lead(self._guard)
 
     @property
     def zmp(self) -> Float64[np.ndarray, "2"]:
         """Where the ZMP should be, in the simulator's world [m]."""
-        return self.walker.zmp + self.offset[:2]
+        return self.odometry.drawn(self.walker.zmp)
 
     def signals(self) -> dict[str, np.ndarray | float | str]:
         """What the log should know, in the simulator's world as the rest of it."""
         return {**self.walker.signals(), "zmp_reference": self.zmp}
-
-
-_NOWHERE = np.full(3, np.nan)
-
-
-def _sample(pad: Pad, time: float) -> DeviceSample:
-    """What the operator does with hands and head; nobody leads the feet."""
-    hands, head = hands_of(pad), head_of(pad)
-    return DeviceSample(time, _NOWHERE, _NOWHERE, hands=hands, rest=pad.rest, head=head)
 
 
 class DriveLoop(RealTimeLoop):
@@ -145,7 +134,7 @@ class DriveLoop(RealTimeLoop):
         done = None if self._ticks is None else next(self._ticks, None)
         if done is not None:
             self._inputs.commanded(command_time(begin, done))
-            self._driver.offset = done.truth.q[:3] - done.estimate.q[:3]
+            self._driver.odometry.measure(done.truth.q[:3], done.estimate.q[:3])
 
     def _flush(self) -> None:
         self.takes.flush()

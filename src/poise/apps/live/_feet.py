@@ -1,23 +1,22 @@
-"""`LiveFeet`: what the operator does, as two foot devices that move smoothly: a `Device`.
+"""`LiveFeet`: keys, sticks, handles and trackers as places of two feet: a `Device`.
 
-`hands_of`: what the operator does with the robot's hands, which take what moves as it comes.
-`head_of`: where the operator looks.
+`velocity_of`: the velocity that keys and sticks command.
 """
 
 import math
 
 import numpy as np
 from jaxtyping import Float64
+from msgspec.structs import replace
 
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._pad import Pad, Quaternion, Tracked
+from poise.apps.live._odometry import Odometry
 from poise.locomotion import (
-    BodySample,
-    DeviceSample,
-    FootClutch,
-    HandSample,
-    HeadSample,
+    FootTracker,
+    OperatorSample,
     StepTeleoperator,
+    TrackedPose,
+    Vector,
     VelocityLimits,
     along_ahead,
     rest_place,
@@ -26,56 +25,18 @@ from poise.locomotion import (
 )
 
 HOLD_HEIGHT = 0.10
-"""A foot that is lifted by a button is held this far above its place on the ground [m]."""
+"""Height over its place on the ground at which a button holds a foot [m]: an ordinary step."""
 
 _SPEED = 0.6
-"""A device follows its handle no faster than this [m/s], however the mouse jumps."""
-_DOWN_SPEED = 0.15
-"""A foot that is let go comes down at this speed [m/s]."""
+"""Speed at which a foot goes to its handle [m/s], however the mouse jumps: that of a swing foot."""
 _STICK_SPEED = 0.25
-"""Speed of a lifted foot with the stick all the way over [m/s]."""
-_TRACKED_SPEED = 1.5
-"""A device follows a tracked hand or foot no faster than this [m/s]."""
+"""Speed of a lifted foot with the stick all the way over [m/s]: a step of 0.25 m takes a second."""
 _STICK_LEAD = 0.06
-"""The stick moves a device no further than this ahead of its foot, along an axis [m]."""
-_THERE = 1e-6
-"""A device that is no farther from where it is led follows it [m]."""
+"""Distance to which the stick moves a place ahead of its foot, along an axis [m]: what a foot at
+that speed lags behind by in a quarter of a second."""
 _HANDLE_LEAD = 0.4
-"""A handle, hand or foot is followed no further than this away from the robot's foot [m]: further
-than a leg reaches, and near enough to be back within a second."""
-
-
-class _Turned:
-    """How a tracked foot is turned: by what its tracker turned about the vertical while it leads.
-
-    It stays turned when the tracker lets go, until something else leads the foot.
-
-    Attributes:
-        angle: to the left of ahead [rad]; None where no tracker has turned it.
-    """
-
-    def __init__(self) -> None:
-        self.angle: float | None = None
-        self._off: float | None = None
-
-    def follow(self, orientation: Quaternion | None, angle: float) -> None:
-        """Takes what the tracker says, which leads the foot.
-
-        Args:
-            orientation: of the tracker; None where it does not say.
-            angle: that is asked of the foot now [rad].
-        """
-        yaw = None if orientation is None else _yaw_of(orientation)
-        if yaw is None:
-            self._off = None
-            return
-        if self._off is None:
-            self._off = angle - yaw
-        self.angle = math.remainder(self._off + yaw, math.tau)
-
-    def let_go(self) -> None:
-        """The tracker does not lead."""
-        self._off = None
+"""Distance to which a handle leads from the robot's foot [m]: further than a leg reaches, and near
+enough to be back within a second at `_SPEED`."""
 
 
 _LIMITS = VelocityLimits()
@@ -83,34 +44,39 @@ _LIMITS = VelocityLimits()
 
 
 class LiveFeet:
-    """Two devices for the feet of a robot, left and right.
+    """Integrate raw samples to places of both feet, in the teleoperator's world, and a velocity.
 
-    A foot is held by a tracked hand or foot whose clutch is closed, which turns it, too, by
-    dragging its handle, or by a button, and then moved by the stick. A foot that is let go comes
-    down where it is. Sticks walk the robot while no foot is held, where it takes torques. With both
-    feet on the ground a device that holds nothing is on its foot: the handle snaps back after
-    landing.
+    A foot follows a tracker whose clutch is closed, which turns it, too, until something else does;
+    a handle; or a button, and then the stick. Otherwise it is lowered where it is. Sticks walk the
+    robot while no foot is held.
 
     Args:
         inputs: what the operator does.
         teleoperator: knows where the feet are.
+        odometry: of the drawn world, in which handles are.
 
     Attributes:
-        offset: from the world that the teleoperator estimates to the drawn one, x, y, z [m].
-        places: where the devices are, left and right, in the teleoperator's world [m].
+        places: of the left and the right foot's device, in the teleoperator's world [m].
     """
 
-    def __init__(self, inputs: OperatorInputs, teleoperator: StepTeleoperator) -> None:
-        self._inputs, self._teleoperator = inputs, teleoperator
+    def __init__(
+        self, inputs: OperatorInputs, teleoperator: StepTeleoperator, odometry: Odometry
+    ) -> None:
+        self._inputs, self._teleoperator, self._odometry = inputs, teleoperator, odometry
         self._dt = teleoperator.parameters.dt
-        self.offset: Float64[np.ndarray, "3"] = np.zeros(3)
-        self.places = [anchor.copy() for anchor in teleoperator.estimator.anchors]
-        self._clutches = (FootClutch(), FootClutch())
-        self._turned = (_Turned(), _Turned())
+        self._restart()
+
+    def _restart(self) -> None:
+        """Whoever comes next finds the devices on the feet."""
+        self.places = [np.array(anchor) for anchor in self._teleoperator.estimator.anchors]
+        self._trackers = (FootTracker(), FootTracker())
+        # Turns by trackers, to the left of ahead, and the trackers' own turns a tick ago [rad].
+        self._turned: list[float | None] = [None, None]
+        self._yaws: list[float | None] = [None, None]
         self._walks = False
 
-    def sample(self, time: float) -> DeviceSample | None:
-        """Where the devices are.
+    def sample(self, time: float) -> OperatorSample | None:
+        """Return where the devices are.
 
         Args:
             time: of the robot [s].
@@ -118,129 +84,117 @@ class LiveFeet:
         Returns:
             None while nobody is at the controls.
         """
-        pad = self._inputs.read()
-        if pad is None:
-            # Whoever comes next finds the devices on the feet.
-            self.places = [anchor.copy() for anchor in self._teleoperator.estimator.anchors]
-            self._clutches = (FootClutch(), FootClutch())
-            self._turned = (_Turned(), _Turned())
-            self._walks = False
+        raw = self._inputs.read()
+        if raw is None:
+            self._restart()
             return None
-        rates: list[Float64[np.ndarray, "3"] | None] = [None, None]
-        for foot, tracker in enumerate(map(_tracker, pad.tracked)):
-            led = self._clutches[foot].follow(
-                tracker, self.places[foot], self._teleoperator.ahead, time
-            )
-            goal, speed, down = self._goal(foot, pad, led)
-            way, most = goal - self.places[foot], self._dt * speed
-            if down is None:
-                step = _no_longer(way, most)
-            else:
-                up = np.clip(way[2], -self._dt * down, most)
-                step = np.array([*_no_longer(way[:2], most), up])
-            self.places[foot] = self.places[foot] + step
-            if math.dist(self.places[foot], goal) < _THERE:
-                rates[foot] = self._clutches[foot].rate(tracker)
-        left, right = (place.copy() for place in self.places)
-        velocity = self._velocity(pad)
+        left, right = self._foot(0, raw, time), self._foot(1, raw, time)
+        velocity = self._velocity(raw)
         if any(velocity):
             # Who has walked faces ahead.
-            for turned in self._turned:
-                turned.angle = None
-        return DeviceSample(
-            time,
-            left,
-            right,
-            pad.upright,
-            hands=hands_of(pad),
-            rest=pad.rest,
-            body=BodySample(pad.body.height, pad.body.torso, self._turns(pad)),
+            self._turned = [None, None]
+        return OperatorSample(
+            time=time,
+            feet=(left, right),
+            hands=raw.hands,
+            head=raw.head,
+            body=replace(raw.body, turns=self._turns(raw)),
             velocity=velocity,
-            head=head_of(pad),
-            rates=(rates[0], rates[1]),
+            upright=raw.upright,
+            rest=raw.rest,
         )
 
-    def _turns(self, pad: Pad) -> tuple[float, float]:
-        """How the feet are turned, to the left of ahead [rad]."""
+    def _turns(self, raw: OperatorSample) -> tuple[float, float]:
+        """Turns of the feet, to the left of ahead [rad]."""
         left, right = (
-            asked if turned.angle is None else turned.angle
-            for turned, asked in zip(self._turned, pad.body.turns, strict=True)
+            commanded if turned is None else turned
+            for turned, commanded in zip(self._turned, raw.body.turns, strict=True)
         )
         return left, right
 
-    def _velocity(self, pad: Pad) -> tuple[float, float, float]:
-        """With which the robot walks: sticks that move no foot, and were let go since they did."""
-        velocity = velocity_of(pad, _LIMITS)
-        tracked = any(t is not None and t.clutch for t in pad.tracked)
-        if any(pad.lift) or pad.drag != (None, None) or tracked:
+    def _velocity(self, raw: OperatorSample) -> Vector:
+        """Velocity of sticks that move no foot, and were let go since they did."""
+        velocity = velocity_of(raw, _LIMITS)
+        if any(raw.lift) or any(part is not None and part.clutch is not False for part in raw.feet):
             self._walks = False
         elif not any(velocity):
             self._walks = True
         return velocity if self._walks else (0.0, 0.0, 0.0)
 
-    def _goal(
-        self, foot: int, pad: Pad, tracked: Float64[np.ndarray, "3"] | None
-    ) -> tuple[Float64[np.ndarray, "3"], float, float | None]:
-        """Where a device goes [m], and how fast [m/s]: straight, or across and down by themselves.
+    def _foot(self, foot: int, raw: OperatorSample, time: float) -> TrackedPose:
+        """One tick of a foot's device."""
+        part, teleoperator = raw.feet[foot], self._teleoperator
+        tracker = part if part is not None and part.clutch is not None else None
+        handle = part.position if part is not None and part.clutch is None else None
+        led = self._trackers[foot].follow(tracker, self.places[foot], teleoperator.ahead, time)
+        before, self._yaws[foot] = self._yaws[foot], None if led is None else _yaw_of(tracker)
+        if led is not None:
+            yaw = self._yaws[foot]
+            if yaw is not None:
+                by = 0.0 if before is None else yaw - before
+                self._turned[foot] = math.remainder(self._turns(raw)[foot] + by, math.tau)
+            self.places[foot] = np.array(led.position)
+            return led
+        if handle is not None or raw.lift[foot]:
+            self._turned[foot] = None
+            self._integrate(foot, raw, handle)
+        else:
+            self.places[foot] = np.array(rest_place(teleoperator, foot))
+        return TrackedPose.of(self.places[foot])
 
-        A foot that is let go, or led by a stick, does not wait for one with the other.
-
-        Args:
-            foot: 0 left, 1 right.
-            pad: what the operator does.
-            tracked: where a tracker leads it; None while none does [m].
-        """
-        estimator, place = self._teleoperator.estimator, self.places[foot]
-        anchor, drag, sole = estimator.anchors[foot], pad.drag[foot], estimator.sole(foot)
-        turned = self._turned[foot]
-        if tracked is not None:
-            seen = pad.tracked[foot]
-            turned.follow(None if seen is None else seen.orientation, self._turns(pad)[foot])
-            return _near(tracked, sole), _TRACKED_SPEED, None
-        turned.let_go()
-        if drag is not None or pad.lift[foot]:
-            turned.angle = None
-        if drag is not None:
-            return _near(np.array(drag) - self.offset, sole), _SPEED, None
-        mode = self._teleoperator.mode
-        in_air = mode.single and mode.support != foot
-        if pad.lift[foot]:
-            height = anchor[2] + HOLD_HEIGHT
-            if not in_air:
-                return np.array([anchor[0], anchor[1], height]), _SPEED, None
-            along = along_ahead((*_stick(pad, foot), 0.0), self._teleoperator.ahead)[:2]
-            moved = place[:2] + self._dt * _STICK_SPEED * along
-            moved = np.clip(moved, sole[:2] - _STICK_LEAD, sole[:2] + _STICK_LEAD)
-            return np.array([*moved, height]), _SPEED, _SPEED
-        return rest_place(self._teleoperator, foot), _SPEED, _DOWN_SPEED if in_air else None
+    def _integrate(self, foot: int, raw: OperatorSample, handle: Vector | None) -> None:
+        """Move a place for a tick: to its handle, or up by its button and across by the stick."""
+        estimator, mode = self._teleoperator.estimator, self._teleoperator.mode
+        sole = estimator.sole(foot)
+        place = _near(self.places[foot], sole)
+        if handle is not None:
+            goal = _near(self._odometry.estimated(np.array(handle)), sole)
+        else:
+            x, y, z = estimator.anchors[foot].tolist()
+            if mode.single and mode.support != foot:
+                along = along_ahead((*_stick(raw, foot), 0.0), self._teleoperator.ahead)[:2]
+                x, y = np.clip(
+                    place[:2] + self._dt * _STICK_SPEED * along,
+                    sole[:2] - _STICK_LEAD,
+                    sole[:2] + _STICK_LEAD,
+                ).tolist()
+                # Across does not wait for up.
+                place = np.array([x, y, place[2]])
+            goal = np.array([x, y, z + HOLD_HEIGHT])
+        self.places[foot] = place + _no_longer(goal - place, self._dt * _SPEED)
 
 
-def _yaw_of(orientation: Quaternion) -> float | None:
+def _yaw_of(tracker: TrackedPose | None) -> float | None:
     """How a tracker is turned, to the left [rad]; None for no rotation, or one upside down."""
-    rotation = rotation_of(np.array(orientation, dtype=np.float64))
+    quaternion = None if tracker is None else tracker.orientation
+    rotation = None if quaternion is None else rotation_of(quaternion)
     return None if rotation is None or rotation[2, 2] <= 0.0 else yaw_of(rotation)
 
 
 _SHARE = 0.85
-"""Of the limits that a stick asks for when it is all the way over."""
+"""Part of its limits at which a robot walks with the stick all the way over: feedback needs the
+rest."""
 
 _AT_REST = 0.05
-"""A stick that is no further over asks for nothing: none rests at exactly zero."""
+"""A stick that is no further over commands nothing: none rests at exactly zero."""
 
 
-def velocity_of(pad: Pad | None, limits: VelocityLimits) -> tuple[float, float, float]:
-    """The velocity that keys and sticks ask for.
+def velocity_of(raw: OperatorSample | None, limits: VelocityLimits) -> Vector:
+    """Return the velocity that a sample commands, by itself or by keys and sticks.
 
     Args:
-        pad: what the operator does; None for nobody, who asks for rest.
-        limits: of velocities; a stick all the way over asks for most of them.
+        raw: what the operator does; None for nobody, who commands rest.
+        limits: of velocities; a stick all the way over commands most of them.
 
     Returns:
         Ahead [m/s], to the left [m/s], turning to the left [rad/s].
     """
-    if pad is None:
-        return 0.0, 0.0, 0.0
-    ahead, left, turn = (0.0 if abs(axis) <= _AT_REST else axis for axis in (*pad.move, pad.turn))
+    if raw is None or any(raw.velocity):
+        return (0.0, 0.0, 0.0) if raw is None else raw.velocity
+    ahead, left, turn = (
+        0.0 if abs(axis) <= _AT_REST else max(-1.0, min(1.0, axis))
+        for axis in (*raw.move, raw.turn)
+    )
     return (
         _SHARE * ahead * (limits.ahead if ahead > 0.0 else limits.back),
         _SHARE * left * limits.sideways,
@@ -248,29 +202,8 @@ def velocity_of(pad: Pad | None, limits: VelocityLimits) -> tuple[float, float, 
     )
 
 
-def hands_of(pad: Pad) -> tuple[HandSample | None, HandSample | None]:
-    """What the operator does with the robot's hands."""
-    left, right = map(_tracker, pad.hands)
-    return left, right
-
-
-def _tracker(seen: Tracked | None) -> HandSample | None:
-    if seen is None:
-        return None
-    turned = None if seen.orientation is None else np.array(seen.orientation, dtype=np.float64)
-    rate = None if seen.velocity is None else np.array(seen.velocity, dtype=np.float64)
-    return HandSample(np.array(seen.position, dtype=np.float64), seen.clutch, turned, rate)
-
-
-def head_of(pad: Pad) -> HeadSample | None:
-    """Where the operator looks."""
-    if pad.head is None:
-        return None
-    return HeadSample(np.array(pad.head.orientation, dtype=np.float64), pad.head.clutch)
-
-
 def _near(goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"]) -> np.ndarray:
-    """A place, no further from a sole than anything may lead it.
+    """A place, no further from a sole than a handle may lead it.
 
     At the same height, where that is near enough: a foot whose handle is far away stays up.
     """
@@ -286,8 +219,7 @@ def _no_longer(way: Float64[np.ndarray, " n"], most: float) -> Float64[np.ndarra
     return way if length <= most else most / length * way
 
 
-def _stick(pad: Pad, foot: int) -> Float64[np.ndarray, "2"]:
-    """Where a foot is led by sticks, forward and left, from -1 to 1."""
-    if all(pad.lift):
-        return np.array((pad.move, pad.second)[foot])
-    return np.clip(np.add(pad.move, pad.second), -1.0, 1.0)
+def _stick(raw: OperatorSample, foot: int) -> Float64[np.ndarray, "2"]:
+    """Return the direction in which sticks move a foot, forward and left, from -1 to 1."""
+    both = (raw.move, raw.second)
+    return np.clip(both[foot] if all(raw.lift) else np.add(*both), -1.0, 1.0).astype(np.float64)

@@ -1,6 +1,6 @@
 """`HostGamepad`: a gamepad that is plugged into the machine on which the robot is simulated.
 
-`pad_from`, `bend_from`: what its buttons and sticks ask for. `Landings`: when it shakes.
+`sample_from`, `bend_from`: what its buttons and sticks ask for. `Landings`: when it shakes.
 """
 
 import contextlib
@@ -14,10 +14,9 @@ from msgspec.structs import replace
 
 from poise.apps.live._body import Bend, BodyLimits, bent
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._pad import Body, Pad
 from poise.apps.live._real_time import RealTimeLoop
 from poise.errors import MissingExtraError, PoiseError
-from poise.locomotion import Mode
+from poise.locomotion import BodyCommand, Mode, OperatorSample
 
 _A, _B, _Y, _LEFT_SHOULDER, _RIGHT_SHOULDER = 0, 1, 3, 4, 5
 _DEAD = 0.15
@@ -40,7 +39,7 @@ class NoGamepadError(PoiseError):
     """There is no gamepad on this machine."""
 
 
-def pad_from(buttons: Sequence[bool | int], axes: Sequence[float | int]) -> Pad:
+def sample_from(buttons: Sequence[bool | int], axes: Sequence[float | int]) -> OperatorSample:
     """What a gamepad of the usual layout asks for; the page maps its own the same way.
 
     The shoulder buttons hold the left and the right foot up, either stick moves the foot that is
@@ -56,7 +55,7 @@ def pad_from(buttons: Sequence[bool | int], axes: Sequence[float | int]) -> Pad:
         value = float(axes[axis]) if axis < len(axes) else 0.0
         return -max(-1.0, min(1.0, value)) if abs(value) > _DEAD else 0.0
 
-    return Pad(
+    return OperatorSample(
         lift=(_pressed(buttons, _LEFT_SHOULDER), _pressed(buttons, _RIGHT_SHOULDER)),
         move=(deflection(1), deflection(0)),
         second=(deflection(3), deflection(2)),
@@ -151,7 +150,7 @@ class HostGamepad:
             raise self._none()
         self.name = str(self._pad.name)
         self._inputs, self._stop = inputs, threading.Event()
-        self.body, self._neutral = Body(), False
+        self.body, self._neutral = BodyCommand(), False
         self._landings = Landings()
         self._thread: threading.Thread | None = None
 
@@ -197,10 +196,10 @@ class HostGamepad:
             return
         buttons, axes, hat = self._read(pad)
         if self._neutral:
-            self.body, self._neutral = Body(), False
-        asked = pad_from(buttons, axes)
+            self.body, self._neutral = BodyCommand(), False
+        asked = sample_from(buttons, axes)
         self.body = bent(self.body, bend_from(buttons, hat), asked.lift, seconds, limits)
-        self._inputs.pad(replace(asked, body=self.body))
+        self._inputs.take(replace(asked, body=self.body))
 
     def feel(self, forces: Sequence[Sequence[float]], mode: Mode, time: float) -> None:
         """Shakes the gamepad, if it can, when a foot lands.

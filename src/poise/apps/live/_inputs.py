@@ -1,4 +1,4 @@
-"""`OperatorInputs`: the latest `Pad`, from a page, gamepad or program to the robot's loop.
+"""`OperatorInputs`: the latest sample, from a page, gamepad or program to the robot's loop.
 
 `StageTimes`: when a message was where.
 """
@@ -7,28 +7,26 @@ import math
 import threading
 import time as clock
 from collections import deque
-from typing import NamedTuple, TypeVar
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
-from poise.apps.live._pad import Head, Pad, Tracked, within_reach
-from poise.locomotion import Lateness
-
-FRESH_FOR = 0.4
-"""The operator is there for so long after the last sign of life [s]."""
-
-LATE = 0.5
-"""What comes this much later than the soonest did is no sign of life [s]."""
-
-_MOVES_FOR = 0.1
-"""For how long a velocity counts that is not told anew [s]."""
+from poise.locomotion import (
+    LATE,
+    LOST_AFTER,
+    SILENT_AFTER,
+    OperatorSample,
+    SampleClock,
+    TrackedPose,
+)
 
 
 class StageTimes(NamedTuple):
     """When a message of the operator's was where, on this machine's monotonic clock but for `sent`.
 
     Attributes:
-        sent: by the sender's clock, `Pad.beat` [s].
+        sent: by the sender's clock, `OperatorSample.time` [s].
         arrived: here [s].
         sampled: by the robot's loop, in the tick that it is for [s].
         commanded: the robot had the command that follows from it [s].
@@ -41,19 +39,20 @@ class StageTimes(NamedTuple):
 
 
 _STAGES = 10_000
-"""How many messages' times are kept."""
+"""Messages whose times are kept: those of half an hour at the page's rate in single ticks."""
+
+Lever = tuple[str, int]
+"""Something that is held: its name, and of which side or part."""
 
 
 class OperatorInputs:
     """The latest of everything; written from any thread, read by the loop.
 
-    Whoever comes back after a silence takes hold anew: what was held in the first message after it
-    counts as let go until it really is. A message that another one has overtaken is no sign of
-    life: where a clock has jumped back, there is a silence, and then it is the new one that counts.
-    Nor is one that comes `LATE` later than the soonest did: whoever leads through a link that is
-    choked leads a robot of half a second ago.
-    A clutch that was open in a message is seen to be, also where a closed one overtook it: messages
-    come in bursts, and a hand that let go, moved and took hold anew must not seem to have led.
+    Age and order are those of a `SampleClock` in wall-clock time, for the robot's may be slowed or
+    stopped. What is held in the first message after a silence counts as let go until it really is.
+    A clutch that was open in a message is read as open once, also where a closed one overtook it:
+    messages come in bursts, and a hand that let go, moved and took hold anew must not seem to have
+    moved the robot's.
 
     Attributes:
         stages: times of the last messages that the robot's loop took; the loop passes over those
@@ -61,62 +60,69 @@ class OperatorInputs:
     """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._pad = Pad()
+        self._lock, self._clock = threading.Lock(), SampleClock()
+        self._sample = OperatorSample()
         self._alive_at: float | None = None
-        self._lateness = Lateness()
-        self._stale = Pad()
-        self._unseen: Pad | None = None
+        self._stale = set[Lever]()
+        self._opened = dict[int, TrackedPose]()
         self.stages: deque[StageTimes] = deque(maxlen=_STAGES)
         self._unread: tuple[float, float] | None = None
         self._sampled: tuple[float, float, float] | None = None
 
-    def pad(self, pad: Pad) -> dict[str, float]:
-        """Takes the state of keys, sticks and handles: a sign of life.
+    def take(self, sample: OperatorSample) -> dict[str, float]:
+        """Take the state of keys, sticks, handles and trackers: a sign of life.
 
         Returns:
-            Nothing where it counts. Else "old", by how much a newer one came before it by their
-            `beat`, or "late", by how much later than the soonest it came by it [s].
+            Nothing where it counts. Otherwise by how much it is older than the newest, "old",
+            later than a link makes it, "late", or further ahead than time has passed, "early", by
+            its `time` [s].
         """
-        pad = within_reach(pad)
         with self._lock:
-            alive, now = self._alive, clock.monotonic()
-            if alive and 0.0 < pad.beat < self._pad.beat:
-                return {"old": 1e-3 * (self._pad.beat - pad.beat)}
+            alive, now, stamp = self._alive, clock.monotonic(), sample.time
             if not alive:
-                self._lateness.restart()
-                # Who has only just come may press keys at once; a handle has a place, which is an
-                # old one until it is let go.
-                silent = self._alive_at is not None
-                self._stale = pad if silent else _held_somewhere(pad)
-            late = self._lateness.of(1e-3 * pad.beat, now) if pad.beat > 0.0 else 0.0
-            if late > LATE:
-                return {"late": late}
-            self._stale = _still_held(self._stale, pad)
-            fresh = _without(pad, self._stale)
-            self._unseen = fresh if self._unseen is None else _reopened(fresh, self._unseen)
-            self._pad, self._alive_at = fresh, now
-            self._unread = (1e-3 * pad.beat, self._alive_at)
+                self._clock.reset()
+            if stamp > 0.0 and not self._clock.accepts(stamp, now):
+                return self._refusal(stamp, now)
+            parts = _parts(sample)
+            held = _held(sample, parts)
+            if not alive:
+                # Who has only just come may press keys already; a part has a place, which is an old
+                # one until it is let go.
+                new = self._alive_at is None
+                self._stale = {e for e in held if not new or e[0] in ("handle", "clutch")}
+            # Out of sight is not let go.
+            unseen = {("clutch", index) for index, part in enumerate(parts) if part is None}
+            self._stale &= held | unseen
+            self._sample, self._alive_at = _without(sample, parts, self._stale), now
+            self._opened |= {
+                index: part
+                for index, part in enumerate(parts)
+                if part is not None and not part.clutch and not _is_handle(index, part)
+            }
+            self._unread = (stamp, now)
             return {}
 
     def clear(self) -> None:
         """Nobody is at the controls; whoever comes back is as after a silence."""
         with self._lock:
-            self._pad, self._unseen = Pad(), None
+            self._sample = OperatorSample()
+            self._opened.clear()
             self._alive_at = None if self._alive_at is None else -math.inf
 
-    def read(self) -> Pad | None:
-        """What the operator does; None when there has been no sign of life for a while."""
+    def read(self) -> OperatorSample | None:
+        """Return what the operator does; None after a silence."""
         with self._lock:
+            now = clock.monotonic()
             if self._unread is not None:
-                self._sampled, self._unread = (*self._unread, clock.monotonic()), None
-            pad, self._unseen = self._pad if self._unseen is None else self._unseen, None
+                self._sampled, self._unread = (*self._unread, now), None
+            sample, opened = self._sample, self._opened
+            if opened:
+                parts = [opened.get(i, part) for i, part in enumerate(_parts(sample))]
+                sample, self._opened = _with_parts(sample, parts), {}
             if not self._alive:
                 return None
             # The loop reads the last message again in each tick: what stood still meanwhile rests.
-            return (
-                pad if clock.monotonic() - (self._alive_at or 0.0) <= _MOVES_FOR else _resting(pad)
-            )
+            return sample if now - (self._alive_at or 0.0) <= SILENT_AFTER else _resting(sample)
 
     @property
     def alive(self) -> bool:
@@ -125,7 +131,7 @@ class OperatorInputs:
             return self._alive
 
     def commanded(self, at: float) -> None:
-        """The robot has a command that follows from what was read last.
+        """Note that the robot has a command that follows from what was read last.
 
         Args:
             at: when, on the monotonic clock [s].
@@ -137,106 +143,68 @@ class OperatorInputs:
 
     @property
     def _alive(self) -> bool:
-        return self._alive_at is not None and clock.monotonic() - self._alive_at <= FRESH_FOR
+        return self._alive_at is not None and clock.monotonic() - self._alive_at <= LOST_AFTER
+
+    def _refusal(self, stamp: float, now: float) -> dict[str, float]:
+        """Why a sample does not count, and by how much [s]."""
+        ahead = stamp - self._clock.newest
+        if ahead <= 0.0:
+            return {"old": -ahead}
+        early = ahead - (now - self._clock.heard_at)
+        if early > LATE:
+            return {"early": early}
+        return {"late": self._clock.lateness(stamp, now)}
 
 
-_Clutched = TypeVar("_Clutched", Tracked, Head)
+_STICKS: dict[str, Any] = {
+    "move": (0.0, 0.0),
+    "second": (0.0, 0.0),
+    "turn": 0.0,
+    "velocity": (0.0, 0.0, 0.0),
+}
+"""Sticks, and where they rest."""
 
 
-def _resting(pad: Pad) -> Pad:
-    """A message without velocities."""
-    if not any(each is not None and each.velocity for each in (*pad.tracked, *pad.hands)):
-        return pad
-    tracked, hands = ((_at_rest(left), _at_rest(right)) for left, right in (pad.tracked, pad.hands))
-    return replace(pad, tracked=tracked, hands=hands)
+def _parts(sample: OperatorSample) -> list[TrackedPose | None]:
+    """Feet, hands and head; None for a foot or hand without a place."""
+    limbs = (*sample.feet, *sample.hands)
+    return [*(p if p is not None and p.position else None for p in limbs), sample.head]
 
 
-def _at_rest(tracked: Tracked | None) -> Tracked | None:
-    return None if tracked is None else replace(tracked, velocity=None)
+def _with_parts(sample: OperatorSample, parts: Sequence[TrackedPose | None]) -> OperatorSample:
+    left, right, left_hand, right_hand, head = parts
+    return replace(sample, feet=(left, right), hands=(left_hand, right_hand), head=head)
 
 
-def _held_somewhere(pad: Pad) -> Pad:
-    """What of a message has a place."""
-    return Pad(drag=pad.drag, tracked=pad.tracked, hands=pad.hands, head=pad.head)
+def _is_handle(index: int, part: TrackedPose) -> bool:
+    """A foot without a clutch; hands and heads without one are let go."""
+    return part.clutch is None and index < 2
 
 
-def _still_held(stale: Pad, pad: Pad) -> Pad:
-    """What of a stale message has not been let go since."""
-    return Pad(
-        lift=(stale.lift[0] and pad.lift[0], stale.lift[1] and pad.lift[1]),
-        move=pad.move if any(stale.move) else (0.0, 0.0),
-        second=pad.second if any(stale.second) else (0.0, 0.0),
-        turn=pad.turn if stale.turn else 0.0,
-        drag=(
-            None if stale.drag[0] is None else pad.drag[0],
-            None if stale.drag[1] is None else pad.drag[1],
-        ),
-        tracked=(
-            _still_closed(stale.tracked[0], pad.tracked[0]),
-            _still_closed(stale.tracked[1], pad.tracked[1]),
-        ),
-        hands=(
-            _still_closed(stale.hands[0], pad.hands[0]),
-            _still_closed(stale.hands[1], pad.hands[1]),
-        ),
-        head=_still_closed(stale.head, pad.head),
-    )
+def _held(sample: OperatorSample, parts: Sequence[TrackedPose | None]) -> set[Lever]:
+    """All that is held in a sample."""
+    held: set[Lever] = {("lift", foot) for foot in (0, 1) if sample.lift[foot]}
+    held |= {(name, 0) for name, rest in _STICKS.items() if getattr(sample, name) != rest}
+    for index, part in enumerate(parts):
+        if part is not None and (part.clutch or _is_handle(index, part)):
+            held.add(("clutch" if part.clutch else "handle", index))
+    return held
 
 
-def _still_closed(stale: _Clutched | None, tracked: _Clutched | None) -> _Clutched | None:
-    """A clutch that was closed is so until it is seen open: out of sight is not let go."""
-    if stale is None or not stale.clutch:
-        return None
-    return tracked if tracked is not None else stale
+def _without(
+    sample: OperatorSample, parts: list[TrackedPose | None], stale: set[Lever]
+) -> OperatorSample:
+    """A sample with these parts, in which stale levers are let go."""
+    parts, (left, right) = list(parts), sample.lift
+    for name, index in stale:
+        if name in ("clutch", "handle"):
+            parts[index] = None
+    lift = (left and ("lift", 0) not in stale, right and ("lift", 1) not in stale)
+    sticks = {name: rest for name, rest in _STICKS.items() if (name, 0) in stale}
+    return _with_parts(replace(sample, lift=lift, **sticks), parts)
 
 
-def _reopened(pad: Pad, unseen: Pad) -> Pad:
-    """A message with the clutches that were open in what nobody has seen yet."""
-    if unseen.tracked == unseen.hands == (None, None) and unseen.head is None:
-        return pad
-    return replace(
-        pad,
-        tracked=(
-            unseen.tracked[0] if _is_open(unseen.tracked[0]) else pad.tracked[0],
-            unseen.tracked[1] if _is_open(unseen.tracked[1]) else pad.tracked[1],
-        ),
-        hands=(
-            unseen.hands[0] if _is_open(unseen.hands[0]) else pad.hands[0],
-            unseen.hands[1] if _is_open(unseen.hands[1]) else pad.hands[1],
-        ),
-        head=unseen.head if _is_open(unseen.head) else pad.head,
-    )
-
-
-def _without(pad: Pad, stale: Pad) -> Pad:
-    """A message without what is stale in it."""
-    if stale == Pad():
-        return pad
-    return replace(
-        pad,
-        lift=(pad.lift[0] and not stale.lift[0], pad.lift[1] and not stale.lift[1]),
-        move=(0.0, 0.0) if any(stale.move) else pad.move,
-        second=(0.0, 0.0) if any(stale.second) else pad.second,
-        turn=0.0 if stale.turn else pad.turn,
-        drag=(
-            pad.drag[0] if stale.drag[0] is None else None,
-            pad.drag[1] if stale.drag[1] is None else None,
-        ),
-        tracked=(
-            pad.tracked[0] if not _is_closed(stale.tracked[0]) else None,
-            pad.tracked[1] if not _is_closed(stale.tracked[1]) else None,
-        ),
-        hands=(
-            pad.hands[0] if not _is_closed(stale.hands[0]) else None,
-            pad.hands[1] if not _is_closed(stale.hands[1]) else None,
-        ),
-        head=pad.head if not _is_closed(stale.head) else None,
-    )
-
-
-def _is_closed(tracked: Tracked | Head | None) -> bool:
-    return tracked is not None and tracked.clutch
-
-
-def _is_open(tracked: Tracked | Head | None) -> bool:
-    return tracked is not None and not tracked.clutch
+def _resting(sample: OperatorSample) -> OperatorSample:
+    """A sample without velocities."""
+    parts = [part and replace(part, velocity=None) for part in _parts(sample)]
+    return _with_parts(sample, parts)

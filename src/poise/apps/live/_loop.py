@@ -12,6 +12,7 @@ from poise.apps.live._body import limits_of
 from poise.apps.live._feet import LiveFeet
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import LIVE_CONFIG, Takes
+from poise.apps.live._odometry import Odometry
 from poise.apps.live._real_time import RealTimeLoop, command_time
 from poise.apps.live._snapshot import Snapshot
 from poise.apps.teleoperation import (
@@ -67,18 +68,17 @@ class _LiveTeleoperator(StepTeleoperator):
     """A teleoperator whose signals are in the simulator's world, as the rest of the log is.
 
     Attributes:
-        offset: from the world that it estimates to the simulator's [m].
+        odometry: of the simulator's world.
     """
 
-    offset: Float64[np.ndarray, "3"] = np.zeros(3)
+    odometry = Odometry()
 
     def signals(self) -> Mapping[str, np.ndarray | float | str]:
         """Those of a teleoperator, moved."""
         told = dict(super().signals())
         for name, value in told.items():
             if name in _PLACES or name.startswith("target/"):
-                place = np.asarray(value)
-                told[name] = place + self.offset[: place.shape[-1]]
+                told[name] = self.odometry.drawn(np.asarray(value))
         return told
 
 
@@ -188,7 +188,8 @@ class LiveLoop(RealTimeLoop):
         )
         check_period(self.teleoperator, self._dt)
         self.limits = limits_of(self.teleoperator)
-        self._feet = LiveFeet(self._inputs, self.teleoperator)
+        self.teleoperator.odometry = self._odometry = Odometry()
+        self._feet = LiveFeet(self._inputs, self.teleoperator, self._odometry)
         self.teleoperator.device, self._pushes = self._feet, deque[RecordedPush]()
         if self._recording is not None:
             self.teleoperator.device = self._recording.device(robot=self.robot.name, dt=self._dt)
@@ -230,21 +231,20 @@ class LiveLoop(RealTimeLoop):
         status = teleoperator.status
         if status is None:
             return self.snapshot
-        offset = self._offset()
-        self._feet.offset = self.teleoperator.offset = offset
-        flat = offset[:2]
+        self._compare()
+        drawn = self._odometry.drawn
         polygon = support_polygon(teleoperator, status)
         return Snapshot(
             time=plant.time,
             mode=status.mode,
             device=status.device,
-            zmp=status.zmp + flat,
-            zmp_reference=status.zmp_reference + flat,
-            com=status.com + offset,
-            soles=np.array(status.soles) + offset,
-            handles=np.array(self._feet.places) + offset,
-            target=None if status.target is None else status.target + offset,
-            polygon=polygon + flat,
+            zmp=drawn(status.zmp),
+            zmp_reference=drawn(status.zmp_reference),
+            com=drawn(status.com),
+            soles=drawn(np.array(status.soles)),
+            handles=drawn(np.array(self._feet.places)),
+            target=None if status.target is None else drawn(status.target),
+            polygon=drawn(polygon),
             margin=float(signed_margin(status.zmp[None], polygon)[0]),
             loads=status.loads.copy(),
             tilt=status.tilt,
@@ -256,15 +256,15 @@ class LiveLoop(RealTimeLoop):
             real_time_factor=self._factor,
             take=self.takes.name,
             heading=yaw_of(teleoperator.estimator.dynamics.placement(self._torso)[1]),
-            hands=np.array(status.hand_targets).reshape(-1, 3) + offset,
+            hands=drawn(np.array(status.hand_targets).reshape(-1, 3)),
             hands_do=status.hands,
             hand_turns=status.hand_rotations,
             gaze=status.gaze,
             text=_mode_text(status),
         )
 
-    def _offset(self) -> Float64[np.ndarray, "3"]:
-        """From the teleoperator's dead reckoning to the plant's truth, at the stance sole [m]."""
+    def _compare(self) -> None:
+        """Compare the teleoperator's dead reckoning with the plant's truth, at the stance sole."""
         stance = self.teleoperator.estimator.stance
         site = self.plant.data.site(self.teleoperator.soles[stance])
-        return site.xpos - self.teleoperator.estimator.sole(stance)
+        self._odometry.measure(site.xpos, self.teleoperator.estimator.sole(stance))

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 from jaxtyping import Float64
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from poise.apps.live._drive import DRIVE_PLANT, DriveLoop
 from poise.apps.live._front import Answer, Front
@@ -18,13 +18,12 @@ from poise.apps.live._gamepad import HostGamepad
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._log import Takes
 from poise.apps.live._loop import LiveLoop
-from poise.apps.live._pad import Body, Pad
 from poise.apps.live._real_time import RealTimeLoop
 from poise.apps.report import shapes_payload
 from poise.apps.scenarios import drawn_shapes
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, Recording
 from poise.errors import ConfigurationError
-from poise.locomotion import TeleopParameters
+from poise.locomotion import BodyCommand, OperatorSample, TeleopParameters
 from poise.robots import Robot
 from poise.sim import PlantConfig
 
@@ -33,7 +32,7 @@ Source = Literal["browser", "gamepad", "recording"]
 
 
 class _Order(Struct, forbid_unknown_fields=True, tag_field="do", tag=str.lower):
-    """What an operator's page may say beside `Pad`."""
+    """Message of an operator's page beside `OperatorSample`."""
 
 
 class PushOrder(_Order, tag="push"):
@@ -62,10 +61,10 @@ class Keep(_Order):
     """A copy of the run so far is kept."""
 
 
-_ORDERS: msgspec.json.Decoder[Pad | PushOrder | Pause | Slow | Reset | Keep] = msgspec.json.Decoder(
-    Pad | PushOrder | Pause | Slow | Reset | Keep
+_ORDERS: msgspec.json.Decoder[OperatorSample | PushOrder | Pause | Slow | Reset | Keep] = (
+    msgspec.json.Decoder(OperatorSample | PushOrder | Pause | Slow | Reset | Keep)
 )
-"""JSON whose member `do` is the name of an order, or "drive" for a `Pad`."""
+"""JSON whose member `do` is the name of an order, or "drive" for an `OperatorSample`."""
 
 
 _RARE = 1.0
@@ -102,7 +101,7 @@ class _Session(ABC):
         self.loop, self.inputs = loop, inputs
         self._gamepad, self._source = gamepad, source
         self._last: dict[type[_Order], float] = {}
-        self._asked = Body()
+        self._asked = BodyCommand()
         model = loop.plant.drawn_model()
         shapes = {"bodies": model.nbody, **shapes_payload(drawn_shapes(model))}
         self.front = Front(self, port=port, shapes=shapes)
@@ -166,11 +165,11 @@ class _Session(ABC):
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ConfigurationError(f"no such order: {error}") from None
         match message:
-            case Pad():
+            case OperatorSample():
                 # As often as a device asks: what the feet feel is no use to it later.
-                answer = {"echo": message.beat, "forces": self.loop.forces}
+                answer = {"echo": message.time, "forces": self.loop.forces}
                 if self._source == "browser":
-                    answer |= self.inputs.pad(message)
+                    answer |= self.inputs.take(message)
                     self._asked = message.body
                 return answer
             case PushOrder():
@@ -203,7 +202,7 @@ class _Session(ABC):
         """The operator's page has gone: no more samples, the feet go back to the ground."""
         if self._source == "browser":
             self.inputs.clear()
-            self._asked = Body()
+            self._asked = BodyCommand()
 
     def status(self) -> dict[str, Any]:
         """What every page shows."""
@@ -213,9 +212,7 @@ class _Session(ABC):
             "source": self._source,
             "kind": self.kind,
             "limits": self.loop.limits._asdict(),
-            "asked": msgspec.to_builtins(
-                self._asked if self._gamepad is None else self._gamepad.body
-            ),
+            "asked": structs.asdict(self._asked if self._gamepad is None else self._gamepad.body),
         }
         if now is None:
             return common

@@ -51,9 +51,8 @@ class DevicePlan:
             script: of the plan, for its robot; None where it has none.
             seed: of everything random.
         """
-        start = teleoperator.resting_sample
         points = self.points if script is None else script.points
-        device: Device = ScriptedDevice(points, start.left, start.right)
+        device: Device = ScriptedDevice(points, *teleoperator.estimator.anchors)
         if self.bad_operator:
             device = BadOperator(teleoperator, seed)
         if self.latency or self.loss:

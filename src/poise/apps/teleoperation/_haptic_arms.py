@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise.locomotion import FaultLog, checked_reading
+from poise.locomotion import WarnOnce, checked_reading
 
 Reading = tuple[Float64[np.ndarray, "3"], bool]
 """Where the end of an arm is, forward, left and up from anywhere [m], and whether it leads."""
@@ -106,7 +106,7 @@ class GuardedArm:
     def __init__(self, arm: HapticArm, side: str) -> None:
         self._arm, self._side = arm, side
         self.error: Exception | None = None
-        self._faults = FaultLog()
+        self._warn_once = WarnOnce()
 
     def read(self) -> Reading | None:
         """Where the hand is; None for an arm that is gone, nowhere or fails."""
@@ -116,7 +116,10 @@ class GuardedArm:
         except Exception as error:
             self._failed(error)
             return None
-        return reading if reading is not None and np.isfinite(reading[0]).all() else None
+        place = None if reading is None else np.array(reading.position)
+        if reading is None or place is None or not np.isfinite(place).all():
+            return None
+        return place, bool(reading.clutch)
 
     def write(self, force: Float64[np.ndarray, "3"]) -> bool:
         """Pushes the hand until the next call.
@@ -137,4 +140,4 @@ class GuardedArm:
     def _failed(self, error: Exception) -> None:
         # The first one: what fails after it often does so because of it.
         self.error = self.error or error
-        self._faults.say(error, "the %s arm failed, and counts as gone", self._side)
+        self._warn_once(error, "the %s arm failed, and counts as gone", self._side)

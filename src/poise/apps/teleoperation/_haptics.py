@@ -9,19 +9,19 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float64
+from msgspec.structs import replace
 
 from poise._checks import checked_number
 from poise.apps.teleoperation._haptic_arms import GuardedArm, HapticArm, Reading
 from poise.dynamics import saturate
 from poise.errors import ConfigurationError
 from poise.locomotion import (
-    DeviceSample,
     FieldError,
-    FootClutch,
-    HandSample,
+    OperatorSample,
     StepTeleoperator,
+    TrackedFeet,
+    TrackedPose,
     along_ahead,
-    rest_place,
 )
 
 Readings = tuple[Reading | None, Reading | None]
@@ -234,12 +234,11 @@ class HapticFeet:
         self, driver: HapticDriver, teleoperator: StepTeleoperator, *, scale: float = 1.0
     ) -> None:
         self.driver, self._teleoperator = driver, teleoperator
-        self._clutches = (FootClutch(scale), FootClutch(scale))
-        self._places = [rest_place(teleoperator, foot) for foot in (0, 1)]
+        self._feet = TrackedFeet(teleoperator, self._said, scale=scale)
         self._begin, self._periods = 0.0, 0
         self._readings: Readings = (None, None)
 
-    def sample(self, time: float) -> DeviceSample | None:
+    def sample(self, time: float) -> OperatorSample | None:
         """Where the hands lead the feet; the foot of an arm that is gone comes down where it is.
 
         Args:
@@ -259,17 +258,16 @@ class HapticFeet:
             # Not `driver.readings`: a slow computer would let go of a simulated robot's feet.
             self._readings = driver.tick(self._next)
             self._periods += 1
-        teleoperator, places = self._teleoperator, self._places
-        for foot, (clutch, reading) in enumerate(zip(self._clutches, self._readings, strict=True)):
-            tracker = None if reading is None else HandSample(*reading)
-            led = clutch.follow(tracker, places[foot], teleoperator.ahead, time)
-            places[foot] = rest_place(teleoperator, foot) if led is None else led
+        sample = self._feet.sample(time)
         for error in driver.errors:
             if isinstance(error, FieldError):
                 raise error
-        if self._readings == (None, None):
-            return None
-        return DeviceSample(time, places[0].copy(), places[1].copy())
+        return None if self._readings == (None, None) else sample and replace(sample, time=time)
+
+    def _said(self) -> OperatorSample:
+        """The last readings as trackers of the feet."""
+        left, right = (reading and TrackedPose.of(*reading) for reading in self._readings)
+        return OperatorSample(feet=(left, right))
 
     @property
     def _next(self) -> float:

@@ -14,7 +14,7 @@ from jaxtyping import Float64
 
 from poise._checks import checked_count, checked_kind, checked_number
 from poise.errors import ConfigurationError
-from poise.locomotion import Device, DeviceSample, StepTeleoperator
+from poise.locomotion import Device, OperatorSample, StepTeleoperator, TrackedPose
 
 _PAUSE = (0.05, 0.75)
 """Time from one whim to the next [s]: two and a half a second."""
@@ -37,8 +37,7 @@ class BadOperator:
 
     def __init__(self, controller: StepTeleoperator, seed: int) -> None:
         self._controller, self._rng = controller, np.random.default_rng(seed)
-        start = controller.resting_sample
-        self._hands = [start.left.copy(), start.right.copy()]
+        self._hands = [anchor.copy() for anchor in controller.estimator.anchors]
         self._from = [hand.copy() for hand in self._hands]
         self._to = [hand.copy() for hand in self._hands]
         self._begin, self._end = [0.0, 0.0], [0.0, 0.0]
@@ -50,7 +49,7 @@ class BadOperator:
             self._reach_too_far, self._cross, self._send_rubbish,
         )  # fmt: skip
 
-    def sample(self, time: float) -> DeviceSample | None:
+    def sample(self, time: float) -> OperatorSample | None:
         """What the hands do now; drawn tick by tick, so ask once a tick."""
         if time >= self._next:
             whim = self._whims[int(self._rng.integers(len(self._whims)))]
@@ -66,8 +65,8 @@ class BadOperator:
             left, right = left + self._jitter * shake[0], right + self._jitter * shake[1]
         if self._rubbish > 0:
             self._rubbish -= 1
-            return DeviceSample(time - 1.0, np.full(3, np.nan), right)
-        return DeviceSample(time, left, right)
+            time, left = time - 1.0, np.full_like(left, np.nan)
+        return OperatorSample(time, (TrackedPose.of(left), TrackedPose.of(right)))
 
     def _on_the_way(self, foot: int, time: float) -> Float64[np.ndarray, "3"]:
         begin, end = self._begin[foot], self._end[foot]
@@ -185,9 +184,9 @@ class PoorLink:
         self._jitter = checked_number(jitter, "jitter of the link [s]")
         self._cut = cut if cut == math.inf else checked_number(cut, "cut of the link [s]")
         self._rng = np.random.default_rng(checked_count(seed, "seed of the link"))
-        self._under_way: list[tuple[float, DeviceSample]] = []
+        self._under_way: list[tuple[float, OperatorSample]] = []
 
-    def sample(self, time: float) -> DeviceSample | None:
+    def sample(self, time: float) -> OperatorSample | None:
         """The last of those that arrive by now; drawn tick by tick, so ask once a tick."""
         sent = self._device.sample(time)
         lost = float(self._rng.random()) < self._loss

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-import numpy as np
 
 from poise.errors import ConfigurationError, MissingExtraError, PoiseError
-from poise.locomotion import DeviceSample, StepTeleoperator
+from poise.locomotion import OperatorSample, StepTeleoperator
 from poise.sim import Recorder, RecorderConfig, RunRecord, Tick, read_log, write_log
 
 SAMPLES, PUSHES = "operator", "push"
@@ -44,18 +43,8 @@ class RecordedPush(NamedTuple):
     duration: float
 
 
-def _numbers(value: object) -> object:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    raise NotImplementedError
-
-
-def _array(_: type, value: object) -> np.ndarray:
-    return np.array(value, dtype=np.float64)
-
-
-_ENCODER = msgspec.msgpack.Encoder(enc_hook=_numbers)
-_SAMPLE = msgspec.msgpack.Decoder(tuple[int, DeviceSample], dec_hook=_array)
+_ENCODE = msgspec.msgpack.Encoder().encode
+_SAMPLE = msgspec.msgpack.Decoder(tuple[int, OperatorSample])
 _PUSH = msgspec.msgpack.Decoder(RecordedPush)
 
 
@@ -68,11 +57,11 @@ class RecordedSample(NamedTuple):
     """
 
     tick: int
-    sample: DeviceSample
+    sample: OperatorSample
 
     def __bytes__(self) -> bytes:
         """Msgpack of both."""
-        return _ENCODER.encode(tuple(self))
+        return _ENCODE(tuple(self))
 
     @classmethod
     def decode(cls, content: bytes) -> "RecordedSample":
@@ -133,7 +122,7 @@ class TeleopRecorder(Recorder):
 
     def push(self, push: RecordedPush) -> None:
         """Note a push that begins before a tick."""
-        self.message(PUSHES, _ENCODER.encode(push))
+        self.message(PUSHES, _ENCODE(push))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -205,7 +194,7 @@ class RecordedDevice:
         self._messages, self._tick = iter(recording.messages), 0
         self._next = self._read()
 
-    def sample(self, time: float) -> DeviceSample | None:
+    def sample(self, time: float) -> OperatorSample | None:
         """Sample that came before the next tick.
 
         Ticks are counted: where sensors are late a robot's time at a tick is not the recorded one.
@@ -293,7 +282,7 @@ def recording_of(record: RunRecord, path: Path = Path()) -> Recording:
 
 def write_recording(
     path: Path,
-    samples: Iterable[tuple[int, DeviceSample]],
+    samples: Iterable[tuple[int, OperatorSample]],
     *,
     robot: str,
     dt: float,
@@ -326,7 +315,7 @@ def write_recording(
     for tick, sample in samples:
         record.message(tick * dt, SAMPLES, RecordedSample(tick, sample))
     for push in pushes:
-        record.message(push.tick * dt, PUSHES, _ENCODER.encode(push))
+        record.message(push.tick * dt, PUSHES, _ENCODE(push))
     path.parent.mkdir(parents=True, exist_ok=True)
     write_log(record, path)
 

@@ -41,8 +41,7 @@ class Script:
 
     def device(self, teleoperator: StepTeleoperator) -> ScriptedDevice:
         """The operator's foot devices, on the feet where they stand."""
-        start = teleoperator.resting_sample
-        return ScriptedDevice(self.points, start.left, start.right)
+        return ScriptedDevice(self.points, *teleoperator.estimator.anchors)
 
     def posture(self, robot: Robot) -> Float64[np.ndarray, " nq"]:
         """Where the robot starts."""

@@ -2,15 +2,15 @@
 
 import json
 from collections.abc import Generator
-from dataclasses import replace
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from poise.apps.teleoperation._recording import RecordedPush, RecordingError, write_recording
-from poise.locomotion import BodySample, DeviceSample, HandSample, HeadSample
+from poise.locomotion import BodyCommand, OperatorSample, TrackedPose
 
 _FORMAT = {"format": "poise teleoperation", "version": 1}
 _HEADER_BYTES = 16384
@@ -82,39 +82,40 @@ def convert_recording(path: Path, target: Path) -> bool:
     return finished
 
 
-def _samples(rows: np.ndarray) -> Generator[tuple[int, DeviceSample]]:
+def _samples(rows: np.ndarray) -> Generator[tuple[int, OperatorSample]]:
     tick, sample = 0, None
     for row in rows[rows["kind"] != _Kind.PUSH]:
         if row["kind"] == _Kind.SAMPLE:
             if sample is not None:
                 yield tick, sample
-            left, right = row["numbers"].reshape(2, 3).copy()
-            tick = int(row["tick"])
-            sample = DeviceSample(float(row["time"]), left, right, bool(row["flags"]))
+            left, right = (TrackedPose.of(place) for place in row["numbers"].reshape(2, 3))
+            tick, upright = int(row["tick"]), bool(row["flags"])
+            sample = OperatorSample(float(row["time"]), (left, right), upright=upright)
         elif sample is not None:
             sample = replace(sample, **_more(sample, row))
     if sample is not None:
         yield tick, sample
 
 
-def _more(sample: DeviceSample, row: np.void) -> dict[str, Any]:
+def _more(sample: OperatorSample, row: np.void) -> dict[str, Any]:
     """Fields of a sample that a row behind it has."""
     flags, numbers = int(row["flags"]), row["numbers"].copy()
     first, second = numbers[:3], numbers[3:]
     match int(row["kind"]):
         case _Kind.HANDS:
-            left = HandSample(first, bool(flags & _LEFT_CLUTCH)) if flags & _LEFT else None
-            right = HandSample(second, bool(flags & _RIGHT_CLUTCH)) if flags & _RIGHT else None
+            clutches = bool(flags & _LEFT_CLUTCH), bool(flags & _RIGHT_CLUTCH)
+            left = TrackedPose.of(first, clutches[0]) if flags & _LEFT else None
+            right = TrackedPose.of(second, clutches[1]) if flags & _RIGHT else None
             return {"hands": (left, right), "rest": bool(flags & _REST)}
         case _Kind.BODY:
             height, *turns = first.tolist()
-            return {"body": BodySample(height, tuple(second.tolist()), tuple(turns))}
+            return {"body": BodyCommand(height, tuple(second.tolist()), tuple(turns))}
         case _Kind.VELOCITY:
             return {"velocity": tuple(first.tolist())}
         case _Kind.TURN:
-            turned = numbers[:4]
+            turned = tuple(numbers[:4].tolist())
             if flags & _HEAD:
-                return {"head": HeadSample(turned, bool(flags & _HEAD_CLUTCH))}
+                return {"head": TrackedPose(None, bool(flags & _HEAD_CLUTCH), turned)}
             sides = (_LEFT, _RIGHT)
             return {
                 "hands": tuple(
@@ -123,8 +124,8 @@ def _more(sample: DeviceSample, row: np.void) -> dict[str, Any]:
                 )
             }
         case _:
-            rates = tuple(None if np.isnan(r).all() else r for r in (first, second))
-            if not flags:
-                return {"rates": rates}
-            hands = zip(sample.hands, rates, strict=True)
-            return {"hands": tuple(h if h is None else replace(h, velocity=r) for h, r in hands)}
+            # Of feet, and with any flag of hands.
+            key, parts = ("hands", sample.hands) if flags else ("feet", sample.feet)
+            rates = (None if np.isnan(r).all() else tuple(r.tolist()) for r in (first, second))
+            pairs = zip(parts, rates, strict=True)
+            return {key: tuple(p if p is None else replace(p, velocity=r) for p, r in pairs)}

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.dynamics import saturate
-from poise.locomotion._stepping._operator import DeviceSample
+from poise.locomotion._stepping._operator import OperatorSample
 from poise.locomotion._stepping._stance import Footing, FootRange, TeleopParameters, wrapped
 
 _AT_REST = np.zeros(3)
@@ -55,7 +55,7 @@ class FootTarget:
     def place(
         self,
         footing: Footing,
-        device: DeviceSample | None,
+        device: OperatorSample | None,
         *,
         room_below: float,
         gives_way: bool,
@@ -122,23 +122,20 @@ class FootTarget:
         return self._within_reach(footing, target, room_below)
 
     def _followed(
-        self, footing: Footing, device: DeviceSample, lowest: float, room_below: float
+        self, footing: Footing, device: OperatorSample, lowest: float, room_below: float
     ) -> Float64[np.ndarray, "3"]:
         """The operator's device, where a foot can be and no lower than it may [m]."""
         swing = footing.other
-        (x, y, z), (here_x, here_y, _) = (
-            device.position(swing).tolist(),
-            footing.sole(swing).tolist(),
-        )
+        (x, y, z), (here_x, here_y, _) = device.place(swing), footing.sole(swing).tolist()
         # A foot that still touches would be dragged over the ground.
         clear = footing.clearance(footing.ground_below, self._parameters.clear_height)
         target = np.array(
             [here_x + clear * (x - here_x), here_y + clear * (y - here_y), max(z, lowest)]
         )
         found = self._within_reach(footing, target, room_below)
-        rate = device.rates[swing]
-        if rate is not None and math.dist(found.tolist(), (x, y, z)) < _THERE:
-            self.rate = rate
+        part = device.feet[swing]
+        if part is not None and part.velocity and math.dist(found.tolist(), (x, y, z)) < _THERE:
+            self.rate = np.array(part.velocity)
         return found
 
     def _within_reach(

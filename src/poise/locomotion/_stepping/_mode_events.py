@@ -7,7 +7,7 @@ import numpy as np
 
 from poise.locomotion._stepping._by_torque import ComFeedback
 from poise.locomotion._stepping._by_velocity import ComMotion
-from poise.locomotion._stepping._operator import DeviceSample
+from poise.locomotion._stepping._operator import OperatorSample
 from poise.locomotion._stepping._stance import (
     WIDE,
     Mode,
@@ -141,7 +141,7 @@ class ModeEvents:
 
     def advance(
         self,
-        device: DeviceSample | None,
+        device: OperatorSample | None,
         held: tuple[bool, bool],
         time: float,
         *,
@@ -188,7 +188,7 @@ class ModeEvents:
             self._machine.mode, self._machine.since = mode, time
         return changed
 
-    def begin(self, device: DeviceSample | None) -> None:
+    def begin(self, device: OperatorSample | None) -> None:
         """Starts the detectors of a mode that has just begun; the feet's places are known."""
         self._shifted = 0.0
         if self.mode is not Mode.D:
@@ -210,7 +210,7 @@ class ModeEvents:
         self.ended = ended if held or ended is StepEnd.RESCUED else StepEnd.LOST
         return event
 
-    def _lifted(self, device: DeviceSample | None) -> ModeEvent | None:
+    def _lifted(self, device: OperatorSample | None) -> ModeEvent | None:
         """Eqs (14a) and (14b): a device has been lifted in double support."""
         if device is None:
             return None
@@ -226,7 +226,7 @@ class ModeEvents:
         return ModeEvent.LIFT_RIGHT if right else None
 
     def _end_of_step(
-        self, device: DeviceSample | None, swing: int, *, rescuing: bool
+        self, device: OperatorSample | None, swing: int, *, rescuing: bool
     ) -> StepEnd | None:
         """The foot in the air has landed, or has not left the ground and need not any more."""
         load = float(self._sensor.loads[swing])
@@ -241,7 +241,9 @@ class ModeEvents:
             return StepEnd.LANDED if has_left else StepEnd.STUCK
         return StepEnd.LOWERED if self._is_given_back(device, swing) else None
 
-    def _end_of_shift(self, device: DeviceSample | None, swing: int, time: float) -> StepEnd | None:
+    def _end_of_shift(
+        self, device: OperatorSample | None, swing: int, time: float
+    ) -> StepEnd | None:
         """A shift that takes too long, or that nobody wants any more."""
         if time - self._machine.since > self._parameters.shift_timeout:
             return StepEnd.LATE
@@ -270,16 +272,16 @@ class ModeEvents:
                 return False
         return True
 
-    def _is_given_back(self, device: DeviceSample | None, swing: int) -> bool:
+    def _is_given_back(self, device: OperatorSample | None, swing: int) -> bool:
         """Whether nobody wants a foot in the air that is still on the ground."""
         return device is None or self._lifts[swing].is_low(self._lift_height(device, swing))
 
-    def _is_sent_up(self, device: DeviceSample | None, swing: int) -> bool:
+    def _is_sent_up(self, device: OperatorSample | None, swing: int) -> bool:
         if device is None:
             return False
-        above = float(device.position(swing)[2] - self._estimator.sole(swing)[2])
+        above = float(device.place(swing)[2] - self._estimator.sole(swing)[2])
         return above > self._parameters.lower_height
 
-    def _lift_height(self, device: DeviceSample, foot: int) -> float:
+    def _lift_height(self, device: OperatorSample, foot: int) -> float:
         """How far a device is above its foot's place on the ground [m]."""
-        return float(device.position(foot)[2] - self._estimator.anchors[foot][2])
+        return float(device.place(foot)[2] - self._estimator.anchors[foot][2])

@@ -23,11 +23,11 @@ from poise.locomotion._stepping._com_height import ComHeight
 from poise.locomotion._stepping._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._mode_events import ModeEvents
 from poise.locomotion._stepping._operator import (
-    BodySample,
+    BodyCommand,
     Device,
-    DeviceGuard,
-    DeviceReader,
-    DeviceSample,
+    OperatorGuard,
+    OperatorSample,
+    TrackedPose,
 )
 from poise.locomotion._stepping._scaling import teleop_parameters
 from poise.locomotion._stepping._stance import (
@@ -122,7 +122,6 @@ class StepTeleoperator:
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         self.device = None if device is None else checked_kind(device, Device, "the device")
-        self._reader = DeviceReader()
         self.soles = two_soles(robot)
         q_start = checked_start(robot, q_start)
         self.actuation = checked_actuation(actuation, driver)
@@ -183,13 +182,12 @@ class StepTeleoperator:
         self.zmp_sensor = sensor = ZmpSensor(
             biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
         )
-        self._reader.reset()
         self._tasks.reset()
         self.hands.reset()
         self.gaze.reset()
         if self._own is not None:
             self._own.reset()
-        self._guard = DeviceGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
+        self._guard = OperatorGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
         self._com = self._com_motion()
         self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight, self._one_foot)
         self._stance = StanceChoice(estimator, sensor, p, biped.weight)
@@ -198,7 +196,7 @@ class StepTeleoperator:
         self._target = FootTarget(self._reach, p)
         self._height = ComHeight(self._com_height, self._reach, p)
         self._foot = FootVelocity(p)
-        self._body = BodySample()
+        self._body = BodyCommand()
         self._ahead = self._faces()
         self._status: TeleopStatus | None = None
 
@@ -220,7 +218,7 @@ class StepTeleoperator:
 
         A `TypeError` of what was no place or orientation in its sample, too.
         """
-        return self._reader.error
+        return self._guard.error
 
     @property
     def stack(self) -> Stack:
@@ -251,10 +249,10 @@ class StepTeleoperator:
         return self._status
 
     @property
-    def resting_sample(self) -> DeviceSample:
+    def resting_sample(self) -> OperatorSample:
         """A sample that asks for nothing: both devices on the feet where they stand."""
-        left, right = (anchor.copy() for anchor in self.estimator.anchors)
-        return DeviceSample(0.0, left, right)
+        left, right = (TrackedPose.of(anchor) for anchor in self.estimator.anchors)
+        return OperatorSample(0.0, (left, right))
 
     def signals(self) -> Mapping[str, np.ndarray | float | str]:
         """What a recorder should know of the last tick; nothing before the first.
@@ -279,11 +277,11 @@ class StepTeleoperator:
             dynamics.update(state)
         self.zmp_sensor.update(state, dynamics)
         self._com.observe(dynamics.com_velocity[:2])
-        sample = self._reader.read(self.device, state.time)
+        sample = self._guard.read(self.device, state.time)
         soles = (self.estimator.sole(0), self.estimator.sole(1))
         command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
-        self.hands.lead(sample, state)
-        self.gaze.lead(sample, state.time)
+        self.hands.lead(self._guard, state)
+        self.gaze.lead(self._guard)
         if self._own is not None:
             self._own.drive(self._guard.velocity)
             if self._own.acting:
@@ -313,7 +311,7 @@ class StepTeleoperator:
         self._tasks.ask(footing, self._desired(footing, target), upright=upright)
         self._status = self._describe(footing, sample, target, cart_table_zmp)
 
-    def _follow_own(self, own: OwnSteps, state: RobotState, sample: DeviceSample | None) -> None:
+    def _follow_own(self, own: OwnSteps, state: RobotState, sample: OperatorSample | None) -> None:
         """The robot leads its feet by itself; the operator has to take hold of them anew."""
         own.lead(state)
         before = self.mode
@@ -340,7 +338,7 @@ class StepTeleoperator:
             return ComFeedback(self.driver.shifter, self.parameters.dt)
         return ComMotion(self.driver, self.parameters)
 
-    def _move_mode(self, command: DeviceSample | None, time: float) -> None:
+    def _move_mode(self, command: OperatorSample | None, time: float) -> None:
         before = self._events.mode
         held, rescuing = self._guard.held, self._target.rescuing
         if self._events.advance(command, held, time, rescuing=rescuing):
@@ -352,7 +350,7 @@ class StepTeleoperator:
             self._restart(command)
         self._stance.follow(self.mode)
 
-    def _restart(self, command: DeviceSample | None) -> None:
+    def _restart(self, command: OperatorSample | None) -> None:
         """What belongs to a mode begins anew with it."""
         self._events.begin(command)
         self._momentum.restart()
@@ -404,7 +402,7 @@ class StepTeleoperator:
     def _describe(
         self,
         footing: Footing,
-        sample: DeviceSample | None,
+        sample: OperatorSample | None,
         target: Float64[np.ndarray, "3"],
         cart_table_zmp: Float64[np.ndarray, "2"],
     ) -> TeleopStatus:

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._operator import DeviceSample, DeviceStatus
+from poise.locomotion._stepping._operator import DeviceStatus, OperatorSample
 from poise.locomotion._stepping._stance import Mode, StepEnd
 from poise.locomotion._stepping._upper_body import HandStatus
 
@@ -38,7 +38,7 @@ class TeleopStatus:
 
     mode: Mode
     device: DeviceStatus = DeviceStatus.OK
-    sample: DeviceSample | None
+    sample: OperatorSample | None
     zmp: Float64[np.ndarray, "2"]
     zmp_reference: Float64[np.ndarray, "2"]
     cart_table_zmp: Float64[np.ndarray, "2"]
@@ -70,8 +70,8 @@ class TeleopStatus:
             float(support in (None, 0)),
             float(support in (None, 1)),
             *self.hand_targets,
-            _NOWHERE if sample is None else sample.left,
-            _NOWHERE if sample is None else sample.right,
+            _NOWHERE if sample is None else np.array(sample.place(0)),
+            _NOWHERE if sample is None else np.array(sample.place(1)),
             _NOWHERE if self.target is None else self.target,
             self.zmp_reference,
             self.zmp,

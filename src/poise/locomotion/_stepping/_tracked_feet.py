@@ -1,7 +1,7 @@
-"""`TrackedFeet`: two trackers, each of which leads a foot by how it moves: a `Device`.
+"""`TrackedFeet`: two trackers, each of which leads a foot by its motion: a `Device`.
 
-`FootClutch`: from when until when a tracker leads, and where to.
-`rest_place`: where a device is that leads nothing. `along_ahead`: what is ahead, in the world.
+`FootTracker`: when a tracker leads, and where to. `rest_place`: where a foot goes that nothing
+leads. `along_ahead`: forward, left and up in the world.
 """
 
 import math
@@ -9,171 +9,146 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float64
+from msgspec.structs import replace
 
 from poise._checks import checked_number
 from poise.locomotion._stepping._operator import (
-    Clutch,
-    DeviceSample,
-    FaultLog,
+    Engagement,
     FieldError,
-    HandSample,
-    checked_tracker,
-    is_point,
+    OperatorSample,
+    TrackedPose,
+    Vector,
+    WarnOnce,
+    checked_sample,
 )
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
 
-_SIDES = ("left", "right")
-_STRAY = 0.3
-"""A tracker that is further away from one message to the next is another thing [m]."""
 
-Trackers = tuple[float, HandSample | None, HandSample | None]
-"""A stamp of the trackers' clock [s], and what the left and the right one say; None for one that is
-not there."""
+class FootTracker:
+    """From a tracker's motion while its clutch is closed to the place of its foot.
 
-
-class FootClutch:
-    """Where a tracker leads its foot to: by how it moved since its clutch closed.
-
-    The clutch has to be seen closing: one that is closed when its tracker is found, found again
-    after half a second, or found elsewhere than it was lost, leads nothing until it was open. What
-    is ahead for the tracker is so for the robot when it takes hold.
+    p = p_0 + s R(yaw) (x - x_0), with the foot's place p_0, the tracker's x_0 and the robot's
+    heading `yaw` when the clutch closed, and the scale s. A tracker that is found, or found again
+    after half a second, has to be seen open first. `OperatorGuard` bounds how fast the place moves.
 
     Args:
         scale: way of the foot over way of the tracker.
     """
 
     def __init__(self, scale: float = 1.0) -> None:
-        self._clutch, self._ahead = Clutch(), 0.0
+        self._engagement, self._ahead = Engagement(), 0.0
         self._scale = checked_number(scale, "scale of the trackers' ways", above=0.0)
         self._offset: Float64[np.ndarray, "3"] = np.zeros(3)
-        self._last: list[float] = [0.0] * 3
 
     def follow(
         self,
-        tracker: HandSample | None,
-        place: Float64[np.ndarray, "3"],
+        tracker: TrackedPose | None,
+        place: Vector | Float64[np.ndarray, "3"],
         ahead: float,
         time: float,
-    ) -> Float64[np.ndarray, "3"] | None:
-        """Takes what the tracker says.
+    ) -> TrackedPose | None:
+        """Take what the tracker sends.
 
         Args:
-            tracker: where it is, forward, left and up for the operator [m]; None where it is gone.
-            place: from where it leads its foot if it takes hold now, in the world [m].
+            tracker: forward, left and up for the operator [m]; None where it is gone.
+            place: from where it leads its foot if it engages now, in the world [m].
             ahead: where the robot faces, to the left of the world's x axis [rad].
             time: of the robot [s].
 
         Returns:
-            Where it leads its foot to, in the world [m]; None while it does not.
+            Place and velocity of the foot in the world; None while the tracker does not lead.
         """
-        clutch = self._clutch
-        clutch.expire(time)
-        if tracker is None or not is_point(tracker.position):
-            clutch.lose()
+        engagement = self._engagement
+        engagement.expire(time)
+        point = None if tracker is None else tracker.position
+        if tracker is None or point is None or not all(map(math.isfinite, point)):
+            engagement.lose()
             return None
         if not tracker.clutch:
-            clutch.open(time)
+            engagement.release(time)
             return None
-        point: list[float] = tracker.position.tolist()
-        if clutch.takes_hold():
+        if engagement.engage():
             self._ahead = ahead
-            self._offset = place - self._way(point)
-        elif not clutch.holds:
+            self._offset = np.subtract(place, self._way(point))
+        elif not engagement.engaged:
             return None
-        elif math.dist(point, self._last) > _STRAY:
-            clutch.lose()
-            return None
-        self._last = point
-        clutch.good(time)
-        return self._offset + self._way(point)
-
-    def rate(self, tracker: HandSample | None) -> Float64[np.ndarray, "3"] | None:
-        """How fast the place moves to which it leads [m/s]; None where the tracker does not say."""
-        if not self._clutch.holds or tracker is None or not is_point(tracker.velocity):
-            return None
-        return self._way(tracker.velocity.tolist())
+        engagement.refresh(time)
+        rate = tracker.velocity
+        if rate is not None:
+            rate = self._way(rate) if all(map(math.isfinite, rate)) else None
+        return TrackedPose.of(self._offset + self._way(point), velocity=rate)
 
     def _way(self, forward_left_up: Sequence[float]) -> Float64[np.ndarray, "3"]:
         return self._scale * along_ahead(forward_left_up, self._ahead)
 
 
 class TrackedFeet:
-    """Two trackers as a `Device`: each leads its foot while its clutch is closed, see `FootClutch`.
+    """Two trackers as a `Device`: each leads its foot while its clutch is closed (`FootTracker`).
 
-    A foot that is let go comes down where it is.
+    A foot that is let go is lowered where it is. Hands, head and all else of a sample pass.
 
     Args:
         teleoperator: whose feet are led.
-        newest: says what has come since it was asked last; None for nothing. It is asked every
-            tick, and must not wait.
+        newest: returns the newest sample since its last call, in which feet have clutches; None for
+            nothing. It is called every tick, and must not wait.
         scale: way of a foot over way of its tracker.
 
     Attributes:
-        errors: what in each tracker was no place or no velocity when it was asked last; None for
-            nothing. A tracker without a place counts as gone, one without a velocity as one that
-            does not say; the logger `poise` says so, each kind once.
+        error: which vectors in the last sample were none; None for all well. A tracker without a
+            position counts as gone; the logger `poise` says so, each kind once.
     """
 
     def __init__(
         self,
         teleoperator: StepTeleoperator,
-        newest: Callable[[], Trackers | None],
+        newest: Callable[[], OperatorSample | None],
         *,
         scale: float = 1.0,
     ) -> None:
         self._teleoperator, self._newest = teleoperator, newest
-        self._clutches = (FootClutch(scale), FootClutch(scale))
+        self._trackers = (FootTracker(scale), FootTracker(scale))
         self._places = [rest_place(teleoperator, foot) for foot in (0, 1)]
-        self.errors: list[FieldError | None] = [None, None]
-        self._faults = FaultLog()
+        self.error: FieldError | None = None
+        self._warn_once = WarnOnce()
 
-    def sample(self, time: float) -> DeviceSample | None:
-        """Where the trackers lead the feet.
+    def sample(self, time: float) -> OperatorSample | None:
+        """Return where the trackers lead the feet, with the trackers' time.
 
         Args:
             time: of the robot [s].
 
         Returns:
-            With the trackers' stamp; None where nothing new came.
+            None where nothing new came.
         """
-        came = self._newest()
+        came, self.error = checked_sample(self._newest())
+        if self.error is not None:
+            self._warn_once(self.error, "part of what a tracker sends is left out")
         if came is None:
             return None
-        teleoperator, places = self._teleoperator, self._places
-        stamp, *said = came
-        trackers = [self._checked(foot, each) for foot, each in zip((0, 1), said, strict=True)]
-        for foot, (clutch, tracker) in enumerate(zip(self._clutches, trackers, strict=True)):
-            led = clutch.follow(tracker, places[foot], teleoperator.ahead, time)
-            places[foot] = rest_place(teleoperator, foot) if led is None else led
-        left, right = (
-            clutch.rate(tracker) for clutch, tracker in zip(self._clutches, trackers, strict=True)
-        )
-        return DeviceSample(stamp, places[0].copy(), places[1].copy(), rates=(left, right))
+        left, right = (self._follow(foot, came.feet[foot], time) for foot in (0, 1))
+        return replace(came, feet=(left, right))
 
-    def _checked(self, foot: int, said: object) -> HandSample | None:
-        """What a tracker says, and what in it is left out."""
-        tracker, error = checked_tracker(_SIDES[foot], said)
-        self.errors[foot] = error
-        if error is not None:
-            self._faults.say(error, "part of what a tracker says is left out")
-        return tracker
+    def _follow(self, foot: int, tracker: TrackedPose | None, time: float) -> TrackedPose:
+        tracked, teleoperator = self._trackers[foot], self._teleoperator
+        led = tracked.follow(tracker, self._places[foot], teleoperator.ahead, time)
+        led = led or TrackedPose(rest_place(teleoperator, foot))
+        self._places[foot] = led.position or self._places[foot]
+        return led
 
 
-def rest_place(teleoperator: StepTeleoperator, foot: int) -> Float64[np.ndarray, "3"]:
-    """Where a device is that leads nothing: on its foot, or straight below one in the air [m].
-
-    So a foot that is let go comes down where it is.
+def rest_place(teleoperator: StepTeleoperator, foot: int) -> Vector:
+    """Return where a foot goes that nothing leads: on its place, or straight down from the air [m].
 
     Args:
         teleoperator: whose foot.
         foot: 0 left, 1 right.
     """
     estimator, mode = teleoperator.estimator, teleoperator.mode
-    place = estimator.anchors[foot].copy()
-    if mode.single and mode.support != foot:
-        place[:2] = estimator.sole(foot)[:2]
-        place[2] -= teleoperator.parameters.press_depth
-    return place
+    x, y, z = estimator.anchors[foot].tolist()
+    if not mode.single or mode.support == foot:
+        return x, y, z
+    x, y, _ = estimator.sole(foot).tolist()
+    return x, y, z - teleoperator.parameters.press_depth
 
 
 def along_ahead(vector: Sequence[float], ahead: float) -> Float64[np.ndarray, "3"]:

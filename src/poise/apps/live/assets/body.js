@@ -97,14 +97,13 @@ function tell(letter) {
   keys.bends.add(letter);
   const [what] = BENDS[letter];
   if (what !== "height" && newest.limits.torso[2] === 0) hint("Where velocities are commanded, only the height of the body changes.");
-  else if (what === "turn" && !pad().lift.some(Boolean) && !pad().drag.some(Boolean)) hint("A foot is turned while it is held: hold Q or E as well.");
+  else if (what === "turn" && !pad().lift.some(Boolean) && !pad().feet.some(Boolean)) hint("A foot is turned while it is held: hold Q or E as well.");
 }
 
 // Keys that hold a hand, left and right; then arrows and two letters move it along the torso's axes.
 const GRIPS = { c: 0, v: 1 }, LIFTS = { t: "Up", b: "Down" };
 const WAYS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, 1], ArrowRight: [1, -1], Up: [2, 1], Down: [2, -1] };
-const HAND_SPEED = 0.15, FARTHEST = 10; // [m/s], [m]
-const near = (v) => Math.max(-FARTHEST, Math.min(FARTHEST, v));
+const HAND_SPEED = 0.15; // [m/s]
 const held = [false, false], ways = new Set(), moved = [[0, 0, 0], [0, 0, 0]];
 
 function grip(hand, down) {
@@ -122,7 +121,7 @@ function reach(seconds) {
   for (const way of ways) {
     const [axis, sign] = WAYS[way];
     held.forEach((on, hand) => {
-      if (on) moved[hand][axis] = near(moved[hand][axis] + sign * seconds * HAND_SPEED);
+      if (on) moved[hand][axis] += sign * seconds * HAND_SPEED;
     });
   }
 }

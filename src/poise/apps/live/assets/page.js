@@ -39,7 +39,7 @@ function send(message) {
 function take(message) {
   if ("hello" in message) welcome(message);
   else if ("echo" in message) {
-    latency(performance.now() - message.echo);
+    latency(performance.now() - 1000 * message.echo);
     if (message.forces) feel(message.forces);
     if ("late" in message) hint(`What you do comes ${message.late.toFixed(1)} s late, and does not count: the connection is too slow.`);
   }
@@ -270,7 +270,7 @@ function pad() {
     second: stick?.second.map(clip) ?? [0, 0],
     turn: clip((keys.left ? 1 : 0) - (keys.right ? 1 : 0) + (stick?.turn ?? 0)),
     upright: keys.upright || Boolean(stick?.upright),
-    drag: view?.drags() ?? [null, null],
+    feet: (view?.drags() ?? [null, null]).map((position) => position && { position }),
     hands: hands(),
     rest: keys.rest,
     body: asked(),
@@ -309,7 +309,7 @@ function beat() {
   if (!driving || document.hidden) return;
   const now = pad();
   said = JSON.stringify(now);
-  send({ do: "drive", beat: performance.now(), ...now });
+  send({ do: "drive", time: performance.now() / 1000, ...now });
 }
 
 // What changes need not wait for the next beat: keys and buttons say so at once, and handles and

@@ -97,8 +97,7 @@ async function openView() {
       if (!dragging || !from) return { position: [0, 0, 0], clutch: false };
       const [x, y, z] = position.clone().sub(from.place).toArray();
       const [c, s] = [Math.cos(from.heading), Math.sin(from.heading)];
-      // Towards the horizon a handle is dragged for kilometres.
-      return { position: [c * x + s * y, c * y - s * x, z].map(near), clutch: true };
+      return { position: [c * x + s * y, c * y - s * x, z], clutch: true };
     });
   }
   function allow(feet, hands) {

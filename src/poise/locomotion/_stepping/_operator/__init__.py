@@ -1,54 +1,47 @@
-"""What the operator's devices say: samples, whether to believe them, and their recordings."""
+"""Samples of an operator, the guard that they pass, and their recordings."""
 
-from poise.locomotion._stepping._operator._device import Device, DeviceReader
-from poise.locomotion._stepping._operator._faults import FaultLog
-from poise.locomotion._stepping._operator._fields import FieldError
-from poise.locomotion._stepping._operator._grips import (
-    LATE,
-    LOST_AFTER,
-    Clutch,
-    HandGrip,
-    HeadGrip,
-    TurnPursuit,
+from poise.locomotion._stepping._operator._fields import FieldError, checked_reading, checked_sample
+from poise.locomotion._stepping._operator._guard import DeviceStatus, OperatorGuard
+from poise.locomotion._stepping._operator._limits import LATE, LOST_AFTER, SILENT_AFTER
+from poise.locomotion._stepping._operator._sample import (
+    BodyCommand,
+    Device,
+    OperatorSample,
+    TrackedPose,
+    Vector,
+)
+from poise.locomotion._stepping._operator._sample_clock import SampleClock
+from poise.locomotion._stepping._operator._scripted_device import ScriptedDevice, WayPoint
+from poise.locomotion._stepping._operator._tracking import (
+    Engagement,
+    RateLimiter,
+    Rotation,
+    Tracker,
     rotation_of,
 )
-from poise.locomotion._stepping._operator._guard import DeviceGuard
-from poise.locomotion._stepping._operator._pursuit import is_point
-from poise.locomotion._stepping._operator._sample_clock import Lateness, SampleClock
-from poise.locomotion._stepping._operator._samples import (
-    BodySample,
-    DeviceSample,
-    DeviceStatus,
-    HandSample,
-    HeadSample,
-    checked_reading,
-    checked_tracker,
-)
-from poise.locomotion._stepping._operator._scripted_device import ScriptedDevice, WayPoint
+from poise.locomotion._stepping._operator._warn_once import WarnOnce
 
 __all__ = [
     "LATE",
     "LOST_AFTER",
-    "BodySample",
-    "Clutch",
+    "SILENT_AFTER",
+    "BodyCommand",
     "Device",
-    "DeviceGuard",
-    "DeviceReader",
-    "DeviceSample",
     "DeviceStatus",
-    "FaultLog",
+    "Engagement",
     "FieldError",
-    "HandGrip",
-    "HandSample",
-    "HeadGrip",
-    "HeadSample",
-    "Lateness",
+    "OperatorGuard",
+    "OperatorSample",
+    "RateLimiter",
+    "Rotation",
     "SampleClock",
     "ScriptedDevice",
-    "TurnPursuit",
+    "TrackedPose",
+    "Tracker",
+    "Vector",
+    "WarnOnce",
     "WayPoint",
     "checked_reading",
-    "checked_tracker",
-    "is_point",
+    "checked_sample",
     "rotation_of",
 ]

@@ -1,24 +1,25 @@
-"""Single fields of what a device gives, which may be anything, read as what they shall be.
-
-`FieldError`: what is none. `shown`: anything in a few words. `number`, `numbers`, `flag`, `pair`,
-`of_kind` and `Vectors` read.
-"""
+"""Validation of what devices return, which may be anything: floats come out, or a `FieldError`."""
 
 import reprlib
-from collections.abc import Collection
 from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
-from jaxtyping import Float64
 
-_REAL, _TRUTH = float | int | np.floating | np.integer, bool | int | np.bool_ | np.integer
-"""Kinds of numbers that a device may give, made once."""
+from poise.locomotion._stepping._operator._sample import (
+    BodyCommand,
+    OperatorSample,
+    Quaternion,
+    TrackedPose,
+    Vector,
+)
+
 _PLAIN = type(None) | bool | float | complex | np.number | np.bool_
-"""What is no longer than a number when it is written."""
+"""Kinds whose `repr` is no longer than a number's."""
 _MOST_BITS = 64
 """Longer whole numbers are written in a time that grows with the square of their length."""
 _MOST_NUMBERS = 16
-"""An array of more is said by its shape."""
+"""Larger arrays are shown by their shape; no field has more than 4 numbers."""
 
 T = TypeVar("T")
 
@@ -36,14 +37,14 @@ class FieldError(TypeError):
 
 
 class _Brief(reprlib.Repr):
-    """`repr` in a tick's time, whatever comes: that of a thing nobody knows may take any."""
+    """`repr` in a tick's time: that of an unknown object may take any."""
 
     def __init__(self) -> None:
         super().__init__()
         self.maxlevel, self.maxstring = 2, 60
 
     def repr1(self, x: object, level: int) -> str:
-        """A value, with so many levels of lists in lists."""
+        """A value, with so many levels of nested lists."""
         if isinstance(x, np.ndarray):
             brief = x.size <= _MOST_NUMBERS and x.dtype.kind in "biufc"
             return repr(x) if brief else f"an array of {x.dtype.name} and shape {x.shape}"
@@ -57,139 +58,133 @@ class _Brief(reprlib.Repr):
 _BRIEF = _Brief()
 
 
-def shown(value: object) -> str:
-    """What a value is, in a few words and in little time."""
-    return _BRIEF.repr(value)
+def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | None]:
+    """Validate what a device returned, which may be anything.
 
+    A vector of a tracked part that is none becomes NaN, and the rest counts: a device that is out
+    of sight takes nothing with it. Numbers that are not finite or far away are left to the guard,
+    which refuses them one by one. Buttons and sticks, which no controller reads, are dropped.
 
-def of_kind(field: str, value: object, kind: type[T]) -> T:
-    """A field that is of a kind.
+    Args:
+        sample: as returned; None for nothing new.
+
+    Returns:
+        The sample with tuples of floats, and which vectors in it are none; None for nothing.
 
     Raises:
-        FieldError: it is not.
+        FieldError: no sample, or another field in it is of another kind.
     """
+    if sample is None:
+        return None, None
+    sample, faults = _of_kind("sample", sample, OperatorSample), dict[str, str]()
+    body = _of_kind("body", sample.body, BodyCommand)
+    good = OperatorSample(
+        time=_read("time", sample.time, float, "a number"),
+        feet=_pair("foot", sample.feet, faults),
+        hands=_pair("hand", sample.hands, faults),
+        head=_part("head", sample.head, faults),
+        body=BodyCommand(
+            _read("height", body.height, float, "a number"),
+            _read("torso", body.torso, Vector, "3 numbers"),
+            _read("turns", body.turns, tuple[float, float], "2 numbers"),
+        ),
+        velocity=_read("velocity", sample.velocity, Vector, "3 numbers"),
+        upright=_flag("upright", sample.upright),
+        rest=_flag("rest", sample.rest),
+    )
+    return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
+
+
+def checked_reading(arm: str, reading: object) -> TrackedPose | None:
+    """Validate what an arm of a foot returned: its position, and whether its clutch is closed.
+
+    Args:
+        arm: its name.
+        reading: as returned; None where it is gone. A position of None becomes NaN.
+
+    Raises:
+        FieldError: something else.
+    """
+    if reading is None:
+        return None
+    field = f"reading of {arm}"
+    if not isinstance(reading, tuple | list) or len(reading) != 2:
+        raise FieldError((field,), f"{field} is {_BRIEF.repr(reading)}, not a tuple of two")
+    faults = dict[str, str]()
+    position = _vector(f"position of {arm}", reading[0], Vector, 3, faults)
+    if faults:
+        raise FieldError(tuple(faults), "; ".join(faults.values()))
+    return TrackedPose(position, _flag(f"clutch of {arm}", reading[1]))
+
+
+def _of_kind(field: str, value: object, kind: type[T]) -> T:
     if not isinstance(value, kind):
-        raise FieldError((field,), f"{field} is {shown(value)}, no {kind.__name__}")
+        raise FieldError((field,), f"{field} is {_BRIEF.repr(value)}, no {kind.__name__}")
     return value
 
 
-def number(field: str, value: object) -> float:
-    """A field that is a number.
-
-    Raises:
-        FieldError: it is none.
-        OverflowError: a whole number that is too large for a float.
-    """
-    value = _scalar(value)
-    if not isinstance(value, _REAL):
-        raise FieldError((field,), f"{field} is {shown(value)}, not a number")
-    return _float(field, value)
+def _pair(
+    part: str, values: object, faults: dict[str, str]
+) -> tuple[TrackedPose | None, TrackedPose | None]:
+    if not isinstance(values, tuple | list) or len(values) != 2:
+        field = "feet" if part == "foot" else "hands"
+        raise FieldError((field,), f"{field} is {_BRIEF.repr(values)}, not a tuple of two")
+    left, right = values
+    return _part(f"left {part}", left, faults), _part(f"right {part}", right, faults)
 
 
-def numbers(field: str, values: object, count: int) -> list[float]:
-    """A field that is so many numbers: an array, a tuple or the like.
-
-    Raises:
-        FieldError: it is not.
-        OverflowError: a whole number in it that is too large for a float.
-    """
-    if _length(values) == count and isinstance(values, tuple | list | Collection):
-        given = [_scalar(value) for value in _items(values)]
-        if all(isinstance(value, _REAL) for value in given):
-            return [_float(field, value) for value in given]
-    raise FieldError((field,), f"{field} is {shown(values)}, not {count} numbers")
-
-
-def flag(field: str, value: object) -> bool:
-    """A field that is true or false.
-
-    Raises:
-        FieldError: it is neither.
-    """
-    value = _scalar(value)
-    if not isinstance(value, _TRUTH):
-        raise FieldError((field,), f"{field} is {shown(value)}, not true or false")
-    return bool(value)
+def _part(field: str, value: object, faults: dict[str, str]) -> TrackedPose | None:
+    """A tracked part; None for none."""
+    if value is None:
+        return None
+    part = _of_kind(field, value, TrackedPose)
+    position, orientation, velocity, clutch = (
+        part.position, part.orientation, part.velocity, part.clutch,
+    )  # fmt: skip
+    if position is not None:
+        position = _vector(f"position of {field}", position, Vector, 3, faults)
+    if orientation is not None:
+        orientation = _vector(f"orientation of {field}", orientation, Quaternion, 4, faults)
+    if velocity is not None:
+        velocity = _vector(f"velocity of {field}", velocity, Vector, 3, faults)
+    if clutch is not None:
+        clutch = _flag(f"clutch of {field}", clutch)
+    return TrackedPose(position, clutch, orientation, velocity)
 
 
-def pair(field: str, values: object) -> tuple[Any, Any]:
-    """A field that is one thing for the left and one for the right.
-
-    Raises:
-        FieldError: it is not.
-    """
-    if not isinstance(values, tuple | list) or _length(values) != 2:
-        raise FieldError((field,), f"{field} is {shown(values)}, not a tuple of two")
-    left, right = _items(values)
-    return left, right
-
-
-class Vectors:
-    """Reads vectors of a sample as float64: a headset's are of float32, a message's are lists."""
-
-    def __init__(self) -> None:
-        self._faults: dict[str, str] = {}
-
-    @property
-    def error(self) -> FieldError | None:
-        """What was none; None where all was well."""
-        if not self._faults:
-            return None
-        return FieldError(tuple(self._faults), "; ".join(self._faults.values()))
-
-    def vector(self, field: str, value: object, count: int) -> Float64[np.ndarray, " n"]:
-        """So many numbers, as they are now; NaN where there are others, or none."""
-        if isinstance(value, np.ndarray) and value.dtype == np.float64 and value.shape == (count,):
-            return value.copy()
-        numbers = _array(value, count)
-        if numbers is not None and numbers.shape == (count,) and numbers.dtype.kind in "fiu":
-            return numbers.astype(np.float64)
+def _vector(field: str, value: object, kind: Any, count: int, faults: dict[str, str]) -> Any:
+    """So many numbers; NaN where there are others, or none."""
+    try:
+        return _read(field, value, kind, f"{count} numbers")
+    except FieldError as error:
         if value is not None:
-            self._faults[field] = f"{field} is {shown(value)}, not {count} numbers"
-        return np.full(count, np.nan)
-
-    def maybe(self, field: str, value: object, count: int) -> Float64[np.ndarray, " n"] | None:
-        """Likewise of what need not be there."""
-        return None if value is None else self.vector(field, value, count)
+            faults[field] = str(error)
+        return msgspec.convert([float("nan")] * count, kind)
 
 
-def _length(value: object) -> int | None:
-    """How many things are in it; None for a single one."""
-    if not isinstance(value, tuple | list | Collection):
-        return None
+def _flag(field: str, value: object) -> bool:
+    if value is True or value is False:
+        return value
+    return bool(_read(field, value, bool | int, "true or false"))
+
+
+def _read(field: str, value: object, kind: Any, wanted: str) -> Any:
+    """A field of one of msgspec's types, read from plain values, small arrays or their lists."""
     try:
-        return len(value)
-    except TypeError:
-        # An array or the like without axes.
-        return None
-
-
-def _items(values: Collection[Any]) -> list[Any]:
-    return list(values)
-
-
-def _scalar(value: object) -> object:
-    """What an array of no axes holds; anything else as it is."""
-    return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
-
-
-def _float(field: str, value: Any) -> float:
+        return msgspec.convert(_plain(value), kind)
+    except msgspec.ValidationError:
+        pass
     try:
-        return float(value)
-    except OverflowError:
-        raise OverflowError(f"{field} is {shown(value)}, too large for a float") from None
+        if isinstance(value, tuple | list) and len(value) <= _MOST_NUMBERS:
+            return msgspec.convert([_plain(item) for item in value], kind)
+    except msgspec.ValidationError:
+        pass
+    raise FieldError((field,), f"{field} is {_BRIEF.repr(value)}, not {wanted}")
 
 
-def _array(value: object, count: int) -> np.ndarray | None:
-    """It as an array; None for what is none, or surely another one.
-
-    That is found out before: it takes long to make an array of a long list.
-    """
-    if _length(value) not in (None, count):
-        return None
-    if isinstance(value, tuple | list) and any(_length(item) is not None for item in _items(value)):
-        return None
-    try:
-        return np.asarray(value)
-    except ValueError:
-        return None
+def _plain(value: object) -> object:
+    """Lists and numbers of Python in place of small arrays and NumPy's numbers."""
+    if type(value) is tuple:
+        return value
+    small = isinstance(value, np.ndarray | np.generic) and value.size <= _MOST_NUMBERS
+    return value.tolist() if small and value.dtype.kind in "biuf" else value

@@ -1,86 +1,58 @@
-"""`SampleClock`: which samples are news. `Lateness`: how late a link makes them."""
+"""`SampleClock`: age and order of samples, by a sender's clock that nobody has set."""
 
 import math
 
-_DRIFT = 1e-3
-"""By how much of the time two clocks may drift apart."""
-
-
-class Lateness:
-    """How much later than the soonest messages come, by stamps of a clock that nobody has set.
-
-    What grows by less than a thousandth of the time is taken for two clocks that drift apart. Where
-    the receiver's own time is slowed down or stopped nothing comes late.
-    """
-
-    def __init__(self) -> None:
-        self._soonest, self._at = math.inf, 0.0
-
-    def restart(self) -> None:
-        """Whatever comes next is on time."""
-        self._soonest = math.inf
-
-    def of(self, stamp: float, time: float) -> float:
-        """Takes what has come, and says how late it is [s].
-
-        Args:
-            stamp: when it was sent, on the sender's clock [s].
-            time: of the receiver, which does not go back but for `restart` [s].
-        """
-        drift, self._at = _DRIFT * (time - self._at), time
-        self._soonest = min(self._soonest + drift, time - stamp)
-        return time - stamp - self._soonest
+from poise.locomotion._stepping._operator._limits import DRIFT, LATE, LOST_AFTER
 
 
 class SampleClock:
-    """Says which samples are newer than the newest, and no more late than a link makes them.
+    """Accept samples that are newer than the newest and no later than a link makes them.
 
-    Args:
-        late: largest difference of two samples' delays [s].
-        lost_after: after so long without a sample any clock is believed again [s].
+    A sample's delay is compared with the smallest one. What grows by less than `DRIFT` is taken for
+    two clocks that drift apart. After a silence of `LOST_AFTER` any clock is accepted anew.
 
     Attributes:
-        heard_at: when the newest came, in the robot's time [s].
+        heard_at: receiver's time of the newest sample [s].
+        newest: sender's time of it [s].
     """
 
-    def __init__(self, late: float, lost_after: float) -> None:
-        self._late, self._lost_after = late, lost_after
-        self._lateness = Lateness()
-        self._newest = -math.inf
-        self.heard_at = -math.inf
+    def __init__(self) -> None:
+        self.reset()
 
-    def is_newest(self, stamp: float) -> bool:
-        """Whether a sample is the newest, once more.
+    def reset(self) -> None:
+        """Accept any clock from now on."""
+        self.newest = self.heard_at = -math.inf
+        self._soonest = math.inf
 
-        Args:
-            stamp: its time, on the operator's clock [s].
-        """
-        return stamp == self._newest
-
-    def takes(self, stamp: float, time: float) -> bool:
-        """Whether a sample counts; then it is the newest.
+    def accepts(self, stamp: float, time: float) -> bool:
+        """Return whether a sample counts, which makes it the newest.
 
         Args:
-            stamp: its time, on the operator's clock [s].
-            time: of the robot [s].
+            stamp: its time on the sender's clock [s].
+            time: of the receiver [s].
         """
         # The newest again is no news, however long nothing else has come: a source that is frozen
         # would be heard for ever.
-        if not math.isfinite(stamp) or self.is_newest(stamp):
+        if not math.isfinite(stamp) or stamp == self.newest:
             return False
-        if self.is_lost(time):
-            self._lateness.restart()
-        elif not 0.0 < stamp - self._newest <= time - self.heard_at + self._late:
+        soonest = time - stamp
+        if not self.is_lost(time):
+            if not 0.0 < stamp - self.newest <= time - self.heard_at + LATE:
+                return False
+            soonest = min(soonest, self._soonest + DRIFT * (time - self.heard_at))
+        if time - stamp - soonest > LATE:
             return False
-        if self._lateness.of(stamp, time) > self._late:
-            return False
-        self._newest, self.heard_at = stamp, time
+        self.newest, self.heard_at, self._soonest = stamp, time, soonest
         return True
 
+    def lateness(self, stamp: float, time: float) -> float:
+        """Return by how much later than the soonest a sample comes [s]."""
+        return time - stamp - self._soonest
+
     def is_lost(self, time: float) -> bool:
-        """Whether nothing was heard for too long, or the robot's clock has gone back as far.
+        """Return whether nothing was heard for too long, or the receiver's clock went back as far.
 
         Args:
-            time: of the robot [s].
+            time: of the receiver [s].
         """
-        return abs(time - self.heard_at) > self._lost_after
+        return abs(time - self.heard_at) > LOST_AFTER

@@ -13,7 +13,11 @@ from jaxtyping import Float64
 from poise._schema import Bounds, Seconds, Vector, checked
 from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
-from poise.locomotion._stepping._operator._samples import DeviceSample, HandSample, HeadSample
+from poise.locomotion._stepping._operator._sample import (
+    OperatorSample,
+    Quaternion,
+    TrackedPose,
+)
 
 Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit="m"))]
 """Forward, left and up from where the foot stood at the start [m]."""
@@ -96,14 +100,18 @@ class ScriptedDevice:
         )
         self._head = _path_of([(p.at, p.head) for p in points])
 
-    def sample(self, time: float) -> DeviceSample:
-        """Where the devices are at a time [s]."""
+    def sample(self, time: float) -> OperatorSample:
+        """Return where the devices are at a time [s]."""
         left, right = (hand.at(time) for hand in self._hands)
         head = None
         if self._head is not None:
-            head = HeadSample(_quaternion(self._head.at(time)), clutch=time > _GRIP_AT)
-        places = self._left.at(time), self._right.at(time)
-        return DeviceSample(time, *places, hands=(left, right), head=head)
+            turned = _quaternion(self._head.at(time))
+            head = TrackedPose(clutch=time > _GRIP_AT, orientation=turned)
+        feet = (
+            TrackedPose.of(self._left.at(time)),
+            TrackedPose.of(self._right.at(time)),
+        )
+        return OperatorSample(time, feet, (left, right), head)
 
 
 class _ScriptedHand:
@@ -117,20 +125,21 @@ class _ScriptedHand:
         self._place = _path_of([(at, place) for at, place, _ in points])
         self._turn = _path_of([(at, turn) for at, _, turn in points])
 
-    def at(self, time: float) -> HandSample | None:
-        """What it says at a time [s]; None without points."""
+    def at(self, time: float) -> TrackedPose | None:
+        """Return the pose at a time [s]; None without points."""
         if self._place is None and self._turn is None:
             return None
-        return HandSample(
-            np.zeros(3) if self._place is None else self._place.at(time),
+        return TrackedPose.of(
+            (0.0, 0.0, 0.0) if self._place is None else self._place.at(time),
             clutch=time > _GRIP_AT,
             orientation=None if self._turn is None else _quaternion(self._turn.at(time)),
         )
 
 
-def _quaternion(turn: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "4"]:
+def _quaternion(turn: Float64[np.ndarray, "3"]) -> Quaternion:
     """A unit quaternion (x, y, z, w) of a rotation vector [rad]."""
-    return np.array(pin.Quaternion(pin.exp3(turn)).coeffs())
+    x, y, z, w = pin.Quaternion(pin.exp3(turn)).coeffs().tolist()
+    return x, y, z, w
 
 
 def _path_of(points: Sequence[tuple[float, Offset | None]]) -> "_Path | None":

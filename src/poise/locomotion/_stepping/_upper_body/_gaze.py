@@ -6,14 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise.locomotion._stepping._operator import (
-    LATE,
-    LOST_AFTER,
-    DeviceSample,
-    HeadGrip,
-    SampleClock,
-    TurnPursuit,
-)
+from poise.locomotion._stepping._operator import OperatorGuard, RateLimiter
 from poise.locomotion._stepping._stance import TORSO_MOST
 from poise.locomotion._stepping._upper_body._hands import HandStatus
 from poise.locomotion._stepping._upper_body._limb_feedback import (
@@ -82,10 +75,9 @@ class GazeLeader:
     def reset(self) -> None:
         """Forgets the past: the head looks straight ahead."""
         self._neck.reset()
-        self._clock = SampleClock(LATE, LOST_AFTER)
         self._feedback.reset()
-        self._grip = HeadGrip(self._dt, self._speed)
-        self._back = TurnPursuit(self._dt * self._speed)
+        # No burst: the head turns at its own speed, whoever leads it.
+        self._limiter = RateLimiter(self._dt * self._speed, self._dt * self._speed)
         self.gaze: Float64[np.ndarray, "3 3"] = _AHEAD
         can = self.task is not None or self._turns_torso
         self.status: HandStatus | None = HandStatus.REST if can else None
@@ -99,27 +91,23 @@ class GazeLeader:
         x, y, z = self.gaze[:, 0].tolist()
         return (0.0, math.atan2(-z, math.hypot(x, y)), math.atan2(y, x))
 
-    def lead(self, sample: DeviceSample | None, time: float) -> None:
-        """Sets what the neck does in the tick that begins.
+    def lead(self, operator: OperatorGuard) -> None:
+        """Set what the neck does in the tick that begins.
 
         Args:
-            sample: what the device gave; None for nothing new.
-            time: of the robot [s].
+            operator: the guard that has checked this tick's sample.
         """
         if self.status is None:
             return
-        news = sample if sample is not None and self._clock.takes(sample.time, time) else None
-        self.gaze = self._grip.update(None if news is None else news.head, time, self.gaze)
-        if self._grip.holds:
+        if operator.head is not None:
             self.status = HandStatus.LED
-        elif news is not None and news.rest:
+        elif operator.rest:
             self.status = HandStatus.REST
         elif self.status is not HandStatus.REST:
             self.status = HandStatus.HELD
-        if self.status is HandStatus.REST:
-            self.gaze = self._homewards()
-        else:
-            self._back.lead(None, None)
+        goal = _AHEAD if self.status is HandStatus.REST else operator.head
+        if goal is not None:
+            self.gaze, _ = self._limiter.turn(self.gaze, goal)
         if self.task is not None:
             self._neck.advance(self.gaze)
             moving = bool(self._neck.v.any())
@@ -127,13 +115,6 @@ class GazeLeader:
             self._set_target()
         if self.status is HandStatus.LED and self._at_edge():
             self.status = HandStatus.REACH
-
-    def _homewards(self) -> Float64[np.ndarray, "3 3"]:
-        if self.gaze is _AHEAD:
-            return _AHEAD
-        self._back.lead(_AHEAD, self.gaze)
-        self._back.follow()
-        return _AHEAD if self._back.place is None else self._back.place
 
     def _at_edge(self) -> bool:
         if self.task is not None:

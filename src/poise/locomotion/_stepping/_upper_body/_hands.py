@@ -12,13 +12,7 @@ from jaxtyping import Float64
 
 from poise._checks import checked_number
 from poise.dynamics import RobotState, rotation_vector
-from poise.locomotion._stepping._operator import (
-    LATE,
-    LOST_AFTER,
-    DeviceSample,
-    HandGrip,
-    SampleClock,
-)
+from poise.locomotion._stepping._operator import OperatorGuard, Tracker
 from poise.locomotion._stepping._upper_body._arms import ArmMotion
 from poise.locomotion._stepping._upper_body._limb_feedback import (
     ARMS_BY_TORQUES,
@@ -47,6 +41,10 @@ _TURN_EDGE = 1.0
 """And it is led to be turned no further ahead than this [rad]. So far a device may turn where the
 hand cannot follow, and turned back both face alike again, as whoever turns a wrist expects. Much
 more, and there are two ways round."""
+
+
+_UNLED = Tracker(1.0)
+"""Of a third hand, which no operator has."""
 
 
 class HandLeader:
@@ -94,13 +92,11 @@ class HandLeader:
         turn_speed_max: float = 3.0,
         servos: bool = False,
     ) -> None:
-        self._dt = checked_number(dt, "dt of the hands [s]", above=0.0)
+        checked_number(dt, "dt of the hands [s]", above=0.0)
         self._scale = checked_number(scale, "scale of the hands", above=0.0)
-        self._speed = checked_number(speed_max, "speed_max of the hands [m/s]", above=0.0)
+        checked_number(speed_max, "speed_max of the hands [m/s]", above=0.0)
         checked_number(acceleration_max, "acceleration_max of the hands [m/s^2]", above=0.0)
-        self._turn_speed = checked_number(
-            turn_speed_max, "turn_speed_max of the hands [rad/s]", above=0.0
-        )
+        checked_number(turn_speed_max, "turn_speed_max of the hands [rad/s]", above=0.0)
         self._joints, self._servos = robot.nj, servos
         self._arms = ArmMotion(
             robot,
@@ -125,8 +121,6 @@ class HandLeader:
     def reset(self) -> None:
         """Forgets the past: the arms are at rest."""
         self._arms.reset()
-        self._clock = SampleClock(LATE, LOST_AFTER)
-        self._grips = [HandGrip(self._dt, self._speed, self._turn_speed) for _ in self.names]
         self._feedback.reset()
         self._rested = False
         self.places = [hand.copy() for hand in self._arms.hands]
@@ -134,34 +128,31 @@ class HandLeader:
         self.status = [HandStatus.REST for _ in self.names]
         self._set_target()
 
-    def lead(self, sample: DeviceSample | None, state: RobotState) -> None:
-        """Sets what the arms do in the tick that begins.
+    def lead(self, operator: OperatorGuard, state: RobotState) -> None:
+        """Set what the arms do in the tick that begins.
 
         Args:
-            sample: what the device gave; None for nothing new.
+            operator: the guard that has checked this tick's sample.
             state: as it is measured or estimated.
         """
         if self.task is None:
             return
-        news = sample if sample is not None and self._clock.takes(sample.time, state.time) else None
-        for hand, grip in enumerate(self._grips):
-            side = self._sides[hand]
-            said = news.hands[side] if news is not None and side < 2 else None
-            motion = grip.update(said, state.time)
-            self._turn(hand, grip)
-            if grip.holds:
-                self.places[hand] = self.places[hand] + self._scale * motion
+        trackers = [operator.hands[side] if side < 2 else _UNLED for side in self._sides]
+        for hand, tracker in enumerate(trackers):
+            self._turn(hand, tracker)
+            if tracker.engaged:
+                self.places[hand] = self.places[hand] + self._scale * tracker.step
                 self.status[hand] = HandStatus.LED
-            elif news is not None and news.rest:
+            elif operator.rest:
                 self.status[hand] = HandStatus.REST
             elif self.status[hand] is not HandStatus.REST:
                 self.status[hand] = HandStatus.HELD
         rests = [status is HandStatus.REST for status in self.status]
-        rates = [grip.rate.at(state.time) if grip.holds else None for grip in self._grips]
+        rates = [tracker.velocity(state.time) for tracker in trackers]
         self._arms.advance(
             [None if rest else place for rest, place in zip(rests, self.places, strict=True)],
             self.rotations,
-            [None if rate is None else self._scale * rate for rate in rates],
+            [None if rate is None else self._scale * np.array(rate) for rate in rates],
         )
         for hand, here in enumerate(self._arms.hands):
             self._stop_at_edge(hand, here)
@@ -196,15 +187,15 @@ class HandLeader:
         """
         return tuple(None if turned is None else rotation.dot(turned) for turned in self.rotations)
 
-    def _turn(self, hand: int, grip: HandGrip) -> None:
+    def _turn(self, hand: int, tracker: Tracker) -> None:
         """Where a hand is led to be turned: by how its device turned, from how it is itself."""
         turned = self.rotations[hand]
         if turned is None:
-            if grip.turns:
+            if tracker.turns:
                 self.rotations[hand] = self._arms.rotations[hand]
             return
-        if grip.turn.any():
-            turned = pin.exp3(grip.turn) @ turned
+        if tracker.turn.any():
+            turned = pin.exp3(tracker.turn) @ turned
         here = self._arms.rotations[hand]
         way = rotation_vector(turned, here)
         far = math.hypot(*way)

@@ -1,0 +1,147 @@
+"""`OperatorSample`: one message of an operator, on the wire, in the loop, in scripts and records.
+
+`TrackedPose`, `BodyCommand`: parts of it. `Device`: a source of samples.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Protocol, runtime_checkable
+
+import numpy as np
+from msgspec import Meta, Struct
+
+Vector = tuple[float, float, float]
+Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
+Quaternion = tuple[float, float, float, float]
+"""Of a rotation, (x, y, z, w)."""
+
+_Numbers = Sequence[float | int] | np.ndarray
+_NOWHERE: Vector = (math.nan, math.nan, math.nan)
+
+
+def _floats(values: _Numbers | None) -> Any:
+    return None if values is None else tuple(np.asarray(values, dtype=np.float64).tolist())
+
+
+class TrackedPose(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Pose of one tracked part of the operator: a foot, a hand or the head.
+
+    With a clutch a part leads by its motion alone, while its clutch is closed: whoever wants to
+    reach further opens it, moves back and closes it anew. Without one a foot's position is where
+    the foot goes.
+
+    Attributes:
+        position: of a foot without a clutch in the controller's world, on the page in the drawn
+            one; otherwise forward, left and up as the torso faces, from anywhere that stays where
+            it is [m]. None for a head.
+        clutch: whether the part leads; None for a foot without a clutch.
+        orientation: against forward, left and up, a unit quaternion (x, y, z, w); of a head against
+            looking straight ahead. A hand turns by R_t R_0^T since its clutch closed at R_0; a foot
+            by its part about the vertical. None where nothing measures it.
+        velocity: along the same axes as the position [m/s]; None where nothing measures it, and
+            what follows the part lags behind it.
+    """
+
+    position: Vector | None = None
+    clutch: bool | None = None
+    orientation: Quaternion | None = None
+    velocity: Vector | None = None
+
+    @classmethod
+    def of(
+        cls,
+        position: _Numbers | None,
+        clutch: bool | None = None,
+        orientation: _Numbers | None = None,
+        velocity: _Numbers | None = None,
+    ) -> "TrackedPose":
+        """Make a pose of arrays, whose numbers it copies."""
+        return cls(_floats(position), clutch, _floats(orientation), _floats(velocity))
+
+
+class BodyCommand(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Command of the body beside feet and hands; all zero asks for nothing.
+
+    Attributes:
+        height: of the COM, over the usual one [m].
+        torso: roll, pitch and yaw against upright and facing as the feet do; where torques are
+            commanded [rad].
+        turns: of the left and the right foot, to the left of `StepTeleoperator.ahead`; where
+            torques are commanded [rad].
+    """
+
+    height: float = 0.0
+    torso: Vector = (0.0, 0.0, 0.0)
+    turns: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float, float, float]:
+        """Height, roll, pitch, yaw, and both turns."""
+        return (self.height, *self.torso, *self.turns)
+
+
+class OperatorSample(
+    Struct,
+    frozen=True,
+    forbid_unknown_fields=True,
+    omit_defaults=True,
+    tag_field="do",
+    tag="drive",
+):
+    """All that an operator commands at one time.
+
+    Buttons, sticks and handles of a page or gamepad become positions of feet and a velocity where
+    they are received; controllers read the other members.
+
+    Attributes:
+        time: when it was measured, on the sender's clock [s]. In messages 0 means no clock.
+        feet: devices of the left and the right foot, each of its sole; None for none. Controllers
+            follow those without a clutch; `TrackedFeet` makes them of trackers.
+        hands: left and right; None for a hand without a device, which stays as it is.
+        head: where the operator looks; None without a headset: the gaze stays as it is.
+        body: height, torso and turns of the feet.
+        velocity: with which the robot walks by itself, ahead, to the left [m/s] and turning to the
+            left [rad/s]; all zero while the operator steps. Where torques are commanded.
+        upright: button: bring the torso upright although one foot is in the air.
+        rest: button: hands that nothing leads go back to rest, and so does the gaze.
+        lift: buttons that hold the left and the right foot up.
+        move: stick, forward and left, from -1 to 1: moves the lifted foot, or the robot.
+        second: a second stick: moves the right foot while both are lifted.
+        turn: stick that turns the robot to the left, from -1 to 1.
+    """
+
+    time: float = 0.0
+    feet: tuple[TrackedPose | None, TrackedPose | None] = (None, None)
+    hands: tuple[TrackedPose | None, TrackedPose | None] = (None, None)
+    head: TrackedPose | None = None
+    body: BodyCommand = BodyCommand()
+    velocity: Vector = (0.0, 0.0, 0.0)
+    upright: bool = False
+    rest: bool = False
+    lift: tuple[bool, bool] = (False, False)
+    move: tuple[Deflection, Deflection] = (0.0, 0.0)
+    second: tuple[Deflection, Deflection] = (0.0, 0.0)
+    turn: Deflection = 0.0
+
+    def place(self, foot: int) -> Vector:
+        """Position of a foot's device, 0 left and 1 right [m]; NaN without one."""
+        part = self.feet[foot]
+        return _NOWHERE if part is None or part.position is None else part.position
+
+
+@runtime_checkable
+class Device(Protocol):
+    """A source of an operator's samples."""
+
+    def sample(self, time: float) -> OperatorSample | None:
+        """Return the newest sample since the last tick.
+
+        Its vectors may be arrays or lists of any real numbers.
+
+        Args:
+            time: of the robot [s].
+
+        Returns:
+            None for nothing new.
+        """
+        ...

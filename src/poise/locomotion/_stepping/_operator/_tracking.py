@@ -1,0 +1,296 @@
+"""`Tracker`: follows a foot or hand of the operator while it leads, no faster than it may.
+
+`Engagement`: when a part leads. `RateLimiter`: how fast it is followed. `VelocityCheck`: velocity
+that agrees with its motion. `rotation_of`: orientation that it sent.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.dynamics import rotation_vector
+from poise.locomotion._stepping._operator._limits import (
+    BURST,
+    JUMP,
+    LOST_AFTER,
+    SILENT_AFTER,
+    SPEED_MAX,
+    TURN_BURST,
+    TURN_JUMP,
+    TURN_SPEED_MAX,
+    UNIT_ERROR,
+    VELOCITY_ERROR,
+    VELOCITY_MEMORY,
+)
+from poise.locomotion._stepping._operator._sample import TrackedPose, Vector
+
+Rotation = Float64[np.ndarray, "3 3"]
+
+_STILL: Float64[np.ndarray, "3"] = np.zeros(3)
+_STILL.flags.writeable = False
+
+
+class Engagement:
+    """When a part leads: from when its clutch closes, which has to be seen, until it opens.
+
+    One that is closed when it is found, or found again, leads nothing until it was open.
+
+    Attributes:
+        engaged: whether the part leads.
+    """
+
+    def __init__(self) -> None:
+        self.engaged = self._released = False
+        self._good_at = -math.inf
+
+    def expire(self, time: float) -> bool:
+        """Disengage a lost part; return whether it was engaged until now.
+
+        Args:
+            time: of the robot [s]; it may go back.
+        """
+        if abs(time - self._good_at) <= LOST_AFTER:
+            return False
+        engaged = self.engaged
+        self.lose()
+        return engaged
+
+    def lose(self) -> None:
+        """Disengage until the part is seen released and then closed."""
+        self.engaged = self._released = False
+
+    def release(self, time: float) -> None:
+        """Note an open clutch, at a time of the robot [s]."""
+        self.engaged, self._released, self._good_at = False, True, time
+
+    def engage(self) -> bool:
+        """Note a closed clutch; return whether the part begins to lead now."""
+        begins = self._released and not self.engaged
+        self.engaged, self._released = self.engaged or begins, False
+        return begins
+
+    def refresh(self, time: float) -> None:
+        """Note a good sample, at a time of the robot [s]."""
+        self._good_at = time
+
+
+class RateLimiter:
+    """Rate-limit a motion: in any n ticks no more than `burst` + n `step`.
+
+    Args:
+        step: way of a tick, on average.
+        burst: way of a single tick, after rest.
+    """
+
+    def __init__(self, step: float, burst: float) -> None:
+        self._step, self._burst = step, burst
+        self._room = burst
+
+    def part(self, distance: float) -> float:
+        """Take one tick of a way; return which part of it is gone.
+
+        Args:
+            distance: length of the way, in the unit of `step`.
+        """
+        most = self._room = min(self._room + self._step, self._burst)
+        self._room = max(most - distance, 0.0)
+        return 1.0 if distance <= most else most / distance
+
+    def turn(self, rotation: Rotation, goal: Rotation) -> tuple[Rotation, Float64[np.ndarray, "3"]]:
+        """Take one tick of a turn.
+
+        Returns:
+            The rotation after it, and the rotation vector of the tick along the fixed axes [rad].
+        """
+        if rotation is goal:
+            return goal, _STILL
+        way = rotation_vector(goal, rotation)
+        part = self.part(math.hypot(*way))
+        way = part * way
+        return (goal if part == 1.0 else pin.exp3(way) @ rotation), way
+
+
+class VelocityCheck:
+    """Velocity that a device sends, for as long as its position moves accordingly.
+
+    One whose velocity has other axes or another scale than its position, or that stands still,
+    would lead what follows it away. The difference of both ways is forgotten with the time constant
+    `VELOCITY_MEMORY`.
+    """
+
+    def __init__(self) -> None:
+        self._velocity: Vector | None = None
+        self._at = -math.inf
+        self._sent: Sequence[float] = (0.0, 0.0, 0.0)
+        self._place: Sequence[float] = (0.0, 0.0, 0.0)
+        self._apart: Sequence[float] = (0.0, 0.0, 0.0)
+
+    def update(self, velocity: Vector | None, place: Vector, time: float) -> None:
+        """Take what came with a good sample.
+
+        Args:
+            velocity: as sent [m/s]; None where the device measures none.
+            place: of the device [m].
+            time: of the robot [s].
+        """
+        self._velocity = None
+        # Not a number is no smaller either.
+        if velocity is None or not math.hypot(*velocity) <= SPEED_MAX:
+            return
+        since = time - self._at
+        if 0.0 <= since <= SILENT_AFTER:
+            kept = 1.0 - since / VELOCITY_MEMORY
+            self._apart = [
+                kept * (apart + 0.5 * since * (old + new) - (now - before))
+                for apart, old, new, now, before in zip(
+                    self._apart, self._sent, velocity, place, self._place, strict=True
+                )
+            ]
+        else:
+            self._apart = (0.0, 0.0, 0.0)
+        self._sent, self._place, self._at = velocity, place, time
+        if math.hypot(*self._apart) <= VELOCITY_ERROR:
+            self._velocity = velocity
+
+    def at(self, time: float) -> Vector | None:
+        """Return the velocity at a time of the robot [m/s]; None where it is unknown."""
+        return self._velocity if 0.0 <= time - self._at <= SILENT_AFTER else None
+
+
+class Tracker:
+    """Follow a foot or a hand of the operator while it leads.
+
+    A hand engages by its clutch, and its motion from then on counts. A foot engages where it is put
+    down at the robot's foot, and its position counts. Either is followed in any time t by no more
+    than `BURST` + `SPEED_MAX` t, and a hand that sends its orientation turned by no more than
+    `TURN_BURST` + `TURN_SPEED_MAX` t. A sample more than `JUMP` or `TURN_JUMP` from where the part
+    is followed to is refused, and so is one that is not finite or no rotation.
+
+    Args:
+        dt: length of a tick [s].
+
+    Attributes:
+        place: where the part is followed to [m].
+        step: how far it moved in the last tick [m].
+        turn: how far it turned in the last tick, a rotation vector [rad].
+    """
+
+    def __init__(self, dt: float) -> None:
+        self._limiter = RateLimiter(dt * SPEED_MAX, BURST)
+        self._turning = RateLimiter(dt * TURN_SPEED_MAX, TURN_BURST)
+        self._engagement, self._velocity = Engagement(), VelocityCheck()
+        self.place: Vector = (0.0, 0.0, 0.0)
+        self._goal = self.place
+        self._rotation: Rotation | None = None
+        self._turn_goal: Rotation | None = None
+        self.step = self.turn = _STILL
+
+    @property
+    def engaged(self) -> bool:
+        """The part leads."""
+        return self._engagement.engaged
+
+    @property
+    def turns(self) -> bool:
+        """The part leads by its orientation, too."""
+        return self.engaged and self._rotation is not None
+
+    def lose(self) -> None:
+        """Disengage: something else leads."""
+        self._engagement.lose()
+
+    def velocity(self, time: float) -> Vector | None:
+        """Return its velocity at a time of the robot [m/s]; None while unknown or not engaged."""
+        return self._velocity.at(time) if self.engaged else None
+
+    def update(
+        self,
+        part: TrackedPose | None,
+        time: float,
+        *,
+        foot: tuple[Vector, float] | None = None,
+    ) -> bool:
+        """Take one tick.
+
+        Args:
+            part: what came; None for nothing new.
+            time: of the robot [s].
+            foot: where the robot's foot is that the part leads, and how high it may be put down
+                [m]; None for a hand.
+
+        Returns:
+            Whether the sample counts.
+        """
+        self.step = self.turn = _STILL
+        # For a tick at least: what is followed does not jump from one place to another.
+        if self._engagement.expire(time):
+            return False
+        good = part is not None and self._accepts(part, time, foot)
+        if not self.engaged:
+            return good
+        if self._rotation is not None and self._turn_goal is not None:
+            self._rotation, self.turn = self._turning.turn(self._rotation, self._turn_goal)
+        before, share = self.place, self._limiter.part(math.dist(self._goal, self.place))
+        if share == 1.0:
+            self.place = self._goal
+        else:
+            (x, y, z), (to_x, to_y, to_z) = before, self._goal
+            self.place = (x + share * (to_x - x), y + share * (to_y - y), z + share * (to_z - z))
+        if foot is None:
+            self.step = np.subtract(self.place, before)
+        return good
+
+    def _accepts(self, part: TrackedPose, time: float, foot: tuple[Vector, float] | None) -> bool:
+        """Engage, follow or refuse a sample."""
+        point, rotation = part.position, None
+        if foot is None:
+            if not part.clutch:
+                self._engagement.release(time)
+                return False
+            if part.orientation is not None:
+                rotation = rotation_of(part.orientation)
+                if rotation is None:
+                    return False
+        elif part.clutch is not None:
+            # A tracker's position is in no world; `FootTracker` makes a place of it.
+            return False
+        if point is None or not all(map(math.isfinite, point)):
+            return False
+        begin = point
+        if foot is not None and not self.engaged:
+            begin, highest = foot
+            if math.dist(point, begin) > JUMP or point[2] > highest:
+                return False
+            self._engagement.release(time)
+        if self._engagement.engage():
+            self.place, self._rotation = begin, None
+        elif not self.engaged or self._is_elsewhere(point, rotation):
+            return False
+        if rotation is None or self._rotation is None:
+            self._rotation = rotation
+        self._goal, self._turn_goal = point, rotation
+        self._engagement.refresh(time)
+        self._velocity.update(part.velocity, point, time)
+        return True
+
+    def _is_elsewhere(self, point: Vector, rotation: Rotation | None) -> bool:
+        if math.dist(point, self.place) > JUMP:
+            return True
+        return rotation is not None and is_turned_away(rotation, self._rotation)
+
+
+def is_turned_away(rotation: Rotation, before: Rotation | None) -> bool:
+    """Return whether a rotation is so far from the one before that it is another thing's."""
+    return before is not None and math.hypot(*rotation_vector(rotation, before)) > TURN_JUMP
+
+
+def rotation_of(quaternion: Sequence[float]) -> Rotation | None:
+    """Return the rotation matrix of a unit quaternion (x, y, z, w); None for what is none."""
+    length = math.hypot(*quaternion)
+    # Not a number is not near one either.
+    if not abs(length - 1.0) <= UNIT_ERROR:
+        return None
+    return pin.Quaternion(np.array(quaternion) / length).toRotationMatrix()
