@@ -148,10 +148,9 @@ class SoleForces:
         if not vertical > _MIN_LOAD:
             return np.full(2, np.nan)
         about_x = about_y = 0.0
-        for force, moment, center in self._in_world:
-            x, y, _ = _cross(_difference(center, (0.0, 0.0, height)), force)
-            about_x += moment[0] + x
-            about_y += moment[1] + y
+        for (fx, fy, fz), moment, (x, y, z) in self._in_world:
+            about_x += moment[0] + (y * fz - (z - height) * fy)
+            about_y += moment[1] + ((z - height) * fx - x * fz)
         return np.array([-about_y / vertical, about_x / vertical])
 
 
