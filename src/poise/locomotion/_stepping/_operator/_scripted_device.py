@@ -13,11 +13,7 @@ from jaxtyping import Float64
 from poise._schema import Bounds, Seconds, Vector, checked
 from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
-from poise.locomotion._stepping._operator._sample import (
-    OperatorSample,
-    Quaternion,
-    TrackedPose,
-)
+from poise.locomotion._stepping._operator._sample import OperatorSample, TrackedPose
 
 Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit="m"))]
 """Forward, left and up from where the foot stood at the start [m]."""
@@ -92,70 +88,52 @@ class ScriptedDevice:
                     got=(before.at, after.at),
                     wanted="times that increase",
                 )
-        self._left = _Path([(p.at, p.left) for p in points if p.left is not None], left)
-        self._right = _Path([(p.at, p.right) for p in points if p.right is not None], right)
-        self._hands = (
-            _ScriptedHand([(p.at, p.left_hand, p.left_turn) for p in points]),
-            _ScriptedHand([(p.at, p.right_hand, p.right_turn) for p in points]),
+        self._feet = (
+            _Path([(p.at, p.left) for p in points], left),
+            _Path([(p.at, p.right) for p in points], right),
         )
-        self._head = _path_of([(p.at, p.head) for p in points])
+        self._hands = (
+            _ScriptedPose([(p.at, p.left_hand, p.left_turn) for p in points]),
+            _ScriptedPose([(p.at, p.right_hand, p.right_turn) for p in points]),
+        )
+        self._head = _ScriptedPose([(p.at, None, p.head) for p in points])
 
     def sample(self, time: float) -> OperatorSample:
         """Return where the devices are at a time [s]."""
-        left, right = (hand.at(time) for hand in self._hands)
-        head = None
-        if self._head is not None:
-            turned = _quaternion(self._head.at(time))
-            head = TrackedPose(clutch=time > _GRIP_AT, orientation=turned)
-        feet = (
-            TrackedPose.of(self._left.at(time)),
-            TrackedPose.of(self._right.at(time)),
-        )
-        return OperatorSample(time, feet, (left, right), head)
+        left, right = (TrackedPose.of(path.at(time)) for path in self._feet)
+        hands = self._hands[0].at(time), self._hands[1].at(time)
+        return OperatorSample(time, (left, right), hands, self._head.at(time))
 
 
-class _ScriptedHand:
-    """The devices' trajectory of one hand.
-
-    Args:
-        points: time [s], place [m] and turn [rad] of each.
-    """
+class _ScriptedPose:
+    """Trajectory of a hand or the head, from time [s], place [m] and turn [rad] of points."""
 
     def __init__(self, points: Sequence[tuple[float, Offset | None, Turn | None]]) -> None:
-        self._place = _path_of([(at, place) for at, place, _ in points])
-        self._turn = _path_of([(at, turn) for at, _, turn in points])
+        zero = np.zeros(3)
+        self._place = _Path([(at, place) for at, place, _ in points], zero)
+        self._turn = _Path([(at, turn) for at, _, turn in points], zero)
 
     def at(self, time: float) -> TrackedPose | None:
         """Return the pose at a time [s]; None without points."""
-        if self._place is None and self._turn is None:
+        if not (self._place.moves or self._turn.moves):
             return None
-        return TrackedPose.of(
-            (0.0, 0.0, 0.0) if self._place is None else self._place.at(time),
-            clutch=time > _GRIP_AT,
-            orientation=None if self._turn is None else _quaternion(self._turn.at(time)),
-        )
-
-
-def _quaternion(turn: Float64[np.ndarray, "3"]) -> Quaternion:
-    """A unit quaternion (x, y, z, w) of a rotation vector [rad]."""
-    x, y, z, w = pin.Quaternion(pin.exp3(turn)).coeffs().tolist()
-    return x, y, z, w
-
-
-def _path_of(points: Sequence[tuple[float, Offset | None]]) -> "_Path | None":
-    """From zero on; None without points."""
-    given = [(at, offset) for at, offset in points if offset is not None]
-    return _Path(given, np.zeros(3)) if given else None
+        turn = pin.Quaternion(pin.exp3(self._turn.at(time))).coeffs() if self._turn.moves else None
+        return TrackedPose.of(self._place.at(time), time > _GRIP_AT, turn)
 
 
 class _Path:
-    """One device's trajectory."""
+    """Trajectory through offsets from a start [m]; points without one are passed over."""
 
-    def __init__(self, points: list[tuple[float, Offset]], start: Float64[np.ndarray, "3"]) -> None:
-        times = [at for at, _ in points]
-        places = [start + np.array(offset, dtype=np.float64) for _, offset in points]
-        self._times = [0.0, *times] if not times or times[0] > 0.0 else times
-        self._places = places if len(places) == len(self._times) else [start.copy(), *places]
+    def __init__(
+        self,
+        points: Sequence[tuple[float, Offset | None]],
+        start: Float64[np.ndarray, "3"],
+    ) -> None:
+        given = [(at, start + np.array(way)) for at, way in points if way is not None]
+        self.moves = bool(given)
+        if not given or given[0][0] > 0.0:
+            given = [(0.0, start.copy()), *given]
+        self._times, self._places = [at for at, _ in given], [place for _, place in given]
 
     def at(self, time: float) -> Float64[np.ndarray, "3"]:
         i = bisect_right(self._times, time)
