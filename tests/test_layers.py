@@ -34,7 +34,7 @@ MUJOCO_USERS = ("sim/", "apps/scenarios/_replay.py")
 
 OPTIONAL = (
     "mujoco", "matplotlib", "mcap", "tqdm", "imageio", "qpsolvers", "osqp", "proxsuite", "piqp",
-    "clarabel", "quadprog", "example_robot_data", "websockets", "pygame",
+    "clarabel", "quadprog", "example_robot_data", "websockets", "pygame", "msgspec",
     "pyarrow", "distributed", "submitit", "optuna",
 )  # fmt: skip
 

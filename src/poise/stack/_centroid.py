@@ -72,7 +72,8 @@ class ComTask(ShippedTask[VectorTarget]):
         shown = self._target.position
         if shown is None:
             return np.full(3, np.nan)
-        shown[self._masked] = np.nan
+        if len(self._masked):
+            shown[self._masked] = np.nan
         return shown
 
     def hold(self, dynamics: Dynamics) -> None:
