@@ -38,7 +38,7 @@ DEPARTURES = (
     Departure(
         rule="devices are guarded (`OperatorGuard`)",
         paper="(14), (15d): each sample as it comes",
-        reason="a place more than 0.3 m from where the device is followed to is a jump that no "
+        reason="a place more than 0.31 m from where the device is followed to is a jump that no "
         "hand makes, and is refused; so are samples that are old, late or no numbers, and a device "
         "is followed at 2.5 m/s at most. One that is silent for 0.5 s lets go of its foot",
     ),

@@ -52,7 +52,7 @@ def test_the_recorded_walk_moves_the_robot_the_hands_and_the_load(walk, recorded
     np.testing.assert_allclose([t.state.time for t in recorded], period * np.arange(400))
     np.testing.assert_allclose([t.sample.time for t in recorded], period * np.arange(400))
     assert np.ptp([t.state.q for t in recorded], axis=0)[7:].max() > 0.1
-    assert np.ptp([t.sample.right[2] for t in recorded]) > 0.02
+    assert np.ptp([t.sample.place(1)[2] for t in recorded]) > 0.02
     right = list(walk.robot.soles)[1]
     load = np.array([t.state.contacts[right][2] for t in recorded])
     assert load[20] > 200.0

@@ -49,7 +49,7 @@ def test_all_of_it_is_led_and_no_faster_than_it_says(heard):
         assert any(clutches)
         assert not all(clutches)
         assert np.ptp([s.hands[hand].position for _, s in samples], axis=0).min() > 0.1
-    feet = np.array([[s.left, s.right] for _, s in samples])
+    feet = np.array([[s.place(0), s.place(1)] for _, s in samples])
     assert (np.ptp(feet[np.isfinite(feet).all(axis=(1, 2))], axis=0) > 0.02).all()
     assert any(s is None for _, s in heard)
 

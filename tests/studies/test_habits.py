@@ -27,7 +27,7 @@ def hands(teleoperator, habit, seed):
     operator = HabitualOperator(teleoperator, habit, seed)
     samples = [operator.sample(k * DT) for k in range(round(SECONDS / DT))]
     nowhere = np.full(6, np.nan)
-    places = [nowhere if s is None else np.concatenate([s.left, s.right]) for s in samples]
+    places = [nowhere if s is None else np.concatenate([s.place(0), s.place(1)]) for s in samples]
     return np.array(places), samples
 
 
