@@ -482,6 +482,9 @@ def test_what_lies_on_the_floor_is_drawn_where_it_is(run_session, get_robot, tmp
 
 
 def test_every_body_is_shown_where_the_simulator_has_it(front, session):
+    # A foot that was led before may still come down, and a picture is a moment old.
+    moving = lambda: np.abs(session.loop.plant.data.qvel).max()  # noqa: E731
+    wait_for(lambda: moving() < 0.05, "the robot to stand still")
     with control(front) as (watcher, _):
         status = json.loads(watcher.recv(timeout=60))
     data = session.loop.plant.data
