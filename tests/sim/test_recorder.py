@@ -125,11 +125,9 @@ def assert_same(one, other):
 
 
 @pytest.mark.parametrize("flush_dt", [0.01, 1e9])
-@pytest.mark.parametrize("capacity", [3, 10000])
-@pytest.mark.parametrize("on_full", ["block", "hold"])
-def test_a_log_gives_the_record_back_to_the_last_bit(plant, tmp_path, flush_dt, capacity, on_full):
+def test_a_log_gives_the_record_back_to_the_last_bit(plant, tmp_path, flush_dt):
     path = tmp_path / "log.mcap"
-    config = RecorderConfig(flush_dt=flush_dt, capacity=capacity, on_full=on_full)
+    config = RecorderConfig(flush_dt=flush_dt)
     with recording(plant, path, config=config, metadata={"seed": "3"}) as recorder:
         for k in range(1100):
             recorder.look()
@@ -260,27 +258,18 @@ def test_a_state_of_which_an_estimator_makes_nothing_has_a_row_as_it_came(biped)
     assert "base_estimate" not in recorder.record, "nothing is estimated"
 
 
-def test_a_full_queue_that_holds_loses_nothing_and_waits_for_nobody(plant, tmp_path, monkeypatch):
+def test_a_writer_that_is_stuck_holds_nobody_up_and_loses_nothing(plant, tmp_path, monkeypatch):
     path, stuck = tmp_path / "log.mcap", threading.Event()
-    config = RecorderConfig(flush_dt=1e-6, capacity=2, on_full="hold", scene_dt=0.0)
+    config = RecorderConfig(flush_dt=1e-6, scene_dt=0.0)
     with recording(plant, path, config=config) as recorder:
         flush = recorder._log._writer.flush
         monkeypatch.setattr(recorder._log._writer, "flush", lambda: stuck.wait() and flush())
         for k in range(3000):
             recorder.sample(k * 1e-3, x=float(k))
-        assert recorder._log._queue.full()
+        assert read_log(path).end == 0.0
         stuck.set()
     np.testing.assert_array_equal(read_signal(path, "x")[1], np.arange(3000.0))
     assert_same(recorder.record, read_log(path))
-
-
-def test_a_full_queue_that_blocks_loses_nothing(plant, tmp_path):
-    path = tmp_path / "log.mcap"
-    config = RecorderConfig(flush_dt=1e-6, capacity=5, scene_dt=0.0)
-    with recording(plant, path, config=config) as recorder:
-        for k in range(3000):
-            recorder.sample(k * 1e-3, x=float(k))
-    np.testing.assert_array_equal(read_signal(path, "x")[1], np.arange(3000.0))
 
 
 def test_a_killed_run_leaves_its_log_readable_up_to_the_last_second(tmp_path):
@@ -410,7 +399,7 @@ def test_files_that_are_no_logs_are_refused(tmp_path):
 
 
 def test_a_writer_that_fails_otherwise_is_reported_too(plant, tmp_path, monkeypatch):
-    recorder = Recorder(tmp_path / "log.mcap", config=RecorderConfig(capacity=2, flush_dt=1e-6))
+    recorder = Recorder(tmp_path / "log.mcap", config=RecorderConfig(flush_dt=1e-6))
     recorder.begin(plant)
 
     def broken(*_):
@@ -499,7 +488,7 @@ def test_a_copy_of_a_log_is_finished_behind_what_is_whole(plant, tmp_path):
 
 @pytest.mark.parametrize(
     "bad",
-    [{"record_dt": -1.0}, {"scene_dt": np.nan}, {"flush_dt": 0.0}, {"capacity": 0}],
+    [{"record_dt": -1.0}, {"scene_dt": np.nan}, {"flush_dt": 0.0}],
 )
 def test_a_recorder_that_cannot_be_is_refused(bad):
     with pytest.raises(ConfigurationError):
@@ -515,7 +504,7 @@ def test_a_full_disk_is_reported_when_the_log_is_closed(plant):
 
 
 def test_a_disk_that_fills_up_during_a_run_does_not_stop_it(plant, tmp_path, monkeypatch):
-    config = RecorderConfig(capacity=2, flush_dt=1e-6)
+    config = RecorderConfig(flush_dt=1e-6)
     recorder = Recorder(tmp_path / "log.mcap", config=config)
     recorder.begin(plant)
 

@@ -1,4 +1,4 @@
-"""`RobotTopics`: joints, transforms and a robot of boxes, as Foxglove draws them from a record.
+"""Topics of a log, and `RobotTopics`: the robot's motion as Foxglove draws it.
 
 Messages are serialised as those of ROS 1: numbers as they are in memory, one after the other,
 little-endian; before a text or a list of any length four bytes that count it.
@@ -6,6 +6,7 @@ little-endian; before a text or a list of any length four bytes that count it.
 
 import json
 import math
+import re
 import struct
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -16,28 +17,58 @@ from jaxtyping import Float64
 
 from poise.robots import Robot
 from poise.sim._mapping import StateMap
-from poise.sim._table import Signal
+from poise.sim._table import NUMBERS, Signal, Table, time_of
+
+NOTES, MESSAGES = "notes", "messages"
+"""Content of topics that are no rows of signals."""
 
 
-class Schema(NamedTuple):
-    """Type of the messages of a topic.
+class Topic(NamedTuple):
+    """A topic of a log and the type of its messages.
 
     Attributes:
-        name: of the message type.
-        text: its definition.
+        name: of the topic.
+        schema: name of the message type, "" for none.
+        text: definition of the type.
+        holds: content of the record: `NOTES`, `MESSAGES`, signals in JSON; "" where it is drawn
+            from the record.
         language: of the definition.
         encoding: of the messages.
     """
 
     name: str
-    text: str
+    schema: str = ""
+    text: str = ""
+    holds: str = ""
     language: str = "ros1msg"
     encoding: str = "ros1"
 
 
-NOTE = Schema("poise/Text", "float64 time  # [s]\nstring value")
+def events_topic(topic: str, kind: str) -> Topic:
+    """Topic of the log for notes or messages of a record."""
+    if kind == MESSAGES:
+        return Topic(f"/{topic}", holds=kind, encoding=MESSAGES)
+    return Topic(f"/{topic}", "poise/Text", "float64 time  # [s]\nstring value", kind)
 
-_JOINTS = Schema(
+
+def rows_topic(name: str, signals: tuple[Signal, ...]) -> Topic:
+    """Topic of the rows of a `Table`, whose fields have names that ROS 1 takes."""
+    lines = {"order": "int64 order", "time": "float64 time  # [s]"}
+    for signal in signals:
+        field, count = re.sub(r"\W", "_", signal.name), math.prod(signal.shape)
+        kind = NUMBERS.get(signal.dtype.str[1:], ("", ""))[1]
+        # Numbers that ROS does not have are shown as their bytes.
+        size = f"[{count if kind else signal.size}]" if signal.shape or not kind else ""
+        while field in lines:
+            field += "_"
+        unit = f"  # [{signal.unit}]" if signal.unit else ""
+        lines[field] = f"{kind or 'uint8'}{size} {field}{unit}"
+    holds = json.dumps([(s.name, s.unit, s.dtype.str, s.shape) for s in signals])
+    return Topic(f"/{name}", f"poise/{name}", "\n".join(lines.values()), holds)
+
+
+_JOINTS = Topic(
+    "/joints",
     "poise/Joints",
     """float64 time  # [s]
 string[] name
@@ -45,7 +76,8 @@ float64[] position  # [rad]
 float64[] velocity  # [rad/s]
 float64[] torque  # [N m]""",
 )
-_TRANSFORMS = Schema(
+_TRANSFORMS = Topic(
+    "/tf",
     "foxglove_msgs/FrameTransforms",
     """foxglove_msgs/FrameTransform[] transforms
 ================================================================================
@@ -68,11 +100,12 @@ float64 z
 float64 w""",
 )
 _LIST = {"type": "array", "items": {"type": "object"}}
-_SCENE = Schema(
+_SCENE = Topic(
+    "/scene",
     "foxglove.SceneUpdate",
     json.dumps({"type": "object", "properties": {"deletions": _LIST, "entities": _LIST}}),
-    "jsonschema",
-    "json",
+    language="jsonschema",
+    encoding="json",
 )
 
 _SLACK = 5e-10
@@ -128,38 +161,31 @@ class RobotTopics:
         self._joint_count = struct.pack("<I", robot.nj)
         self._joint_names = b"".join(map(ros_text, robot.joint_names))
 
-    def messages(
-        self, signals: tuple[Signal, ...], rows: np.ndarray
-    ) -> Iterator[tuple[str, Schema, float, bytes]]:
-        """Topic, schema, time [s] and content of the messages of some rows.
+    def messages(self, table: Table, rows: list[bytes]) -> Iterator[tuple[Topic, float, bytes]]:
+        """Topic, time [s] and content of the messages of some rows.
 
         Args:
-            signals: of the rows; nothing is shown of rows without q, v and torque.
-            rows: of a `Table`.
+            table: of the rows; nothing is shown of rows without q, v and torque.
+            rows: packed.
         """
-        names = [signal.name for signal in signals]
-        if not {"q", "v", "torque"} <= set(names):
+        names = ("q", "v", "torque")
+        if not table.places.keys() >= {*names}:
             return
-        fields = [rows[str(names.index(name))] for name in ("q", "v", "torque")]
-        for row, time in enumerate(rows["time"].tolist()):
+        for row in rows:
+            time = time_of(row)
             if self._pace.is_due(time):
-                q, v, torque = (field[row] for field in fields)
                 if not self._begun:
                     self._begun = True
-                    yield "/scene", _SCENE, time, json.dumps(self._boxes(time)).encode()
-                yield "/joints", _JOINTS, time, self._joints(time, q, v, torque)
-                yield "/tf", _TRANSFORMS, time, self._transforms(time, q)
+                    yield _SCENE, time, json.dumps(self._boxes(time)).encode()
+                q, v, torque = (row[table.places[name]] for name in names)
+                yield _JOINTS, time, self._joints(time, q, v, torque)
+                yield _TRANSFORMS, time, self._transforms(time, np.frombuffer(q))
 
-    def _joints(
-        self,
-        time: float,
-        q: Float64[np.ndarray, " nq"],
-        v: Float64[np.ndarray, " nv"],
-        torque: Float64[np.ndarray, " nj"],
-    ) -> bytes:
-        robot, count = self._robot, self._joint_count
-        parts = [struct.pack("<d", time) + count + self._joint_names]
-        parts += [count + x.tobytes() for x in (q[-robot.nj :], v[robot.base_dofs :], torque)]
+    def _joints(self, time: float, *numbers: bytes) -> bytes:
+        """The last numbers of q, v and torque are those of the joints."""
+        size = 8 * self._robot.nj
+        parts = [struct.pack("<d", time) + self._joint_count + self._joint_names]
+        parts += [self._joint_count + x[len(x) - size :] for x in numbers]
         return b"".join(parts)
 
     def _transforms(self, time: float, q: Float64[np.ndarray, " nq"]) -> bytes:
@@ -176,15 +202,9 @@ class RobotTopics:
 
     def _boxes(self, time: float) -> dict[str, Any]:
         """The bounding boxes of each body's geometry."""
+        about = {"timestamp": _stamp(time), "lifetime": {"sec": 0, "nsec": 0}, "frame_locked": True}
         entities = [
-            {
-                "timestamp": _stamp(time),
-                "frame_id": name,
-                "id": name,
-                "lifetime": {"sec": 0, "nsec": 0},
-                "frame_locked": True,
-                "cubes": cubes,
-            }
+            {"frame_id": name, "id": name, "cubes": cubes, **about}
             for i, name in self._bodies
             if (cubes := [_box(self._model, g) for g in self._drawn(i)])
         ]

@@ -6,24 +6,30 @@ topic each of notes a message a text, both as they were in memory and as Foxglov
 """
 
 import json
-import math
 import os
 import queue
-import re
 import struct
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from poise.errors import MissingExtraError, PoiseError
-from poise.sim._foxglove import NOTE, RobotTopics, Schema, ros_text
-from poise.sim._record import Part, RunRecord
-from poise.sim._table import Signal, Table
+from poise.sim._foxglove import (
+    MESSAGES,
+    NOTES,
+    RobotTopics,
+    Topic,
+    events_topic,
+    ros_text,
+    rows_topic,
+)
+from poise.sim._record import Counts, Part, RunRecord
+from poise.sim._table import Signal, Table, time_of
 
 _LIBRARY = "poise log 3"
 """Library of the header; the number is the version of the layout."""
@@ -31,66 +37,57 @@ _LIBRARY = "poise log 3"
 _METADATA = "poise"
 """Name of the texts that say what the log is of."""
 
-_HOLDS, _NOTES, _MESSAGES = "holds", "notes", "messages"
-"""Content of a channel, in its metadata: notes, messages, or the signals of a table in JSON."""
+_HOLDS = "holds"
+"""Content of a channel, in its metadata, see `Topic`."""
 
 _LAST = 1e9
 """Latest time of a message [s]; its nanoseconds have 64 bits, and begin at zero."""
 
 _MAGIC = b"\x89MCAP0\r\n"
 
-_ROS_TYPES = {
-    "f8": "float64", "f4": "float32", "b1": "bool",
-    "i1": "int8", "i2": "int16", "i4": "int32", "i8": "int64",
-    "u1": "uint8", "u2": "uint16", "u4": "uint32", "u8": "uint64",
-}  # fmt: skip
-
 
 class McapLog:
-    """Writes parts of a record to an MCAP file from a thread.
+    """Writes a record to an MCAP file from a thread.
 
-    A part that was put is in the file as soon as the thread has come to it, whatever happens to
-    the process then: each makes a chunk, and a reader needs no more than whole chunks.
+    What was put is in the file as soon as the thread has come to it, whatever happens to the
+    process then: each part makes a chunk, and a reader needs no more than whole chunks. What the
+    thread has not come to waits in memory.
 
     Args:
         path: the file, overwritten.
-        topics: make of each part what Foxglove draws of the robot; None for nothing.
-        metadata: texts that say what the log is of.
-        capacity: parts that may wait for the thread.
-        waits: whether `put` waits while that many do.
+        record: that is written.
+        topics: make of the rows what Foxglove draws of the robot; None for nothing.
+        keep: whether what was put stays in the record.
 
     Raises:
         MissingExtraError: the package mcap is not installed.
         PoiseError: the file cannot be made.
+
+    Attributes:
+        failure: error that ended the writing; None for none.
     """
 
     def __init__(
-        self,
-        path: Path,
-        topics: RobotTopics | None = None,
-        *,
-        metadata: Mapping[str, str],
-        capacity: int = 0,
-        waits: bool = True,
+        self, path: Path, record: RunRecord, topics: RobotTopics | None = None, *, keep: bool = True
     ) -> None:
         # Before the file is made.
-        try:
-            from mcap.writer import Writer
-        except ModuleNotFoundError as error:
-            raise MissingExtraError("mcap", "sim", "Writing a log") from error
+        writer = _mcap_writer("Writing a log")
         self.path = path
-        self._topics, self._waits = topics, waits
-        self._metadata, self._added = dict(metadata), dict[str, str]()
-        self._channels: dict[tuple[str, Schema | None], int] = {}
-        self._tables: dict[tuple[Signal, ...], int] = {}
-        self._queue: queue.Queue[Part | None] = queue.Queue(capacity)
-        self._failure: Exception | None = None
+        self._record, self._topics, self._keep = record, topics, keep
+        self._metadata, self._taken = dict(record.metadata), Counts()
+        self._channels = dict[Topic, int]()
+        self._tables = dict[tuple[Signal, ...], Topic]()
+        self._queue = queue.SimpleQueue[Part | None]()
+        self.failure: Exception | None = None
         try:
-            self._stream = _fresh(path)
+            if path.is_file() and not path.is_symlink():
+                # A run that still writes to an older file of this name keeps that.
+                path.unlink()
+            self._stream = path.open("wb")
         except OSError as error:
             raise self._error(error) from error
         # A chunk is what was put together: no message begins another one.
-        self._writer = Writer(self._stream, chunk_size=1 << 62)
+        self._writer = writer.Writer(self._stream, chunk_size=1 << 62)
         try:
             self._writer.start(library=_LIBRARY)
             self._writer.add_metadata(_METADATA, self._metadata)
@@ -102,111 +99,82 @@ class McapLog:
         self._thread = threading.Thread(target=self._run, name="poise-log", daemon=True)
         self._thread.start()
 
-    @property
-    def failure(self) -> Exception | None:
-        """Error that ended the writing; None for none."""
-        return self._failure
+    def put(self) -> None:
+        """Hand over what came to the record since the last time."""
+        self._queue.put(self._record.part(self._taken))
+        if not self._keep:
+            self._record.forget()
+        self._taken = self._record.counts()
 
-    def put(self, part: Part) -> bool:
-        """Hand over a part of the record.
-
-        Returns:
-            Whether there was room for it; if not, the next one must hold it too.
-        """
-        try:
-            self._queue.put(part, block=self._waits)
-        except queue.Full:
-            return False
-        return True
-
-    def close(self, last: Part, metadata: Mapping[str, str]) -> None:
-        """Write all that waits, finish the file and close it.
-
-        Args:
-            last: what of the record is not in it yet.
-            metadata: of the record, with what is known at its end alone.
+    def close(self) -> None:
+        """Write all that waits and what is new in the record, finish the file and close it.
 
         Raises:
             PoiseError: the log could not be written, because the disk is full for example.
         """
         if self._thread.is_alive():
-            self._added = {k: v for k, v in metadata.items() if self._metadata.get(k) != v}
-            if last:
-                self._queue.put(last)
+            self.put()
             self._queue.put(None)
             self._thread.join()
         try:
             self._stream.close()
         except OSError as error:
-            self._failure = self._failure or error
-        if self._failure is not None:
-            raise self._error(self._failure) from self._failure
+            self.failure = self.failure or error
+        if self.failure is not None:
+            raise self._error(self.failure) from self.failure
 
     def _error(self, cause: Exception) -> PoiseError:
         return PoiseError(f"the log {str(self.path)!r} cannot be written: {cause}")
 
     def _run(self) -> None:
-        while (part := self._queue.get()) is not None:
-            # After a failure the queue is still emptied, or a caller that waits never went on.
-            if self._failure is None:
-                self._try(self._write, part)
-        if self._failure is None:
-            self._try(self._end)
-
-    def _try(self, act: Callable[..., None], *arguments: Any) -> None:
+        part: Part | None = None
         try:
-            act(*arguments)
+            while (part := self._queue.get()) is not None:
+                for topic, time, content in self._messages(part):
+                    self._add(topic, time, content)
+                self._writer.flush()
+            metadata = self._record.metadata.items()
+            added = {key: text for key, text in metadata if self._metadata.get(key) != text}
+            if added:
+                self._writer.add_metadata(_METADATA, added)
+            self._writer.finish()
+            self._stream.flush()
         except Exception as error:  # Whatever it is, `close` says so; the run goes on until then.
-            self._failure = error
+            self.failure = error
+            # Nothing of what comes piles up in memory.
+            while part is not None:
+                part = self._queue.get()
 
-    def _end(self) -> None:
-        if self._added:
-            self._writer.add_metadata(_METADATA, self._added)
-        self._writer.finish()
-        self._stream.flush()
-
-    def _write(self, part: Part) -> None:
-        for signals, rows in part.rows:
-            channel = self._tables.get(signals)
-            if channel is None:
-                channel = self._tables[signals] = self._new_table(signals)
-            data, size = rows.tobytes(), rows.itemsize
-            for k, time in enumerate(rows["time"].tolist()):
-                self._add(channel, time, data[k * size : (k + 1) * size])
+    def _messages(self, part: Part) -> Iterator[tuple[Topic, float, bytes]]:
+        for table, rows in part.rows:
+            topic = self._tables.get(table.signals)
+            if topic is None:
+                topic = rows_topic(f"signals{len(self._tables) or ''}", table.signals)
+                self._tables[table.signals] = topic
+            for row in rows:
+                yield topic, time_of(row), row
             if self._topics is not None:
-                for topic, schema, time, content in self._topics.messages(signals, rows):
-                    self._add(self._channel(topic, schema), time, content)
-        for topic, found in part.events.items():
+                yield from self._topics.messages(table, rows)
+        for name, found in part.events.items():
             for time, content in found:
-                if isinstance(content, str):
-                    channel = self._channel(f"/{topic}", NOTE, {_HOLDS: _NOTES})
-                    content = ros_text(content)
-                else:
-                    channel = self._channel(f"/{topic}", None, {_HOLDS: _MESSAGES})
-                    content = bytes(content)
-                self._add(channel, time, struct.pack("<d", time) + content)
-        self._writer.flush()
+                noted = isinstance(content, str)
+                packed = ros_text(content) if noted else bytes(content)
+                topic = events_topic(name, NOTES if noted else MESSAGES)
+                yield topic, time, struct.pack("<d", time) + packed
 
-    def _add(self, channel: int, time: float, content: bytes) -> None:
+    def _add(self, topic: Topic, time: float, content: bytes) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            number = 0
+            if topic.schema:
+                number = self._writer.register_schema(
+                    topic.schema, topic.language, topic.text.encode()
+                )
+            about = {_HOLDS: topic.holds} if topic.holds else {}
+            channel = self._writer.register_channel(topic.name, topic.encoding, number, about)
+            self._channels[topic] = channel
         stamp = round(min(max(0.0, time), _LAST) * 1e9)
         self._writer.add_message(channel, stamp, content, stamp)
-
-    def _new_table(self, signals: tuple[Signal, ...]) -> int:
-        topic = f"/signals{len(self._tables) or ''}"
-        return self._channel(topic, _row_schema(topic, signals), {_HOLDS: _table_text(signals)})
-
-    def _channel(
-        self, topic: str, schema: Schema | None, about: Mapping[str, str] | None = None
-    ) -> int:
-        found = self._channels.get((topic, schema))
-        if found is None:
-            number, encoding = 0, _MESSAGES
-            if schema is not None:
-                text, encoding = schema.text.encode(), schema.encoding
-                number = self._writer.register_schema(schema.name, schema.language, text)
-            found = self._writer.register_channel(topic, encoding, number, dict(about or {}))
-            self._channels[topic, schema] = found
-        return found
 
 
 def write_log(record: RunRecord, path: Path) -> None:
@@ -216,33 +184,7 @@ def write_log(record: RunRecord, path: Path) -> None:
         MissingExtraError: the package mcap is not installed.
         PoiseError: the log cannot be written.
     """
-    McapLog(path, metadata=record.metadata).close(record.part({}), record.metadata)
-
-
-def _table_text(signals: tuple[Signal, ...]) -> str:
-    return json.dumps([(s.name, s.unit, s.dtype.str, s.shape) for s in signals])
-
-
-def _row_schema(topic: str, signals: tuple[Signal, ...]) -> Schema:
-    """A row of a `Table` as ROS 1 reads it, with names that it takes."""
-    lines = {"order": "int64 order", "time": "float64 time  # [s]"}
-    for signal in signals:
-        name, kind = re.sub(r"\W", "_", signal.name), _ROS_TYPES.get(signal.dtype.str[1:])
-        count = f"[{math.prod(signal.shape)}]" if signal.shape else ""
-        if kind is None:
-            # Numbers that ROS does not have are shown as their bytes.
-            kind, count = "uint8", f"[{math.prod(signal.shape) * signal.dtype.itemsize}]"
-        while name in lines:
-            name += "_"
-        lines[name] = f"{kind}{count} {name}" + (f"  # [{signal.unit}]" if signal.unit else "")
-    return Schema(f"poise{topic}", "\n".join(lines.values()))
-
-
-def _fresh(path: Path) -> BinaryIO:
-    """A new file: a run that still writes to an older one of this name keeps that."""
-    if path.is_file() and not path.is_symlink():
-        path.unlink()
-    return path.open("wb")
+    McapLog(path, record).close()
 
 
 def finish_log(path: Path) -> None:
@@ -282,16 +224,23 @@ def read_log(path: Path | str, topics: tuple[str, ...] | None = None) -> RunReco
             write.
         MissingExtraError: the package mcap is not installed.
     """
-    path = _checked(path)
+    path = Path(path)
+    if not path.is_file():
+        raise PoiseError("the log does not exist", got=str(path), wanted="an MCAP file")
+    _mcap_writer("Reading a log")
     from mcap.records import Channel, Footer, Header, Message, Metadata
 
     record, complete = RunRecord(), False
-    channels, contents = dict[int, Channel](), dict[int, list[bytes]]()
+    wanted = (lambda _: True) if topics is None else topics.__contains__
+    channels = dict[int, tuple[Channel, list[bytes]]]()
     with path.open("rb") as stream:
+        if stream.read(len(_MAGIC)) != _MAGIC:
+            raise PoiseError("not an MCAP file", got=str(path), wanted="a log of a run")
+        stream.seek(0)
         for item in _whole_records(stream):
             if isinstance(item, Message):
-                if item.channel_id in contents:
-                    contents[item.channel_id].append(item.data)
+                if item.channel_id in channels:
+                    channels[item.channel_id][1].append(item.data)
             elif isinstance(item, Header) and item.library != _LIBRARY:
                 raise PoiseError(
                     f"{str(path)!r} is no log of this version of Poise",
@@ -300,54 +249,39 @@ def read_log(path: Path | str, topics: tuple[str, ...] | None = None) -> RunReco
                 )
             elif isinstance(item, Metadata):
                 record.metadata |= item.metadata
-            elif isinstance(item, Channel) and _is_of(item, topics):
-                channels[item.id] = item
-                contents.setdefault(item.id, [])
+            elif isinstance(item, Channel) and _HOLDS in item.metadata and wanted(item.topic[1:]):
+                channels.setdefault(item.id, (item, []))
             complete = isinstance(item, Footer)
-    record.complete = complete and _ends(path)
-    for number, channel in channels.items():
-        if contents[number]:
-            holds, topic = channel.metadata[_HOLDS], channel.topic[1:]
+        stream.seek(-len(_MAGIC), os.SEEK_END)
+        record.complete = complete and stream.read() == _MAGIC
+    for channel, contents in channels.values():
+        if contents:
+            topic = channel.topic[1:]
             try:
-                record.take_in(_part(topic, holds, contents[number]))
+                record.take_in(_part(topic, channel.metadata[_HOLDS], contents))
             except (ValueError, TypeError, struct.error) as error:
                 raise PoiseError(f"{topic} in {str(path)!r} cannot be read: {error}") from error
     return record
 
 
-def _is_of(channel: Any, topics: tuple[str, ...] | None) -> bool:
-    """True for a channel of a record that has one of some topics, or any where None."""
-    return _HOLDS in channel.metadata and (topics is None or channel.topic[1:] in topics)
-
-
 def _part(topic: str, holds: str, contents: list[bytes]) -> Part:
     """Rows or events of a channel's messages."""
-    if holds not in (_NOTES, _MESSAGES):
+    if holds not in (NOTES, MESSAGES):
         found = json.loads(holds)
         table = Table(tuple(Signal(n, u, np.dtype(d), tuple(s)) for n, u, d, s in found))
-        return Part([(table.signals, np.frombuffer(b"".join(contents), table.layout))], {})
+        return Part([(table, contents)], {})
     times = [struct.unpack_from("<d", content)[0] for content in contents]
     # A text has its length before it.
-    found = [c[12:].decode() if holds == _NOTES else c[8:] for c in contents]
+    found = [c[12:].decode() if holds == NOTES else c[8:] for c in contents]
     return Part([], {topic: list(zip(times, found, strict=True))})
 
 
-def _ends(path: Path) -> bool:
-    with path.open("rb") as stream:
-        stream.seek(-len(_MAGIC), 2)
-        return stream.read() == _MAGIC
-
-
-def _checked(path: Path | str) -> Path:
-    path = Path(path)
-    if not path.is_file():
-        raise PoiseError("the log does not exist", got=str(path), wanted="an MCAP file")
-    if find_spec("mcap") is None:
-        raise MissingExtraError("mcap", "sim", "Reading a log")
-    with path.open("rb") as stream:
-        if stream.read(len(_MAGIC)) != _MAGIC:
-            raise PoiseError("not an MCAP file", got=str(path), wanted="a log of a run")
-    return path
+def _mcap_writer(doing: str) -> ModuleType:
+    try:
+        import mcap.writer
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("mcap", "sim", doing) from error
+    return mcap.writer
 
 
 def _whole_records(stream: BinaryIO, *, chunks: bool = False) -> Iterator[Any]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from poise._show import new_figure
 from poise.errors import MissingExtraError, UnknownNameError
-from poise.sim._table import Names, Signal, Table, Value
+from poise.sim._table import Names, Signal, Table, Value, time_of
 
 Events = dict[str, list[tuple[float, str | SupportsBytes]]]
 """Notes (texts) and messages (bytes, or what becomes them) by topic, with their times [s]."""
@@ -17,33 +17,24 @@ Events = dict[str, list[tuple[float, str | SupportsBytes]]]
 Counts = dict[Names | str, int]
 """Number of rows of each table and of events of each topic."""
 
-UNITS = {
-    "q": "m, rad",
-    "v": "m/s, rad/s",
-    "torque": "N m",
-    "com": "m",
-    "zmp": "m",
-    "wrench": "N, N m",
-    "base_truth": "m, -",
-    "base_estimate": "m, -",
-    "velocity_truth": "m/s, rad/s",
-    "velocity_estimate": "m/s, rad/s",
-    "payload_estimate": "kg, m",
-    "held_estimate": "kg",
-    "command_torque": "N m",
-    "command_velocity": "rad/s",
-    "residuals": "",
-    "com_reference": "m",
-    "zmp_reference": "m",
-    "target": "m",
-    "foot_target": "m",
-    "planned": "",
-    "tick_us": "us",
-    "clearance": "m",
-    "touched": "",
-    "self_contact": "N",
+_MEASURED = {
+    "m, rad": ("q",),
+    "m/s, rad/s": ("v", "velocity_truth", "velocity_estimate"),
+    "N m": ("torque", "command_torque"),
+    "m": ("com", "zmp", "com_reference", "zmp_reference", "target", "foot_target", "clearance"),
+    "N, N m": ("wrench",),
+    "m, -": ("base_truth", "base_estimate"),
+    "kg, m": ("payload_estimate",),
+    "kg": ("held_estimate",),
+    "rad/s": ("command_velocity",),
+    "us": ("tick_us",),
+    "N": ("self_contact",),
 }
+UNITS = {name: unit for unit, names in _MEASURED.items() for name in names}
 """Units of the signals that a recorder records by itself, by the part of a name before its "/"."""
+
+_HEAD = np.dtype([("order", "<i8"), ("time", "<f8")])
+"""Begin of a row of a `Table`."""
 
 _JOINTWISE = ("q", "v", "torque", "command_torque", "command_velocity")
 """Signals whose last numbers are one a joint, before them those of the base."""
@@ -53,15 +44,12 @@ class Part(NamedTuple):
     """Rows and events of a record between two moments.
 
     Attributes:
-        rows: of each table, in order.
+        rows: packed, of each table.
         events: by topic.
     """
 
-    rows: list[tuple[tuple[Signal, ...], np.ndarray]]
+    rows: list[tuple[Table, list[bytes]]]
     events: Events
-
-    def __bool__(self) -> bool:
-        return bool(self.rows or self.events)
 
 
 class RunRecord:
@@ -111,8 +99,7 @@ class RunRecord:
     @property
     def end(self) -> float:
         """Time of the last sample [s], 0 for an empty record."""
-        parts = [table.since(len(table) - 1) for table in self._tables.values() if len(table)]
-        return max((float(rows[-1]["time"][-1]) for rows in parts), default=0.0)
+        return max((time_of(t.rows[-1]) for t in self._tables.values() if t.rows), default=0.0)
 
     def __contains__(self, name: str) -> bool:
         return name in self._signals
@@ -123,7 +110,7 @@ class RunRecord:
         Raises:
             UnknownNameError: no such signal.
         """
-        return self._samples(name)[1]
+        return self.signal(name)[1]
 
     def times(self, name: str) -> np.ndarray:
         """Times of a signal's samples [s]; the caller's own copy.
@@ -131,7 +118,7 @@ class RunRecord:
         Raises:
             UnknownNameError: no such signal.
         """
-        return self._samples(name)[0]
+        return self.signal(name)[0]
 
     def signal(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Times [s] and samples of a signal; the caller's own copies.
@@ -139,7 +126,19 @@ class RunRecord:
         Raises:
             UnknownNameError: no such signal.
         """
-        return self._samples(name)
+        signal = self._signal(name)
+        packed = [
+            row[: _HEAD.itemsize] + row[table.places[name]]
+            for table in self._tables.values()
+            if name in table.places
+            for row in table.rows
+        ]
+        samples = np.frombuffer(
+            b"".join(packed), [*_HEAD.descr, ("value", signal.dtype, signal.shape)]
+        )
+        # In the order taken, of all tables that have it.
+        samples = samples[np.argsort(samples["order"], kind="stable")]
+        return samples["time"].copy(), samples["value"].copy()
 
     def unit(self, name: str) -> str:
         """Unit of a signal.
@@ -190,7 +189,7 @@ class RunRecord:
         figure = new_figure(8.0, 1.0 + 1.6 * len(signals))
         axes = figure.subplots(len(signals), 1, sharex=True, squeeze=False)[:, 0]
         for ax, signal in zip(axes, signals, strict=True):
-            times, values = self._samples(signal.name)
+            times, values = self.signal(signal.name)
             ax.plot(times, values.reshape(len(values), -1), linewidth=1.0)
             ax.set_ylabel(f"{signal.name}\n[{signal.unit or '-'}]", fontsize=8)
             ax.grid(visible=True, alpha=0.3)
@@ -214,7 +213,7 @@ class RunRecord:
             raise MissingExtraError("pandas", "tables", "A table of a run") from error
         columns: dict[str, Any] = {}
         for name, signal in self._signals.items():
-            times, values = self._samples(name)
+            times, values = self.signal(name)
             flat = values.reshape(len(values), -1)
             for k, label in enumerate(self._labels(signal)):
                 column = pd.Series(flat[:, k], index=times)
@@ -279,31 +278,32 @@ class RunRecord:
     def forget(self) -> None:
         """Drop all samples, and events but the last of each topic; signals keep shape and unit."""
         for table in self._tables.values():
-            table.clear()
+            table.rows.clear()
         self._events = {topic: found[-1:] for topic, found in self._events.items()}
 
     # Parts, for a log -----------------------------------------------------------------------------
 
     def counts(self) -> Counts:
         """Number of rows and events so far."""
-        counts: Counts = {names: len(table) for names, table in self._tables.items()}
+        counts: Counts = {names: len(table.rows) for names, table in self._tables.items()}
         return counts | {topic: len(found) for topic, found in self._events.items()}
 
     def part(self, since: Counts) -> Part:
-        """Rows and events after an earlier `counts`; later samples do not change it."""
-        rows = [
-            (table.signals, part)
-            for names, table in self._tables.items()
-            for part in table.since(since.get(names, 0))
-        ]
+        """Rows and events after an earlier `counts`."""
+        rows = [(table, table.rows[since.get(n, 0) :]) for n, table in self._tables.items()]
         events = {topic: found[since.get(topic, 0) :] for topic, found in self._events.items()}
-        return Part(rows, {topic: found for topic, found in events.items() if found})
+        return Part(rows, events)
 
     def take_in(self, part: Part) -> None:
-        """Append a `part` of another record."""
-        for signals, rows in part.rows:
-            self._signals |= {s.name: s for s in signals if s.name not in self._signals}
-            self._tables.setdefault(tuple(s.name for s in signals), Table(signals)).extend(rows)
+        """Append a `part` of another record.
+
+        Raises:
+            ValueError: rows that are not of their signals, or another kind of signal of one name.
+        """
+        for table, rows in part.rows:
+            if any(self._signals.setdefault(s.name, s) != s for s in table.signals):
+                raise ValueError("a signal of two kinds")
+            self._tables.setdefault(tuple(table.places), Table(table.signals)).extend(rows)
         for topic, found in part.events.items():
             self._events.setdefault(topic, []).extend(found)
 
@@ -315,21 +315,6 @@ class RunRecord:
                 self._signals[name] = Signal(name, unit, sample.dtype, sample.shape)
         table = Table(tuple(self._signals[name] for name in values))
         return self._tables.setdefault(tuple(values), table)
-
-    def _samples(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Times and samples of a signal from all tables that have it, in the order taken."""
-        signal = self._signal(name)
-        parts = [
-            (rows["order"], rows["time"], rows[str(names.index(name))])
-            for names, table in self._tables.items()
-            if name in names
-            for rows in table.since(0)
-        ]
-        if not parts:
-            return np.empty(0), np.empty((0, *signal.shape), dtype=signal.dtype)
-        order, times, values = (np.concatenate(some) for some in zip(*parts, strict=True))
-        taken = np.argsort(order, kind="stable")
-        return times[taken], values[taken]
 
     def _signal(self, name: str) -> Signal:
         if name not in self._signals:

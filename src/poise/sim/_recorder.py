@@ -6,18 +6,18 @@ import time as clock
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal, Protocol, SupportsBytes, runtime_checkable
+from typing import Protocol, SupportsBytes, runtime_checkable
 
 import numpy as np
 
-from poise._schema import Count, Duration, Seconds, checked
+from poise._schema import Duration, Seconds, checked
 from poise.control import Command
 from poise.dynamics import RobotState
 from poise.sim._blocks import BlockWatch
 from poise.sim._foxglove import Pace, RobotTopics
 from poise.sim._log import McapLog
 from poise.sim._plant import Plant
-from poise.sim._record import Counts, RunRecord
+from poise.sim._record import RunRecord
 from poise.sim._rollout import AnyController, LeadFunction, Tick
 from poise.sim._table import Value
 from poise.stack import ComTask, FrameTask, Leader, Stack, Task
@@ -35,39 +35,24 @@ class RecorderConfig:
         record_dt: time from one recorded tick to the next, 0 for every tick [s].
         scene_dt: time from one logged set of joints and body transforms, which Foxglove draws, to
             the next, 0 for none [s].
-        flush_dt: wall-clock time after which a sample goes to the file, with the next one [s].
-        capacity: how many such bundles of samples may wait for the writer.
-        on_full: what happens when that many wait: "block" the run, or "hold" samples in memory for
-            the next bundle. Nothing is lost either way.
+        flush_dt: wall-clock time after which a sample goes to the file, with the next one [s]. What
+            the writer has not come to waits in memory; nothing waits for the writer.
         keep: whether what is in the log stays in memory too; if not, a run may last for hours.
     """
 
     record_dt: Seconds = 0.0
     scene_dt: Seconds = 1.0 / 30.0
     flush_dt: Duration = 0.25
-    capacity: Count = 64
-    on_full: Literal["block", "hold"] = "block"
     keep: bool = True
 
 
 @runtime_checkable
 class SolvesStack(Protocol):
-    """A controller of whose stack there is something to record."""
+    """A controller with a stack; tasks suspended at the last tick, seconds of its parts."""
 
-    @property
-    def stack(self) -> Stack:
-        """What it solves."""
-        ...
-
-    @property
-    def suspended(self) -> tuple[Task, ...]:
-        """Tasks that did not act at the last tick."""
-        ...
-
-    @property
-    def timings(self) -> Mapping[str, float]:
-        """How long the parts of the last tick took [s]."""
-        ...
+    stack: Stack
+    suspended: tuple[Task, ...]
+    timings: Mapping[str, float]
 
 
 @runtime_checkable
@@ -140,60 +125,57 @@ class Recorder:
             MissingExtraError: a log was asked for and the package mcap is not installed.
             PoiseError: the log cannot be made.
         """
-        config = self._config
+        config, robot = self._config, plant.robot
         self._plant = plant
-        self._stack = controller if isinstance(controller, SolvesStack) else None
+        self._stack = _WatchedStack(controller) if isinstance(controller, SolvesStack) else None
         self._leader = leader if isinstance(leader, HasSignals) else None
         self._truth = plant.true_state()
         self._watch = BlockWatch(plant) if plant.config.blocks else None
-        self._watched = None if self._stack is None else _WatchedStack(self._stack)
-        self._wrenches = [(name, f"wrench/{name}") for name in plant.robot.soles]
-        tasks = () if self._stack is None else self._stack.stack.tasks()
-        self._units = {f"error/{task.name}": task.unit for _, task in tasks}
-        joints = plant.robot.joint_names
-        self.record = RunRecord(self._describe() | self._metadata, joints=joints)
+        self._wrenches = [(name, f"wrench/{name}") for name in robot.soles]
+        self._load, self._held = np.zeros(4), np.zeros(len(robot.hands))
+        about = {"robot": robot.name, "plant": json.dumps(asdict(plant.config))}
+        about |= _describe(controller.stack if isinstance(controller, SolvesStack) else None)
+        self._units = {} if self._stack is None else self._stack.units
+        self.record = RunRecord(about | self._metadata, joints=robot.joint_names)
         self._pace = Pace(config.record_dt)
-        self._written: Counts = {}
         self._has_touched = False
         self._next_flush = clock.monotonic() + config.flush_dt
         if self._path is not None:
             shown = config.scene_dt > 0.0
-            self._log = McapLog(
-                self._path,
-                RobotTopics(plant.robot, plant.model, config.scene_dt) if shown else None,
-                metadata=self.record.metadata,
-                capacity=config.capacity,
-                waits=config.on_full == "block",
-            )
+            topics = RobotTopics(robot, plant.model, config.scene_dt) if shown else None
+            self._log = McapLog(self._path, self.record, topics, keep=config.keep)
 
     def observe(self, tick: Tick) -> None:
         """Record a tick, if one is due."""
-        time, note = self._plant.time, self.record.note
-        due = self._pace.is_due(time)
+        plant, note = self._plant, self.record.note
+        time, due = plant.time, self._pace.is_due(plant.time)
         samples: dict[str, Value] = {}
         note(time, "status", tick.command.status.value)
-        if self._plant.config.self_contact:
+        if plant.config.self_contact:
             self._note_self_contacts()
         if due:
             self._add_plant(samples, tick.truth)
             # An estimator that can make nothing of a state hands it on as it came.
-            if tick.estimator_seconds > 0.0 and self._plant.robot.floating_base:
+            if tick.estimator_seconds > 0.0 and plant.robot.floating_base:
                 self._add_estimate(samples, tick.estimate)
             self._add_command(samples, tick.command)
-            self._add_times(samples, tick)
-            if self._watched is not None:
-                self._watched.add(samples, answered=tick.command.status.ok)
+            if tick.estimator_seconds > 0.0:
+                samples["tick_us/estimator"] = 1e6 * tick.estimator_seconds
+            if self._leader is not None:
+                samples["tick_us/leader"] = 1e6 * tick.leader_seconds
+            if self._stack is None:
+                samples["tick_us/controller"] = 1e6 * tick.controller_seconds
+            else:
+                self._stack.add(samples, answered=tick.command.status.ok)
         if self._leader is not None:
             for name, value in self._leader.signals().items():
                 if isinstance(value, str):
                     note(time, name, value)
                 elif due:
                     samples[name] = value
-        if due:
-            self.record.add(time, samples, self._units)
         self._truth = tick.truth
-        if clock.monotonic() >= self._next_flush:
-            self.flush()
+        if due:
+            self._keep(time, samples)
 
     def end(self) -> None:
         """The run is over: finishes the log.
@@ -203,7 +185,7 @@ class Recorder:
         """
         if self._log is not None:
             log, self._log = self._log, None
-            log.close(self.record.part(self._written), self.record.metadata)
+            log.close()
 
     @property
     def failure(self) -> Exception | None:
@@ -213,11 +195,8 @@ class Recorder:
     def flush(self) -> None:
         """Hand everything so far to the writer of the log, as happens every `flush_dt`."""
         self._next_flush = clock.monotonic() + self._config.flush_dt
-        if self._log is None or not self._log.put(self.record.part(self._written)):
-            return
-        if not self._config.keep:
-            self.record.forget()
-        self._written = self.record.counts()
+        if self._log is not None:
+            self._log.put()
 
     # By hand -------------------------------------------------------------------------------------
 
@@ -237,9 +216,7 @@ class Recorder:
         Raises:
             TargetError: a signal changed its shape.
         """
-        self.record.add(time, values, self._units)
-        if clock.monotonic() >= self._next_flush:
-            self.flush()
+        self._keep(time, values)
 
     def note(self, topic: str, text: str) -> None:
         """Notes a text of the plant's present time, where it differs from the last of its topic.
@@ -261,18 +238,10 @@ class Recorder:
 
     # What is recorded ----------------------------------------------------------------------------
 
-    def _describe(self) -> dict[str, str]:
-        """Texts from which a report can be made of the record alone."""
-        plant = self._plant
-        stack = None if self._stack is None else self._stack.stack
-        tasks = [] if stack is None else [(t.name, n, t.unit) for n, t in stack.tasks()]
-        levels = [] if stack is None else [[t.name for t in level] for level in stack.levels]
-        return {
-            "robot": plant.robot.name,
-            "plant": json.dumps(asdict(plant.config)),
-            "tasks": json.dumps(tasks),
-            "levels": json.dumps([*_PHYSICS, *map(", ".join, levels)] if levels else []),
-        }
+    def _keep(self, time: float, samples: Mapping[str, Value]) -> None:
+        self.record.add(time, samples, self._units)
+        if clock.monotonic() >= self._next_flush:
+            self.flush()
 
     def _add_plant(self, samples: dict[str, Value], truth: RobotState) -> None:
         plant = self._plant
@@ -297,15 +266,15 @@ class Recorder:
         truth, load = self._truth, estimate.payload
         samples["base_estimate"], samples["velocity_estimate"] = estimate.q[:7], estimate.v[:6]
         samples["base_truth"], samples["velocity_truth"] = truth.q[:7], truth.v[:6]
-        known = np.zeros(4)
+        self._load.fill(0.0)
+        self._held.fill(0.0)
         if load is not None:
-            known[0], known[1:] = load.mass, load.offset
-        samples["payload_estimate"] = known
-        held = np.zeros(len(self._plant.robot.hands))
-        if len(held):
-            if load is not None and len(load.held) == len(held):
-                held[:] = load.held
-            samples["held_estimate"] = held
+            self._load[0], self._load[1:] = load.mass, load.offset
+            if len(load.held) == len(self._held):
+                self._held[:] = load.held
+        samples["payload_estimate"] = self._load
+        if len(self._held):
+            samples["held_estimate"] = self._held
 
     def _add_command(self, samples: dict[str, Value], command: Command) -> None:
         if command.torque is not None:
@@ -318,26 +287,25 @@ class Recorder:
             # A fallback command solved nothing: say so, in the shape of the others.
             samples["residuals"] = np.full(self.record.shape("residuals"), np.nan)
 
-    def _add_times(self, samples: dict[str, Value], tick: Tick) -> None:
-        if tick.estimator_seconds > 0.0:
-            samples["tick_us/estimator"] = 1e6 * tick.estimator_seconds
-        if self._leader is not None:
-            samples["tick_us/leader"] = 1e6 * tick.leader_seconds
-        if self._stack is None:
-            samples["tick_us/controller"] = 1e6 * tick.controller_seconds
+
+def _describe(stack: Stack | None) -> dict[str, str]:
+    """Texts about a stack from which a report can be made of the record alone."""
+    tasks = [] if stack is None else [(t.name, n, t.unit) for n, t in stack.tasks()]
+    levels = [] if stack is None else [", ".join([t.name for t in level]) for level in stack.levels]
+    return {
+        "tasks": json.dumps(tasks),
+        "levels": json.dumps([*_PHYSICS, *levels] if levels else []),
+    }
 
 
 class _WatchedStack:
-    """Signals of a stack; its tasks and contacts are looked up once.
-
-    Args:
-        solver: the controller that solves it.
-    """
+    """Signals of a controller's stack; its tasks and contacts are looked up once."""
 
     def __init__(self, solver: SolvesStack) -> None:
         self._solver = solver
         tasks = [task for _, task in solver.stack.tasks()]
-        self._tasks, self._errors = tasks, [f"error/{task.name}" for task in tasks]
+        self.units = {f"error/{task.name}": task.unit for task in tasks}
+        self._tasks = [*zip(self.units, tasks, strict=True)]
         self._coms = [task for task in tasks if isinstance(task, ComTask)]
         self._points = [
             (f"target/{task.name}", task)
@@ -345,38 +313,27 @@ class _WatchedStack:
             if isinstance(task, FrameTask) and task.unit != "rad"
         ]
         self._contacts = [(f"planned/{c.frame}", c) for c in solver.stack.contacts]
-        # Names that are made once are the fastest keys.
-        self._names = {t.name: (f"error/{t.name}", f"target/{t.name}") for t in tasks}
-        self._phases: dict[str, str] = {}
 
     def add(self, samples: dict[str, Value], *, answered: bool) -> None:
-        """Adds samples of the last tick.
-
-        Args:
-            samples: by name.
-            answered: whether the controller had an answer.
-        """
-        suspended = self._solver.suspended
-        errors = [task.error for task in self._tasks]
-        # The Euclidean norm, in a third of the time of NumPy's function.
-        norms = [math.sqrt(error.dot(error)) for error in errors]
-        samples.update(zip(self._errors, norms, strict=True))
+        """Adds samples of the last tick; `answered` where the controller had an answer."""
+        for name, task in self._tasks:
+            error = task.error
+            # The Euclidean norm, in a third of the time of NumPy's function.
+            samples[name] = math.sqrt(error.dot(error))
         for task in self._coms:
             samples["com_reference"] = task.masked_target()
         for name, task in self._points:
             point = task.target_position
             if point is not None:
                 samples[name] = point
-        for task in suspended:
-            error, target = self._names[task.name]
-            samples[error] = math.nan
-            if target in samples:
+        for task in self._solver.suspended:
+            samples[f"error/{task.name}"] = math.nan
+            if (target := f"target/{task.name}") in samples:
                 samples[target] = _NOWHERE
         for name, contact in self._contacts:
             samples[name] = float(contact.active)
         for phase, seconds in self._solver.timings.items():
-            name = self._phases.get(phase) or self._phases.setdefault(phase, f"tick_us/{phase}")
-            samples[name] = 1e6 * seconds if answered else math.nan
+            samples[f"tick_us/{phase}"] = 1e6 * seconds if answered else math.nan
 
 
 _NOWHERE = np.full(3, np.nan)

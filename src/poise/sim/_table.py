@@ -1,6 +1,10 @@
 """`Table`: rows of signals that are sampled together, of which a `RunRecord` is made."""
 
-from operator import itemgetter
+import math
+import struct
+from collections.abc import Callable
+from itertools import accumulate, groupby
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,8 +17,17 @@ Value = float | int | np.generic | np.ndarray
 Names = tuple[str, ...]
 """Signals that are sampled together, in the order in which they are given."""
 
-_BLOCK_ROWS = 1024
-"""Rows that are allocated at a time."""
+NUMBERS = {
+    "f8": ("d", "float64"), "f4": ("f", "float32"), "b1": ("?", "bool"),
+    "i1": ("b", "int8"), "i2": ("h", "int16"), "i4": ("i", "int32"), "i8": ("q", "int64"),
+    "u1": ("B", "uint8"), "u2": ("H", "uint16"), "u4": ("I", "uint32"), "u8": ("Q", "uint64"),
+}  # fmt: skip
+"""Kinds of number by their NumPy name: their format in `struct`, and their type in ROS 1."""
+
+_HEAD = struct.Struct("<qd")
+"""Begin of a row: the number of rows of the whole record before it, and its time [s]."""
+
+_dtype: Callable[[Value], np.dtype[Any]] = attrgetter("dtype")
 
 
 class Signal(NamedTuple):
@@ -32,82 +45,86 @@ class Signal(NamedTuple):
     dtype: np.dtype[Any]
     shape: tuple[int, ...]
 
+    @property
+    def size(self) -> int:
+        """Bytes of a sample."""
+        return self.dtype.itemsize * math.prod(self.shape)
+
+    @property
+    def format(self) -> str:
+        """Format of a sample in `struct`, "" for an array and for what that does not know."""
+        return "" if self.shape else NUMBERS.get(self.dtype.str[1:], ("",))[0]
+
 
 class Table:
-    """Rows of signals that are sampled together, in blocks that stay where they are.
+    """Rows of signals that are sampled together, each packed as a log holds it.
 
-    A row is packed as a log holds it: the number of rows of the whole record before it, its
-    time [s], and a field a signal, named by its place. A table that grows by a block copies
-    nothing, and views of its rows stay as they are.
+    A row is the number of rows of the whole record before it, its time [s], and the numbers of each
+    signal as they are in memory, with nothing between them.
 
     Args:
         signals: that make a row.
+
+    Attributes:
+        signals: that make a row.
+        rows: packed.
+        places: of each signal in a row, by its name [bytes].
     """
 
     def __init__(self, signals: tuple[Signal, ...]) -> None:
-        self.signals = signals
-        fields = [(str(i), s.dtype, s.shape) for i, s in enumerate(signals)]
-        self.layout = np.dtype([("order", "<i8"), ("time", "<f8"), *fields])
-        shapes = [(place, s.shape) for place, s in enumerate(signals, start=2)]
-        # A getter of one place returns no tuple: the first is taken twice.
-        places = [place for place, shape in shapes if shape]
-        self._arrays = itemgetter(*places[:1], *places) if places else lambda _: ()
-        self._lengths = [shapes[place - 2][1][0] for place in (*places[:1], *places)]
-        self._matrices = [(place, shape) for place, shape in shapes if len(shape) > 1]
-        self.clear()
-
-    def __len__(self) -> int:
-        return self._before + self._size
+        self.signals, self.rows = signals, list[bytes]()
+        *begins, self._size = accumulate((s.size for s in signals), initial=_HEAD.size)
+        self.places = {
+            s.name: slice(begin, begin + s.size) for s, begin in zip(signals, begins, strict=True)
+        }
+        self._runs: list[tuple[slice, Callable[..., bytes] | None]] = []
+        end = 0
+        for packed, found in groupby(["q", "d", *(s.format for s in signals)], bool):
+            formats = [*found]
+            pack = struct.Struct("<" + "".join(formats)).pack if packed else None
+            self._runs.append((slice(end, end := end + len(formats)), pack))
+        arrays = [s for s in signals if not s.format]
+        self._dtypes = [s.dtype for s in arrays]
+        self._lengths = [s.shape[0] if s.shape else 1 for s in arrays]
+        self._matrices = [(k, s.shape) for k, s in enumerate(signals, 2) if len(s.shape) > 1]
 
     def append(self, row: tuple[Value, ...]) -> None:
-        """Append a copy of one row: order, time, and the samples.
+        """Append one row, copied: order, time, and the samples.
 
         Raises:
             TargetError: a sample has another shape than the first one had.
         """
-        if self._size == len(self._open):
-            self._close()
-            self._open = np.empty(_BLOCK_ROWS, self.layout)
+        pieces, arrays, packed = list[Any](), list[Any](), b""
         try:
-            # NumPy refuses other shapes unless it can broadcast them.
-            if [*map(len, self._arrays(row))] != self._lengths:
-                self._refuse(row)
-            for place, shape in self._matrices:
-                if np.shape(row[place]) != shape:
-                    self._refuse(row)
-            self._open[self._size] = row
-        except (TypeError, ValueError):
-            self._refuse(row)
-            raise
-        self._size += 1
+            for run, pack in self._runs:
+                if pack is None:
+                    pieces += row[run]
+                    arrays += row[run]
+                else:
+                    pieces.append(pack(*row[run]))
+            packed = b"".join(pieces)
+            # Lengths and the sum of all sizes leave an array of one dimension no other shape.
+            same = [*map(_dtype, arrays)] == self._dtypes and [*map(len, arrays)] == self._lengths
+            same = same and all(np.shape(row[k]) == shape for k, shape in self._matrices)
+            same = same and len(packed) == self._size
+        except (TypeError, ValueError, AttributeError, OverflowError, BufferError, struct.error):
+            same = False
+        self.rows.append(packed if same else self._converted(row))
 
-    def extend(self, rows: np.ndarray) -> None:
-        """Append rows, not copied."""
-        self._close()
-        self._blocks.append(rows)
-        self._before += len(rows)
+    def extend(self, rows: list[bytes]) -> None:
+        """Append packed rows.
 
-    def clear(self) -> None:
-        """Drop all rows; views of them stay."""
-        self._blocks, self._before = list[np.ndarray](), 0
-        self._open, self._size = np.empty(0, self.layout), 0
+        Raises:
+            ValueError: they are no rows of these signals.
+        """
+        numbers = not any(s.dtype.hasobject for s in self.signals)
+        if not (numbers and {self._size}.issuperset(map(len, rows))):
+            raise ValueError("rows that are not of the signals")
+        self.rows += rows
 
-    def since(self, first: int) -> list[np.ndarray]:
-        """Rows from an index on, as views that later rows leave alone."""
-        parts, before = list[np.ndarray](), 0
-        for block in (*self._blocks, self._open[: self._size]):
-            if len(block) and before + len(block) > first:
-                parts.append(block[max(first - before, 0) :])
-            before += len(block)
-        return parts
-
-    def _close(self) -> None:
-        if self._size:
-            self._blocks.append(self._open[: self._size])
-            self._before += self._size
-        self._open, self._size = np.empty(0, self.layout), 0
-
-    def _refuse(self, row: tuple[Value, ...]) -> None:
+    def _converted(self, row: tuple[Value, ...]) -> bytes:
+        """A row of other kinds of number than the first."""
+        pieces = [_HEAD.pack(*row[:2])]
         for signal, value in zip(self.signals, row[2:], strict=True):
             if np.shape(value) != signal.shape:
                 raise TargetError(
@@ -115,3 +132,10 @@ class Table:
                     got=np.shape(value),
                     wanted=str(signal.shape),
                 )
+            pieces.append(np.asarray(value, signal.dtype).tobytes())
+        return b"".join(pieces)
+
+
+def time_of(row: bytes) -> float:
+    """Time of a packed row [s]."""
+    return _HEAD.unpack_from(row)[1]

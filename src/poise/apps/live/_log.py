@@ -30,7 +30,7 @@ from poise.stack import Leader
 
 SUFFIX = ".mcap"
 
-LIVE_CONFIG = RecorderConfig(record_dt=0.05, scene_dt=0.1, on_full="hold", keep=False)
+LIVE_CONFIG = RecorderConfig(record_dt=0.05, scene_dt=0.1, keep=False)
 """The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more."""
 
 MOST_BYTES = 1 << 30
