@@ -266,15 +266,12 @@ class Recorder:
         truth, load = self._truth, estimate.payload
         samples["base_estimate"], samples["velocity_estimate"] = estimate.q[:7], estimate.v[:6]
         samples["base_truth"], samples["velocity_truth"] = truth.q[:7], truth.v[:6]
-        self._load.fill(0.0)
-        self._held.fill(0.0)
-        if load is not None:
-            self._load[0], self._load[1:] = load.mass, load.offset
-            if len(load.held) == len(self._held):
-                self._held[:] = load.held
-        samples["payload_estimate"] = self._load
-        if len(self._held):
-            samples["held_estimate"] = self._held
+        known, held = self._load, self._held
+        known[0], known[1:] = (0.0, 0.0) if load is None else (load.mass, load.offset)
+        samples["payload_estimate"] = known
+        if len(held):
+            held[:] = load.held if load is not None and len(load.held) == len(held) else 0.0
+            samples["held_estimate"] = held
 
     def _add_command(self, samples: dict[str, Value], command: Command) -> None:
         if command.torque is not None:
@@ -316,20 +313,17 @@ class _WatchedStack:
 
     def add(self, samples: dict[str, Value], *, answered: bool) -> None:
         """Adds samples of the last tick; `answered` where the controller had an answer."""
+        suspended = self._solver.suspended
         for name, task in self._tasks:
             error = task.error
             # The Euclidean norm, in a third of the time of NumPy's function.
-            samples[name] = math.sqrt(error.dot(error))
+            samples[name] = math.nan if task in suspended else math.sqrt(error.dot(error))
         for task in self._coms:
             samples["com_reference"] = task.masked_target()
         for name, task in self._points:
             point = task.target_position
             if point is not None:
-                samples[name] = point
-        for task in self._solver.suspended:
-            samples[f"error/{task.name}"] = math.nan
-            if (target := f"target/{task.name}") in samples:
-                samples[target] = _NOWHERE
+                samples[name] = _NOWHERE if task in suspended else point
         for name, contact in self._contacts:
             samples[name] = float(contact.active)
         for phase, seconds in self._solver.timings.items():

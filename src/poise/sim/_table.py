@@ -94,7 +94,9 @@ class Table:
         Raises:
             TargetError: a sample has another shape than the first one had.
         """
-        pieces, arrays, packed = list[Any](), list[Any](), b""
+        pieces: list[Any] = []
+        arrays: list[Any] = []
+        packed = b""
         try:
             for run, pack in self._runs:
                 if pack is None:
@@ -104,9 +106,13 @@ class Table:
                     pieces.append(pack(*row[run]))
             packed = b"".join(pieces)
             # Lengths and the sum of all sizes leave an array of one dimension no other shape.
-            same = [*map(_dtype, arrays)] == self._dtypes and [*map(len, arrays)] == self._lengths
-            same = same and all(np.shape(row[k]) == shape for k, shape in self._matrices)
-            same = same and len(packed) == self._size
+            same = (
+                len(packed) == self._size
+                and [*map(len, arrays)] == self._lengths
+                and [*map(_dtype, arrays)] == self._dtypes
+            )
+            for k, shape in self._matrices:
+                same = same and np.shape(row[k]) == shape
         except (TypeError, ValueError, AttributeError, OverflowError, BufferError, struct.error):
             same = False
         self.rows.append(packed if same else self._converted(row))
