@@ -112,7 +112,7 @@ def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
 
 @pytest.fixture
 def recorded(in_folder):
-    """The file of a short run of humanoid33, led by velocities."""
+    """The file of a short run of humanoid33 at velocity level."""
     from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
     from poise.locomotion import ScriptedDevice
     from poise.robots import load_robot
@@ -128,7 +128,7 @@ def recorded(in_folder):
 
 
 def play(capsys, *arguments):
-    """What is said on stderr while a recording is played."""
+    """Play a recording; return the text on stderr."""
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.mcap"]
     assert main([*line, *arguments]) == 0
     return capsys.readouterr().err

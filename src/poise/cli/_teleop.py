@@ -100,20 +100,18 @@ def act(options: argparse.Namespace) -> int:
         parameters=parameters,
         solved_by=options.controller,
     )
-    if made is not None:
-        of_it = (made.plant, made.parameters, made.solved_by)
-        repeats = of_it == (
+    if recording is not None:
+        of_it = made and (made.plant, made.parameters, made.solved_by)
+        asked = made and (
             plant, parameters or made.parameters, options.controller or made.solved_by,
         )  # fmt: skip
-    else:
-        repeats = recording is None or (known is None and recording.is_of(robot))
-    if not repeats:
-        commanded = "" if known is None else f", {known.plant.actuation} commanded"
-        print(
-            f"poise: the samples of {recording.path.name} were recorded with robot "
-            f"{recording.robot}{commanded}; this is no replay of that run",
-            file=sys.stderr,
-        )
+        if of_it != asked or (made is None and not (known is None and recording.is_of(robot))):
+            commanded = "" if known is None else f", {known.plant.actuation} commanded"
+            print(
+                f"poise: the samples of {recording.path.name} were recorded with robot "
+                f"{recording.robot}{commanded}; this is no replay of that run",
+                file=sys.stderr,
+            )
     before = set(session.takes.files)
     hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
     run_live(session, robot.name, hint, options)
@@ -149,7 +147,7 @@ def _plant(options: argparse.Namespace, robot: Any, actuation: str, known: Any, 
 
 
 def _parameters(options: argparse.Namespace, robot: Any, actuation: str, made: Any) -> Any:
-    """Those of recording or robot, with the scale that is asked for; None for all as usual."""
+    """Those of recording or robot, with the scale of the command line; None for all as usual."""
     scale = options.hand_scale
     if scale is None:
         return None

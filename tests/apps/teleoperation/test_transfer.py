@@ -46,7 +46,7 @@ def lead(robot, device, actuation, duration=4.0, **more):
 
 @pytest.fixture(scope="module")
 def recording(get_robot, tmp_path_factory):
-    """A step of biped20, led by velocities, and pushed."""
+    """A step of biped20 at velocity level, with a push."""
     path = tmp_path_factory.mktemp("recorded") / "step.mcap"
     lead(
         get_robot("biped20"),
@@ -126,6 +126,6 @@ def test_samples_alone_keep_their_lengths(get_robot, tmp_path):
             sent[0].place(foot), teleoperator.estimator.sole(foot), atol=1e-9
         )
     assert sent[2].feet[1] is None
-    # Nothing was led in between: the device is still over its foot.
+    # No device has taken hold in between: this one is still over its foot.
     x, y, _ = teleoperator.estimator.sole(0)
     np.testing.assert_allclose(sent[2].place(0), (x, y, 0.2), atol=1e-9)

@@ -50,11 +50,6 @@ class RecordedPush(NamedTuple):
     duration: float
 
 
-_ENCODE = msgspec.msgpack.Encoder().encode
-_SAMPLE = msgspec.msgpack.Decoder(tuple[int, OperatorSample])
-_PUSH = msgspec.msgpack.Decoder(RecordedPush)
-
-
 class RecordedSample(NamedTuple):
     """A sample, as a log holds it.
 
@@ -66,18 +61,10 @@ class RecordedSample(NamedTuple):
     tick: int
     sample: OperatorSample
 
-    def __bytes__(self) -> bytes:
-        """Msgpack of both."""
-        return _ENCODE(tuple(self))
 
-    @classmethod
-    def decode(cls, content: bytes) -> "RecordedSample":
-        """The sample of some bytes.
-
-        Raises:
-            msgspec.DecodeError: there is none in them.
-        """
-        return cls(*_SAMPLE.decode(content))
+_ENCODE = msgspec.msgpack.Encoder().encode
+_SAMPLE = msgspec.msgpack.Decoder(RecordedSample)
+_PUSH = msgspec.msgpack.Decoder(RecordedPush)
 
 
 class TeleopRecorder(Recorder):
@@ -114,8 +101,7 @@ class TeleopRecorder(Recorder):
             self.push(self._coming.popleft())
         status = self._teleoperator.status
         if status is not None and status.sample is not None:
-            # The guard's own copy: it can be encoded in the thread of the log.
-            self.message(SAMPLES, RecordedSample(tick.index, status.sample))
+            self.message(SAMPLES, _ENCODE(RecordedSample(tick.index, status.sample)))
         self._ticks = tick.index + 1
         super().observe(tick)
 
@@ -158,7 +144,7 @@ class Recording:
     @property
     def samples(self) -> list[RecordedSample]:
         """Samples, each with the tick before which it came."""
-        return [RecordedSample.decode(content) for content in self.messages]
+        return [_SAMPLE.decode(content) for content in self.messages]
 
     @property
     def setup(self) -> TeleopSetup:
@@ -215,7 +201,7 @@ class RecordedDevice:
     Gaps stay gaps, and what was refused then is refused now: the guard decides again.
 
     To another robot, tick or start the samples are transferred. A device that does not lead its
-    foot is over it, at its own height, and takes hold when it comes down; from there the foot goes
+    foot is over it, at its own height, and takes hold at touchdown; from there the foot goes
     as the recorded device did. Ways and heights of feet and body are scaled by the heights of both
     robots' COM; those of hands are not, as the operator's arms stay as long as they are.
 
@@ -239,8 +225,8 @@ class RecordedDevice:
             self._scale = height / (recording.settings.get("height") or height)
             self._per_tick = recording.dt / teleoperator.dt
         self._offsets = [np.zeros(3), np.zeros(3)]
-        self._messages, self._tick = iter(recording.messages), 0
-        self._next = self._read()
+        self._coming = map(_SAMPLE.decode, recording.messages)
+        self._next, self._tick = next(self._coming, None), 0
 
     def sample(self, time: float) -> OperatorSample | None:
         """Sample that came before the next tick.
@@ -253,7 +239,7 @@ class RecordedDevice:
         del time
         found = None
         while self._next is not None and self._next.tick * self._per_tick <= self._tick:
-            found, self._next = self._next.sample, self._read()
+            found, self._next = self._next.sample, next(self._coming, None)
         self._tick += 1
         if found is None or self._teleoperator is None:
             return found
@@ -273,10 +259,6 @@ class RecordedDevice:
         return TrackedPose.of(
             place + self._offsets[foot], part.clutch, part.orientation, velocity=rate
         )
-
-    def _read(self) -> RecordedSample | None:
-        content = next(self._messages, None)
-        return None if content is None else RecordedSample.decode(content)
 
 
 def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recording:
@@ -331,7 +313,7 @@ def recording_of(record: RunRecord, path: Path = Path()) -> Recording:
     messages = [content for _, content in record.messages(SAMPLES)]
     pushed = [content for _, content in record.messages(PUSHES)]
     last = max(
-        _last_tick(path, "samples", messages, RecordedSample.decode),
+        _last_tick(path, "samples", messages, _SAMPLE.decode),
         _last_tick(path, "pushes", pushed, _PUSH.decode),
     )
     return Recording(
@@ -379,7 +361,7 @@ def write_recording(
     if duration is not None:
         record.metadata[_DURATION] = repr(duration)
     for tick, sample in samples:
-        record.message(tick * dt, SAMPLES, RecordedSample(tick, sample))
+        record.message(tick * dt, SAMPLES, _ENCODE(RecordedSample(tick, sample)))
     for push in pushes:
         record.message(push.tick * dt, PUSHES, _ENCODE(push))
     path.parent.mkdir(parents=True, exist_ok=True)

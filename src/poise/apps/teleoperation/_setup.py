@@ -35,7 +35,7 @@ class TeleopSetup:
         q_start: configuration at the start; None for the robot's home.
         solved_by: name of the controller that solves the stack; None for the usual one.
         digest: of the robot, see `robot_digest`; None where an old recording does not say.
-        height: of the COM over the soles at the start [m]; None likewise.
+        height: of the COM over the soles at the start [m]; None as for `digest`.
     """
 
     parameters: TeleopParameters

@@ -106,8 +106,8 @@ class OperatorSample(
         lift: buttons that hold the left and the right foot up.
         move: stick, forward and left, from -1 to 1, beyond which it is cut off: moves the lifted
             foot, or the robot.
-        second: a second stick, likewise: moves the right foot while both are lifted.
-        turn: stick that turns the robot to the left, likewise.
+        second: a second stick with the same range: moves the right foot while both are lifted.
+        turn: stick that turns the robot to the left, with the same range.
     """
 
     time: float = 0.0
