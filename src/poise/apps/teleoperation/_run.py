@@ -191,11 +191,7 @@ def run_teleop(
 
 
 def _check_another_file(recording: str | Path | None, played: Recording) -> None:
-    """A recording that is played is not written over.
-
-    Raises:
-        ConfigurationError: it would be.
-    """
+    """Refuse to write over a recording that is played."""
     if recording is not None and Path(recording).exists() and played.path.samefile(recording):
         raise ConfigurationError(
             "a recording that is played cannot be written over",
@@ -205,11 +201,7 @@ def _check_another_file(recording: str | Path | None, played: Recording) -> None
 
 
 def _in_order(pushes: Sequence[Push]) -> list[RecordedPush]:
-    """Pushes in order of time.
-
-    Raises:
-        ConfigurationError: one is none.
-    """
+    """Pushes in order of time, checked."""
     for push in checked_kind(pushes, Sequence, "pushes of the run"):
         if not (isinstance(push, tuple | list) and len(push) == 3):
             raise ConfigurationError(
