@@ -88,7 +88,7 @@ class _Hand:
         self._warn_once(error, "the %s arm failed, and counts as gone", self._side)
 
     def _touch(self, force: Float64[np.ndarray, "3"], total: float) -> Float64[np.ndarray, "3"]:
-        """What a foot in the air meets, and its landing, which is washed out [N]."""
+        """Force on a foot in the air and at its landing, washed out [N]."""
         unloaded = bool(force[2] < _UNLOADED * total)
         self._without = self._without + self._dt if unloaded else 0.0
         if self._without > _LIFTED:
