@@ -110,8 +110,9 @@ def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
     assert [plant.blocks for _, plant in begun] == [blocks if asked is None else ()]
 
 
-@needs_page
-def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun):
+@pytest.fixture
+def recorded(in_folder):
+    """The file of a short run of humanoid33 at velocity level."""
     from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
     from poise.locomotion import ScriptedDevice
     from poise.robots import load_robot
@@ -123,17 +124,60 @@ def test_a_recording_is_of_its_own_robot_and_actuation(in_folder, capsys, begun)
         duration=0.1,
         recording=in_folder / "x.mcap",
     )
-    assert "made with" in refused(capsys, "--device", "x.mcap", "--actuation", "torque")
-    assert "made with" in refused(capsys, "--device", "x.mcap", "--controller", "osf")
-    assert "made with" in refused(capsys, "--device", "x.mcap", "--hand-scale", "0.5")
-    assert "made with" in refused(capsys, "--device", "x.mcap", "--noise")
-    assert "got '--robot g1'; wanted humanoid33" in refused(
-        capsys, "--device", "x.mcap", "--robot", "g1"
-    )
+    return in_folder / "x.mcap"
+
+
+def play(capsys, *arguments):
+    """Play a recording; return the text on stderr."""
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.mcap"]
-    assert main(line) == 0
-    ((name, plant),) = begun
-    assert (name, plant.actuation, plant.self_contact) == ("humanoid33", "velocity", False)
+    assert main([*line, *arguments]) == 0
+    return capsys.readouterr().err
+
+
+@needs_page
+def test_a_recording_is_repeated_by_its_own_robot_and_actuation(recorded, capsys, begun):
+    assert play(capsys) == play(capsys, "--robot", "humanoid33") == ""
+    assert play(capsys, "--actuation", "velocity", "--hand-scale", "1") == ""
+    for name, plant in begun:
+        made = (name, plant.actuation, plant.self_contact)
+        assert made == ("humanoid33", "velocity", False)
+
+
+@needs_page
+@pytest.mark.parametrize(
+    ("arguments", "name", "actuation"),
+    [
+        (("--robot", "biped20"), "biped20", "velocity"),
+        (("--robot", "g1", "--actuation", "torque", "--controller", "reduced"), "g1", "torque"),
+        (("--actuation", "torque"), "humanoid33", "torque"),
+        (("--hand-scale", "0.5"), "humanoid33", "velocity"),
+        (("--noise",), "humanoid33", "velocity"),
+        (("--terrain", "bumps"), "humanoid33", "velocity"),
+    ],
+)
+def test_a_recording_leads_another_robot_or_run_and_that_is_said(
+    recorded, capsys, begun, arguments, name, actuation
+):
+    assert play(capsys, *arguments) == (
+        "poise: the samples of x.mcap were recorded with robot humanoid33, velocity commanded; "
+        "this is no replay of that run\n"
+    )
+    assert [(robot, plant.actuation) for robot, plant in begun] == [(name, actuation)]
+
+
+@needs_page
+def test_recordings_that_cannot_lead_are_one_line(recorded, capsys):
+    from poise.apps.teleoperation import write_recording
+
+    content = recorded.read_bytes()
+    recorded.write_bytes(content.replace(b"poise log 3", b"poise log 1"))
+    assert "written by 'poise log 1'" in refused(capsys, "--device", "x.mcap")
+    recorded.write_bytes(content[:200])
+    assert "x.mcap is no recording" in refused(capsys, "--device", "x.mcap")
+    recorded.write_bytes(content[: len(content) - 10])
+    assert "not finished" in play(capsys)
+    write_recording(recorded, [], robot="biped20", dt=0.002)
+    assert "x.mcap has no samples of an operator" in refused(capsys, "--device", "x.mcap")
 
 
 @needs_page

@@ -59,7 +59,7 @@ again = replay_teleop(outcome.recording)
 print(json.dumps({
     "fell": [outcome.fell, again.fell],
     "seconds": [outcome.seconds, again.plant.time],
-    "seed": [seed, read_recording(outcome.recording).setup["seed"]],
+    "seed": [seed, read_recording(outcome.recording).setup.seed],
 }))
 """
 

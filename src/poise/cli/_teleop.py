@@ -30,14 +30,15 @@ def add_parser(verbs: Any) -> None:
         "--robot",
         metavar="R",
         help=f"a biped, by name or file (default: {_ROBOT}; with a recording, its own, unless that "
-        "came from a file)",
+        "came from a file; any other is led by its samples, too)",
     )
     parser.add_argument(
         "--device",
         metavar="D",
         default="browser",
         help="where the feet are led from: browser (its mouse, keys, or a gamepad at its "
-        "computer), gamepad (one at this machine), or the file of a recording "
+        "computer), gamepad (one at this machine), or the file of a recording, which is repeated "
+        "bit for bit unless other options ask for another robot or run "
         "(default: %(default)s)",
     )
     parser.add_argument(
@@ -82,9 +83,11 @@ def act(options: argparse.Namespace) -> int:
     else:
         what = f"the recording {recording.path.name}"
         robot = recorded_robot(recording.robot, what, option="--robot FILE")
-    plant = _plant(options, robot, recording)
-    if recording is not None and robot.name != recording.robot:
-        _check_made_with("robot", options.robot, recording.robot)
+    known = None if recording is None or "parameters" not in recording.settings else recording.setup
+    actuation = options.actuation or ("torque" if known is None else known.plant.actuation)
+    made = None if recording is None else recording.setup_for(robot, actuation)
+    plant = _plant(options, robot, actuation, known, made)
+    parameters = _parameters(options, robot, actuation, made)
     folder = Path(options.out or f"runs/teleop-{Path(robot.name).stem}")
     session = LiveSession(
         robot,
@@ -94,9 +97,21 @@ def act(options: argparse.Namespace) -> int:
         recording=recording,
         plant=plant,
         seed=options.seed,
-        parameters=_parameters(options, robot, plant, recording),
+        parameters=parameters,
         solved_by=options.controller,
     )
+    if recording is not None:
+        of_it = made and (made.plant, made.parameters, made.solved_by)
+        asked = made and (
+            plant, parameters or made.parameters, options.controller or made.solved_by,
+        )  # fmt: skip
+        if of_it != asked or (made is None and not (known is None and recording.is_of(robot))):
+            commanded = "" if known is None else f", {known.plant.actuation} commanded"
+            print(
+                f"poise: the samples of {recording.path.name} were recorded with robot "
+                f"{recording.robot}{commanded}; this is no replay of that run",
+                file=sys.stderr,
+            )
     before = set(session.takes.files)
     hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
     run_live(session, robot.name, hint, options)
@@ -109,60 +124,39 @@ def act(options: argparse.Namespace) -> int:
     return 0
 
 
-def _plant(options: argparse.Namespace, robot: Any, recording: Any) -> Any:
-    """That of the recording if one is played, else one whose links touch; terrain lies on it."""
+def _plant(options: argparse.Namespace, robot: Any, actuation: str, known: Any, made: Any) -> Any:
+    """That of a recording that is repeated, else one whose links touch; terrain lies on it."""
     from poise.apps.teleoperation import (
         TORQUE_TELEOP_PLANT,
         VELOCITY_TELEOP_PLANT,
-        recorded_setup,
         terrain_blocks,
     )
 
-    plant = VELOCITY_TELEOP_PLANT if options.actuation == "velocity" else TORQUE_TELEOP_PLANT
-    # A person may lead hands and feet into the robot.
-    plant = replace(plant, self_contact=True)
-    if recording is not None and recording.setup:
-        setup, noisy = recorded_setup(recording, robot), plant.with_noise().sensors
-        plant = setup.plant
-        if options.noise and plant.sensors != noisy:
-            raise ConfigurationError(
-                "a recording is played with the sensors that it was made with",
-                got="--noise",
-                wanted="no --noise",
-            )
-        _check_made_with("actuation", options.actuation, plant.actuation)
-        _check_made_with("controller", options.controller, setup.solved_by)
-    elif options.noise:
+    if made is None:
+        plant = VELOCITY_TELEOP_PLANT if actuation == "velocity" else TORQUE_TELEOP_PLANT
+        # A person may lead hands and feet into the robot.
+        blocks = () if known is None else known.plant.blocks
+        plant = replace(plant, self_contact=True, blocks=blocks)
+    else:
+        plant = made.plant
+    if options.noise:
         plant = plant.with_noise()
     if options.terrain is None:
         return plant
     return replace(plant, blocks=terrain_blocks(options.terrain, robot, seed=options.seed))
 
 
-def _parameters(options: argparse.Namespace, robot: Any, plant: Any, recording: Any) -> Any:
-    """Those of the robot, with the scale that is asked for; None for all as usual."""
+def _parameters(options: argparse.Namespace, robot: Any, actuation: str, made: Any) -> Any:
+    """Those of recording or robot, with the scale of the command line; None for all as usual."""
     scale = options.hand_scale
     if scale is None:
         return None
     if not 0.0 < scale < math.inf:
         raise ConfigurationError("--hand-scale is out of range", got=scale, wanted="> 0")
-    from poise.apps.teleoperation import recorded_setup
     from poise.locomotion import teleop_parameters
 
-    if recording is not None and recording.setup:
-        made = recorded_setup(recording, robot)
-        _check_made_with("hand-scale", scale, made.parameters.hand_scale)
-    return replace(teleop_parameters(robot, plant.actuation), hand_scale=scale)
-
-
-def _check_made_with(option: str, asked: Any, made: Any) -> None:
-    if asked not in (None, made):
-        usual = f"no --{option}: it was made with the usual one"
-        raise ConfigurationError(
-            "a recording is played with what it was made with",
-            got=f"--{option} {asked}",
-            wanted=usual if made is None else str(made),
-        )
+    usual = teleop_parameters(robot, actuation) if made is None else made.parameters
+    return replace(usual, hand_scale=scale)
 
 
 def _recording(device: str) -> Any:

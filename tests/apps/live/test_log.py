@@ -191,14 +191,17 @@ def test_a_link_to_nothing_in_the_folder_costs_nothing(tmp_path):
     assert "is full" in room.notice
 
 
-def test_a_recording_of_another_robot_of_the_same_name_is_not_played(get_robot, tmp_path):
+def test_a_recording_of_another_robot_of_the_same_name_is_not_repeated(get_robot, tmp_path):
     robot, path = get_robot("biped20"), tmp_path / "loaded.mcap"
     device = ScriptedDevice([], *StepTeleoperator(robot).estimator.anchors)
     run_teleop(robot, device, duration=0.02, recording=path)
-    takes = Takes(tmp_path)
     heavier = robot.carrying("torso", 3.0)
     with pytest.raises(RecordingError, match="another biped20: masses"):
-        LiveLoop(heavier, OperatorInputs(), takes, recording=read_recording(path))
+        replay_teleop(path, heavier)
+    recording = read_recording(path)
+    assert not recording.is_of(heavier)
+    assert recording.setup_for(heavier, "torque") is None
+    assert recording.setup_for(robot, "torque") == recording.setup
 
 
 def test_a_take_that_somebody_has_moved_costs_itself_alone(loop, tmp_path):

@@ -33,6 +33,7 @@ from poise.locomotion import (
     StepEnd,
     StepTeleoperator,
     TrackedPose,
+    teleop_parameters,
 )
 from poise.robots import standing_posture
 from poise.sim import PlantConfig
@@ -277,15 +278,18 @@ def test_a_recording_is_played_with_the_parameters_that_it_was_made_with(
     wait_for(lambda: loop.snapshot.time > 0.1, "some time")
     loop.stop()
     again = read_recording(tmp_path / "takes" / "take-001.mcap").setup
-    assert (again["parameters"]["hand_scale"], again["rotator"]) == (1.7, False)
+    assert (again.parameters.hand_scale, again.rotator) == (1.7, False)
 
 
-def test_a_recording_that_begins_elsewhere_than_at_home_is_refused(start, get_robot, tmp_path):
+def test_a_recording_that_begins_elsewhere_than_at_home_drives_from_there(
+    start, get_robot, tmp_path
+):
     robot = get_robot("biped20")
-    lower = standing_posture(robot, com_height=0.72)
-    made = recorded(robot, tmp_path / "made.mcap", q_start=lower)
-    with pytest.raises(RecordingError, match=r"made\.mcap begins elsewhere.*replay_teleop"):
-        start(recording=made)
+    lower = standing_posture(robot, feet_apart=0.4, com_height=0.72)
+    made = recorded(robot, tmp_path / "made.mcap", q_start=lower, rotator=False)
+    loop = start(recording=made)
+    assert loop.teleoperator.parameters == teleop_parameters(robot, "velocity")
+    wait_for(lambda: loop.snapshot.device is DeviceStatus.OK, "both feet to be led")
 
 
 def test_a_robot_without_feet_is_refused(get_robot, tmp_path):

@@ -5,8 +5,9 @@ import pytest
 from dry_run import forbid_ticks
 
 from poise.apps.scenarios import load_scenario, parse_scenario, run_scenario
-from poise.apps.teleoperation import SCRIPTS
+from poise.apps.teleoperation import SCRIPTS, RecordingError, write_recording
 from poise.errors import ConfigurationError, PoiseError
+from poise.locomotion import ScriptedDevice, StepTeleoperator, WayPoint
 from poise.sim import read_log
 
 OWN = """
@@ -124,9 +125,9 @@ CASES = {
     "an unknown script": (OWN.replace(POINTS, "  script: dance\n"), "dance.*over_an_obstacle"),
     "script and points": (
         changed("devices:\n", "devices:\n  script: switch_feet\n"),
-        "one of the three",
+        "led in one way",
     ),
-    "neither": (OWN.replace(POINTS, "  points: []\n"), "one of the three"),
+    "neither": (OWN.replace(POINTS, "  points: []\n"), "led in one way"),
     "points that are no list": (OWN.replace(POINTS, "  points: {at: 1}\n"), "a list"),
     "time that goes back": (changed("at: 0.8", "at: 0.1"), "order of time.*0.2.*0.1"),
     "a device far away": (changed("0.08]", "80.0]"), "out of range.*80"),
@@ -185,6 +186,56 @@ def test_a_bad_operator_does_something_else_with_each_seed():
     assert not np.array_equal(first["left device"], other["left device"])
 
 
+def recorded(path, robot):
+    """The samples of the scenario's devices, recorded."""
+    teleoperator = StepTeleoperator(robot, actuation="velocity")
+    points = [WayPoint(at=0.2, right=(0.0, 0.0, 0.0)), WayPoint(at=0.8, right=(0.0, 0.0, 0.08))]
+    device = ScriptedDevice(points, *teleoperator.estimator.anchors)
+    samples = [(tick, device.sample(0.005 * tick)) for tick in range(400)]
+    write_recording(path, samples, robot=robot.name, dt=0.005)
+    return OWN.replace(POINTS, f"  recording: {path}\n")
+
+
+def test_a_recording_leads_the_feet_as_way_points_do(own, get_robot, tmp_path):
+    text = recorded(tmp_path / "lift.mcap", get_robot("biped20"))
+    led = run_scenario(parse_scenario(text, "led.yaml"))
+    assert led.signals.modes == own.signals.modes
+    np.testing.assert_array_equal(
+        led.signals.targets["right device"], own.signals.targets["right device"]
+    )
+
+
+def test_a_recording_leads_another_robot_by_torques(get_robot, tmp_path):
+    text = recorded(tmp_path / "lift.mcap", get_robot("biped20"))
+    text = text.replace("robot: biped20", "robot: humanoid33")
+    text = text.replace("{control_dt: 0.005", "{actuation: torque, control_dt: 0.002")
+    led = run_scenario(parse_scenario(text, "led.yaml"))
+    assert led.ok
+    assert [mode for _, mode in led.signals.modes] == ["D", "TL", "SL"]
+    assert led.signals.sole_positions["right_sole"][-1, 2] > 0.05
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, r"x\.mcap.*does not exist"),
+        (b"", r"x\.mcap is no recording"),
+        ([], r"x\.mcap has no samples"),
+    ],
+    ids=["missing", "empty", "no samples"],
+)
+def test_a_recording_that_cannot_lead_is_said(tmp_path, monkeypatch, content, words):
+    forbid_ticks(monkeypatch)
+    path = tmp_path / "x.mcap"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content is not None:
+        write_recording(path, content, robot="biped20", dt=0.005)
+    text = OWN.replace(POINTS, f"  recording: {path}\n")
+    with pytest.raises(RecordingError, match=words):
+        run_scenario(parse_scenario(text, "x.yaml"))
+
+
 def test_devices_are_led_in_one_way():
-    with pytest.raises(ConfigurationError, match="one of the three"):
+    with pytest.raises(ConfigurationError, match="led in one way"):
         parse_scenario(OWN.replace("points:", "bad_operator: true\n  points:"), "both.yaml")

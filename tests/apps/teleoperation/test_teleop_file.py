@@ -13,7 +13,6 @@ from poise.apps.teleoperation import (
     RecordingError,
     convert_recording,
     read_recording,
-    recorded_setup,
 )
 from poise.cli.main import main
 
@@ -82,7 +81,7 @@ def test_samples_and_pushes_are_those_of_the_file(tmp_path):
     assert [part.velocity for part in second.feet] == [None, None]
 
 
-def test_the_set_up_and_the_duration_are_kept(tmp_path, get_robot):
+def test_the_set_up_and_the_duration_are_kept(tmp_path):
     from dataclasses import asdict
 
     from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT
@@ -98,8 +97,9 @@ def test_the_set_up_and_the_duration_are_kept(tmp_path, get_robot):
         "solved_by": None,
     }
     convert_recording(write(tmp_path / "x.teleop", setup=setup), tmp_path / "x.mcap")
-    made = recorded_setup(read_recording(tmp_path / "x.mcap"), get_robot("biped20"))
-    assert (made.rotator, made.seed, made.duration) == (False, 3, 1.5)
+    recording = read_recording(tmp_path / "x.mcap")
+    made = recording.setup
+    assert (made.rotator, made.seed, recording.duration) == (False, 3, 1.5)
     assert made.plant == VELOCITY_TELEOP_PLANT
     assert made.parameters == TeleopParameters()
 

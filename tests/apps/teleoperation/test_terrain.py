@@ -1,7 +1,7 @@
 """Grounds by name: what lies where, and that a recording keeps it."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +19,6 @@ from poise.apps.teleoperation import (
     run_teleop,
     terrain_blocks,
 )
-from poise.apps.teleoperation._setup import plant_to_json
 from poise.apps.teleoperation._terrain import TERRAINS
 from poise.errors import UnknownNameError
 from poise.locomotion import ScriptedDevice, WayPoint
@@ -107,7 +106,7 @@ def test_an_unknown_terrain_lists_what_there_is(get_robot):
 @pytest.mark.parametrize("terrain", TERRAINS)
 def test_a_plant_with_blocks_survives_a_recordings_header(get_robot, terrain):
     plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks(terrain, get_robot("g1"), seed=2))
-    assert plant_from_json(json.loads(json.dumps(plant_to_json(plant)))) == plant
+    assert plant_from_json(json.loads(json.dumps(asdict(plant)))) == plant
 
 
 @pytest.mark.slow

@@ -1,7 +1,7 @@
 """What cannot be walked, and numbers that cannot be."""
 
 import time as clock
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import FrozenInstanceError, asdict, replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -19,7 +19,6 @@ from poise.apps.teleoperation import (
     run_teleop,
     terrain_blocks,
 )
-from poise.apps.teleoperation._setup import plant_to_json
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, RobotError, UnknownNameError
 from poise.locomotion import (
@@ -248,7 +247,7 @@ def test_a_plant_survives_json():
         link_errors=(PlantConfig.LinkError(link="torso_link", mass_scale=1.1),),
         payloads=(PlantConfig.Payload(frame="torso", mass=1.0),),
     )
-    assert plant_from_json(json.loads(json.dumps(plant_to_json(plant)))) == plant
+    assert plant_from_json(json.loads(json.dumps(asdict(plant)))) == plant
 
 
 def test_parameters_stay_as_they_were_checked():

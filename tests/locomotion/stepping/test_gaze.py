@@ -8,6 +8,7 @@ from walker import hands as device_of
 
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
+    RecordedDevice,
     read_recording,
     replay_teleop,
     run_teleop,
@@ -211,7 +212,7 @@ def test_orientations_are_recorded_to_the_last_bit(tmp_path):
         samples.append(OperatorSample(0.1 * k, feet, hands=(left, right), head=looks))
     path = tmp_path / "turns.mcap"
     write_recording(path, enumerate(samples), robot="g1", dt=DT)
-    device = read_recording(path).device(robot="g1", dt=DT)
+    device = RecordedDevice(read_recording(path))
     for k, sample in enumerate(samples):
         read = device.sample(k * DT)
         for one, other in zip(sample.hands, read.hands, strict=True):

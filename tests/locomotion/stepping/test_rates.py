@@ -10,6 +10,7 @@ from walker import sample
 
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
+    RecordedDevice,
     read_recording,
     run_teleop,
     write_recording,
@@ -158,7 +159,7 @@ def test_velocities_are_recorded_and_come_back(tmp_path):
     odd = sample(DT, rates=(np.full(3, np.nan), None))
     said = enumerate((told, odd, sample(2 * DT)))
     write_recording(tmp_path / "x.mcap", said, robot="biped20", dt=DT)
-    device = read_recording(tmp_path / "x.mcap").device(robot="biped20", dt=DT)
+    device = RecordedDevice(read_recording(tmp_path / "x.mcap"))
     first, second, third = (device.sample(tick * DT) for tick in range(3))
     assert first.feet[0].velocity is None
     np.testing.assert_array_equal(first.feet[1].velocity, UP)

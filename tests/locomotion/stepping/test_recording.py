@@ -12,6 +12,7 @@ from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
     BadOperator,
+    RecordedDevice,
     RecordedPush,
     RecordingError,
     read_recording,
@@ -83,7 +84,7 @@ def test_the_log_of_another_run_is_no_recording(tmp_path):
 def test_gaps_stay_gaps(tmp_path):
     path = tmp_path / "gap.mcap"
     write_recording(path, [(0, sample(0.0)), (200, sample(1.0))], robot="biped20", dt=0.005)
-    device = read_recording(path).device(robot="biped20", dt=0.005)
+    device = RecordedDevice(read_recording(path))
     given = [device.sample(tick * 0.005) for tick in range(202)]
     assert [i for i, s in enumerate(given) if s is not None] == [0, 200]
 
@@ -93,7 +94,7 @@ def test_nan_and_times_that_go_backwards_come_through_to_the_guard(tmp_path):
     nowhere = sample(6.0, (np.nan, -0.0, np.inf), np.zeros(3))
     given = enumerate((sample(5.0), sample(1.0), nowhere))
     write_recording(path, given, robot="biped20", dt=0.005)
-    device = read_recording(path).device(robot="biped20", dt=0.005)
+    device = RecordedDevice(read_recording(path))
     assert [device.sample(t * 0.005).time for t in range(2)] == [5.0, 1.0]
     last = device.sample(0.01)
     np.testing.assert_array_equal(last.place(0), nowhere.place(0))
@@ -106,7 +107,7 @@ def test_a_lost_device_brings_the_foot_down(get_robot, tmp_path):
     says = device_of(robot, *up_and_down(lift=0.1))
     given = [(tick, says.sample(0.005 * tick)) for tick in range(240)]
     write_recording(path, given, robot="biped20", dt=0.005)
-    device = read_recording(path).device(robot="biped20", dt=0.005)
+    device = RecordedDevice(read_recording(path))
     run = run_teleop(robot, device, VELOCITY_TELEOP_PLANT, duration=3.0)
     assert run.log.when(Mode.SL).any()
     assert run.teleoperator.mode is Mode.D
@@ -126,7 +127,7 @@ def test_a_walk_with_gaps_and_times_that_go_backwards_ends_on_both_feet(get_robo
     write_recording(path, samples, robot="biped20", dt=0.005)
     run = run_teleop(
         robot,
-        read_recording(path).device(robot="biped20", dt=0.005),
+        RecordedDevice(read_recording(path)),
         VELOCITY_TELEOP_PLANT,
         duration=3.6,
     )
@@ -142,7 +143,7 @@ def test_pushes_are_kept(tmp_path):
     pushes = [RecordedPush(1, (50.0, 0.0, 0.0), 0.1)]
     write_recording(path, [], robot="biped20", dt=0.005, pushes=pushes)
     recording = read_recording(path)
-    device = recording.device(robot="biped20", dt=0.005)
+    device = RecordedDevice(recording)
     assert device.sample(0.0) is None
     assert device.sample(0.005) is None
     assert recording.pushes == pushes
@@ -166,12 +167,18 @@ def test_ticks_that_go_backwards_are_an_error(tmp_path):
         read_recording(path)
 
 
-def test_another_robot_and_another_tick_are_refused(tmp_path):
-    recording = read_recording(write(tmp_path / "g1.mcap", robot="g1"))
-    with pytest.raises(RecordingError, match="another robot.*'g1'.*biped20"):
-        recording.device(robot="biped20", dt=0.005)
-    with pytest.raises(RecordingError, match="0.005 s"):
-        recording.device(robot="g1", dt=0.002)
+def test_another_robot_does_not_repeat_a_run(get_robot, tmp_path):
+    path = tmp_path / "run.mcap"
+    walk(get_robot("biped20"), up_and_down(), 0.02, recording=path)
+    with pytest.raises(RecordingError, match="another robot.*'biped20'.*humanoid33"):
+        replay_teleop(path, get_robot("humanoid33"))
+
+
+def test_the_log_of_another_version_is_refused(tmp_path):
+    path = write(tmp_path / "old.mcap")
+    path.write_bytes(path.read_bytes().replace(b"poise log 3", b"poise log 1"))
+    with pytest.raises(RecordingError, match=r"old\.mcap is no recording.*'poise log 1'"):
+        read_recording(path)
 
 
 @pytest.mark.parametrize(
@@ -199,7 +206,7 @@ def test_a_recording_without_the_set_up_of_a_run_cannot_be_run_again(get_robot, 
 
 def test_a_set_up_that_is_no_json_is_refused(tmp_path):
     with pytest.raises(ConfigurationError, match="JSON"):
-        write(tmp_path / "x.mcap", setup={"a": object()})
+        write(tmp_path / "x.mcap", settings={"a": object()})
 
 
 @pytest.mark.parametrize(
@@ -287,7 +294,7 @@ def test_a_recording_that_is_played_is_not_written_over(get_robot, tmp_path):
     before, link = path.read_bytes(), tmp_path / "link.mcap"
     link.symlink_to(path)
     played = read_recording(path)
-    device = played.device(robot=robot.name, dt=played.dt)
+    device = RecordedDevice(played)
     for file in (path, link):
         with pytest.raises(ConfigurationError, match=r"cannot be written over.*another file"):
             run_teleop(robot, device, VELOCITY_TELEOP_PLANT, duration=0.1, recording=file)

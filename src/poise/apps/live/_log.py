@@ -8,7 +8,6 @@ import re
 import shutil
 import time as clock
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -50,11 +49,10 @@ class Room:
 
     def __init__(self, folder: Path, most: int = MOST_BYTES) -> None:
         self.folder, self._most = folder, most
-        self._looked_at, self._free, self._problem = -math.inf, True, ""
-        self._used = 0
+        self._used, self._looked_at, self._problem = 0, -math.inf, ""
 
     def open(self) -> None:
-        """Makes the folder if it is not there.
+        """Make the folder if it is not there.
 
         Raises:
             OSError: it cannot be made.
@@ -66,47 +64,39 @@ class Room:
         """True when nothing more is recorded; checked every ten seconds."""
         if clock.monotonic() - self._looked_at >= _LOOK_EVERY:
             self.look()
-        return not self._free
+        return bool(self._problem) or self._used >= self._most
 
-    def look(self) -> None:
-        """Measure the folder now."""
+    def look(self, more: int = 0) -> bool:
+        """Measure the folder; return whether so many bytes more fit."""
         self._looked_at = clock.monotonic()
         try:
-            paths = [*self.folder.iterdir()]
+            self._used = sum(map(_size, self.folder.iterdir()))
         except OSError as error:
             self.close(error)
-            return
-        self._used = 0
-        for path in paths:
-            # One that is gone by now, or a link to nothing, takes no room.
-            with suppress(OSError):
-                self._used += path.stat().st_size
-        if not self._problem:
-            self._free = self._used < self._most
-
-    def holds(self, more: int) -> bool:
-        """Measure the folder; True where so many bytes more fit."""
-        self.look()
-        return self._free and self._used + more <= self._most
+        return not self._problem and self._used + more <= self._most
 
     def reopen(self) -> None:
-        """Another try: what could not be written before may have been one file's trouble."""
+        """Try again: what could not be written before may have been one file's trouble."""
         self._problem = ""
         self.look()
 
     def close(self, error: Exception) -> None:
-        """Nothing more is recorded: the folder cannot be written.
-
-        Args:
-            error: why.
-        """
-        self._free, self._problem = False, f"not recorded: {error}"
+        """Record nothing more, as the folder cannot be written."""
+        self._problem = f"not recorded: {error}"
 
     @property
     def notice(self) -> str:
         """Text for the page when nothing is recorded."""
         full = f"not recorded: {self.folder} is full ({self._most / 2**20:.0f} MiB)"
         return self._problem or full
+
+
+def _size(path: Path) -> int:
+    """Bytes of a file; none of one that is gone by now, or of a link to nothing."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
 
 
 class Takes:
@@ -212,7 +202,7 @@ class Takes:
             raise ConfigurationError(f"no copy is kept: {self.name}")
         path = self.folder / f"kept-{self._next('kept'):03}{SUFFIX}"
         try:
-            if not self.room.holds(self.path.stat().st_size):
+            if not self.room.look(self.path.stat().st_size):
                 raise PoiseError("the folder has no room for it")
             shutil.copyfile(self.path, path)
             finish_log(path)

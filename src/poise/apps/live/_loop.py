@@ -19,11 +19,9 @@ from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     RecordedPush,
     Recording,
-    RecordingError,
     TeleopRecorder,
+    TeleopSetup,
     foot_forces,
-    recorded_setup,
-    teleop_setup,
 )
 from poise.locomotion import (
     Mode,
@@ -98,17 +96,15 @@ class _Making(NamedTuple):
     solved_by: str | None
 
 
-def _made_with(recording: Recording | None, robot: Robot, asked: _Making) -> _Making:
-    """What a recording that is played was made with; as asked for without."""
-    if recording is None or not recording.setup:
+def _made_with(
+    recording: Recording | None, robot: Robot, actuation: str, asked: _Making
+) -> _Making:
+    """Settings of a recording that the robot can repeat, but for those that are asked for."""
+    made = None if recording is None else recording.setup_for(robot, actuation)
+    if made is None:
         return asked
-    setup = recorded_setup(recording, robot)
-    if setup.q_start is not None:
-        raise RecordingError(
-            f"the recording {recording.path.name} begins elsewhere than at the robot's home",
-            wanted="replay_teleop, which begins there, too",
-        )
-    return _Making(setup.seed, setup.parameters, setup.rotator, setup.solved_by)
+    parameters, solved_by = asked.parameters or made.parameters, asked.solved_by or made.solved_by
+    return _Making(made.seed, parameters, made.rotator, solved_by)
 
 
 class LiveLoop(RealTimeLoop):
@@ -118,16 +114,17 @@ class LiveLoop(RealTimeLoop):
         robot: a biped.
         inputs: what the operator does.
         takes: where the run is recorded.
-        recording: plays this in place of a person when given.
+        recording: drives in place of a person when given. The robot, actuation and start of the
+            recording repeat it, with its settings where none are given.
         plant: takes what the teleoperator is to command, at its tick.
-        seed: of the sensor noise; a recording that is played has its own.
-        parameters: of the teleoperator; scaled to the robot when None. Likewise.
-        solved_by: name of the controller that solves the stack, see `StepTeleoperator`; likewise.
+        seed: of the sensor noise; a recording that is repeated has its own.
+        parameters: of the teleoperator; of the recording, or scaled to the robot, when None.
+        solved_by: name of the controller that solves the stack, see `StepTeleoperator`.
 
     Raises:
         ConfigurationError: the robot cannot be walked, or not at the plant's tick.
         UnknownNameError: no such controller of what the plant takes.
-        RecordingError: the recording is of another robot, or begins elsewhere than at its home.
+        RecordingError: the recording has no samples, or settings that cannot be.
     """
 
     def __init__(
@@ -142,7 +139,8 @@ class LiveLoop(RealTimeLoop):
         parameters: TeleopParameters | None = None,
         solved_by: str | None = None,
     ) -> None:
-        self._making = _made_with(recording, robot, _Making(seed, parameters, True, solved_by))
+        asked = _Making(seed, parameters, True, solved_by)
+        self._making = _made_with(recording, robot, plant.actuation, asked)
         super().__init__(robot, plant, self._making.seed)
         self.takes = takes
         self._inputs, self._recording = inputs, recording
@@ -192,14 +190,14 @@ class LiveLoop(RealTimeLoop):
         self._feet = LiveFeet(self._inputs, self.teleoperator, self._odometry)
         self.teleoperator.device, self._pushes = self._feet, deque[RecordedPush]()
         if self._recording is not None:
-            self.teleoperator.device = self._recording.device(robot=self.robot.name, dt=self._dt)
-            self._pushes.extend(self._recording.pushes)
+            self.teleoperator.device = device = self._recording.device(self.teleoperator)
+            self._pushes.extend(device.pushes)
 
     def _begin(self) -> None:
         if self._ticks is not None:
             self._start()
         teleoperator, making = self.teleoperator, self._making
-        setup = teleop_setup(teleoperator, self._config, seed=making.seed, rotator=making.rotator)
+        setup = TeleopSetup.of(teleoperator, self._config, seed=making.seed, rotator=making.rotator)
         about = {"controller": "step teleoperation"}
         self.takes.expect(
             lambda path: TeleopRecorder(

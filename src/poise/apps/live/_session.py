@@ -255,16 +255,16 @@ class LiveSession(_Session):
         folder: where the run is recorded.
         port: of the page; 0 for any that is free.
         gamepad: whether a gamepad on this machine drives the feet, in place of the page.
-        recording: plays this in place of a person.
+        recording: drives in place of a person, as in `LiveLoop`.
         plant: with torque actuation, or velocity, as in the paper.
-        seed: of the sensor noise; a recording that is played has its own.
-        parameters: of the teleoperator; scaled to the robot when None. Likewise.
-        solved_by: name of the controller that solves the stack, see `StepTeleoperator`; likewise.
+        seed: of the sensor noise.
+        parameters: of the teleoperator; scaled to the robot when None.
+        solved_by: name of the controller that solves the stack, see `StepTeleoperator`.
 
     Raises:
         ConfigurationError: the robot cannot be walked.
         UnknownNameError: no such controller of what the plant takes.
-        RecordingError: the recording is of another robot.
+        RecordingError: the recording has no samples, or settings that cannot be.
         PortInUseError: the port is taken.
         NoGamepadError: a gamepad is wanted and none is there.
     """

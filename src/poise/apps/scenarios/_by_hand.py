@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from poise._schema import Bounds, Seconds, Truth, checked
-from poise.apps.teleoperation import SCRIPTS, BadOperator, PoorLink, Script
+from poise._schema import AnyText, Bounds, Seconds, Truth, checked
+from poise.apps.teleoperation import SCRIPTS, BadOperator, PoorLink, Script, read_recording
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import Device, ScriptedDevice, StepTeleoperator, WayPoint
 
@@ -22,6 +22,7 @@ class DevicePlan:
             where there is none.
         points: in order of time, as offsets from where each foot stood at the start.
         bad_operator: whether they move at random, as no careful person would move them.
+        recording: file of a recorded run of any robot, whose samples are sent; empty for none.
         latency: how long what they say is under way [s].
         loss: probability that a sample, one a tick, does not arrive.
     """
@@ -29,18 +30,23 @@ class DevicePlan:
     script: str = ""
     points: tuple[WayPoint, ...] = ()
     bad_operator: Truth = False
+    recording: AnyText = ""
     latency: Seconds = 0.0
     loss: Annotated[float, Bounds(least=0.0, most=1.0)] = 0.0
 
     def __post_init__(self) -> None:
         if self.script and self.script not in SCRIPTS:
             raise UnknownNameError("no such script of devices", got=self.script, choices=SCRIPTS)
-        if bool(self.script) + bool(self.points) + self.bad_operator != 1:
+        ways = {
+            "script": self.script,
+            "points": self.points,
+            "bad_operator": self.bad_operator,
+            "recording": self.recording,
+        }
+        given = [name for name, way in ways.items() if way]
+        if len(given) != 1:
             raise ConfigurationError(
-                "devices need a script, points, or a bad operator",
-                got=f"script {self.script!r}, {len(self.points)} points, "
-                f"bad_operator {str(self.bad_operator).lower()}",
-                wanted="one of the three",
+                "devices are led in one way", got=given, wanted="one key", choices=ways
             )
 
     def device(self, teleoperator: StepTeleoperator, script: Script | None, seed: int) -> Device:
@@ -50,11 +56,17 @@ class DevicePlan:
             teleoperator: whose feet they lead.
             script: of the plan, for its robot; None where it has none.
             seed: of everything random.
+
+        Raises:
+            RecordingError: the recording cannot be read, or has no samples.
         """
-        points = self.points if script is None else script.points
-        device: Device = ScriptedDevice(points, *teleoperator.estimator.anchors)
-        if self.bad_operator:
+        if self.recording:
+            device: Device = read_recording(self.recording).device(teleoperator)
+        elif self.bad_operator:
             device = BadOperator(teleoperator, seed)
+        else:
+            points = self.points if script is None else script.points
+            device = ScriptedDevice(points, *teleoperator.estimator.anchors)
         if self.latency or self.loss:
             device = PoorLink(device, latency=self.latency, loss=self.loss, seed=seed)
         return device

@@ -7,7 +7,6 @@ from poise.apps.teleoperation._haptics import (
     foot_forces as foot_forces,
 )
 from poise.apps.teleoperation._log import (
-    DEVICE_STATUSES as DEVICE_STATUSES,
     MODES as MODES,
     TeleopLog,
 )
@@ -16,7 +15,6 @@ from poise.apps.teleoperation._recording import (
     RecordedDevice as RecordedDevice,
     RecordedPush as RecordedPush,
     Recording as Recording,
-    RecordingError as RecordingError,
     TeleopRecorder as TeleopRecorder,
     read_recording as read_recording,
     write_recording as write_recording,
@@ -33,10 +31,10 @@ from poise.apps.teleoperation._scripts import (
     Script,
 )
 from poise.apps.teleoperation._setup import (
+    RecordingError as RecordingError,
+    TeleopSetup as TeleopSetup,
     plant_from_json as plant_from_json,
     recorded_robot as recorded_robot,
-    recorded_setup as recorded_setup,
-    teleop_setup as teleop_setup,
 )
 from poise.apps.teleoperation._teleop_file import convert_recording as convert_recording
 from poise.apps.teleoperation._terrain import terrain_blocks

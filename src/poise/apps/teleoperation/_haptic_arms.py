@@ -1,6 +1,6 @@
 """`HapticArm`: what a driver of a device with force feedback has to have.
 
-`SimulatedArm`: one in a simulated hand. `GuardedArm`: one whose driver may fail.
+`SimulatedArm`: one in a simulated hand.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise.locomotion import WarnOnce, checked_reading
 
 Reading = tuple[Float64[np.ndarray, "3"], bool]
 """Where the end of an arm is, forward, left and up from anywhere [m], and whether it leads."""
@@ -89,55 +88,3 @@ class SimulatedArm:
     def write(self, force: Float64[np.ndarray, "3"]) -> None:
         """Pushes the hand until the next call [N]."""
         self.force = force.copy()
-
-
-class GuardedArm:
-    """An arm whose driver may fail: neither call raises, and the logger `poise` says why.
-
-    Args:
-        arm: as given.
-        side: whose foot it leads: "left" or "right".
-
-    Attributes:
-        error: what the last `read` raised, or a `write` since, or a `FieldError` of an answer that
-            is no reading; None if all was well.
-    """
-
-    def __init__(self, arm: HapticArm, side: str) -> None:
-        self._arm, self._side = arm, side
-        self.error: Exception | None = None
-        self._warn_once = WarnOnce()
-
-    def read(self) -> Reading | None:
-        """Where the hand is; None for an arm that is gone, nowhere or fails."""
-        self.error = None
-        try:
-            reading = checked_reading(f"{self._side} arm", self._arm.read())
-        except Exception as error:
-            self._failed(error)
-            return None
-        place = None if reading is None else np.array(reading.position)
-        if reading is None or place is None or not np.isfinite(place).all():
-            return None
-        return place, bool(reading.clutch)
-
-    def write(self, force: Float64[np.ndarray, "3"]) -> bool:
-        """Pushes the hand until the next call.
-
-        Args:
-            force: forward, left and up [N].
-
-        Returns:
-            Whether the arm took it.
-        """
-        try:
-            self._arm.write(force)
-        except Exception as error:
-            self._failed(error)
-            return False
-        return True
-
-    def _failed(self, error: Exception) -> None:
-        # The first one: what fails after it often does so because of it.
-        self.error = self.error or error
-        self._warn_once(error, "the %s arm failed, and counts as gone", self._side)

@@ -12,7 +12,7 @@ from jaxtyping import Float64
 from msgspec.structs import replace
 
 from poise._checks import checked_number
-from poise.apps.teleoperation._haptic_arms import GuardedArm, HapticArm, Reading
+from poise.apps.teleoperation._haptic_arms import HapticArm, Reading
 from poise.dynamics import saturate
 from poise.errors import ConfigurationError
 from poise.locomotion import (
@@ -21,7 +21,9 @@ from poise.locomotion import (
     StepTeleoperator,
     TrackedFeet,
     TrackedPose,
+    WarnOnce,
     along_ahead,
+    checked_reading,
 )
 
 Readings = tuple[Reading | None, Reading | None]
@@ -36,40 +38,72 @@ _LEAST = 1e-3
 """A force that is nearer than this to where it goes is there [N]."""
 
 
-class _Touch:
-    """What one foot's force is to the hand: what it meets in the air, and its landing.
+class _Hand:
+    """A hand at an arm whose driver may fail, and the force of its foot on it.
 
-    A foot that stands is not felt: a hand that is pushed up by a load that lasts would lift it.
-
-    Args:
-        washout: time constant with which a landing fades [s].
+    A stance foot exerts none: a hand that is pushed up by a load that lasts would lift the foot.
     """
 
-    def __init__(self, washout: float) -> None:
-        self._washout = washout
+    def __init__(
+        self, arm: HapticArm, side: str, *, dt: float, gain: float, most: float,
+        smoothing: float, washout: float,
+    ) -> None:  # fmt: skip
+        self._arm, self._side, self._dt = arm, side, dt
+        self._gain, self._most = gain, most
+        self._smoothing, self._washout = smoothing, washout
         self._in_air, self._without = False, 0.0
-        self._slow: Float64[np.ndarray, "3"] = np.zeros(3)
+        self._slow = self._force = np.zeros(3)
+        self.error: Exception | None = None
+        self._warn_once = WarnOnce()
 
-    def felt(
-        self, force: Float64[np.ndarray, "3"], total: float, dt: float
-    ) -> Float64[np.ndarray, "3"]:
-        """One period.
+    def tick(self, foot: Float64[np.ndarray, "3"], total: float, *, heard: bool) -> Reading | None:
+        """Read and drive the arm, with forces on the foot and on both [N]; None where it fails."""
+        self.error = None
+        reading, touch = self._read(), self._touch(foot, total)
+        holds = reading is not None and reading[1] and heard
+        self._approach(saturate(self._most, self._gain * touch) if holds else np.zeros(3))
+        try:
+            self._arm.write(self._force.copy() if reading is not None else np.zeros(3))
+        except Exception as error:
+            self._fail(error)
+            # It is back as softly as at the beginning.
+            self._force = np.zeros(3)
+            return None
+        return reading
 
-        Args:
-            force: on the foot [N].
-            total: what both feet carry [N].
-            dt: period [s].
-        """
+    def _read(self) -> Reading | None:
+        try:
+            reading = checked_reading(f"{self._side} arm", self._arm.read())
+        except Exception as error:
+            self._fail(error)
+            return None
+        if reading is None or reading.position is None:
+            return None
+        place = np.array(reading.position)
+        return (place, bool(reading.clutch)) if np.isfinite(place).all() else None
+
+    def _fail(self, error: Exception) -> None:
+        # The first one: what fails after it often does so because of it.
+        self.error = self.error or error
+        self._warn_once(error, "the %s arm failed, and counts as gone", self._side)
+
+    def _touch(self, force: Float64[np.ndarray, "3"], total: float) -> Float64[np.ndarray, "3"]:
+        """Force on a foot in the air and at its landing, washed out [N]."""
         unloaded = bool(force[2] < _UNLOADED * total)
-        self._without = self._without + dt if unloaded else 0.0
+        self._without = self._without + self._dt if unloaded else 0.0
         if self._without > _LIFTED:
             self._in_air, self._slow = True, np.zeros(3)
         if not self._in_air:
             return np.zeros(3)
         if not unloaded:
-            self._slow = self._slow + dt / (self._washout + dt) * (force - self._slow)
+            self._slow = self._slow + self._dt / (self._washout + self._dt) * (force - self._slow)
             self._in_air = bool(self._slow[2] < _SETTLED * force[2])
         return force - self._slow
+
+    def _approach(self, goal: Float64[np.ndarray, "3"]) -> None:
+        left = (goal - self._force) * self._smoothing / (self._smoothing + self._dt)
+        # Nothing is nothing at last.
+        self._force = goal - left if math.sqrt(float(left @ left)) > _LEAST else goal
 
 
 _ENDED = 0.1
@@ -116,15 +150,21 @@ class HapticDriver:
         washout: float = 0.4,
         silence: float = 0.1,
     ) -> None:
-        self._arms = (GuardedArm(left, "left"), GuardedArm(right, "right"))
         self.dt = checked_number(dt, "period of the arms [s]", above=0.0)
-        self._gain = checked_number(gain, "gain of the forces", above=0.0)
-        self._most = checked_number(force_max, "force_max of the arms [N]", above=0.0)
-        self._smoothing = checked_number(smoothing, "smoothing of the forces [s]", above=0.0)
         self._silence = checked_number(silence, "silence of the robot [s]", above=0.0)
-        washout = checked_number(washout, "washout of the forces [s]", above=0.0)
-        self._touches = (_Touch(washout), _Touch(washout))
-        self._forces = [np.zeros(3), np.zeros(3)]
+        left_hand, right_hand = (
+            _Hand(
+                arm,
+                side,
+                dt=self.dt,
+                gain=checked_number(gain, "gain of the forces", above=0.0),
+                most=checked_number(force_max, "force_max of the arms [N]", above=0.0),
+                smoothing=checked_number(smoothing, "smoothing of the forces [s]", above=0.0),
+                washout=checked_number(washout, "washout of the forces [s]", above=0.0),
+            )
+            for side, arm in (("left", left), ("right", right))
+        )
+        self._hands = (left_hand, right_hand)
         # In one object, which another thread replaces as a whole.
         self._news: tuple[float, Float64[np.ndarray, "2 3"]] = (-math.inf, np.zeros((2, 3)))
         self._known, self._unheard = self._news, 0
@@ -173,28 +213,10 @@ class HapticDriver:
         self._known = news
         heard = now - heard_at <= self._silence and self._unheard * self.dt <= self._silence
         total = float(feet[:, 2].sum())
-        readings: list[Reading | None] = []
-        for foot, arm in enumerate(self._arms):
-            reading = arm.read()
-            felt = self._touches[foot].felt(feet[foot], total, self.dt)
-            holds = reading is not None and reading[1] and heard
-            goal = saturate(self._most, self._gain * felt) if holds else np.zeros(3)
-            self._forces[foot] = self._smoothed(self._forces[foot], goal)
-            if not arm.write(self._forces[foot] if reading is not None else np.zeros(3)):
-                # It is back as softly as at the beginning.
-                reading, self._forces[foot] = None, np.zeros(3)
-            readings.append(reading)
-        self.errors = (self._arms[0].error, self._arms[1].error)
-        said = (readings[0], readings[1])
-        self._read = (clock.monotonic(), said)
+        left, right = self._hands
+        said = left.tick(feet[0], total, heard=heard), right.tick(feet[1], total, heard=heard)
+        self.errors, self._read = (left.error, right.error), (clock.monotonic(), said)
         return said
-
-    def _smoothed(
-        self, force: Float64[np.ndarray, "3"], goal: Float64[np.ndarray, "3"]
-    ) -> Float64[np.ndarray, "3"]:
-        left = (goal - force) * self._smoothing / (self._smoothing + self.dt)
-        # Nothing is nothing at last.
-        return goal - left if math.sqrt(float(left @ left)) > _LEAST else goal
 
 
 def foot_forces(teleoperator: StepTeleoperator) -> list[list[float]]:

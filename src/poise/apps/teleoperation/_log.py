@@ -11,8 +11,6 @@ from poise.sim import RunRecord
 
 MODES = tuple(Mode)
 """The number of a mode in a log is its place here."""
-DEVICE_STATUSES = tuple(DeviceStatus)
-"""The number of a device's status in a log is its place here."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +71,7 @@ class TeleopLog:
         return cls(
             time=dt * (np.round(end / dt) - 1.0),
             mode=_places(record.notes("mode"), [mode.name for mode in MODES], end),
-            device=_places(record.notes("device"), [d.name for d in DEVICE_STATUSES], end),
+            device=_places(record.notes("device"), [status.name for status in DeviceStatus], end),
             devices=np.stack(tuple(devices), axis=1),
             zmp=record["estimate/zmp"],
             zmp_reference=record["zmp_reference"],

@@ -41,9 +41,9 @@ class BadOperator:
         self._from = [hand.copy() for hand in self._hands]
         self._to = [hand.copy() for hand in self._hands]
         self._begin, self._end = [0.0, 0.0], [0.0, 0.0]
-        self._next, self._jitter_until, self._jitter = 0.5, 0.0, 0.0
+        self._time, self._next, self._jitter_until, self._jitter = 0.0, 0.5, 0.0, 0.0
         self._silent_until, self._rubbish = 0.0, 0
-        self._whims: tuple[Callable[[int, float], None], ...] = (
+        self._whims: tuple[Callable[[int], None], ...] = (
             self._lift, self._lift, self._lower, self._lower, self._lower_early, self._step,
             self._step, self._jump, self._shake, self._tap, self._lift_both, self._freeze,
             self._reach_too_far, self._cross, self._send_rubbish,
@@ -51,12 +51,15 @@ class BadOperator:
 
     def sample(self, time: float) -> OperatorSample | None:
         """What the hands do now; drawn tick by tick, so ask once a tick."""
+        self._time = time
         if time >= self._next:
             whim = self._whims[int(self._rng.integers(len(self._whims)))]
-            whim(int(self._rng.integers(2)), time)
-            self._next = time + float(self._rng.uniform(*_PAUSE))
+            whim(int(self._rng.integers(2)))
+            self._next = time + self._draw(*_PAUSE)
         for foot in (0, 1):
-            self._hands[foot] = self._on_the_way(foot, time)
+            begin, end = self._begin[foot], self._end[foot]
+            share = 1.0 if time >= end else (time - begin) / (end - begin)
+            self._hands[foot] = self._from[foot] + share * (self._to[foot] - self._from[foot])
         shake = self._rng.uniform(-1.0, 1.0, (2, 3))
         if time < self._silent_until:
             return None
@@ -68,83 +71,72 @@ class BadOperator:
             time, left = time - 1.0, np.full_like(left, np.nan)
         return OperatorSample(time, (TrackedPose.of(left), TrackedPose.of(right)))
 
-    def _on_the_way(self, foot: int, time: float) -> Float64[np.ndarray, "3"]:
-        begin, end = self._begin[foot], self._end[foot]
-        share = 1.0 if time >= end else (time - begin) / (end - begin)
-        return self._from[foot] + share * (self._to[foot] - self._from[foot])
+    def _draw(self, least: float, most: float) -> float:
+        return float(self._rng.uniform(least, most))
 
-    def _go(self, foot: int, place: Float64[np.ndarray, "3"], time: float, seconds: float) -> None:
+    def _go(self, foot: int, place: Float64[np.ndarray, "3"], seconds: float | None = None) -> None:
+        seconds = self._draw(0.1, 0.6) if seconds is None else seconds
         self._from[foot], self._to[foot] = self._hands[foot].copy(), place
-        self._begin[foot], self._end[foot] = time, time + seconds
+        self._begin[foot], self._end[foot] = self._time, self._time + seconds
 
     def _sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         status = self._controller.status
         return (self._hands[foot] if status is None else status.soles[foot]).copy()
 
-    def _seconds(self) -> float:
-        return float(self._rng.uniform(0.1, 0.6))
+    def _at_height(
+        self, place: Float64[np.ndarray, "3"], least: float, most: float
+    ) -> Float64[np.ndarray, "3"]:
+        place[2] = self._draw(least, most)
+        return place
 
-    def _lift(self, foot: int, time: float) -> None:
-        place = self._sole(foot)
-        place[2] = self._rng.uniform(0.02, 0.2)
-        self._go(foot, place, time, self._seconds())
+    def _lift(self, foot: int) -> None:
+        self._go(foot, self._at_height(self._sole(foot), 0.02, 0.2))
 
-    def _lower(self, foot: int, time: float) -> None:
-        place = self._hands[foot].copy()
-        place[2] = self._rng.uniform(-0.08, 0.0)
-        self._go(foot, place, time, self._seconds())
+    def _lower(self, foot: int) -> None:
+        self._go(foot, self._at_height(self._hands[foot].copy(), -0.08, 0.0))
 
-    def _lower_early(self, foot: int, time: float) -> None:
+    def _lower_early(self, foot: int) -> None:
         """Up, and down again before the foot can have left the ground."""
-        self._lift(foot, time)
+        self._lift(foot)
         self._hands[foot] = self._to[foot].copy()
-        self._lower(foot, time)
+        self._lower(foot)
 
-    def _step(self, foot: int, time: float) -> None:
+    def _step(self, foot: int) -> None:
         place = self._hands[foot].copy()
         place[:2] += self._rng.normal(0.0, 0.12, 2)
-        place[2] = self._rng.uniform(0.0, 0.15)
-        self._go(foot, place, time, self._seconds())
+        self._go(foot, self._at_height(place, 0.0, 0.15))
 
-    def _jump(self, foot: int, time: float) -> None:
-        place = self._hands[foot] + self._rng.uniform(-0.3, 0.3, 3)
-        self._go(foot, place, time, 1e-3)
+    def _jump(self, foot: int) -> None:
+        self._go(foot, self._hands[foot] + self._rng.uniform(-0.3, 0.3, 3), 1e-3)
 
-    def _shake(self, foot: int, time: float) -> None:
-        del foot
-        self._jitter = float(self._rng.uniform(0.005, 0.1))
-        self._jitter_until = time + float(self._rng.uniform(0.2, 1.5))
+    def _shake(self, _: int) -> None:
+        self._jitter = self._draw(0.005, 0.1)
+        self._jitter_until = self._time + self._draw(0.2, 1.5)
 
-    def _tap(self, foot: int, time: float) -> None:
-        place = self._sole(foot)
-        place[2] = self._rng.uniform(0.02, 0.08)
+    def _tap(self, foot: int) -> None:
+        place = self._at_height(self._sole(foot), 0.02, 0.08)
         self._hands[foot] = place.copy()
         place[2] = -0.01
-        self._go(foot, place, time, float(self._rng.uniform(0.05, 0.3)))
+        self._go(foot, place, self._draw(0.05, 0.3))
 
-    def _lift_both(self, foot: int, time: float) -> None:
-        self._lift(foot, time)
-        self._lift(1 - foot, time)
+    def _lift_both(self, foot: int) -> None:
+        self._lift(foot)
+        self._lift(1 - foot)
 
-    def _freeze(self, foot: int, time: float) -> None:
-        del foot
-        self._silent_until = time + float(self._rng.uniform(0.1, 2.0))
+    def _freeze(self, _: int) -> None:
+        self._silent_until = self._time + self._draw(0.1, 2.0)
 
-    def _reach_too_far(self, foot: int, time: float) -> None:
-        angle = float(self._rng.uniform(0.0, 2.0 * np.pi))
-        reach = float(self._rng.uniform(0.4, 1.0))
+    def _reach_too_far(self, foot: int) -> None:
+        angle, reach = self._draw(0.0, 2.0 * np.pi), self._draw(0.4, 1.0)
         place = self._sole(foot) + reach * np.array([np.cos(angle), np.sin(angle), 0.0])
-        place[2] = self._rng.uniform(-0.05, 0.4)
-        self._go(foot, place, time, self._seconds())
+        self._go(foot, self._at_height(place, -0.05, 0.4))
 
-    def _cross(self, foot: int, time: float) -> None:
+    def _cross(self, foot: int) -> None:
         place = self._sole(1 - foot)
-        place[1] += (-1.0 if foot == 0 else 1.0) * self._rng.uniform(0.0, 0.3)
-        place[2] = self._rng.uniform(0.0, 0.1)
-        self._go(foot, place, time, self._seconds())
+        place[1] += (-1.0 if foot == 0 else 1.0) * self._draw(0.0, 0.3)
+        self._go(foot, self._at_height(place, 0.0, 0.1))
 
-    def _send_rubbish(self, foot: int, time: float) -> None:
-        del foot, time
+    def _send_rubbish(self, _: int) -> None:
         self._rubbish = int(self._rng.integers(1, 40))
 
 

@@ -1,9 +1,10 @@
-"""`Recording`: the operator's samples of a recorded run, and `RecordedDevice`, which replays them.
+"""`Recording`: the operator's samples of a recorded run, and `RecordedDevice`, which sends them.
 
 `TeleopRecorder`: records a run with that. `RecordedSample`: a sample in a log.
 """
 
 import json
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -11,22 +12,28 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
+import numpy as np
+from msgspec.structs import replace
 
+from poise._schema import read
+from poise.apps.teleoperation._setup import (
+    RecordingError,
+    TeleopSetup,
+    com_height,
+    robot_digest,
+)
 from poise.errors import ConfigurationError, MissingExtraError, PoiseError
-from poise.locomotion import OperatorSample, StepTeleoperator
+from poise.locomotion import OperatorSample, StepTeleoperator, TrackedPose
+from poise.robots import Robot
 from poise.sim import Recorder, RecorderConfig, RunRecord, Tick, read_log, write_log
 
 SAMPLES, PUSHES = "operator", "push"
 """Topics of the messages that hold samples and pushes."""
 
 _SETUP, _DURATION = "teleoperation", "duration"
-"""Keys of a record's metadata: what the run was made with, in JSON, and how long it was [s]."""
+"""Keys of a record: a `TeleopSetup` in JSON, or its `dt` alone; length of the run [s]."""
 
 _MOST_TICKS = 10**15
-
-
-class RecordingError(PoiseError):
-    """A recording that cannot be read or does not belong to this robot."""
 
 
 class RecordedPush(NamedTuple):
@@ -43,11 +50,6 @@ class RecordedPush(NamedTuple):
     duration: float
 
 
-_ENCODE = msgspec.msgpack.Encoder().encode
-_SAMPLE = msgspec.msgpack.Decoder(tuple[int, OperatorSample])
-_PUSH = msgspec.msgpack.Decoder(RecordedPush)
-
-
 class RecordedSample(NamedTuple):
     """A sample, as a log holds it.
 
@@ -59,18 +61,10 @@ class RecordedSample(NamedTuple):
     tick: int
     sample: OperatorSample
 
-    def __bytes__(self) -> bytes:
-        """Msgpack of both."""
-        return _ENCODE(tuple(self))
 
-    @classmethod
-    def decode(cls, content: bytes) -> "RecordedSample":
-        """The sample of some bytes.
-
-        Raises:
-            msgspec.DecodeError: there is none in them.
-        """
-        return cls(*_SAMPLE.decode(content))
+_ENCODE = msgspec.msgpack.Encoder().encode
+_SAMPLE = msgspec.msgpack.Decoder(RecordedSample)
+_PUSH = msgspec.msgpack.Decoder(RecordedPush)
 
 
 class TeleopRecorder(Recorder):
@@ -79,7 +73,7 @@ class TeleopRecorder(Recorder):
     Args:
         path: the MCAP file, None for memory alone.
         teleoperator: that leads the run.
-        setup: what the run is made with, see `teleop_setup`.
+        setup: settings of the run; the length of a tick [s] of one that cannot run again.
         pushes: on the torso, in order of time, kept as they begin; others by `push`.
         config: rates and buffers.
         metadata: further texts kept with the record.
@@ -89,16 +83,17 @@ class TeleopRecorder(Recorder):
         self,
         path: str | Path | None,
         teleoperator: StepTeleoperator,
-        setup: dict[str, Any],
+        setup: TeleopSetup | float,
         *,
         pushes: Sequence[RecordedPush] = (),
         config: RecorderConfig | None = None,
         metadata: dict[str, str] | None = None,
     ) -> None:
-        texts = {_SETUP: json.dumps(setup)} | (metadata or {})
+        known = {"dt": setup} if isinstance(setup, float) else setup.to_json()
+        texts = {_SETUP: json.dumps(known)} | (metadata or {})
         super().__init__(path, config=config, metadata=texts)
         self._teleoperator, self._coming = teleoperator, deque(pushes)
-        self._dt, self._ticks = float(setup["dt"]), 0
+        self._dt, self._ticks = float(known["dt"]), 0
 
     def observe(self, tick: Tick) -> None:
         """Record the tick, if it is due, and always its sample and pushes."""
@@ -106,8 +101,7 @@ class TeleopRecorder(Recorder):
             self.push(self._coming.popleft())
         status = self._teleoperator.status
         if status is not None and status.sample is not None:
-            # The guard's own copy: it can be encoded in the thread of the log.
-            self.message(SAMPLES, RecordedSample(tick.index, status.sample))
+            self.message(SAMPLES, _ENCODE(RecordedSample(tick.index, status.sample)))
         self._ticks = tick.index + 1
         super().observe(tick)
 
@@ -134,7 +128,7 @@ class Recording:
         robot: the robot's name.
         dt: length of a tick [s].
         duration: of the run [s].
-        setup: what it was made with, see `teleop_setup`; empty where that is not known.
+        settings: fields of a `TeleopSetup` as recorded; `dt` alone where the others are unknown.
         pushes: on the torso, in order of time.
         messages: of the samples, see `RecordedSample`.
     """
@@ -143,56 +137,96 @@ class Recording:
     robot: str
     dt: float
     duration: float
-    setup: dict[str, Any] = field(repr=False)
+    settings: dict[str, Any] = field(repr=False)
     pushes: list[RecordedPush] = field(repr=False)
     messages: list[bytes] = field(repr=False)
 
     @property
     def samples(self) -> list[RecordedSample]:
         """Samples, each with the tick before which it came."""
-        return [RecordedSample.decode(content) for content in self.messages]
+        return [_SAMPLE.decode(content) for content in self.messages]
 
-    def device(self, *, robot: str, dt: float) -> "RecordedDevice":
-        """The recording as a device.
-
-        Args:
-            robot: name of the robot that it shall drive.
-            dt: length of its ticks [s].
+    @property
+    def setup(self) -> TeleopSetup:
+        """Settings of the run.
 
         Raises:
-            RecordingError: another robot or another tick.
+            RecordingError: it does not say, or a value of them cannot be.
         """
-        if robot != self.robot:
-            raise RecordingError(
-                f"the recording {self.path.name} is from another robot",
-                got=self.robot,
-                wanted=robot,
-            )
-        if dt != self.dt:
-            raise RecordingError(
-                f"the recording {self.path.name} has another length of a tick",
-                got=f"{self.dt} s",
-                wanted=f"{dt} s",
-            )
-        return RecordedDevice(self)
+        where = f"the set-up of the recording {self.path.name}"
+        return read(TeleopSetup, self.settings, where, error=RecordingError)
+
+    def is_of(self, robot: Robot) -> bool:
+        """Return whether a robot has the name, masses, limits and soles of the recorded one."""
+        digest = self.settings.get("digest")
+        return robot.name == self.robot and digest in (None, robot_digest(robot))
+
+    def setup_for(self, robot: Robot, actuation: str) -> TeleopSetup | None:
+        """Return the settings with which a robot that starts at home repeats the run, if it can.
+
+        Args:
+            robot: that is to repeat it.
+            actuation: what is commanded.
+
+        Raises:
+            RecordingError: a value of the settings cannot be.
+        """
+        if "parameters" not in self.settings or not self.is_of(robot):
+            return None
+        made = self.setup
+        return made if made.q_start is None and made.plant.actuation == actuation else None
+
+    def device(self, teleoperator: StepTeleoperator) -> "RecordedDevice":
+        """Return a device that sends the samples to a teleoperator that has not begun.
+
+        As they are to the robot of the recording at its tick and from its start; else see
+        `RecordedDevice`.
+
+        Args:
+            teleoperator: of any robot and actuation.
+
+        Raises:
+            RecordingError: no samples.
+        """
+        if not self.messages:
+            raise RecordingError(f"the recording {self.path.name} has no samples of an operator")
+        same = self.is_of(teleoperator.robot) and teleoperator.dt == self.dt
+        same = same and self.settings.get("q_start") is None
+        return RecordedDevice(self, None if same else teleoperator)
 
 
 class RecordedDevice:
-    """Replay the samples of a recording at their ticks; call `sample` once a tick.
+    """Send the samples of a recording at their ticks; call `sample` once a tick.
 
     Gaps stay gaps, and what was refused then is refused now: the guard decides again.
 
+    To another robot, tick or start the samples are transferred. A device that does not lead its
+    foot is over it, at its own height, and takes hold at touchdown; from there the foot goes
+    as the recorded device did. Ways and heights of feet and body are scaled by the heights of both
+    robots' COM; those of hands are not, as the operator's arms stay as long as they are.
+
     Args:
         recording: where they are.
+        teleoperator: to which they are transferred, which has not begun; None to send them as they
+            are.
 
     Attributes:
         recording: where they are.
+        pushes: those of the recording; none where samples are transferred.
     """
 
-    def __init__(self, recording: Recording) -> None:
-        self.recording = recording
-        self._messages, self._tick = iter(recording.messages), 0
-        self._next = self._read()
+    def __init__(self, recording: Recording, teleoperator: StepTeleoperator | None = None) -> None:
+        self.recording, self._teleoperator = recording, teleoperator
+        self.pushes = recording.pushes if teleoperator is None else []
+        self._scale = self._per_tick = 1.0
+        if teleoperator is not None:
+            height = com_height(teleoperator)
+            # Where nobody noted how high the COM was, ways stay as long as they are.
+            self._scale = height / (recording.settings.get("height") or height)
+            self._per_tick = recording.dt / teleoperator.dt
+        self._offsets = [np.zeros(3), np.zeros(3)]
+        self._coming = map(_SAMPLE.decode, recording.messages)
+        self._next, self._tick = next(self._coming, None), 0
 
     def sample(self, time: float) -> OperatorSample | None:
         """Sample that came before the next tick.
@@ -204,14 +238,27 @@ class RecordedDevice:
         """
         del time
         found = None
-        while self._next is not None and self._next.tick <= self._tick:
-            found, self._next = self._next.sample, self._read()
+        while self._next is not None and self._next.tick * self._per_tick <= self._tick:
+            found, self._next = self._next.sample, next(self._coming, None)
         self._tick += 1
-        return found
+        if found is None or self._teleoperator is None:
+            return found
+        left, right = (self._transferred(foot, found.feet[foot]) for foot in (0, 1))
+        body = replace(found.body, height=self._scale * found.body.height)
+        return replace(found, feet=(left, right), body=body)
 
-    def _read(self) -> RecordedSample | None:
-        content = next(self._messages, None)
-        return None if content is None else RecordedSample.decode(content)
+    def _transferred(self, foot: int, part: TrackedPose | None) -> TrackedPose | None:
+        """One foot's device for the teleoperator's robot."""
+        teleoperator = self._teleoperator
+        if teleoperator is None or part is None or part.position is None:
+            return part
+        place = self._scale * np.array(part.position)
+        if not teleoperator.held[foot] and math.isfinite(place.sum()):
+            self._offsets[foot][:2] = teleoperator.estimator.sole(foot)[:2] - place[:2]
+        rate = None if part.velocity is None else self._scale * np.array(part.velocity)
+        return TrackedPose.of(
+            place + self._offsets[foot], part.clutch, part.orientation, velocity=rate
+        )
 
 
 def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recording:
@@ -253,8 +300,8 @@ def recording_of(record: RunRecord, path: Path = Path()) -> Recording:
         RecordingError: the record is of another run, or holds what cannot be.
     """
     try:
-        setup = json.loads(record.metadata[_SETUP])
-        robot, dt = record.metadata["robot"], float(setup["dt"])
+        settings = json.loads(record.metadata[_SETUP])
+        robot, dt = record.metadata["robot"], float(settings["dt"])
         if not 0.0 < dt < 1.0:
             raise ValueError(f"a tick of {dt} s")
     except (KeyError, ValueError, TypeError) as error:
@@ -265,16 +312,17 @@ def recording_of(record: RunRecord, path: Path = Path()) -> Recording:
         ) from None
     messages = [content for _, content in record.messages(SAMPLES)]
     pushed = [content for _, content in record.messages(PUSHES)]
-    last = _check(path, "samples", messages, lambda content: RecordedSample.decode(content).tick)
-    last = max(last, _check(path, "pushes", pushed, lambda content: _PUSH.decode(content).tick))
-    known = setup if "parameters" in setup else {}
+    last = max(
+        _last_tick(path, "samples", messages, _SAMPLE.decode),
+        _last_tick(path, "pushes", pushed, _PUSH.decode),
+    )
     return Recording(
         path=path,
         robot=robot,
         dt=dt,
         # Nobody knew how long a run would be that did not come to its end.
         duration=float(record.metadata.get(_DURATION, (last + 1) * dt)),
-        setup=known,
+        settings=settings,
         pushes=[_PUSH.decode(content) for content in pushed],
         messages=messages,
     )
@@ -286,7 +334,7 @@ def write_recording(
     *,
     robot: str,
     dt: float,
-    setup: dict[str, Any] | None = None,
+    settings: dict[str, Any] | None = None,
     pushes: Sequence[RecordedPush] = (),
     duration: float | None = None,
 ) -> None:
@@ -297,41 +345,40 @@ def write_recording(
         samples: each with the tick before which it came, in order.
         robot: the robot's name.
         dt: length of a tick [s].
-        setup: what the run was made with, see `teleop_setup`.
+        settings: fields of a `TeleopSetup`, where the run is known.
         pushes: on the torso, in order.
         duration: of the run [s]; up to the last sample when None.
 
     Raises:
-        ConfigurationError: the set-up is no JSON.
+        ConfigurationError: the settings are no JSON.
         PoiseError: the file cannot be written.
     """
     try:
-        text = json.dumps({**(setup or {}), "dt": dt}, allow_nan=False)
+        text = json.dumps({**(settings or {}), "dt": dt}, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise ConfigurationError(f"the set-up of a recording is no JSON: {error}") from None
     record = RunRecord({"robot": robot, _SETUP: text})
     if duration is not None:
         record.metadata[_DURATION] = repr(duration)
     for tick, sample in samples:
-        record.message(tick * dt, SAMPLES, RecordedSample(tick, sample))
+        record.message(tick * dt, SAMPLES, _ENCODE(RecordedSample(tick, sample)))
     for push in pushes:
         record.message(push.tick * dt, PUSHES, _ENCODE(push))
     path.parent.mkdir(parents=True, exist_ok=True)
     write_log(record, path)
 
 
-def _check(
-    path: Path, what: str, messages: Sequence[bytes], tick_of: Callable[[bytes], int]
+def _last_tick(
+    path: Path,
+    what: str,
+    messages: Sequence[bytes],
+    decode: Callable[[bytes], RecordedSample | RecordedPush],
 ) -> int:
-    """The last tick of some messages, -1 for none.
-
-    Raises:
-        RecordingError: one cannot be read, or ticks go backwards.
-    """
+    """The last tick of some messages, -1 for none."""
     last = -1
     for number, content in enumerate(messages):
         try:
-            tick = tick_of(content)
+            tick = decode(content).tick
         except (msgspec.DecodeError, TypeError, ValueError, OverflowError) as error:
             raise RecordingError(
                 f"number {number} of the {what} of {path.name} cannot be read: {error}"

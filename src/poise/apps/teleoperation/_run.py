@@ -23,7 +23,7 @@ from poise.apps.teleoperation._recording import (
     read_recording,
     recording_of,
 )
-from poise.apps.teleoperation._setup import recorded_robot, recorded_setup, teleop_setup
+from poise.apps.teleoperation._setup import RecordingError, TeleopSetup, recorded_robot
 from poise.errors import ConfigurationError
 from poise.locomotion import (
     ComDriver,
@@ -157,16 +157,16 @@ def run_teleop(
     source = device(teleoperator) if callable(device) else device
     teleoperator.device = checked_kind(source, Device, "the device that walks the robot")
     if isinstance(source, RecordedDevice):
-        pushes = source.recording.pushes
+        pushes = source.pushes or pushes
         _check_another_file(recording, source.recording)
     pushes = _in_order(pushes)
     for number, force, seconds in pushes:
         body.push(robot.torso, force, seconds, number * plant.control_dt)
     controller, times = teleoperator.controller(), list[float]()
-    setup = teleop_setup(teleoperator, plant, seed=seed, rotator=rotator, q_start=q_start)
-    if not usual:
-        # Nothing by which it could run again.
-        setup = {"dt": plant.control_dt}
+    # Of an unusual run there is nothing by which it could run again.
+    setup = plant.control_dt
+    if usual:
+        setup = TeleopSetup.of(teleoperator, plant, seed=seed, rotator=rotator, q_start=q_start)
     recorder = TeleopRecorder(recording, teleoperator, setup, pushes=pushes)
     estimator = teleoperator.estimator
     ticks = rollout(
@@ -191,11 +191,7 @@ def run_teleop(
 
 
 def _check_another_file(recording: str | Path | None, played: Recording) -> None:
-    """A recording that is played is not written over.
-
-    Raises:
-        ConfigurationError: it would be.
-    """
+    """Refuse to write over a recording that is played."""
     if recording is not None and Path(recording).exists() and played.path.samefile(recording):
         raise ConfigurationError(
             "a recording that is played cannot be written over",
@@ -205,11 +201,7 @@ def _check_another_file(recording: str | Path | None, played: Recording) -> None
 
 
 def _in_order(pushes: Sequence[Push]) -> list[RecordedPush]:
-    """Pushes in order of time.
-
-    Raises:
-        ConfigurationError: one is none.
-    """
+    """Pushes in order of time, checked."""
     for push in checked_kind(pushes, Sequence, "pushes of the run"):
         if not (isinstance(push, tuple | list) and len(push) == 3):
             raise ConfigurationError(
@@ -237,20 +229,26 @@ def replay_teleop(
         recording = recording_of(recording)
     elif not isinstance(recording, Recording):
         recording = read_recording(recording)
+    name = recording.path.name
     if robot is None:
-        robot = recorded_robot(
-            recording.robot, f"the recording {recording.path.name}", option="--robot FILE"
+        robot = recorded_robot(recording.robot, f"the recording {name}", option="--robot FILE")
+    if not recording.is_of(robot):
+        same = robot.name == recording.robot
+        raise RecordingError(
+            f"the recording {name} is from another "
+            + (f"{robot.name}: masses, limits or soles differ" if same else "robot"),
+            got=recording.robot,
+            wanted="the robot that it was made with, as `robot`" if same else robot.name,
         )
-    device = recording.device(robot=robot.name, dt=recording.dt)
-    setup = recorded_setup(recording, robot)
+    setup = recording.setup
     return run_teleop(
         robot,
-        device,
+        RecordedDevice(recording),
         setup.plant,
-        duration=setup.duration,
+        duration=recording.duration,
         seed=setup.seed,
         parameters=setup.parameters,
         rotator=setup.rotator,
-        q_start=setup.q_start,
+        q_start=None if setup.q_start is None else np.array(setup.q_start),
         solved_by=setup.solved_by,
     )

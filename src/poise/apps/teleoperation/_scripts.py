@@ -1,22 +1,52 @@
 """The paper's scenarios as scripts: way-points that a careful operator would take."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion import ScriptedDevice, StepTeleoperator, WayPoint
+from poise.dynamics import Dynamics, RobotState
+from poise.locomotion import ScriptedDevice, StepTeleoperator, WayPoint, two_soles
 from poise.robots import Robot, standing_posture
 from poise.sim import Block
 
-LIFT_EVENT = 0.565
-"""When the right device is lifted in scenarios 2 and 3, as the paper has it [s]."""
+LIFT_EVENT, SWING_START = 0.565, 3.0
+"""When the right device is lifted in scenarios 2 and 3, as the paper has it, and when the first
+swing of scenario 4 begins [s]."""
 
-_PAPER_ROBOT = "biped20"
-_PAPER_STANCE, _PAPER_HEIGHT = 0.42, 0.765
+_PAPER_ROBOT, _PAPER_STANCE, _PAPER_HEIGHT = "biped20", 0.42, 0.765
+
+
+class HomePose:
+    """Sizes of a robot at home.
+
+    Args:
+        robot: a biped.
+
+    Attributes:
+        height: of the COM [m].
+        size: that over the height of the paper's robot.
+        soles: where the left and the right one are, x and y [m].
+        length: of the longer sole [m].
+        apart: distance of the feet [m].
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        dynamics, names = Dynamics(robot), two_soles(robot)
+        dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))
+        self.height = float(dynamics.com[2])
+        self.size = self.height / _PAPER_HEIGHT
+        self.soles = np.array([dynamics.frame(robot.frame_id(n)).position[:2] for n in names])
+        self.length = max(sole.length for sole in robot.soles.values())
+        self.apart = float(self.soles[0, 1] - self.soles[1, 1])
+        self._paper = robot.name == _PAPER_ROBOT
+
+    @property
+    def stance(self) -> float:
+        """The paper's distance of the feet; of other robots, whose ankles roll less, as at home."""
+        return _PAPER_STANCE if self._paper else self.apart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,44 +89,28 @@ def over_an_obstacle(robot: Robot, aside: float = 0.0) -> Script:
         aside: how far the right foot goes outwards besides, in the size of the robot [m]: the paper
             has it go “right-forward” without a number.
     """
-    size, sole = _size(robot), _sole_length(robot)
+    home = HomePose(robot)
+    size, sole = home.size, home.length
     depth, gap, low, high = 0.02 * size, 0.045 * size, 0.05 * size, 0.08 * size
-    front = 0.5 * sole + gap
     step, up = sole + 2.0 * depth + 2.0 * gap, high + 0.09 * size
-    width = 4.0 * _stance(robot)
-    blocks = (
-        Block(center=(front + 0.5 * depth, 0.0), size=(depth, width, low)),
-        Block(center=(front + 1.5 * depth, 0.0), size=(depth, width, high)),
+    blocks = tuple(
+        Block(
+            center=(0.5 * sole + gap + (i + 0.5) * depth, 0.0),
+            size=(depth, 4.0 * home.stance, height),
+        )
+        for i, height in enumerate((low, high))
     )
-    points = (
-        *_careful_step("right", 0.5, (step, -aside * size), up),
-        *_careful_step("left", 7.0, (step, 0.0), up),
-    )
-    return Script(
-        name="scenario 1",
-        points=points,
-        duration=14.0,
-        feet_apart=_home_stance(robot),
-        com_height=_home_height(robot),
-        blocks=blocks,
-    )
+    right = _careful_step("right", 0.5, (step, -aside * size), up)
+    left = _careful_step("left", 7.0, (step, 0.0), up)
+    return _script("scenario 1", home, (*right, *left), 14.0, home.apart, blocks)
 
 
 def lift_one_foot(robot: Robot) -> Script:
     """Scenario 2: the right device is lifted at 0.565 s; the foot stays up."""
-    up, quick = 0.1 * _size(robot), 0.02
-    points = (
-        WayPoint(at=LIFT_EVENT - quick, right=(0.0, 0.0, 0.0)),
-        WayPoint(at=LIFT_EVENT, right=(0.0, 0.0, 0.021)),
-        WayPoint(at=LIFT_EVENT + 0.7, right=(0.0, 0.0, up)),
-    )
-    return Script(
-        name="scenario 2",
-        points=points,
-        duration=4.5,
-        feet_apart=_stance(robot),
-        com_height=_home_height(robot),
-    )
+    home, quick = HomePose(robot), 0.02
+    heights = (LIFT_EVENT - quick, 0.0), (LIFT_EVENT, 0.021), (LIFT_EVENT + 0.7, 0.1 * home.size)
+    points = [WayPoint(at=at, right=(0.0, 0.0, z)) for at, z in heights]
+    return _script("scenario 2", home, points, 4.5, home.stance)
 
 
 def switch_feet(robot: Robot, after: float = 0.6) -> Script:
@@ -106,25 +120,16 @@ def switch_feet(robot: Robot, after: float = 0.6) -> Script:
         robot: a biped.
         after: time from the right device's touching the ground to the lift of the left one [s].
     """
-    size = _size(robot)
-    up, ground = 0.06 * size, 3.2
-    points = (
-        WayPoint(at=0.5, right=(0.0, 0.0, 0.0)),
-        WayPoint(at=0.8, right=(0.0, 0.0, 0.03)),
-        WayPoint(at=1.8, right=(0.0, 0.0, up)),
-        WayPoint(at=2.6, left=(0.0, 0.0, 0.0), right=(0.0, 0.0, up)),
-        WayPoint(at=ground, right=(0.0, 0.0, -0.02)),
-        WayPoint(at=ground + after, left=(0.0, 0.0, 0.0), right=(0.0, 0.0, -0.02)),
-        WayPoint(at=ground + after + 0.05, left=(0.0, 0.0, 0.025)),
-        WayPoint(at=ground + after + 1.0, left=(0.0, 0.0, up)),
-    )
-    return Script(
-        name=f"scenario 3, {after:.2f} s",
-        points=points,
-        duration=ground + after + 3.0,
-        feet_apart=_stance(robot),
-        com_height=_home_height(robot),
-    )
+    home = HomePose(robot)
+    up, ground = 0.06 * home.size, 3.2
+    lift = ground + after
+    heights = (
+        (0.5, None, 0.0), (0.8, None, 0.03), (1.8, None, up), (2.6, 0.0, up),
+        (ground, None, -0.02), (lift, 0.0, -0.02), (lift + 0.05, 0.025, None),
+        (lift + 1.0, up, None),
+    )  # fmt: skip
+    points = [WayPoint(at=at, left=_up(left), right=_up(right)) for at, left, right in heights]
+    return _script(f"scenario 3, {after:.2f} s", home, points, lift + 3.0, home.stance)
 
 
 def swing_fast(
@@ -137,31 +142,16 @@ def swing_fast(
         direction: by 0.3 m forward, or by 0.15 m outward, in the size of the robot.
         times: how often.
     """
-    size = _size(robot)
-    up = 0.1 * size
-    out = (0.3 * size, 0.0, up) if direction == "forward" else (0.0, -0.15 * size, up)
-    home = (0.0, 0.0, up)
-    points = [WayPoint(at=0.5, right=(0.0, 0.0, 0.0)), WayPoint(at=1.3, right=home)]
-    start = SWING_START
-    for _ in range(times):
-        points += [
-            WayPoint(at=start, right=home),
-            WayPoint(at=start + 0.3, right=out),
-            WayPoint(at=start + 1.0, right=out),
-            WayPoint(at=start + 1.3, right=home),
-        ]
-        start += 2.0
-    return Script(
-        name=f"scenario 4, {direction}",
-        points=tuple(points),
-        duration=start,
-        feet_apart=_home_stance(robot),
-        com_height=_home_height(robot),
-    )
+    home = HomePose(robot)
+    up = (0.0, 0.0, 0.1 * home.size)
+    x, y = (0.3, 0.0) if direction == "forward" else (0.0, -0.15)
+    out = (x * home.size, y * home.size, up[2])
+    places = [(0.5, (0.0, 0.0, 0.0)), (1.3, up)]
+    for start in SWING_START + 2.0 * np.arange(times):
+        places += [(start, up), (start + 0.3, out), (start + 1.0, out), (start + 1.3, up)]
+    points = [WayPoint(at=at, right=place) for at, place in places]
+    return _script(f"scenario 4, {direction}", home, points, SWING_START + 2.0 * times, home.apart)
 
-
-SWING_START = 3.0
-"""When the first swing of scenario 4 begins [s]."""
 
 SCRIPTS: Mapping[str, Callable[..., Script]] = {
     "over_an_obstacle": over_an_obstacle,
@@ -174,44 +164,33 @@ SCRIPTS: Mapping[str, Callable[..., Script]] = {
 `switch_feet` also takes the time between the feet, `swing_fast` the direction and how often."""
 
 
+def _script(
+    name: str,
+    home: HomePose,
+    points: Sequence[WayPoint],
+    duration: float,
+    feet_apart: float,
+    blocks: tuple[Block, ...] = (),
+) -> Script:
+    return Script(
+        name=name,
+        points=tuple(points),
+        duration=duration,
+        feet_apart=feet_apart,
+        com_height=home.height,
+        blocks=blocks,
+    )
+
+
+def _up(height: float | None) -> tuple[float, float, float] | None:
+    return None if height is None else (0.0, 0.0, height)
+
+
 def _careful_step(
     foot: Literal["left", "right"], begin: float, step: tuple[float, float], up: float
 ) -> list[WayPoint]:
     """Lift, wait for the weight to shift, up, along the ground, down."""
-    places = (
-        (0.0, (0.0, 0.0, 0.0)),
-        (0.3, (0.0, 0.0, 0.03)),
-        (1.0, (0.0, 0.0, 0.03)),
-        (2.0, (0.0, 0.0, up)),
-        (3.6, (*step, up)),
-        (4.2, (*step, up)),
-        (5.2, (*step, -0.03)),
-        (5.6, (*step, -0.03)),
-        (6.0, (*step, 0.0)),
-    )
+    there = ((3.6, up), (4.2, up), (5.2, -0.03), (5.6, -0.03), (6.0, 0.0))
+    places = [(t, (0.0, 0.0, z)) for t, z in ((0.0, 0.0), (0.3, 0.03), (1.0, 0.03), (2.0, up))]
+    places += [(t, (*step, z)) for t, z in there]
     return [WayPoint(at=begin + t, **{foot: place}) for t, place in places]
-
-
-def _size(robot: Robot) -> float:
-    return _home_height(robot) / _PAPER_HEIGHT
-
-
-def _home_height(robot: Robot) -> float:
-    return float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)[2])
-
-
-def _sole_length(robot: Robot) -> float:
-    return max(sole.length for sole in robot.soles.values())
-
-
-def _stance(robot: Robot) -> float:
-    """The paper's distance of the feet; other robots, whose ankles roll less, as at home."""
-    return _PAPER_STANCE if robot.name == _PAPER_ROBOT else _home_stance(robot)
-
-
-def _home_stance(robot: Robot) -> float:
-    """Distance of the feet at home [m]; in scenarios 1 and 4, where legs reach farthest."""
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.q_home)
-    left, right = (data.oMf[robot.frame_id(n)].translation for n in list(robot.soles)[:2])
-    return float(left[1] - right[1])

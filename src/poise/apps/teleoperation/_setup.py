@@ -1,35 +1,102 @@
-"""`RecordedSetup`: what a recording was made with, beside its robot, so that it can run again.
+"""`TeleopSetup`: settings of a recorded run, so that it can run again.
 
 `recorded_robot`: the robot, where it is known by name alone.
 """
 
+import hashlib
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise._schema import read
-from poise.apps.teleoperation._digest import robot_digest
-from poise.apps.teleoperation._recording import Recording, RecordingError
-from poise.errors import RobotError, UnknownNameError
+from poise._schema import Positive, checked, read
+from poise.errors import PoiseError, RobotError, UnknownNameError
 from poise.locomotion import StepTeleoperator, TeleopParameters
 from poise.robots import Robot, find_entry, load_robot
 from poise.sim import PlantConfig
 
 
-def plant_to_json(config: PlantConfig) -> dict[str, Any]:
-    """A plant as plain numbers and texts, for a recording."""
-    return asdict(config)
+class RecordingError(PoiseError):
+    """A recording that cannot be read or does not belong to this robot."""
+
+
+@checked(RecordingError)
+@dataclass(frozen=True, kw_only=True)
+class TeleopSetup:
+    """Settings of a run beside its robot; `dataclasses.asdict` is what a record has of them.
+
+    Attributes:
+        parameters: of the teleoperator.
+        plant: of the run.
+        seed: of the sensor noise.
+        dt: length of a tick [s].
+        rotator: whether the body rotator acts.
+        q_start: configuration at the start; None for the robot's home.
+        solved_by: name of the controller that solves the stack; None for the usual one.
+        digest: of the robot, see `robot_digest`; None where an old recording does not say.
+        height: of the COM over the soles at the start [m]; None as for `digest`.
+    """
+
+    parameters: TeleopParameters
+    plant: PlantConfig
+    seed: int
+    dt: Positive
+    rotator: bool = True
+    q_start: tuple[float, ...] | None = None
+    solved_by: str | None = None
+    digest: str | None = None
+    height: Positive | None = None
+
+    @classmethod
+    def of(
+        cls,
+        teleoperator: StepTeleoperator,
+        plant: PlantConfig,
+        *,
+        seed: int,
+        rotator: bool = True,
+        q_start: Float64[np.ndarray, " nq"] | None = None,
+    ) -> "TeleopSetup":
+        """The settings of a run that begins.
+
+        Args:
+            teleoperator: that walks the robot, at the start.
+            plant: of the run.
+            seed: of the sensor noise.
+            rotator: whether the body rotator acts.
+            q_start: configuration at the start; None for the robot's home.
+        """
+        return cls(
+            parameters=teleoperator.parameters,
+            plant=plant,
+            seed=seed,
+            dt=plant.control_dt,
+            rotator=rotator,
+            q_start=None if q_start is None else tuple(np.asarray(q_start).tolist()),
+            solved_by=teleoperator.solved_by,
+            digest=robot_digest(teleoperator.robot),
+            height=com_height(teleoperator),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """The settings as plain numbers and texts."""
+        return asdict(self)
 
 
 def plant_from_json(data: dict[str, Any]) -> PlantConfig:
-    """The plant that `plant_to_json` wrote.
+    """The plant of which a record has the fields.
 
     Raises:
         RecordingError: it is none: a key is unknown, or a value cannot be.
     """
     return read(PlantConfig, data, "the plant of the recording", error=RecordingError)
+
+
+def com_height(teleoperator: StepTeleoperator) -> float:
+    """Height of the COM over the soles at the start [m]."""
+    estimator = teleoperator.estimator
+    return float(estimator.dynamics.com[2] - np.mean([sole[2] for sole in estimator.anchors]))
 
 
 def recorded_robot(name: str, what: str, *, option: str = "") -> Robot:
@@ -60,98 +127,23 @@ def recorded_robot(name: str, what: str, *, option: str = "") -> Robot:
     return load_robot(name)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedSetup:
-    """Set-up of a recorded run, beside its robot.
-
-    Attributes:
-        parameters: of the teleoperator.
-        rotator: whether the body rotator acts.
-        plant: of the run.
-        seed: of the sensor noise.
-        duration: of the run [s].
-        q_start: configuration at the start; None for the robot's home.
-        solved_by: name of the controller that solved the stack; None for the usual one.
-        digest: of the robot, see `robot_digest`; None where the recording does not say.
-    """
-
-    parameters: TeleopParameters
-    rotator: bool
-    plant: PlantConfig
-    seed: int
-    duration: float
-    q_start: Float64[np.ndarray, " nq"] | None
-    solved_by: str | None
-    digest: str | None
+_DIGITS = 6
+"""Digits that count: another machine may read the last ones of a file otherwise."""
 
 
-def recorded_setup(recording: Recording, robot: Robot) -> RecordedSetup:
-    """Set-up of a recorded run.
+def robot_digest(robot: Robot) -> str:
+    """The first letters of a digest of joints, masses, limits, soles and home of a robot.
 
     Args:
-        recording: of `run_teleop` or of a live run.
-        robot: that shall do the same again.
-
-    Raises:
-        RecordingError: it does not say, or the robot has the same name and is another one.
+        robot: one that carries something, or was changed, has another one.
     """
-    made = _read_setup(recording)
-    same_name = recording.robot == robot.name
-    if same_name and made.digest not in (None, robot_digest(robot)):
-        raise RecordingError(
-            f"the recording {recording.path.name} is from another {robot.name}: masses, limits or "
-            "soles differ, and commands would",
-            wanted="the robot that it was made with, as `robot`",
-        )
-    return made
-
-
-def _read_setup(recording: Recording) -> RecordedSetup:
-    setup = recording.setup
-    try:
-        return RecordedSetup(
-            parameters=TeleopParameters(**setup["parameters"]),
-            rotator=setup["rotator"],
-            plant=plant_from_json(setup["plant"]),
-            seed=setup["seed"],
-            duration=recording.duration,
-            q_start=None if setup["q_start"] is None else np.array(setup["q_start"]),
-            # The first recordings do not say.
-            solved_by=setup.get("solved_by"),
-            digest=setup.get("digest"),
-        )
-    except (KeyError, TypeError) as error:
-        raise RecordingError(
-            f"the recording {recording.path.name} lacks the set-up of a run",
-            got=f"{type(error).__name__}: {error}",
-            wanted="one that run_teleop has written",
-        ) from None
-
-
-def teleop_setup(
-    teleoperator: StepTeleoperator,
-    plant: PlantConfig,
-    *,
-    seed: int,
-    rotator: bool = True,
-    q_start: Float64[np.ndarray, " nq"] | None = None,
-) -> dict[str, Any]:
-    """Set-up of a run as JSON, from which `replay_teleop` repeats it.
-
-    Args:
-        teleoperator: that walks the robot.
-        plant: of the run.
-        seed: of the sensor noise.
-        rotator: whether the body rotator acts.
-        q_start: configuration at the start; None for the robot's home.
-    """
-    return {
-        "parameters": asdict(teleoperator.parameters),
-        "rotator": rotator,
-        "plant": plant_to_json(plant),
-        "seed": seed,
-        "dt": plant.control_dt,
-        "q_start": None if q_start is None else np.asarray(q_start).tolist(),
-        "solved_by": teleoperator.solved_by,
-        "digest": robot_digest(teleoperator.robot),
-    }
+    model = robot.model
+    numbers = [model.armature, robot.q_home, robot.q_min, robot.q_max, robot.v_max, robot.tau_max]
+    numbers += [inertia.toDynamicParameters() for inertia in model.inertias]
+    for placement in model.jointPlacements:
+        numbers += [placement.translation, placement.rotation.ravel()]
+    numbers += [[sole.length, sole.width] for sole in robot.soles.values()]
+    # Adding zero takes the sign from zeros.
+    text = " ".join(f"{float(x) + 0.0:.{_DIGITS}g}" for row in numbers for x in row)
+    names = " ".join((*model.names, *robot.soles, *robot.hands))
+    return hashlib.sha256(f"{names} {text}".encode()).hexdigest()[:16]

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from poise.apps.teleoperation._recording import RecordedPush, RecordingError, write_recording
+from poise.apps.teleoperation._recording import RecordedPush, write_recording
+from poise.apps.teleoperation._setup import RecordingError
 from poise.locomotion import BodyCommand, OperatorSample, TrackedPose
 
 _FORMAT = {"format": "poise teleoperation", "version": 1}
@@ -75,7 +76,7 @@ def convert_recording(path: Path, target: Path) -> bool:
         _samples(rows),
         robot=str(robot),
         dt=dt,
-        setup=setup,
+        settings=setup,
         pushes=pushes,
         duration=duration if finished else None,
     )

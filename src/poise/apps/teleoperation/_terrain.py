@@ -3,13 +3,10 @@
 from typing import Literal, get_args
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise._checks import checked_count
-from poise.apps.teleoperation._scripts import over_an_obstacle
-from poise.dynamics import Dynamics, RobotState
+from poise.apps.teleoperation._scripts import HomePose, over_an_obstacle
 from poise.errors import UnknownNameError
-from poise.locomotion import two_soles
 from poise.robots import Robot
 from poise.sim import Block
 
@@ -18,9 +15,6 @@ Terrain = Literal["flat", "obstacle", "steps", "bumps"]
 
 TERRAINS: tuple[Terrain, ...] = get_args(Terrain)
 """All grounds that there are."""
-
-_FULL_HEIGHT = 0.765
-"""Height of the COM of a robot on which lengths here are as they stand [m]."""
 
 _STAIRS = (0.05, 0.08, 0.04)
 """Heights of the stairs [m]: up by 5 cm and 3 cm, down by 4 cm twice.
@@ -63,32 +57,31 @@ def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ..
     """
     if name not in TERRAINS:
         raise UnknownNameError("no such terrain", got=name, choices=TERRAINS)
-    two_soles(robot)
+    home = HomePose(robot)
     match name:
         case "flat":
             return ()
         case "obstacle":
             return over_an_obstacle(robot).blocks
         case "steps":
-            return _steps(robot)
+            return _steps(home)
         case _:
-            return _bumps(robot, np.random.default_rng(checked_count(seed, "seed of the bumps")))
+            rng = np.random.default_rng(checked_count(seed, "seed of the bumps"))
+            return _bumps(robot, home, rng)
 
 
-def _steps(robot: Robot) -> tuple[Block, ...]:
-    size, soles = _home(robot)
-    length = max(sole.length for sole in robot.soles.values())
-    depth = _TREAD * length
-    front = float(soles[:, 0].max()) + 0.5 * length + _GAP * size
-    width = _WIDTH * float(np.ptp(soles[:, 1]))
+def _steps(home: HomePose) -> tuple[Block, ...]:
+    size, depth = home.size, _TREAD * home.length
+    front = float(home.soles[:, 0].max()) + 0.5 * home.length + _GAP * size
+    width = _WIDTH * float(np.ptp(home.soles[:, 1]))
     return tuple(
         Block(center=(front + (i + 0.5) * depth, 0.0), size=(depth, width, height * size))
         for i, height in enumerate(_STAIRS)
     )
 
 
-def _bumps(robot: Robot, rng: np.random.Generator) -> tuple[Block, ...]:
-    size, soles = _home(robot)
+def _bumps(robot: Robot, home: HomePose, rng: np.random.Generator) -> tuple[Block, ...]:
+    size = home.size
     half = 0.5 * np.array([(sole.length, sole.width) for sole in list(robot.soles.values())[:2]])
     blocks: list[Block] = []
     while len(blocks) < _BUMPS:
@@ -97,15 +90,7 @@ def _bumps(robot: Robot, rng: np.random.Generator) -> tuple[Block, ...]:
         height, yaw = size * float(rng.uniform(*_BUMP_HEIGHT)), float(rng.uniform(0.0, np.pi))
         # However it is turned, a bump is within this of its middle.
         apart = 0.5 * float(np.hypot(length, width)) + _CLEAR * size
-        outside = np.maximum(np.abs(np.array([x, y]) - soles) - half, 0.0)
+        outside = np.maximum(np.abs(np.array([x, y]) - home.soles) - half, 0.0)
         if float(np.linalg.norm(outside, axis=1).min()) > apart:
             blocks.append(Block(center=(x, y), size=(length, width, height), yaw=yaw))
     return tuple(blocks)
-
-
-def _home(robot: Robot) -> tuple[float, Float64[np.ndarray, "2 2"]]:
-    """Size of the robot, and where its soles are at home, x and y [m]."""
-    dynamics = Dynamics(robot)
-    dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))
-    soles = [dynamics.frame(robot.frame_id(name)).position[:2] for name in list(robot.soles)[:2]]
-    return float(dynamics.com[2]) / _FULL_HEIGHT, np.array(soles)

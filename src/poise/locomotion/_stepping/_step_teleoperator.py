@@ -221,6 +221,11 @@ class StepTeleoperator:
         return self._guard.error
 
     @property
+    def held(self) -> tuple[bool, bool]:
+        """The devices of the left and the right foot lead them."""
+        return self._guard.held
+
+    @property
     def stack(self) -> Stack:
         """What it leads."""
         return self._tasks.stack

@@ -5,13 +5,12 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Struct
 
 Vector = tuple[float, float, float]
-Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Quaternion = tuple[float, float, float, float]
 """Of a rotation, (x, y, z, w)."""
 
@@ -105,9 +104,10 @@ class OperatorSample(
         upright: button: bring the torso upright although one foot is in the air.
         rest: button: hands that nothing leads go back to rest, and so does the gaze.
         lift: buttons that hold the left and the right foot up.
-        move: stick, forward and left, from -1 to 1: moves the lifted foot, or the robot.
-        second: a second stick: moves the right foot while both are lifted.
-        turn: stick that turns the robot to the left, from -1 to 1.
+        move: stick, forward and left, from -1 to 1, beyond which it is cut off: moves the lifted
+            foot, or the robot.
+        second: a second stick with the same range: moves the right foot while both are lifted.
+        turn: stick that turns the robot to the left, with the same range.
     """
 
     time: float = 0.0
@@ -119,9 +119,9 @@ class OperatorSample(
     upright: bool = False
     rest: bool = False
     lift: tuple[bool, bool] = (False, False)
-    move: tuple[Deflection, Deflection] = (0.0, 0.0)
-    second: tuple[Deflection, Deflection] = (0.0, 0.0)
-    turn: Deflection = 0.0
+    move: tuple[float, float] = (0.0, 0.0)
+    second: tuple[float, float] = (0.0, 0.0)
+    turn: float = 0.0
 
     def place(self, foot: int) -> Vector:
         """Position of a foot's device, 0 left and 1 right [m]; NaN without one."""
