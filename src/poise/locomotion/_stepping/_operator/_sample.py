@@ -90,8 +90,8 @@ class OperatorSample(
 ):
     """All that an operator commands at one time.
 
-    Buttons, sticks and handles of a page or gamepad become positions of feet and a velocity where
-    they are received; controllers read the other members.
+    Buttons, sticks and handles of a page or gamepad are integrated to positions and a velocity
+    where they are received; controllers read the other members.
 
     Attributes:
         time: when it was measured, on the sender's clock [s]. In messages 0 means no clock.
@@ -108,6 +108,11 @@ class OperatorSample(
         move: stick, forward and left, from -1 to 1: moves the lifted foot, or the robot.
         second: a second stick: moves the right foot while both are lifted.
         turn: stick that turns the robot to the left, from -1 to 1.
+        grip: buttons that hold the left and the right hand.
+        reach: stick, forward, left and up, from -1 to 1: moves the gripped hands.
+        bend: sticks of the body, from -1 to 1: height, roll, pitch and yaw of the torso, and turn
+            of the feet that are held.
+        neutral: button: the body goes back to where `BodyCommand()` has it.
     """
 
     time: float = 0.0
@@ -122,6 +127,12 @@ class OperatorSample(
     move: tuple[Deflection, Deflection] = (0.0, 0.0)
     second: tuple[Deflection, Deflection] = (0.0, 0.0)
     turn: Deflection = 0.0
+    grip: tuple[bool, bool] = (False, False)
+    reach: tuple[Deflection, Deflection, Deflection] = (0.0, 0.0, 0.0)
+    bend: tuple[Deflection, Deflection, Deflection, Deflection, Deflection] = (
+        0.0, 0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    neutral: bool = False
 
     def place(self, foot: int) -> Vector:
         """Position of a foot's device, 0 left and 1 right [m]; NaN without one."""
