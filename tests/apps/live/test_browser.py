@@ -258,13 +258,15 @@ def test_a_wrong_token_is_said(browser, standing):
         assert page.text("role") == "you watch"
 
 
-LISTEN = """
-  clearInterval(beating);
+HEAR = """
   window.sent = [];
   const real = send;
   send = (message) => { if (message.do === "drive") sent.push(message); real(message); };
   0
 """
+"""From now on what the page says is known."""
+
+LISTEN = "clearInterval(beating);" + HEAR
 """From now on the page says nothing by its clock, and what it says otherwise is known."""
 
 
@@ -313,7 +315,7 @@ def test_keys_and_a_gamepad_bend_the_body_until_it_is_set_straight(browser, run_
         with Page(browser, session.front.drive_url) as page:
             page.wait("newest.device !== 'LOST'", "the device")
             keyboard = page.page.keyboard
-            page.ask(LISTEN)
+            page.ask(HEAR)
             keyboard.press("ArrowUp")
             assert not page.ask("sent.some((message) => message.body || message.bend)")
             for key, bent in (

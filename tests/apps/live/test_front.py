@@ -30,7 +30,7 @@ HELD = [None, {"position": [0.0, -0.13, 0.4]}]
 
 
 def handles_rest(session):
-    """Whether the handles of the feet are on the feet."""
+    """The handles of the feet are on the feet."""
     now = session.loop.snapshot
     return np.abs(np.subtract(now.handles, now.soles)).max() < 0.02
 

@@ -47,7 +47,7 @@ def run(operator, device, ticks, pad):
 
 
 def settled(operator):
-    """What the loop reads when it has read all that was taken hold of and let go."""
+    """The sample that the loop reads once it has read all that was taken hold of and let go."""
     for _ in range(9):
         sample = operator.read()
     return sample

@@ -14,13 +14,13 @@ def last(desk):
 
 
 def hand(desk, which):
-    """Where a hand's handle has been dragged to [m]; None while it is not."""
+    """Place to which a hand's handle has been dragged [m]; None while it is not."""
     said = last(desk)["hands"][which]
     return said["position"] if said and said["clutch"] else None
 
 
 def led(desk, which):
-    """Where keys send a hand that they hold; None while they do not."""
+    """Direction in which keys send a hand that they hold; None while they do not."""
     said = last(desk)
     return said["reach"] if said.get("grip", [False] * 2)[which] else None
 

@@ -54,7 +54,7 @@ _AT_REST = 0.05
 """A stick that is no further over commands nothing: none rests at exactly zero."""
 
 _RISE = 0.04
-"""How much higher legs lift the COM that straighten, over its height."""
+"""Rise of the COM by legs that straighten, over its height."""
 
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
@@ -315,7 +315,7 @@ def _is_held(raw: OperatorSample, foot: int) -> bool:
 
 
 def _yaw_of(tracker: TrackedPose | None) -> float | None:
-    """How a tracker is turned, to the left [rad]; None for no rotation, or one upside down."""
+    """Turn of a tracker, to the left [rad]; None for no rotation, or one upside down."""
     quaternion = None if tracker is None else tracker.orientation
     rotation = None if quaternion is None else rotation_of(quaternion)
     return None if rotation is None or rotation[2, 2] <= 0.0 else yaw_of(rotation)

@@ -4,6 +4,7 @@
 """
 
 import logging
+import math
 import reprlib
 from typing import Any, TypeVar
 
@@ -28,9 +29,16 @@ _MOST_BITS = 64
 _MOST_NUMBERS = 16
 """Larger arrays are shown by their shape; no field has more than 4 numbers."""
 
-_VECTORS: dict[str, tuple[Any, int]] = {
-    "position": (Vector, 3), "orientation": (Quaternion, 4), "velocity": (Vector, 3),
+_Turns = tuple[float, float]
+_FLAG = bool | int
+_WANTED: dict[Any, str] = {
+    float: "a number", _FLAG: "true or false", _Turns: "2 numbers", Vector: "3 numbers",
+    Quaternion: "4 numbers",
 }  # fmt: skip
+"""Types of fields, in words."""
+
+_VECTORS: dict[str, Any] = {"position": Vector, "orientation": Quaternion, "velocity": Vector}
+"""Of a tracked part."""
 
 T = TypeVar("T")
 
@@ -93,8 +101,8 @@ def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | 
     try:
         return _converted(sample), None
     except (TypeError, ValueError, msgspec.ValidationError):
-        pass
-    faults = dict[str, str]()
+        # Arrays, and numbers that are none.
+        faults = dict[str, str]()
     good = _checked_by_field(sample, faults)
     return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
 
@@ -113,41 +121,43 @@ def checked_reading(arm: str, reading: object) -> TrackedPose | None:
         return None
     position, clutch = _two(f"reading of {arm}", reading)
     faults = dict[str, str]()
-    position = _vector(f"position of {arm}", position, Vector, 3, faults)
+    position = _vector(f"position of {arm}", position, Vector, faults)
     if faults:
         raise FieldError(tuple(faults), "; ".join(faults.values()))
-    return TrackedPose(position, _flag(f"clutch of {arm}", clutch))
+    return TrackedPose(position, bool(_read(f"clutch of {arm}", clutch, _FLAG)))
+
+
+def _parts(sample: OperatorSample) -> tuple[Any, ...]:
+    """Feet, hands and head, of whatever kind."""
+    return *_two("feet", sample.feet), *_two("hands", sample.hands), sample.head
 
 
 def _converted(sample: OperatorSample) -> OperatorSample:
     """A sample of plain numbers; raises for anything else."""
-    parts = (*_two("feet", sample.feet), *_two("hands", sample.hands), sample.head)
-    parts = [None if part is None else asdict(part) for part in parts]
-    members = {
-        "feet": parts[:2],
-        "hands": parts[2:4],
-        "head": parts[4],
-        "body": asdict(sample.body),
-    }
+    left, right, *hands, head = (p if p is None else asdict(p) for p in _parts(sample))
+    members = {"feet": (left, right), "hands": hands, "head": head, "body": asdict(sample.body)}
     return msgspec.convert(asdict(sample) | members, OperatorSample)
 
 
 def _checked_by_field(sample: OperatorSample, faults: dict[str, str]) -> OperatorSample:
-    body = _of_kind("body", sample.body, BodyCommand)
-    (left, right), (left_hand, right_hand) = _two("feet", sample.feet), _two("hands", sample.hands)
+    body, names = _of_kind("body", sample.body, BodyCommand), ("left", "right")
+    names = *(f"{side} foot" for side in names), *(f"{side} hand" for side in names), "head"
+    left, right, left_hand, right_hand, head = (
+        _part(*named, faults) for named in zip(names, _parts(sample), strict=True)
+    )
     return OperatorSample(
-        time=_read("time", sample.time, float, "a number"),
-        feet=(_part("left foot", left, faults), _part("right foot", right, faults)),
-        hands=(_part("left hand", left_hand, faults), _part("right hand", right_hand, faults)),
-        head=_part("head", sample.head, faults),
-        body=BodyCommand(
-            _read("height", body.height, float, "a number"),
-            _read("torso", body.torso, Vector, "3 numbers"),
-            _read("turns", body.turns, tuple[float, float], "2 numbers"),
+        _read("time", sample.time, float),
+        (left, right),
+        (left_hand, right_hand),
+        head,
+        BodyCommand(
+            _read("height", body.height, float),
+            _read("torso", body.torso, Vector),
+            _read("turns", body.turns, _Turns),
         ),
-        velocity=_read("velocity", sample.velocity, Vector, "3 numbers"),
-        upright=_flag("upright", sample.upright),
-        rest=_flag("rest", sample.rest),
+        _read("velocity", sample.velocity, Vector),
+        bool(_read("upright", sample.upright, _FLAG)),
+        bool(_read("rest", sample.rest, _FLAG)),
     )
 
 
@@ -169,29 +179,27 @@ def _part(field: str, value: object, faults: dict[str, str]) -> TrackedPose | No
         return None
     part = _of_kind(field, value, TrackedPose)
     vectors = {
-        name: _vector(f"{name} of {field}", vector, kind, count, faults)
-        for name, (kind, count) in _VECTORS.items()
+        name: _vector(f"{name} of {field}", vector, kind, faults)
+        for name, kind in _VECTORS.items()
         if (vector := getattr(part, name)) is not None
     }
-    clutch = None if part.clutch is None else _flag(f"clutch of {field}", part.clutch)
+    clutch = part.clutch
+    if clutch is not None:
+        clutch = bool(_read(f"clutch of {field}", clutch, _FLAG))
     return TrackedPose(clutch=clutch, **vectors)
 
 
-def _vector(field: str, value: object, kind: Any, count: int, faults: dict[str, str]) -> Any:
+def _vector(field: str, value: object, kind: Any, faults: dict[str, str]) -> Any:
     """So many numbers; NaN where there are others, or none."""
     try:
-        return _read(field, value, kind, f"{count} numbers")
+        return _read(field, value, kind)
     except FieldError as error:
         if value is not None:
             faults[field] = str(error)
-        return (float("nan"),) * count
+        return (math.nan,) * len(kind.__args__)
 
 
-def _flag(field: str, value: object) -> bool:
-    return bool(_read(field, value, bool | int, "true or false"))
-
-
-def _read(field: str, value: object, kind: Any, wanted: str) -> Any:
+def _read(field: str, value: object, kind: Any) -> Any:
     """A field of one of msgspec's types, read from plain values, small arrays or their lists."""
     plain = _plain(value)
     if isinstance(plain, tuple | list) and len(plain) <= _MOST_NUMBERS:
@@ -199,7 +207,8 @@ def _read(field: str, value: object, kind: Any, wanted: str) -> Any:
     try:
         return msgspec.convert(plain, kind)
     except msgspec.ValidationError:
-        raise FieldError((field,), f"{field} is {_BRIEF.repr(value)}, not {wanted}") from None
+        words = f"{field} is {_BRIEF.repr(value)}, not {_WANTED[kind]}"
+        raise FieldError((field,), words) from None
 
 
 def _plain(value: object) -> object:
