@@ -6,6 +6,7 @@
 import logging
 import math
 import reprlib
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import msgspec
@@ -36,6 +37,8 @@ _WANTED: dict[Any, str] = {
     Quaternion: "4 numbers",
 }  # fmt: skip
 """Types of fields, in words."""
+
+_ARRAYS = (np.ndarray, np.generic)
 
 _VECTORS: dict[str, Any] = {"position": Vector, "orientation": Quaternion, "velocity": Vector}
 """Of a tracked part."""
@@ -98,11 +101,12 @@ def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | 
     if sample is None:
         return None, None
     sample = _of_kind("sample", sample, OperatorSample)
-    try:
-        return _converted(sample), None
-    except (TypeError, ValueError, msgspec.ValidationError):
-        # Arrays, and numbers that are none.
-        faults = dict[str, str]()
+    for read in (_as_it_is, _bare):
+        try:
+            return _converted(sample, read), None
+        except (TypeError, ValueError, msgspec.ValidationError):
+            continue
+    faults = dict[str, str]()
     good = _checked_by_field(sample, faults)
     return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
 
@@ -132,11 +136,16 @@ def _parts(sample: OperatorSample) -> tuple[Any, ...]:
     return *_two("feet", sample.feet), *_two("hands", sample.hands), sample.head
 
 
-def _converted(sample: OperatorSample) -> OperatorSample:
-    """A sample of plain numbers; raises for anything else."""
-    left, right, *hands, head = (p if p is None else asdict(p) for p in _parts(sample))
-    members = {"feet": (left, right), "hands": hands, "head": head, "body": asdict(sample.body)}
-    return msgspec.convert(asdict(sample) | members, OperatorSample)
+def _converted(sample: OperatorSample, read: Callable[[Any], Any]) -> OperatorSample:
+    """A sample of numbers, each value as it is read; raises for anything else."""
+    members = {name: read(value) for name, value in asdict(sample).items()}
+    left, right, *hands, head = (
+        None if part is None else {name: read(value) for name, value in asdict(part).items()}
+        for part in _parts(sample)
+    )
+    body = {name: read(value) for name, value in asdict(sample.body).items()}
+    members |= {"feet": (left, right), "hands": hands, "head": head, "body": body}
+    return msgspec.convert(members, OperatorSample)
 
 
 def _checked_by_field(sample: OperatorSample, faults: dict[str, str]) -> OperatorSample:
@@ -201,19 +210,27 @@ def _vector(field: str, value: object, kind: Any, faults: dict[str, str]) -> Any
 
 def _read(field: str, value: object, kind: Any) -> Any:
     """A field of one of msgspec's types, read from plain values, small arrays or their lists."""
-    plain = _plain(value)
-    if isinstance(plain, tuple | list) and len(plain) <= _MOST_NUMBERS:
-        plain = [_plain(item) for item in plain]
     try:
-        return msgspec.convert(plain, kind)
+        return msgspec.convert(_bare(value), kind)
     except msgspec.ValidationError:
         words = f"{field} is {_BRIEF.repr(value)}, not {_WANTED[kind]}"
         raise FieldError((field,), words) from None
 
 
-def _plain(value: object) -> object:
+def _as_it_is(value: object) -> object:
+    return value
+
+
+def _bare(value: Any) -> Any:
+    """Plain numbers or lists of them, where there are few."""
+    value = _plain(value)
+    few = type(value) in (tuple, list) and len(value) <= _MOST_NUMBERS
+    return [item if type(item) is float else _plain(item) for item in value] if few else value
+
+
+def _plain(value: Any) -> Any:
     """Lists and numbers of Python in place of small arrays and NumPy's numbers."""
-    small = isinstance(value, np.ndarray | np.generic) and value.size <= _MOST_NUMBERS
+    small = isinstance(value, _ARRAYS) and value.size <= _MOST_NUMBERS
     return value.tolist() if small and value.dtype.kind in "biuf" else value
 
 
