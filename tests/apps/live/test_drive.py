@@ -12,10 +12,11 @@ pytest.importorskip("websockets", reason="the extra teleop is not installed: no 
 
 from pages import Page
 
-from poise.apps.live import DriveLoop, DriveSession, OperatorInputs, _inputs as inputs
-from poise.apps.live._feet import velocity_of
+from poise.apps.live import DriveLoop, DriveSession, OperatorInputs
 from poise.apps.live._gamepad import sample_from
+from poise.apps.live._integrator import velocity_of
 from poise.locomotion import OperatorSample, VelocityLimits
+from poise.locomotion._stepping._operator import _sample_clock as clocks
 
 LIMITS = VelocityLimits(ahead=1.0, back=0.5, sideways=0.4, turn=0.8)
 
@@ -30,10 +31,6 @@ def session(get_robot, tmp_path):
 
 def asked(session):
     return session.loop.walker.commands.velocity
-
-
-def test_nobody_asks_for_rest():
-    assert velocity_of(None, LIMITS) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -62,6 +59,9 @@ def test_beats_walk_the_robot_and_silence_stops_it(session):
     with control(session.front, session.front.seat.token) as (socket, greeting):
         assert greeting["hello"] == "operator"
         end = time.monotonic() + 60.0
+        # A stick counts once it was seen at rest.
+        beat(socket)
+        time.sleep(0.05)
         while session.loop.snapshot.com[0] < start + 0.2:
             assert time.monotonic() < end
             beat(socket, move=[1.0, 0.0])
@@ -74,6 +74,8 @@ def test_beats_walk_the_robot_and_silence_stops_it(session):
 @pytest.mark.slow
 def test_the_zmp_that_is_shown_is_the_measured_one_and_its_reference_is_beside_it(session):
     seen = []
+    session.inputs.take(OperatorSample())
+    time.sleep(0.05)
 
     def walked():
         beat_once = session.loop.snapshot
@@ -108,7 +110,7 @@ def test_a_reset_begins_a_new_log(session, tmp_path):
 
 def test_keys_in_a_browser_drive_the_robot(browser, session, monkeypatch):
     # Where a busy machine stops for a moment, a key that is held would have to be let go first.
-    monkeypatch.setattr(inputs, "LOST_AFTER", 10.0)
+    monkeypatch.setattr(clocks, "LOST_AFTER", 10.0)
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device === 'OK'", "the operator")
         assert page.ask("[newest.kind, document.body.dataset.kind]") == ["velocity", "velocity"]

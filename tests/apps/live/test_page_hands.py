@@ -14,9 +14,15 @@ def last(desk):
 
 
 def hand(desk, which):
-    """Where a hand has been led to since it was taken hold of [m]; None while it is not led."""
+    """Place to which a hand's handle has been dragged [m]; None while it is not."""
     said = last(desk)["hands"][which]
     return said["position"] if said and said["clutch"] else None
+
+
+def led(desk, which):
+    """Direction in which keys send a hand that they hold; None while they do not."""
+    said = last(desk)
+    return said["reach"] if said.get("grip", [False] * 2)[which] else None
 
 
 @pytest.mark.parametrize(("key", "code", "which"), [("c", "KeyC", 0), ("\u043c", "KeyV", 1)])
@@ -33,36 +39,30 @@ def test_a_hand_is_held_by_a_key_and_moved_by_arrows_and_two_letters(
 
         page.wait("grips", "the hands")
         wait_for(lambda: desk.orders, "a message")
-        assert hand(desk, which) is None
+        assert led(desk, which) is None
         assert type_("keydown", key, code)
-        wait_for(lambda: hand(desk, which) == [0.0, 0.0, 0.0], "the grip")
-        for name, letter, axis, sign in (
-            ("ArrowUp", "ArrowUp", 0, 1), ("ArrowDown", "ArrowDown", 0, -1),
-            ("ArrowLeft", "ArrowLeft", 1, 1), ("ArrowRight", "ArrowRight", 1, -1),
-            ("t", "KeyT", 2, 1), ("b", "KeyB", 2, -1),
+        wait_for(lambda: led(desk, which) == [0, 0, 0], "the grip")
+        for name, letter, way in (
+            ("ArrowUp", "ArrowUp", [1, 0, 0]), ("ArrowDown", "ArrowDown", [-1, 0, 0]),
+            ("ArrowLeft", "ArrowLeft", [0, 1, 0]), ("ArrowRight", "ArrowRight", [0, -1, 0]),
+            ("t", "KeyT", [0, 0, 1]), ("b", "KeyB", [0, 0, -1]),
         ):  # fmt: skip
-            before = page.ask(f"[...moved[{which}]]")
             assert type_("keydown", name, letter)
-            wait_for(
-                lambda b=before, a=axis, s=sign: s * (hand(desk, which)[a] - b[a]) > 0.02, name
-            )
+            wait_for(lambda way=way: led(desk, which) == way, name)
             type_("keyup", name, letter)
-            assert [v for a, v in enumerate(page.ask(f"moved[{which}]")) if a != axis] == [
-                v for a, v in enumerate(before) if a != axis
-            ]
-        assert hand(desk, 1 - which) is None
+            wait_for(lambda: led(desk, which) == [0, 0, 0], "its end")
+        assert led(desk, 1 - which) is None
         # Arrows that led a hand lead neither the robot nor a foot when the hand is let go.
         type_("keydown", "ArrowUp", "ArrowUp")
         type_("keyup", key, code)
-        wait_for(lambda: hand(desk, which) is None, "letting go")
+        wait_for(lambda: led(desk, which) is None, "letting go")
         assert last(desk)["move"] == [0, 0]
         assert page.ask("pad().move") == [0, 0]
         type_("keyup", "ArrowUp", "ArrowUp")
-        # Taken hold of anew, it begins where it is.
         type_("keydown", key, code)
-        wait_for(lambda: hand(desk, which) == [0.0, 0.0, 0.0], "the grip anew")
+        wait_for(lambda: led(desk, which) == [0, 0, 0], "the grip anew")
         page.ask("window.dispatchEvent(new Event('blur')); 0")
-        wait_for(lambda: hand(desk, which) is None, "letting go with the window")
+        wait_for(lambda: led(desk, which) is None, "letting go with the window")
         assert page.errors == []
 
 
@@ -72,7 +72,7 @@ def test_a_robot_walks_by_letters_while_arrows_lead_a_hand(plain_browser, still_
         page.wait("grips && driven()", "the hands")
         for key in ("w", "v", "ArrowLeft"):
             page.page.keyboard.down(key)
-        wait_for(lambda: hand(desk, 1) and hand(desk, 1)[1] > 0.02, "the hand")
+        wait_for(lambda: led(desk, 1) == [0, 1, 0], "the hand")
         assert last(desk)["move"] == [1, 0]
 
 
@@ -105,9 +105,9 @@ def test_a_button_holds_a_hand_for_who_presses_it_by_keys(plain_browser, still_f
             page.ask(f"part('hand-{side}').focus(); 0")
             page.page.keyboard.down(" ")
             page.page.keyboard.down("t")
-            wait_for(lambda w=which: hand(desk, w) and hand(desk, w)[2] > 0.02, "the hand")
+            wait_for(lambda w=which: led(desk, w) == [0, 0, 1], "the hand")
             page.page.keyboard.up("t")
             page.page.keyboard.up(" ")
-            wait_for(lambda w=which: hand(desk, w) is None, "letting go")
+            wait_for(lambda w=which: led(desk, w) is None, "letting go")
         page.page.keyboard.press("t")
         assert "hold C or V" in page.text("said")

@@ -8,8 +8,8 @@ pytest.importorskip("mujoco")
 pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
 
 
-from poise.apps.live._feet import LiveFeet
 from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._integrator import LiveFeet
 from poise.apps.live._odometry import Odometry
 from poise.locomotion import OperatorSample, StepTeleoperator, TrackedPose
 

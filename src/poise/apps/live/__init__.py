@@ -8,9 +8,9 @@ if find_spec("websockets") is None:
     raise MissingExtraError("websockets", "teleop", "Live teleoperation")
 
 from poise.apps.live._drive import DRIVE_PLANT as DRIVE_PLANT, DriveLoop as DriveLoop
-from poise.apps.live._feet import LiveFeet as LiveFeet
 from poise.apps.live._gamepad import HostGamepad as HostGamepad
 from poise.apps.live._inputs import OperatorInputs as OperatorInputs
+from poise.apps.live._integrator import LiveFeet as LiveFeet
 from poise.apps.live._log import Takes as Takes
 from poise.apps.live._loop import LiveLoop as LiveLoop
 from poise.apps.live._odometry import Odometry as Odometry

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64
-from msgspec.structs import replace
 
-from poise.apps.live._feet import velocity_of
 from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._integrator import Integrator
 from poise.apps.live._log import LIVE_CONFIG, Takes
 from poise.apps.live._odometry import Odometry
 from poise.apps.live._real_time import RealTimeLoop, command_time
@@ -48,20 +47,18 @@ class _Driver:
         self.gaze = GazeLeader(robot, dt=dt)
         self.stack: Stack = walking_stack(robot, self.hands.task, self.gaze.task)
         self.walker = Walker(robot, self.stack)
-        self._inputs, self._robot = inputs, robot
-        self._guard, self.odometry = OperatorGuard(dt=dt), Odometry()
+        self._device, self._robot = Integrator(inputs, dt, velocities=self.walker.limits), robot
+        self.guard, self.odometry = OperatorGuard(dt=dt), Odometry()
 
     def lead(self, state: RobotState) -> None:
         """Sets what the next tick should do; a state that cannot be used changes nothing."""
         if not is_usable(state, self._robot):
             return
-        sample = self._inputs.read()
-        self.walker.set_velocity(*velocity_of(sample, self.walker.limits))
+        self.guard.check(self.guard.read(self._device, state.time), state.time)
+        self.walker.set_velocity(*self.guard.velocity)
         self.walker.lead(state)
-        # Its age was checked by the wall clock; here the robot's time goes on.
-        self._guard.check(sample and replace(sample, time=state.time), state.time)
-        self.hands.lead(self._guard, state)
-        self.gaze.lead(self._guard)
+        self.hands.lead(self.guard, state)
+        self.gaze.lead(self.guard)
 
     @property
     def zmp(self) -> Float64[np.ndarray, "2"]:
@@ -154,11 +151,11 @@ class DriveLoop(RealTimeLoop):
         if not np.isfinite(zmp).all():
             # Nothing presses: it is drawn where it should be.
             zmp = self._driver.zmp
-        lifted = walker.lifting
+        lifted, lost = walker.lifting, self._driver.guard.status is DeviceStatus.LOST
         return Snapshot(
             time=plant.time,
             mode=Mode.D if lifted is None else _STEP_MODES[lifted[0]][lifted[1]],
-            device=DeviceStatus.OK if self._inputs.alive else DeviceStatus.LOST,
+            device=DeviceStatus.LOST if lost else DeviceStatus.OK,
             zmp=zmp,
             zmp_reference=self._driver.zmp,
             com=plant.com,

@@ -1,22 +1,18 @@
 """`HostGamepad`: a gamepad that is plugged into the machine on which the robot is simulated.
 
-`sample_from`, `bend_from`: what its buttons and sticks ask for. `Landings`: when it shakes.
+`sample_from`: what its buttons and sticks command. `Landings`: when it shakes.
 """
 
 import contextlib
 import os
 import threading
-import time as clock
 from collections.abc import Sequence
 from typing import Any
 
-from msgspec.structs import replace
-
-from poise.apps.live._body import Bend, BodyLimits, bent
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._real_time import RealTimeLoop
 from poise.errors import MissingExtraError, PoiseError
-from poise.locomotion import BodyCommand, Mode, OperatorSample
+from poise.locomotion import Mode, OperatorSample
 
 _A, _B, _Y, _LEFT_SHOULDER, _RIGHT_SHOULDER = 0, 1, 3, 4, 5
 _DEAD = 0.15
@@ -24,9 +20,6 @@ _DEAD = 0.15
 _FULL = 32768.0
 """What an axis says at its end."""
 _PERIOD = 1.0 / 60.0
-_LONGEST = 0.1
-"""What is held for longer from one look to the next [s] was held for so long."""
-
 _UNLOADED, _LOADED = 0.05, 0.25
 """Parts of the robot's weight below and above which a foot is in the air and has landed."""
 _BOUNCES = 0.5
@@ -39,17 +32,22 @@ class NoGamepadError(PoiseError):
     """There is no gamepad on this machine."""
 
 
-def sample_from(buttons: Sequence[bool | int], axes: Sequence[float | int]) -> OperatorSample:
-    """What a gamepad of the usual layout asks for; the page maps its own the same way.
+def sample_from(
+    buttons: Sequence[bool | int], axes: Sequence[float | int], hat: tuple[int, int] = (0, 0)
+) -> OperatorSample:
+    """Return the sample of a gamepad of the usual layout; the page maps its own the same way.
 
     The shoulder buttons hold the left and the right foot up, either stick moves the foot that is
     up, or each its own with both of them up; A brings the torso upright. A robot that is driven
-    goes where the left stick points, and turns with the right one.
+    goes where the left stick points, and turns with the right one. The D-pad bends the body, with B
+    held the torso; Y sets it straight.
 
     Args:
         buttons: whether each is pressed.
-        axes: from -1 to 1: left stick, to the right and back, then the right one likewise.
+        axes: from -1 to 1: left stick, to the right and back, then the right one.
+        hat: of the D-pad, to the right and up, each from -1 to 1.
     """
+    left, up = -hat[0], hat[1]
 
     def deflection(axis: int) -> float:
         value = float(axes[axis]) if axis < len(axes) else 0.0
@@ -61,21 +59,9 @@ def sample_from(buttons: Sequence[bool | int], axes: Sequence[float | int]) -> O
         second=(deflection(3), deflection(2)),
         turn=deflection(2),
         upright=_pressed(buttons, _A),
+        bend=(0.0, 0.0, up, left, 0.0) if _pressed(buttons, _B) else (up, 0.0, 0.0, 0.0, left),
+        neutral=_pressed(buttons, _Y),
     )
-
-
-def bend_from(buttons: Sequence[bool | int], hat: tuple[int, int]) -> Bend:
-    """Where the D-pad sends the body; with B held the torso, and Y sends all back to neutral.
-
-    Args:
-        buttons: whether each is pressed.
-        hat: of the D-pad, to the right and up, each from -1 to 1.
-    """
-    left, up = -hat[0], hat[1]
-    neutral = _pressed(buttons, _Y)
-    if _pressed(buttons, _B):
-        return Bend(pitch=up, yaw=left, neutral=neutral)
-    return Bend(height=up, turn=left, neutral=neutral)
 
 
 def _pressed(buttons: Sequence[bool | int], button: int) -> bool:
@@ -126,9 +112,6 @@ class HostGamepad:
         MissingExtraError: the package pygame is not installed.
         NoGamepadError: no gamepad is there, or none of which SDL knows where its sticks and buttons
             are: triggers of one look like a stick of another.
-
-    Attributes:
-        body: what it has asked for so far of height, torso and feet.
     """
 
     def __init__(self, inputs: OperatorInputs) -> None:
@@ -150,7 +133,6 @@ class HostGamepad:
             raise self._none()
         self.name = str(self._pad.name)
         self._inputs, self._stop = inputs, threading.Event()
-        self.body, self._neutral = BodyCommand(), False
         self._landings = Landings()
         self._thread: threading.Thread | None = None
 
@@ -171,35 +153,18 @@ class HostGamepad:
         if self._thread is not None:
             self._thread.join()
 
-    def straighten(self) -> None:
-        """Nothing is asked any more of height, torso and feet."""
-        self._neutral = True
-
     def _run(self, loop: RealTimeLoop) -> None:
-        before = clock.monotonic()
         while not self._stop.wait(_PERIOD):
-            now = clock.monotonic()
-            self.poll(min(now - before, _LONGEST), loop.limits)
-            before, snapshot = now, loop.snapshot
+            self.poll()
+            snapshot = loop.snapshot
             if loop.forces is not None and snapshot is not None:
                 self.feel(loop.forces, snapshot.mode, snapshot.time)
 
-    def poll(self, seconds: float, limits: BodyLimits) -> None:
-        """Looks at the gamepad once.
-
-        Args:
-            seconds: since the last time [s].
-            limits: of the robot's body.
-        """
+    def poll(self) -> None:
+        """Look at the gamepad once."""
         pad = self._plugged_in()
-        if pad is None:
-            return
-        buttons, axes, hat = self._read(pad)
-        if self._neutral:
-            self.body, self._neutral = BodyCommand(), False
-        asked = sample_from(buttons, axes)
-        self.body = bent(self.body, bend_from(buttons, hat), asked.lift, seconds, limits)
-        self._inputs.take(replace(asked, body=self.body))
+        if pad is not None:
+            self._inputs.take(sample_from(*self._read(pad)))
 
     def feel(self, forces: Sequence[Sequence[float]], mode: Mode, time: float) -> None:
         """Shakes the gamepad, if it can, when a foot lands.

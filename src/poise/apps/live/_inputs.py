@@ -1,25 +1,17 @@
-"""`OperatorInputs`: the latest sample, from a page, gamepad or program to the robot's loop.
+"""`OperatorInputs`: the newest sample, from a page, gamepad or program to the robot's loop.
 
 `StageTimes`: when a message was where.
 """
 
-import math
 import threading
 import time as clock
 from collections import deque
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from poise.locomotion import (
-    LATE,
-    LOST_AFTER,
-    SILENT_AFTER,
-    OperatorSample,
-    SampleClock,
-    TrackedPose,
-)
+from poise.apps.live._paced import DRIVES
+from poise.locomotion import LATE, SILENT_AFTER, OperatorSample, SampleClock, TrackedPose
 
 
 class StageTimes(NamedTuple):
@@ -41,18 +33,28 @@ class StageTimes(NamedTuple):
 _STAGES = 10_000
 """Messages whose times are kept: those of half an hour at the page's rate in single ticks."""
 
+_REST = OperatorSample()
+_LEVERS = ("lift", "grip", "move", "second", "turn", "velocity", "bend", "reach", "neutral")
+"""Buttons and sticks of a sample."""
+
 Lever = tuple[str, int]
-"""Something that is held: its name, and of which side or part."""
+"""Something that is held: its name, and of parts their number."""
+
+
+class _Message(NamedTuple):
+    sample: OperatorSample
+    held: set[Lever]
+    arrived: float
 
 
 class OperatorInputs:
-    """The latest of everything; written from any thread, read by the loop.
+    """The newest sample; written from any thread, read by the loop.
 
-    Age and order are those of a `SampleClock` in wall-clock time, for the robot's may be slowed or
-    stopped. What is held in the first message after a silence counts as let go until it really is.
-    A clutch that was open in a message is read as open once, also where a closed one overtook it:
-    messages come in bursts, and a hand that let go, moved and took hold anew must not seem to have
-    moved the robot's.
+    A `SampleClock` orders messages as they arrive, in wall-clock time, for the robot's may be
+    slowed or stopped; an `OperatorGuard` in the loop decides all else. What is held in the first
+    message after a silence counts as let go until it really is. Messages between two ticks count as
+    one, but for those that take hold of something or let it go: a hand that let go, moved and took
+    hold anew must not seem to have moved the robot's.
 
     Attributes:
         stages: times of the last messages that the robot's loop took; the loop passes over those
@@ -61,16 +63,15 @@ class OperatorInputs:
 
     def __init__(self) -> None:
         self._lock, self._clock = threading.Lock(), SampleClock()
-        self._sample = OperatorSample()
-        self._alive_at: float | None = None
-        self._stale = set[Lever]()
-        self._opened = dict[int, TrackedPose]()
+        self._came, self._stale = False, set[Lever]()
+        self._newest: _Message | None = None
+        # No more than are read of a connection in one look.
+        self._unread: deque[_Message] = deque(maxlen=int(DRIVES.burst))
         self.stages: deque[StageTimes] = deque(maxlen=_STAGES)
-        self._unread: tuple[float, float] | None = None
         self._sampled: tuple[float, float, float] | None = None
 
     def take(self, sample: OperatorSample) -> dict[str, float]:
-        """Take the state of keys, sticks, handles and trackers: a sign of life.
+        """Take the state of keys, sticks, handles and trackers.
 
         Returns:
             Nothing where it counts. Otherwise by how much it is older than the newest, "old",
@@ -78,57 +79,47 @@ class OperatorInputs:
             its `time` [s].
         """
         with self._lock:
-            alive, now, stamp = self._alive, clock.monotonic(), sample.time
-            if not alive:
-                self._clock.reset()
+            now, stamp = clock.monotonic(), sample.time
+            lost = self._clock.is_lost(now)
             if stamp > 0.0 and not self._clock.accepts(stamp, now):
                 return self._refusal(stamp, now)
+            self._clock.heard_at = now
             parts = _parts(sample)
             held = _held(sample, parts)
-            if not alive:
+            if lost:
                 # Who has only just come may press keys already; a part has a place, which is an old
                 # one until it is let go.
-                new = self._alive_at is None
-                self._stale = {e for e in held if not new or e[0] in ("handle", "clutch")}
+                self._stale = {e for e in held if self._came or e[0] in ("handle", "clutch")}
+                self._came = True
             # Out of sight is not let go.
-            unseen = {("clutch", index) for index, part in enumerate(parts) if part is None}
-            self._stale &= held | unseen
-            self._sample, self._alive_at = _without(sample, parts, self._stale), now
-            self._opened |= {
-                index: part
-                for index, part in enumerate(parts)
-                if part is not None and not part.clutch and not _is_handle(index, part)
-            }
-            self._unread = (stamp, now)
+            self._stale &= held | {("clutch", i) for i, part in enumerate(parts) if part is None}
+            if self._unread and self._unread[-1].held == held:
+                self._unread.pop()
+            self._unread.append(_Message(_without(sample, parts, self._stale), held, now))
             return {}
 
     def clear(self) -> None:
-        """Nobody is at the controls; whoever comes back is as after a silence."""
+        """Forget the operator; whoever comes back is as after a silence."""
         with self._lock:
-            self._sample = OperatorSample()
-            self._opened.clear()
-            self._alive_at = None if self._alive_at is None else -math.inf
+            self._clock.reset()
+            self._unread.clear()
+            self._newest = None
 
     def read(self) -> OperatorSample | None:
-        """Return what the operator does; None after a silence."""
-        with self._lock:
-            now = clock.monotonic()
-            if self._unread is not None:
-                self._sampled, self._unread = (*self._unread, now), None
-            sample, opened = self._sample, self._opened
-            if opened:
-                parts = [opened.get(i, part) for i, part in enumerate(_parts(sample))]
-                sample, self._opened = _with_parts(sample, parts), {}
-            if not self._alive:
-                return None
-            # The loop reads the last message again in each tick: what stood still meanwhile rests.
-            return sample if now - (self._alive_at or 0.0) <= SILENT_AFTER else _resting(sample)
+        """Return the newest sample; None where it is older than a device's period.
 
-    @property
-    def alive(self) -> bool:
-        """Whether there has been a sign of life lately."""
+        What takes hold of something or lets it go is returned once, whatever its age.
+        """
         with self._lock:
-            return self._alive
+            now, message = clock.monotonic(), self._newest
+            if self._clock.is_lost(now):
+                return None
+            if self._unread:
+                message = self._newest = self._unread.popleft()
+                self._sampled = (message.sample.time, message.arrived, now)
+            elif message is None or now - message.arrived > SILENT_AFTER:
+                return None
+            return message.sample
 
     def commanded(self, at: float) -> None:
         """Note that the robot has a command that follows from what was read last.
@@ -141,10 +132,6 @@ class OperatorInputs:
                 self.stages.append(StageTimes(*self._sampled, at))
                 self._sampled = None
 
-    @property
-    def _alive(self) -> bool:
-        return self._alive_at is not None and clock.monotonic() - self._alive_at <= LOST_AFTER
-
     def _refusal(self, stamp: float, now: float) -> dict[str, float]:
         """Why a sample does not count, and by how much [s]."""
         ahead = stamp - self._clock.newest
@@ -156,55 +143,30 @@ class OperatorInputs:
         return {"late": self._clock.lateness(stamp, now)}
 
 
-_STICKS: dict[str, Any] = {
-    "move": (0.0, 0.0),
-    "second": (0.0, 0.0),
-    "turn": 0.0,
-    "velocity": (0.0, 0.0, 0.0),
-}
-"""Sticks, and where they rest."""
-
-
 def _parts(sample: OperatorSample) -> list[TrackedPose | None]:
     """Feet, hands and head; None for a foot or hand without a place."""
     limbs = (*sample.feet, *sample.hands)
     return [*(p if p is not None and p.position else None for p in limbs), sample.head]
 
 
-def _with_parts(sample: OperatorSample, parts: Sequence[TrackedPose | None]) -> OperatorSample:
-    left, right, left_hand, right_hand, head = parts
-    return replace(sample, feet=(left, right), hands=(left_hand, right_hand), head=head)
-
-
-def _is_handle(index: int, part: TrackedPose) -> bool:
-    """A foot without a clutch; hands and heads without one are let go."""
-    return part.clutch is None and index < 2
-
-
-def _held(sample: OperatorSample, parts: Sequence[TrackedPose | None]) -> set[Lever]:
+def _held(sample: OperatorSample, parts: list[TrackedPose | None]) -> set[Lever]:
     """All that is held in a sample."""
-    held: set[Lever] = {("lift", foot) for foot in (0, 1) if sample.lift[foot]}
-    held |= {(name, 0) for name, rest in _STICKS.items() if getattr(sample, name) != rest}
-    for index, part in enumerate(parts):
-        if part is not None and (part.clutch or _is_handle(index, part)):
-            held.add(("clutch" if part.clutch else "handle", index))
+    held = {(name, 0) for name in _LEVERS if getattr(sample, name) != getattr(_REST, name)}
+    for i, part in enumerate(parts):
+        if part is not None and part.clutch:
+            held.add(("clutch", i))
+        elif part is not None and part.clutch is None and i < 2:
+            held.add(("handle", i))
     return held
 
 
 def _without(
     sample: OperatorSample, parts: list[TrackedPose | None], stale: set[Lever]
 ) -> OperatorSample:
-    """A sample with these parts, in which stale levers are let go."""
-    parts, (left, right) = list(parts), sample.lift
-    for name, index in stale:
-        if name in ("clutch", "handle"):
-            parts[index] = None
-    lift = (left and ("lift", 0) not in stale, right and ("lift", 1) not in stale)
-    sticks = {name: rest for name, rest in _STICKS.items() if (name, 0) in stale}
-    return _with_parts(replace(sample, lift=lift, **sticks), parts)
-
-
-def _resting(sample: OperatorSample) -> OperatorSample:
-    """A sample without velocities."""
-    parts = [part and replace(part, velocity=None) for part in _parts(sample)]
-    return _with_parts(sample, parts)
+    """Copy a sample with these parts, in which stale levers are let go."""
+    numbers = {i for name, i in stale if name in ("handle", "clutch")}
+    left, right, left_hand, right_hand, head = (
+        None if i in numbers else part for i, part in enumerate(parts)
+    )
+    rest = {name: getattr(_REST, name) for name, _ in stale if name in _LEVERS}
+    return replace(sample, feet=(left, right), hands=(left_hand, right_hand), head=head, **rest)

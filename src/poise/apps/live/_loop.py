@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.live._body import limits_of
-from poise.apps.live._feet import LiveFeet
 from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._integrator import LiveFeet
 from poise.apps.live._log import LIVE_CONFIG, Takes
 from poise.apps.live._odometry import Odometry
 from poise.apps.live._real_time import RealTimeLoop, command_time
@@ -167,7 +166,7 @@ class LiveLoop(RealTimeLoop):
         done = None if self._ticks is None else next(self._ticks, None)
         if done is not None:
             self._inputs.commanded(command_time(begin, done))
-            self.forces = foot_forces(self.teleoperator)
+            self.forces, self.asked = foot_forces(self.teleoperator), self._feet.body
 
     def _push(self, force: Float64[np.ndarray, "3"], duration: float) -> None:
         if not self.plant.fallen:
@@ -185,9 +184,9 @@ class LiveLoop(RealTimeLoop):
             solved_by=self._making.solved_by,
         )
         check_period(self.teleoperator, self._dt)
-        self.limits = limits_of(self.teleoperator)
         self.teleoperator.odometry = self._odometry = Odometry()
         self._feet = LiveFeet(self._inputs, self.teleoperator, self._odometry)
+        self.limits = self._feet.limits
         self.teleoperator.device, self._pushes = self._feet, deque[RecordedPush]()
         if self._recording is not None:
             self.teleoperator.device = device = self._recording.device(self.teleoperator)

@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.live._body import BodyLimits
+from poise.apps.live._integrator import BodyLimits
 from poise.apps.live._snapshot import Snapshot
-from poise.locomotion import along_ahead, yaw_of
+from poise.locomotion import BodyCommand, along_ahead, yaw_of
 from poise.robots import Robot
 from poise.sim import Plant, PlantConfig, Tick
 
@@ -70,6 +70,7 @@ class RealTimeLoop(ABC):
         forces: of the ground on the left and the right foot in the last tick, forward, left and up
             [N], for a device that lets the operator feel them; None where nobody leads feet.
         limits: how far the operator can send height, torso and feet.
+        asked: body as commanded by the operator.
     """
 
     def __init__(self, robot: Robot, plant: PlantConfig, seed: int) -> None:
@@ -79,7 +80,7 @@ class RealTimeLoop(ABC):
         self.error: Exception | None = None
         self.snapshot: Snapshot | None = None
         self.forces: list[list[float]] | None = None
-        self.limits = BodyLimits()
+        self.limits, self.asked = BodyLimits(), BodyCommand()
         self._orders: dict[str, Callable[[], None]] = {}
         self._ordering = threading.Lock()
         self._pushed_until = 0.0

@@ -23,7 +23,7 @@ from poise.apps.report import shapes_payload
 from poise.apps.scenarios import drawn_shapes
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, Recording
 from poise.errors import ConfigurationError
-from poise.locomotion import BodyCommand, OperatorSample, TeleopParameters
+from poise.locomotion import OperatorSample, TeleopParameters
 from poise.robots import Robot
 from poise.sim import PlantConfig
 
@@ -101,7 +101,6 @@ class _Session(ABC):
         self.loop, self.inputs = loop, inputs
         self._gamepad, self._source = gamepad, source
         self._last: dict[type[_Order], float] = {}
-        self._asked = BodyCommand()
         model = loop.plant.drawn_model()
         shapes = {"bodies": model.nbody, **shapes_payload(drawn_shapes(model))}
         self.front = Front(self, port=port, shapes=shapes)
@@ -170,7 +169,6 @@ class _Session(ABC):
                 answer = {"echo": message.time, "forces": self.loop.forces}
                 if self._source == "browser":
                     answer |= self.inputs.take(message)
-                    self._asked = message.body
                 return answer
             case PushOrder():
                 self.loop.push(message.value)
@@ -184,8 +182,6 @@ class _Session(ABC):
                 self.loop.reset()
                 # What is held was to lead the robot of before.
                 self.inputs.clear()
-                if self._gamepad is not None:
-                    self._gamepad.straighten()
             case Keep():
                 return self._keep if self._is_rare(Keep) else _WAIT
         return None
@@ -202,7 +198,6 @@ class _Session(ABC):
         """The operator's page has gone: no more samples, the feet go back to the ground."""
         if self._source == "browser":
             self.inputs.clear()
-            self._asked = BodyCommand()
 
     def status(self) -> dict[str, Any]:
         """What every page shows."""
@@ -212,7 +207,7 @@ class _Session(ABC):
             "source": self._source,
             "kind": self.kind,
             "limits": self.loop.limits._asdict(),
-            "asked": structs.asdict(self._asked if self._gamepad is None else self._gamepad.body),
+            "asked": structs.asdict(self.loop.asked),
         }
         if now is None:
             return common

@@ -6,7 +6,7 @@ const BEAT = 33, QUICK = 8, RETRY = 1000, SPAN = 10, HINT = 6000, COMES_BACK = 3
 let socket = null, driving = false;
 // Which run of the robot this page has been of, and until when it may take its seat again.
 let run = null, mineUntil = 0;
-const keys = { left: false, right: false, upright: false, rest: false, arrows: new Set(), bends: new Set() };
+const keys = { left: false, right: false, upright: false, rest: false, neutral: false, arrows: new Set(), bends: new Set() };
 // Keys that do what an arrow does where the robot is driven.
 const ARROWS = { w: "ArrowUp", a: "ArrowLeft", s: "ArrowDown", d: "ArrowRight" };
 const driven = () => newest?.kind === "velocity";
@@ -61,7 +61,7 @@ function welcome(message) {
   say(reason);
   if (!driving) {
     help(false);
-    straighten();
+    slid = undefined;
   }
   allow();
 }
@@ -256,7 +256,7 @@ function gamepad() {
   const [x, y, turn, ahead] = [0, 1, 2, 3].map((i) => -stick(pad.axes[i] ?? 0));
   // The D-pad, with B held for the torso.
   const up = pressed(12) - pressed(13), left = pressed(14) - pressed(15);
-  const bend = pressed(1) ? { pitch: up, yaw: left } : { height: up, turn: left };
+  const bend = pressed(1) ? [0, 0, up, left, 0] : [up, 0, 0, 0, left];
   return { lift: [pressed(4), pressed(5)], move: [y, x], second: [ahead, turn], turn, upright: pressed(0), bend, neutral: pressed(3) };
 }
 
@@ -272,8 +272,12 @@ function pad() {
     upright: keys.upright || Boolean(stick?.upright),
     feet: (view?.drags() ?? [null, null]).map((position) => position && { position }),
     hands: hands(),
+    grip: held,
+    reach: reach(),
     rest: keys.rest,
-    body: asked(),
+    body: slid,
+    bend: bendable() ? bend(stick) : undefined,
+    neutral: bendable() && (keys.neutral || Boolean(stick?.neutral)),
   };
 }
 
@@ -315,7 +319,6 @@ function beat() {
 // What changes need not wait for the next beat: keys and buttons say so at once, and handles and
 // gamepads, which do not, are looked at this often.
 function look() {
-  bend();
   if (driving && JSON.stringify(pad()) !== said) beat();
 }
 
@@ -344,7 +347,7 @@ function press(event, down) {
   else if (letter in LIFTS) raise(letter, down);
   else if (letter in BENDS && !down) keys.bends.delete(letter);
   else if (letter in BENDS && bendable()) tell(letter);
-  else if (letter === "n" && down && bendable()) straighten();
+  else if (letter === "n" && (!down || bendable())) keys.neutral = down;
   else return;
   if (down) taken.add(event.code);
   event.preventDefault();
@@ -359,7 +362,7 @@ function hold(side, down) {
 function release() {
   hold("left", false);
   hold("right", false);
-  keys.rest = false;
+  keys.rest = keys.neutral = false;
   keys.arrows.clear();
   keys.bends.clear();
   grip(0, false);
@@ -396,12 +399,12 @@ const toggled = (id) => !part(id).classList.contains("on");
 part("pause").addEventListener("click", () => send({ do: "pause", value: toggled("pause") }));
 part("slow").addEventListener("click", () => send({ do: "slow", value: toggled("slow") }));
 part("upright").addEventListener("click", () => { keys.upright = toggled("upright"); part("upright").classList.toggle("on", keys.upright); look(); });
-part("reset").addEventListener("click", () => { straighten(); send({ do: "reset" }); });
-for (const name in body) {
+part("reset").addEventListener("click", () => { slid = undefined; send({ do: "reset" }); });
+for (const name in BENT) {
   const slider = part(`bend-${name}`);
-  slider.addEventListener("input", () => { set(name, (MIRRORED.has(name) ? -1 : 1) * slider.valueAsNumber); look(); });
+  slider.addEventListener("input", () => { slide(name, (MIRRORED.has(name) ? -1 : 1) * slider.valueAsNumber); look(); });
 }
-part("neutral").addEventListener("click", () => { straighten(); look(); });
+part("neutral").addEventListener("click", () => { for (keys.neutral of [true, false]) look(); });
 part("keep").addEventListener("click", () => send({ do: "keep" }));
 part("help-close").addEventListener("click", () => help(false));
 part("help-open").addEventListener("click", () => help(part("help").hidden, true));

@@ -1,47 +1,36 @@
-"""Samples of an operator, the guard that they pass, and their recordings."""
+"""Samples of an operator, and the guard that they pass."""
 
-from poise.locomotion._stepping._operator._fields import FieldError, checked_reading, checked_sample
-from poise.locomotion._stepping._operator._guard import DeviceStatus, OperatorGuard
-from poise.locomotion._stepping._operator._limits import LATE, LOST_AFTER, SILENT_AFTER
+from poise.locomotion._stepping._operator._fields import (
+    FieldError as FieldError,
+    WarnOnce as WarnOnce,
+    checked_reading as checked_reading,
+    checked_sample as checked_sample,
+)
+from poise.locomotion._stepping._operator._guard import (
+    DeviceStatus as DeviceStatus,
+    OperatorGuard as OperatorGuard,
+)
 from poise.locomotion._stepping._operator._sample import (
-    BodyCommand,
-    Device,
-    OperatorSample,
-    TrackedPose,
-    Vector,
+    BodyCommand as BodyCommand,
+    Device as Device,
+    OperatorSample as OperatorSample,
+    TrackedPose as TrackedPose,
+    Vector as Vector,
 )
-from poise.locomotion._stepping._operator._sample_clock import SampleClock
-from poise.locomotion._stepping._operator._scripted_device import ScriptedDevice, WayPoint
+from poise.locomotion._stepping._operator._sample_clock import (
+    LATE as LATE,
+    LOST_AFTER as LOST_AFTER,
+    SILENT_AFTER as SILENT_AFTER,
+    Engagement as Engagement,
+    SampleClock as SampleClock,
+)
+from poise.locomotion._stepping._operator._scripted_device import (
+    ScriptedDevice as ScriptedDevice,
+    WayPoint as WayPoint,
+)
 from poise.locomotion._stepping._operator._tracking import (
-    Engagement,
-    RateLimiter,
-    Rotation,
-    Tracker,
-    rotation_of,
+    RateLimiter as RateLimiter,
+    Rotation as Rotation,
+    Tracker as Tracker,
+    rotation_of as rotation_of,
 )
-from poise.locomotion._stepping._operator._warn_once import WarnOnce
-
-__all__ = [
-    "LATE",
-    "LOST_AFTER",
-    "SILENT_AFTER",
-    "BodyCommand",
-    "Device",
-    "DeviceStatus",
-    "Engagement",
-    "FieldError",
-    "OperatorGuard",
-    "OperatorSample",
-    "RateLimiter",
-    "Rotation",
-    "SampleClock",
-    "ScriptedDevice",
-    "TrackedPose",
-    "Tracker",
-    "Vector",
-    "WarnOnce",
-    "WayPoint",
-    "checked_reading",
-    "checked_sample",
-    "rotation_of",
-]

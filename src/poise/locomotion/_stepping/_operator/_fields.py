@@ -1,10 +1,17 @@
-"""Validation of what devices return, which may be anything: floats come out, or a `FieldError`."""
+"""Validation of what devices return, which may be anything: floats come out, or a `FieldError`.
 
+`WarnOnce`: logs each kind of such faults once.
+"""
+
+import logging
+import math
 import reprlib
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
+from msgspec.structs import asdict
 
 from poise.locomotion._stepping._operator._sample import (
     BodyCommand,
@@ -14,12 +21,27 @@ from poise.locomotion._stepping._operator._sample import (
     Vector,
 )
 
+_LOG = logging.getLogger("poise")
+
 _PLAIN = type(None) | bool | float | complex | np.number | np.bool_
 """Kinds whose `repr` is no longer than a number's."""
 _MOST_BITS = 64
 """Longer whole numbers are written in a time that grows with the square of their length."""
 _MOST_NUMBERS = 16
 """Larger arrays are shown by their shape; no field has more than 4 numbers."""
+
+_Turns = tuple[float, float]
+_FLAG = bool | int
+_WANTED: dict[Any, str] = {
+    float: "a number", _FLAG: "true or false", _Turns: "2 numbers", Vector: "3 numbers",
+    Quaternion: "4 numbers",
+}  # fmt: skip
+"""Types of fields, in words."""
+
+_ARRAYS = (np.ndarray, np.generic)
+
+_VECTORS: dict[str, Any] = {"position": Vector, "orientation": Quaternion, "velocity": Vector}
+"""Of a tracked part."""
 
 T = TypeVar("T")
 
@@ -34,6 +56,182 @@ class FieldError(TypeError):
     def __init__(self, fields: tuple[str, ...], words: str) -> None:
         super().__init__(words)
         self.fields = fields
+
+
+class WarnOnce:
+    """Log faults on the logger `poise`, each kind once: most recur in the next tick.
+
+    A kind is a class of exceptions, and of a `FieldError` a field.
+    """
+
+    def __init__(self) -> None:
+        self._logged = set[tuple[type[Exception], str]]()
+
+    def __call__(self, error: Exception, message: str, *names: str) -> None:
+        """Log an error with its traceback, unless all of its kinds have been logged.
+
+        Args:
+            error: what happened.
+            message: what follows from it, a format of the logger's.
+            names: for the format.
+        """
+        fields = error.fields if isinstance(error, FieldError) else ("",)
+        kinds = {(type(error), field) for field in fields}
+        if not kinds <= self._logged:
+            self._logged |= kinds
+            _LOG.error(message, *names, exc_info=error)
+
+
+def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | None]:
+    """Validate what a device returned, which may be anything.
+
+    A vector of a tracked part that is none becomes NaN, and the rest counts: a device that is out
+    of sight takes nothing with it. Numbers that are not finite or far away are left to the guard,
+    which refuses them one by one. Buttons and sticks, which no controller reads, are dropped.
+
+    Args:
+        sample: as returned; None for nothing new.
+
+    Returns:
+        The sample with tuples of floats, and which vectors in it are none; None for nothing.
+
+    Raises:
+        FieldError: no sample, or another field in it is of another kind.
+    """
+    if sample is None:
+        return None, None
+    sample = _of_kind("sample", sample, OperatorSample)
+    for read in (_as_it_is, _bare):
+        try:
+            return _converted(sample, read), None
+        except (TypeError, ValueError, msgspec.ValidationError):
+            continue
+    faults = dict[str, str]()
+    good = _checked_by_field(sample, faults)
+    return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
+
+
+def checked_reading(arm: str, reading: object) -> TrackedPose | None:
+    """Validate what an arm of a foot returned: its position, and whether its clutch is closed.
+
+    Args:
+        arm: its name.
+        reading: as returned; None where it is gone. A position of None becomes NaN.
+
+    Raises:
+        FieldError: something else.
+    """
+    if reading is None:
+        return None
+    position, clutch = _two(f"reading of {arm}", reading)
+    faults = dict[str, str]()
+    position = _vector(f"position of {arm}", position, Vector, faults)
+    if faults:
+        raise FieldError(tuple(faults), "; ".join(faults.values()))
+    return TrackedPose(position, bool(_read(f"clutch of {arm}", clutch, _FLAG)))
+
+
+def _parts(sample: OperatorSample) -> tuple[Any, ...]:
+    """Feet, hands and head, of whatever kind."""
+    return *_two("feet", sample.feet), *_two("hands", sample.hands), sample.head
+
+
+def _converted(sample: OperatorSample, read: Callable[[Any], Any]) -> OperatorSample:
+    """A sample of numbers, each value as it is read; raises for anything else."""
+    members = {name: read(value) for name, value in asdict(sample).items()}
+    left, right, *hands, head = (
+        None if part is None else {name: read(value) for name, value in asdict(part).items()}
+        for part in _parts(sample)
+    )
+    body = {name: read(value) for name, value in asdict(sample.body).items()}
+    members |= {"feet": (left, right), "hands": hands, "head": head, "body": body}
+    return msgspec.convert(members, OperatorSample)
+
+
+def _checked_by_field(sample: OperatorSample, faults: dict[str, str]) -> OperatorSample:
+    body, names = _of_kind("body", sample.body, BodyCommand), ("left", "right")
+    names = *(f"{side} foot" for side in names), *(f"{side} hand" for side in names), "head"
+    left, right, left_hand, right_hand, head = (
+        _part(*named, faults) for named in zip(names, _parts(sample), strict=True)
+    )
+    return OperatorSample(
+        _read("time", sample.time, float),
+        (left, right),
+        (left_hand, right_hand),
+        head,
+        BodyCommand(
+            _read("height", body.height, float),
+            _read("torso", body.torso, Vector),
+            _read("turns", body.turns, _Turns),
+        ),
+        _read("velocity", sample.velocity, Vector),
+        bool(_read("upright", sample.upright, _FLAG)),
+        bool(_read("rest", sample.rest, _FLAG)),
+    )
+
+
+def _of_kind(field: str, value: object, kind: type[T]) -> T:
+    if not isinstance(value, kind):
+        raise FieldError((field,), f"{field} is {_BRIEF.repr(value)}, no {kind.__name__}")
+    return value
+
+
+def _two(field: str, values: object) -> tuple[object, object]:
+    if not isinstance(values, tuple | list) or len(values) != 2:
+        raise FieldError((field,), f"{field} is {_BRIEF.repr(values)}, not a tuple of two")
+    return values[0], values[1]
+
+
+def _part(field: str, value: object, faults: dict[str, str]) -> TrackedPose | None:
+    """A tracked part; None for none."""
+    if value is None:
+        return None
+    part = _of_kind(field, value, TrackedPose)
+    vectors = {
+        name: _vector(f"{name} of {field}", vector, kind, faults)
+        for name, kind in _VECTORS.items()
+        if (vector := getattr(part, name)) is not None
+    }
+    clutch = part.clutch
+    if clutch is not None:
+        clutch = bool(_read(f"clutch of {field}", clutch, _FLAG))
+    return TrackedPose(clutch=clutch, **vectors)
+
+
+def _vector(field: str, value: object, kind: Any, faults: dict[str, str]) -> Any:
+    """So many numbers; NaN where there are others, or none."""
+    try:
+        return _read(field, value, kind)
+    except FieldError as error:
+        if value is not None:
+            faults[field] = str(error)
+        return (math.nan,) * len(kind.__args__)
+
+
+def _read(field: str, value: object, kind: Any) -> Any:
+    """A field of one of msgspec's types, read from plain values, small arrays or their lists."""
+    try:
+        return msgspec.convert(_bare(value), kind)
+    except msgspec.ValidationError:
+        words = f"{field} is {_BRIEF.repr(value)}, not {_WANTED[kind]}"
+        raise FieldError((field,), words) from None
+
+
+def _as_it_is(value: object) -> object:
+    return value
+
+
+def _bare(value: Any) -> Any:
+    """Plain numbers or lists of them, where there are few."""
+    value = _plain(value)
+    few = type(value) in (tuple, list) and len(value) <= _MOST_NUMBERS
+    return [item if type(item) is float else _plain(item) for item in value] if few else value
+
+
+def _plain(value: Any) -> Any:
+    """Lists and numbers of Python in place of small arrays and NumPy's numbers."""
+    small = isinstance(value, _ARRAYS) and value.size <= _MOST_NUMBERS
+    return value.tolist() if small and value.dtype.kind in "biuf" else value
 
 
 class _Brief(reprlib.Repr):
@@ -56,135 +254,3 @@ class _Brief(reprlib.Repr):
 
 
 _BRIEF = _Brief()
-
-
-def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | None]:
-    """Validate what a device returned, which may be anything.
-
-    A vector of a tracked part that is none becomes NaN, and the rest counts: a device that is out
-    of sight takes nothing with it. Numbers that are not finite or far away are left to the guard,
-    which refuses them one by one. Buttons and sticks, which no controller reads, are dropped.
-
-    Args:
-        sample: as returned; None for nothing new.
-
-    Returns:
-        The sample with tuples of floats, and which vectors in it are none; None for nothing.
-
-    Raises:
-        FieldError: no sample, or another field in it is of another kind.
-    """
-    if sample is None:
-        return None, None
-    sample, faults = _of_kind("sample", sample, OperatorSample), dict[str, str]()
-    body = _of_kind("body", sample.body, BodyCommand)
-    good = OperatorSample(
-        time=_read("time", sample.time, float, "a number"),
-        feet=_pair("foot", sample.feet, faults),
-        hands=_pair("hand", sample.hands, faults),
-        head=_part("head", sample.head, faults),
-        body=BodyCommand(
-            _read("height", body.height, float, "a number"),
-            _read("torso", body.torso, Vector, "3 numbers"),
-            _read("turns", body.turns, tuple[float, float], "2 numbers"),
-        ),
-        velocity=_read("velocity", sample.velocity, Vector, "3 numbers"),
-        upright=_flag("upright", sample.upright),
-        rest=_flag("rest", sample.rest),
-    )
-    return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
-
-
-def checked_reading(arm: str, reading: object) -> TrackedPose | None:
-    """Validate what an arm of a foot returned: its position, and whether its clutch is closed.
-
-    Args:
-        arm: its name.
-        reading: as returned; None where it is gone. A position of None becomes NaN.
-
-    Raises:
-        FieldError: something else.
-    """
-    if reading is None:
-        return None
-    field = f"reading of {arm}"
-    if not isinstance(reading, tuple | list) or len(reading) != 2:
-        raise FieldError((field,), f"{field} is {_BRIEF.repr(reading)}, not a tuple of two")
-    faults = dict[str, str]()
-    position = _vector(f"position of {arm}", reading[0], Vector, 3, faults)
-    if faults:
-        raise FieldError(tuple(faults), "; ".join(faults.values()))
-    return TrackedPose(position, _flag(f"clutch of {arm}", reading[1]))
-
-
-def _of_kind(field: str, value: object, kind: type[T]) -> T:
-    if not isinstance(value, kind):
-        raise FieldError((field,), f"{field} is {_BRIEF.repr(value)}, no {kind.__name__}")
-    return value
-
-
-def _pair(
-    part: str, values: object, faults: dict[str, str]
-) -> tuple[TrackedPose | None, TrackedPose | None]:
-    if not isinstance(values, tuple | list) or len(values) != 2:
-        field = "feet" if part == "foot" else "hands"
-        raise FieldError((field,), f"{field} is {_BRIEF.repr(values)}, not a tuple of two")
-    left, right = values
-    return _part(f"left {part}", left, faults), _part(f"right {part}", right, faults)
-
-
-def _part(field: str, value: object, faults: dict[str, str]) -> TrackedPose | None:
-    """A tracked part; None for none."""
-    if value is None:
-        return None
-    part = _of_kind(field, value, TrackedPose)
-    position, orientation, velocity, clutch = (
-        part.position, part.orientation, part.velocity, part.clutch,
-    )  # fmt: skip
-    if position is not None:
-        position = _vector(f"position of {field}", position, Vector, 3, faults)
-    if orientation is not None:
-        orientation = _vector(f"orientation of {field}", orientation, Quaternion, 4, faults)
-    if velocity is not None:
-        velocity = _vector(f"velocity of {field}", velocity, Vector, 3, faults)
-    if clutch is not None:
-        clutch = _flag(f"clutch of {field}", clutch)
-    return TrackedPose(position, clutch, orientation, velocity)
-
-
-def _vector(field: str, value: object, kind: Any, count: int, faults: dict[str, str]) -> Any:
-    """So many numbers; NaN where there are others, or none."""
-    try:
-        return _read(field, value, kind, f"{count} numbers")
-    except FieldError as error:
-        if value is not None:
-            faults[field] = str(error)
-        return msgspec.convert([float("nan")] * count, kind)
-
-
-def _flag(field: str, value: object) -> bool:
-    if value is True or value is False:
-        return value
-    return bool(_read(field, value, bool | int, "true or false"))
-
-
-def _read(field: str, value: object, kind: Any, wanted: str) -> Any:
-    """A field of one of msgspec's types, read from plain values, small arrays or their lists."""
-    try:
-        return msgspec.convert(_plain(value), kind)
-    except msgspec.ValidationError:
-        pass
-    try:
-        if isinstance(value, tuple | list) and len(value) <= _MOST_NUMBERS:
-            return msgspec.convert([_plain(item) for item in value], kind)
-    except msgspec.ValidationError:
-        pass
-    raise FieldError((field,), f"{field} is {_BRIEF.repr(value)}, not {wanted}")
-
-
-def _plain(value: object) -> object:
-    """Lists and numbers of Python in place of small arrays and NumPy's numbers."""
-    if type(value) is tuple:
-        return value
-    small = isinstance(value, np.ndarray | np.generic) and value.size <= _MOST_NUMBERS
-    return value.tolist() if small and value.dtype.kind in "biuf" else value

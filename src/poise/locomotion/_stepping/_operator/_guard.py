@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise.locomotion._stepping._operator._fields import checked_sample
-from poise.locomotion._stepping._operator._limits import SILENT_AFTER, STICK_REST
+from poise.locomotion._stepping._operator._fields import WarnOnce, checked_sample
 from poise.locomotion._stepping._operator._sample import (
     BodyCommand,
     Device,
@@ -17,14 +16,16 @@ from poise.locomotion._stepping._operator._sample import (
     TrackedPose,
     Vector,
 )
-from poise.locomotion._stepping._operator._sample_clock import SampleClock
-from poise.locomotion._stepping._operator._tracking import (
+from poise.locomotion._stepping._operator._sample_clock import (
+    SILENT_AFTER,
     Engagement,
-    Tracker,
-    is_turned_away,
-    rotation_of,
+    SampleClock,
 )
-from poise.locomotion._stepping._operator._warn_once import WarnOnce
+from poise.locomotion._stepping._operator._tracking import Tracker, is_turned_away, rotation_of
+
+_STICK_REST = (0.01, 0.01, 0.02)
+"""A commanded velocity that is no larger is none: sticks do not rest at exactly zero [m/s, m/s,
+rad/s]."""
 
 
 class DeviceStatus(Enum):
@@ -82,6 +83,8 @@ class OperatorGuard:
         self.status = DeviceStatus.LOST
         self.error: Exception | None = None
         self._warn_once = WarnOnce()
+        self._given: object = None
+        self._checked: OperatorSample | None = None
 
     def read(self, device: Device | None, time: float) -> OperatorSample | None:
         """Return what a device sends; None where it fails, which the logger `poise` says.
@@ -93,14 +96,18 @@ class OperatorGuard:
         if device is None:
             return None
         try:
-            sample, self.error = checked_sample(device.sample(time))
+            given = device.sample(time)
+            if given is not self._given or given is None:
+                self._given = None
+                self._checked, self.error = checked_sample(given)
+                self._given = given
         except Exception as error:
             self.error = error
             self._warn_once(error, "the device failed, and counts as silent")
             return None
         if self.error is not None:
             self._warn_once(self.error, "part of what the device gives is ignored")
-        return sample
+        return self._checked
 
     def check(
         self,
@@ -187,7 +194,7 @@ class OperatorGuard:
 
     def _steer(self, velocity: Vector, time: float) -> None:
         """A velocity counts after one of zero: a stick that was held when it was found does not."""
-        if all(abs(part) <= least for part, least in zip(velocity, STICK_REST, strict=True)):
+        if all(abs(part) <= least for part, least in zip(velocity, _STICK_REST, strict=True)):
             self._walk.release(time)
             return
         self._walk.engage()

@@ -89,8 +89,8 @@ class OperatorSample(
 ):
     """All that an operator commands at one time.
 
-    Buttons, sticks and handles of a page or gamepad become positions of feet and a velocity where
-    they are received; controllers read the other members.
+    Buttons, sticks and handles of a page or gamepad are integrated to positions and a velocity
+    where they are received; controllers read the other members.
 
     Attributes:
         time: when it was measured, on the sender's clock [s]. In messages 0 means no clock.
@@ -104,10 +104,15 @@ class OperatorSample(
         upright: button: bring the torso upright although one foot is in the air.
         rest: button: hands that nothing leads go back to rest, and so does the gaze.
         lift: buttons that hold the left and the right foot up.
-        move: stick, forward and left, from -1 to 1, beyond which it is cut off: moves the lifted
-            foot, or the robot.
-        second: a second stick with the same range: moves the right foot while both are lifted.
-        turn: stick that turns the robot to the left, with the same range.
+        move: stick, forward and left, from -1 to 1, beyond which it is cut off, as all sticks: moves
+            the lifted foot, or the robot.
+        second: a second stick: moves the right foot while both are lifted.
+        turn: stick that turns the robot to the left.
+        grip: buttons that hold the left and the right hand.
+        reach: stick, forward, left and up: moves the gripped hands.
+        bend: sticks of the body: height, roll, pitch and yaw of the torso, and turn of the feet
+            that are held.
+        neutral: button: the body goes back to where `BodyCommand()` has it.
     """
 
     time: float = 0.0
@@ -122,6 +127,10 @@ class OperatorSample(
     move: tuple[float, float] = (0.0, 0.0)
     second: tuple[float, float] = (0.0, 0.0)
     turn: float = 0.0
+    grip: tuple[bool, bool] = (False, False)
+    reach: Vector = (0.0, 0.0, 0.0)
+    bend: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    neutral: bool = False
 
     def place(self, foot: int) -> Vector:
         """Position of a foot's device, 0 left and 1 right [m]; NaN without one."""

@@ -1,15 +1,32 @@
-"""`SampleClock`: age and order of samples, by a sender's clock that nobody has set."""
+"""`SampleClock`: age and order of samples. `Engagement`: when a part leads."""
 
 import math
 
-from poise.locomotion._stepping._operator._limits import DRIFT, LATE, LOST_AFTER
+SLOWEST = 0.1
+"""Period of the slowest device that is followed without gaps [s]: hands move at 5 Hz at most, and
+ten samples a second are the fewest that show it."""
+
+SILENT_AFTER = SLOWEST
+"""A device without a new sample for longer than its period is silent, and its velocity unknown
+[s]."""
+
+LOST_AFTER = 5 * SLOWEST
+"""After so long without a good sample a device is lost [s]: a link that drops every fourth sample
+drops five in a row once in a thousand."""
+
+LATE = LOST_AFTER
+"""A sample that comes this much later than the soonest did is as old as one of a lost device
+[s]."""
+
+_DRIFT = 1e-3
+"""Part of the time by which two clocks drift apart: ten times what quartz does."""
 
 
 class SampleClock:
     """Accept samples that are newer than the newest and no later than a link makes them.
 
-    A sample's delay is compared with the smallest one. What grows by less than `DRIFT` is taken for
-    two clocks that drift apart. After a silence of `LOST_AFTER` any clock is accepted anew.
+    A sample's delay is compared with the smallest one. What grows by less than `_DRIFT` is taken
+    for two clocks that drift apart. After a silence of `LOST_AFTER` any clock is accepted anew.
 
     Attributes:
         heard_at: receiver's time of the newest sample [s].
@@ -36,10 +53,10 @@ class SampleClock:
         if not math.isfinite(stamp) or stamp == self.newest:
             return False
         soonest = time - stamp
-        if not self.is_lost(time):
+        if not self.is_lost(time) and self.newest > -math.inf:
             if not 0.0 < stamp - self.newest <= time - self.heard_at + LATE:
                 return False
-            soonest = min(soonest, self._soonest + DRIFT * (time - self.heard_at))
+            soonest = min(soonest, self._soonest + _DRIFT * (time - self.heard_at))
         if time - stamp - soonest > LATE:
             return False
         self.newest, self.heard_at, self._soonest = stamp, time, soonest
@@ -56,3 +73,47 @@ class SampleClock:
             time: of the receiver [s].
         """
         return abs(time - self.heard_at) > LOST_AFTER
+
+
+class Engagement:
+    """When a part leads: from when its clutch closes, which has to be seen, until it opens.
+
+    One that is closed when it is found, or found again, leads nothing until it was open.
+
+    Attributes:
+        engaged: whether the part leads.
+    """
+
+    def __init__(self) -> None:
+        self.engaged = self._released = False
+        self._good_at = -math.inf
+
+    def expire(self, time: float) -> bool:
+        """Disengage a lost part; return whether it was engaged until now.
+
+        Args:
+            time: of the robot [s]; it may go back.
+        """
+        if abs(time - self._good_at) <= LOST_AFTER:
+            return False
+        engaged = self.engaged
+        self.lose()
+        return engaged
+
+    def lose(self) -> None:
+        """Disengage until the part is seen released and then closed."""
+        self.engaged = self._released = False
+
+    def release(self, time: float) -> None:
+        """Note an open clutch, at a time of the robot [s]."""
+        self.engaged, self._released, self._good_at = False, True, time
+
+    def engage(self) -> bool:
+        """Note a closed clutch; return whether the part begins to lead now."""
+        begins = self._released and not self.engaged
+        self.engaged, self._released = self.engaged or begins, False
+        return begins
+
+    def refresh(self, time: float) -> None:
+        """Note a good sample, at a time of the robot [s]."""
+        self._good_at = time

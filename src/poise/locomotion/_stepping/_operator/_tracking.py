@@ -1,7 +1,7 @@
 """`Tracker`: follows a foot or hand of the operator while it leads, no faster than it may.
 
-`Engagement`: when a part leads. `RateLimiter`: how fast it is followed. `VelocityCheck`: velocity
-that agrees with its motion. `rotation_of`: orientation that it sent.
+`RateLimiter`: how fast it is followed. `VelocityCheck`: velocity that agrees with its motion.
+`rotation_of`: orientation that it sent.
 """
 
 import math
@@ -12,69 +12,47 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import rotation_vector
-from poise.locomotion._stepping._operator._limits import (
-    BURST,
-    JUMP,
-    LOST_AFTER,
-    SILENT_AFTER,
-    SPEED_MAX,
-    TURN_BURST,
-    TURN_JUMP,
-    TURN_SPEED_MAX,
-    UNIT_ERROR,
-    VELOCITY_ERROR,
-    VELOCITY_MEMORY,
-)
 from poise.locomotion._stepping._operator._sample import TrackedPose, Vector
+from poise.locomotion._stepping._operator._sample_clock import SILENT_AFTER, SLOWEST, Engagement
+
+SPEED_MAX = 2.5
+"""Largest speed at which a part is followed [m/s]: a foot in a brisk walk, a hand that reaches."""
+
+BURST = 0.06
+"""Distance that is followed without delay after rest [m]: what `SPEED_MAX` covers in one period of
+a tracker of 40 Hz."""
+
+JUMP = SPEED_MAX * SLOWEST + BURST
+"""Largest distance of a sample from where its part is followed to [m]: what a part at `SPEED_MAX`
+is away by after one period of the slowest device. Farther away is another thing."""
+
+TURN_SPEED_MAX = 3.0
+"""Largest speed at which a hand's turn is followed [rad/s]: what wrists of robots reach."""
+
+TURN_BURST = TURN_SPEED_MAX / 25.0
+"""Turn that is followed without delay after rest [rad]: one period of a tracker of 25 Hz, for a
+wrist that is flicked runs ahead of what follows it."""
+
+TURN_JUMP = 12.0 * SLOWEST
+"""Largest turn from one sample to the next [rad]: a wrist that is flicked, at 12 rad/s."""
+
+VELOCITY_DELAY = 0.02
+"""Delay with which a device may read its own velocity [s]: two periods of a tracker of 100 Hz."""
+
+VELOCITY_ERROR = SPEED_MAX * VELOCITY_DELAY
+"""Distance by which a device may be elsewhere than its velocity has it [m]."""
+
+VELOCITY_MEMORY = 2 * SILENT_AFTER
+"""Time constant with which that distance is forgotten [s]: no less than a velocity counts, or it
+would be forgotten before it is seen."""
+
+UNIT_ERROR = 0.01
+"""By how much a quaternion's length may differ from one: messages round to two figures."""
 
 Rotation = Float64[np.ndarray, "3 3"]
 
 _STILL: Float64[np.ndarray, "3"] = np.zeros(3)
 _STILL.flags.writeable = False
-
-
-class Engagement:
-    """When a part leads: from when its clutch closes, which has to be seen, until it opens.
-
-    One that is closed when it is found, or found again, leads nothing until it was open.
-
-    Attributes:
-        engaged: whether the part leads.
-    """
-
-    def __init__(self) -> None:
-        self.engaged = self._released = False
-        self._good_at = -math.inf
-
-    def expire(self, time: float) -> bool:
-        """Disengage a lost part; return whether it was engaged until now.
-
-        Args:
-            time: of the robot [s]; it may go back.
-        """
-        if abs(time - self._good_at) <= LOST_AFTER:
-            return False
-        engaged = self.engaged
-        self.lose()
-        return engaged
-
-    def lose(self) -> None:
-        """Disengage until the part is seen released and then closed."""
-        self.engaged = self._released = False
-
-    def release(self, time: float) -> None:
-        """Note an open clutch, at a time of the robot [s]."""
-        self.engaged, self._released, self._good_at = False, True, time
-
-    def engage(self) -> bool:
-        """Note a closed clutch; return whether the part begins to lead now."""
-        begins = self._released and not self.engaged
-        self.engaged, self._released = self.engaged or begins, False
-        return begins
-
-    def refresh(self, time: float) -> None:
-        """Note a good sample, at a time of the robot [s]."""
-        self._good_at = time
 
 
 class RateLimiter:

@@ -1,0 +1,357 @@
+"""`Integrator`: held keys, sticks and handles as positions, once a tick. `LiveFeet`: feet, too.
+
+`BodyLimits`: how far they send height, torso and feet.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+from msgspec.structs import replace
+
+from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._odometry import Odometry
+from poise.locomotion import (
+    FOOT_TURNS,
+    TORSO_MOST,
+    BodyCommand,
+    DeviceStatus,
+    FootTracker,
+    OperatorSample,
+    StepTeleoperator,
+    TrackedPose,
+    Vector,
+    VelocityLimits,
+    along_ahead,
+    rest_place,
+    rotation_of,
+    yaw_of,
+)
+
+HOLD_HEIGHT = 0.10
+"""Height over its place on the ground at which a button holds a foot [m]: an ordinary step."""
+
+_SPEED = 0.6
+"""Speed at which a foot goes to its handle [m/s], however the mouse jumps: that of a swing foot."""
+_STICK_SPEED = 0.25
+"""Speed of a lifted foot with the stick all the way over [m/s]: a step of 0.25 m takes a second."""
+_STICK_LEAD = 0.06
+"""Distance to which the stick moves a place ahead of its foot, along an axis [m]: what a foot at
+that speed lags behind by in a quarter of a second."""
+_HANDLE_LEAD = 0.4
+"""Distance to which a handle leads from the robot's foot [m]: further than a leg reaches, and near
+enough to be back within a second at `_SPEED`."""
+_HAND_SPEED = 0.15
+"""Speed of a hand that keys lead [m/s]."""
+_RAISED, _TURNED = 0.06, 0.4
+"""Rates of height [m/s], and of torso and feet [rad/s], with their key held."""
+
+_SHARE = 0.85
+"""Part of its limits at which a robot walks with the stick all the way over: feedback needs the
+rest."""
+_AT_REST = 0.05
+"""A stick that is no further over commands nothing: none rests at exactly zero."""
+
+_RISE = 0.04
+"""Rise of the COM by legs that straighten, over its height."""
+
+_ORIGIN: Vector = (0.0, 0.0, 0.0)
+
+
+class BodyLimits(NamedTuple):
+    """Ranges of height, torso and feet; those of a robot that is driven are empty.
+
+    Attributes:
+        height: of the COM, the lowest and the highest, over the usual one [m].
+        torso: roll, pitch and yaw, to either side [rad].
+        turns: of a foot, inwards and outwards against the other one [rad].
+    """
+
+    height: tuple[float, float] = (0.0, 0.0)
+    torso: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turns: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def of(cls, teleoperator: StepTeleoperator) -> "BodyLimits":
+        """Return those of a robot whose feet are on the ground where it starts."""
+        estimator = teleoperator.estimator
+        left, right = estimator.anchors
+        height = float(estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
+        reach = (-teleoperator.parameters.stoop_max * height, _RISE * height)
+        if teleoperator.actuation == "velocity":
+            return cls(reach)
+        return cls(reach, TORSO_MOST, FOOT_TURNS)
+
+
+class Integrator:
+    """Integrate raw samples of page, gamepad or program: a `Device` of hands, body and velocity.
+
+    Keys move a hand from where it is when it is gripped. A body is where the last sample put it
+    that put it elsewhere than the one before, and goes on from there by keys or the D-pad.
+
+    Args:
+        inputs: what the operator does.
+        dt: length of a tick [s].
+        limits: of the body.
+        velocities: that a stick all the way over commands most of.
+
+    Attributes:
+        body: as commanded so far.
+    """
+
+    def __init__(
+        self,
+        inputs: OperatorInputs,
+        dt: float,
+        *,
+        limits: BodyLimits | None = None,
+        velocities: VelocityLimits | None = None,
+    ) -> None:
+        self._inputs, self._dt = inputs, dt
+        self.limits, self._velocities = limits or BodyLimits(), velocities or VelocityLimits()
+        self.body = self._put = BodyCommand()
+        self._ways: list[Vector | None] = [None, None]
+        self._raw: OperatorSample | None = None
+
+    def sample(self, time: float) -> OperatorSample | None:
+        """Return what is commanded in a tick.
+
+        Args:
+            time: of the robot [s].
+
+        Returns:
+            None where nothing new came.
+        """
+        raw, before = self._inputs.read(), self._raw
+        if raw is None:
+            return None
+        # A tracker's sample counts once.
+        self._raw, came = raw, raw is not before
+        self._bend(raw)
+        return OperatorSample(
+            time=time,
+            hands=(self._hand(0, raw, came=came), self._hand(1, raw, came=came)),
+            head=raw.head if came else None,
+            body=self.body,
+            velocity=velocity_of(raw, self._velocities),
+            upright=raw.upright,
+            rest=raw.rest,
+        )
+
+    def _hand(self, hand: int, raw: OperatorSample, *, came: bool) -> TrackedPose | None:
+        """One tick of a hand, which a closed clutch leads, or keys do."""
+        seen, way = raw.hands[hand], self._ways[hand]
+        if not raw.grip[hand] or (seen is not None and seen.clutch):
+            self._ways[hand] = None
+            return seen if came else None
+        if way is None:
+            self._ways[hand] = _ORIGIN
+            return TrackedPose(_ORIGIN, clutch=False)
+        step = self._dt * _HAND_SPEED
+        (x, y, z), (forward, left, up) = way, _deflections(raw.reach)
+        self._ways[hand] = way = (x + step * forward, y + step * left, z + step * up)
+        return TrackedPose(way, clutch=True)
+
+    def _bend(self, raw: OperatorSample) -> None:
+        """One tick of the body."""
+        if raw.body != self._put:
+            self.body = self._put = raw.body
+        if raw.neutral:
+            self.body = BodyCommand()
+        if not any(raw.bend):
+            return
+        up, *bend, turn = _deflections(raw.bend)
+        body, step, limits = self.body, self._dt * _TURNED, self.limits
+        (left, right), (inwards, outwards) = body.turns, limits.turns
+        if turn and _is_held(raw, 0):
+            left = _turned(left + step * turn, right, -inwards, outwards)
+        if turn and _is_held(raw, 1):
+            right = _turned(right + step * turn, left, -outwards, inwards)
+        roll, pitch, yaw = (
+            _clipped(angle + step * way, -most, most) if way else angle
+            for angle, way, most in zip(body.torso, bend, limits.torso, strict=True)
+        )
+        height = _clipped(body.height + self._dt * _RAISED * up, *limits.height)
+        self.body = BodyCommand(height, (roll, pitch, yaw), (left, right))
+
+
+class LiveFeet(Integrator):
+    """Integrate raw samples to places of both feet, too, in the teleoperator's world.
+
+    A foot follows a tracker whose clutch is closed, which turns it, too, until something else does;
+    a handle; or a button, and then the stick. Otherwise it is lowered where it is. Sticks walk the
+    robot while no foot is held.
+
+    Args:
+        inputs: what the operator does.
+        teleoperator: knows where the feet are.
+        odometry: of the drawn world, in which handles are.
+
+    Attributes:
+        places: of the left and the right foot's device, in the teleoperator's world [m].
+    """
+
+    def __init__(
+        self, inputs: OperatorInputs, teleoperator: StepTeleoperator, odometry: Odometry
+    ) -> None:
+        super().__init__(inputs, teleoperator.dt, limits=BodyLimits.of(teleoperator))
+        self._teleoperator, self._odometry = teleoperator, odometry
+        self._restart()
+
+    def _restart(self) -> None:
+        """Put the devices on the feet."""
+        self.places = [np.array(anchor) for anchor in self._teleoperator.estimator.anchors]
+        self._trackers = (FootTracker(), FootTracker())
+        # Turns by trackers, to the left of ahead, and the trackers' own turns a tick ago [rad].
+        self._turned: list[float | None] = [None, None]
+        self._yaws: list[float | None] = [None, None]
+        self._walks = False
+
+    def sample(self, time: float) -> OperatorSample | None:
+        """Return where the devices are, and all else that is commanded in a tick.
+
+        Args:
+            time: of the robot [s].
+
+        Returns:
+            None where nothing new came.
+        """
+        sample, raw, status = super().sample(time), self._raw, self._teleoperator.status
+        if sample is None or raw is None:
+            if status is None or status.device is DeviceStatus.LOST:
+                self._restart()
+            return None
+        left, right = self._foot(0, raw, time), self._foot(1, raw, time)
+        if any(raw.lift) or any(part is not None and part.clutch is not False for part in raw.feet):
+            self._walks = False
+        elif not any(sample.velocity):
+            self._walks = True
+        velocity = sample.velocity if self._walks else _ORIGIN
+        if any(velocity):
+            # Who has walked faces ahead.
+            self._turned = [None, None]
+        body = replace(self.body, turns=self._turns())
+        return replace(sample, feet=(left, right), body=body, velocity=velocity)
+
+    def _turns(self) -> tuple[float, float]:
+        """Turns of the feet, to the left of ahead [rad]."""
+        left, right = (
+            commanded if turned is None else turned
+            for turned, commanded in zip(self._turned, self.body.turns, strict=True)
+        )
+        return left, right
+
+    def _foot(self, foot: int, raw: OperatorSample, time: float) -> TrackedPose:
+        """One tick of a foot's device."""
+        part, teleoperator = raw.feet[foot], self._teleoperator
+        tracker = part if part is not None and part.clutch is not None else None
+        led = self._trackers[foot].follow(tracker, self.places[foot], teleoperator.ahead, time)
+        before, self._yaws[foot] = self._yaws[foot], None if led is None else _yaw_of(tracker)
+        if led is not None:
+            yaw = self._yaws[foot]
+            if yaw is not None:
+                by = 0.0 if before is None else yaw - before
+                self._turned[foot] = math.remainder(self._turns()[foot] + by, math.tau)
+            self.places[foot] = np.array(led.position)
+            return led
+        if _is_held(raw, foot):
+            self._turned[foot] = None
+            self._integrate(foot, raw)
+        else:
+            self.places[foot] = np.array(rest_place(teleoperator, foot))
+        return TrackedPose.of(self.places[foot])
+
+    def _integrate(self, foot: int, raw: OperatorSample) -> None:
+        """Move a place for a tick: to its handle, or up by its button and across by the stick."""
+        estimator, mode, part = (
+            self._teleoperator.estimator,
+            self._teleoperator.mode,
+            raw.feet[foot],
+        )
+        sole = estimator.sole(foot)
+        place = _near(self.places[foot], sole)
+        if part is not None and part.clutch is None:
+            goal = _near(self._odometry.estimated(np.array(part.position)), sole)
+        else:
+            x, y, z = estimator.anchors[foot].tolist()
+            if mode.single and mode.support != foot:
+                along = along_ahead((*_stick(raw, foot), 0.0), self._teleoperator.ahead)[:2]
+                x, y = np.clip(
+                    place[:2] + self._dt * _STICK_SPEED * along,
+                    sole[:2] - _STICK_LEAD,
+                    sole[:2] + _STICK_LEAD,
+                ).tolist()
+                # Across does not wait for up.
+                place = np.array([x, y, place[2]])
+            goal = np.array([x, y, z + HOLD_HEIGHT])
+        self.places[foot] = place + _no_longer(goal - place, self._dt * _SPEED)
+
+
+def velocity_of(raw: OperatorSample, limits: VelocityLimits) -> Vector:
+    """Return the velocity that a sample commands, by itself or by keys and sticks.
+
+    Args:
+        raw: what the operator does.
+        limits: of velocities; a stick all the way over commands most of them.
+
+    Returns:
+        Ahead [m/s], to the left [m/s], turning to the left [rad/s].
+    """
+    if any(raw.velocity):
+        return raw.velocity
+    ahead, left, turn = (0.0 if abs(axis) <= _AT_REST else axis for axis in (*raw.move, raw.turn))
+    return (
+        _SHARE * ahead * (limits.ahead if ahead > 0.0 else limits.back),
+        _SHARE * left * limits.sideways,
+        _SHARE * turn * limits.turn,
+    )
+
+
+def _is_held(raw: OperatorSample, foot: int) -> bool:
+    """A foot's button or handle is held."""
+    part = raw.feet[foot]
+    return raw.lift[foot] or (part is not None and part.clutch is None)
+
+
+def _yaw_of(tracker: TrackedPose | None) -> float | None:
+    """Turn of a tracker, to the left [rad]; None for no rotation, or one upside down."""
+    quaternion = None if tracker is None else tracker.orientation
+    rotation = None if quaternion is None else rotation_of(quaternion)
+    return None if rotation is None or rotation[2, 2] <= 0.0 else yaw_of(rotation)
+
+
+def _near(goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"]) -> np.ndarray:
+    """A place, no further from a sole than a handle may lead it."""
+    # At the same height, where that is near enough: a foot whose handle is far away stays up.
+    way = goal - sole
+    up = _clipped(way[2], -_HANDLE_LEAD, _HANDLE_LEAD)
+    across = _no_longer(way[:2], math.sqrt(_HANDLE_LEAD**2 - up**2))
+    return sole + np.array([*across, up])
+
+
+def _no_longer(way: Float64[np.ndarray, " n"], most: float) -> Float64[np.ndarray, " n"]:
+    """A way, along itself no longer than a length [m]: limits on its axes would bend it."""
+    length = math.hypot(*way)
+    return way if length <= most else most / length * way
+
+
+def _stick(raw: OperatorSample, foot: int) -> Float64[np.ndarray, "2"]:
+    """Return the direction in which sticks move a foot, forward and left, from -1 to 1."""
+    both = (raw.move, raw.second)
+    return np.clip(both[foot] if all(raw.lift) else np.add(*both), -1.0, 1.0).astype(np.float64)
+
+
+def _deflections(sticks: Sequence[float]) -> list[float]:
+    return [_clipped(axis, -1.0, 1.0) if math.isfinite(axis) else 0.0 for axis in sticks]
+
+
+def _clipped(value: float, least: float, most: float) -> float:
+    return max(least, min(most, value))
+
+
+def _turned(turn: float, other: float, least: float, most: float) -> float:
+    """A foot's angle within its range against the other one's, from -pi to pi [rad]."""
+    against = _clipped(math.remainder(turn - other, math.tau), least, most)
+    return math.remainder(other + against, math.tau)
