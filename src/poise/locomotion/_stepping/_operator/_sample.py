@@ -104,8 +104,8 @@ class OperatorSample(
         upright: button: bring the torso upright although one foot is in the air.
         rest: button: hands that nothing leads go back to rest, and so does the gaze.
         lift: buttons that hold the left and the right foot up.
-        move: stick, forward and left, from -1 to 1, beyond which it is cut off, as all sticks: moves
-            the lifted foot, or the robot.
+        move: stick, forward and left, from -1 to 1, beyond which sticks are cut off: moves the
+            lifted foot, or the robot.
         second: a second stick: moves the right foot while both are lifted.
         turn: stick that turns the robot to the left.
         grip: buttons that hold the left and the right hand.
