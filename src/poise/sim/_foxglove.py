@@ -19,29 +19,18 @@ from poise.robots import Robot
 from poise.sim._mapping import StateMap
 from poise.sim._table import NUMBERS, Signal, Table, time_of
 
-NOTES, MESSAGES = "notes", "messages"
-"""Content of topics that are no rows of signals."""
+NOTES, MESSAGES = "notes", "messages"  # Content of topics that are no rows of signals
 
 
 class Topic(NamedTuple):
-    """A topic of a log and the type of its messages.
+    """A topic of a log and the type of its messages."""
 
-    Attributes:
-        name: of the topic.
-        schema: name of the message type, "" for none.
-        text: definition of the type.
-        holds: content of the record: `NOTES`, `MESSAGES`, signals in JSON; "" where it is drawn
-            from the record.
-        language: of the definition.
-        encoding: of the messages.
-    """
-
-    name: str
-    schema: str = ""
-    text: str = ""
-    holds: str = ""
-    language: str = "ros1msg"
-    encoding: str = "ros1"
+    name: str  # of the topic
+    schema: str = ""  # name of the message type, "" for none
+    text: str = ""  # definition of the type
+    holds: str = ""  # content of the record: `NOTES`, `MESSAGES`, signals in JSON
+    language: str = "ros1msg"  # of the definition
+    encoding: str = "ros1"  # of the messages
 
 
 def events_topic(topic: str, kind: str) -> Topic:
@@ -108,23 +97,16 @@ _SCENE = Topic(
     encoding="json",
 )
 
-_SLACK = 5e-10
-"""Of a rate [s]: one that the control period divides stays exact."""
+_SLACK = 5e-10  # Of a rate [s]: one that the control period divides stays exact
 
 _WORLD = "world"
-_XYZW = [1, 2, 3, 0]
-"""Order of ROS in a quaternion of MuJoCo."""
+_XYZW = [1, 2, 3, 0]  # Order of ROS in a quaternion of MuJoCo
 
-_FLAT = 1e-3
-"""Boxes are at least this thick [m], so that they can be seen."""
+_FLAT = 1e-3  # Boxes are at least this thick [m], so that they can be seen
 
 
 class Pace:
-    """Picks instants that are far enough apart.
-
-    Args:
-        dt: from one to the next, 0 for all [s].
-    """
+    """Picks instants that are far enough apart."""
 
     def __init__(self, dt: float) -> None:
         self._dt, self._next = dt, -math.inf
@@ -144,13 +126,7 @@ def ros_text(text: str) -> bytes:
 
 
 class RobotTopics:
-    """Makes Foxglove's messages of a robot's motion, with data of its own: safe in a thread.
-
-    Args:
-        robot: the robot.
-        model: its MuJoCo model.
-        dt: time from one set of messages to the next [s].
-    """
+    """Makes Foxglove's messages of a robot's motion, with data of its own: safe in a thread."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, dt: float) -> None:
         self._robot, self._model, self._data = robot, model, mujoco.MjData(model)
@@ -162,12 +138,7 @@ class RobotTopics:
         self._joint_names = b"".join(map(ros_text, robot.joint_names))
 
     def messages(self, table: Table, rows: list[bytes]) -> Iterator[tuple[Topic, float, bytes]]:
-        """Topic, time [s] and content of the messages of some rows.
-
-        Args:
-            table: of the rows; nothing is shown of rows without q, v and torque.
-            rows: packed.
-        """
+        """Topic, time [s] and content of the messages of some rows."""
         names = ("q", "v", "torque")
         if not table.places.keys() >= {*names}:
             return

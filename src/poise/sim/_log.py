@@ -31,41 +31,19 @@ from poise.sim._foxglove import (
 from poise.sim._record import Counts, Part, RunRecord
 from poise.sim._table import Signal, Table, time_of
 
-_LIBRARY = "poise log 3"
-"""Library of the header; the number is the version of the layout."""
+_LIBRARY = "poise log 3"  # Library of the header; the number is the version of the layout
 
-_METADATA = "poise"
-"""Name of the texts that say what the log is of."""
+_METADATA = "poise"  # Name of the texts that say what the log is of
 
-_HOLDS = "holds"
-"""Content of a channel, in its metadata, see `Topic`."""
+_HOLDS = "holds"  # Content of a channel, in its metadata, see `Topic`
 
-_LAST = 1e9
-"""Latest time of a message [s]; its nanoseconds have 64 bits, and begin at zero."""
+_LAST = 1e9  # Latest time of a message [s]; its nanoseconds have 64 bits, and begin at zero
 
 _MAGIC = b"\x89MCAP0\r\n"
 
 
 class McapLog:
-    """Writes a record to an MCAP file from a thread.
-
-    What was put is in the file as soon as the thread has come to it, whatever happens to the
-    process then: each part makes a chunk, and a reader needs no more than whole chunks. What the
-    thread has not come to waits in memory.
-
-    Args:
-        path: the file, overwritten.
-        record: that is written.
-        topics: make of the rows what Foxglove draws of the robot; None for nothing.
-        keep: whether what was put stays in the record.
-
-    Raises:
-        MissingExtraError: the package mcap is not installed.
-        PoiseError: the file cannot be made.
-
-    Attributes:
-        failure: error that ended the writing; None for none.
-    """
+    """Writes a record to an MCAP file from a thread."""
 
     def __init__(
         self, path: Path, record: RunRecord, topics: RobotTopics | None = None, *, keep: bool = True
@@ -107,11 +85,7 @@ class McapLog:
         self._taken = self._record.counts()
 
     def close(self) -> None:
-        """Write all that waits and what is new in the record, finish the file and close it.
-
-        Raises:
-            PoiseError: the log could not be written, because the disk is full for example.
-        """
+        """Write all that waits and what is new in the record, finish the file and close it."""
         if self._thread.is_alive():
             self.put()
             self._queue.put(None)
@@ -178,21 +152,12 @@ class McapLog:
 
 
 def write_log(record: RunRecord, path: Path) -> None:
-    """Write a record that is in memory to a log.
-
-    Raises:
-        MissingExtraError: the package mcap is not installed.
-        PoiseError: the log cannot be written.
-    """
+    """Write a record that is in memory to a log."""
     McapLog(path, record).close()
 
 
 def finish_log(path: Path) -> None:
-    """End a log that broke off, or a copy of one that goes on, after its last whole chunk.
-
-    Raises:
-        OSError: it cannot be written.
-    """
+    """End a log that broke off, or a copy of one that goes on, after its last whole chunk."""
     from mcap.data_stream import RecordBuilder
     from mcap.records import DataEnd, Footer
 
@@ -285,12 +250,7 @@ def _mcap_writer(doing: str) -> ModuleType:
 
 
 def _whole_records(stream: BinaryIO, *, chunks: bool = False) -> Iterator[Any]:
-    """Records up to the first that is cut off, is damaged, or says it is longer than the file.
-
-    Args:
-        stream: the file.
-        chunks: whether to yield chunks as they are, and not what is in them.
-    """
+    """Records up to the first that is cut off, is damaged, or says it is longer than the file."""
     from mcap.exceptions import McapError
     from mcap.stream_reader import StreamReader
     from zstandard import ZstdError

@@ -11,11 +11,10 @@ from poise._show import new_figure
 from poise.errors import MissingExtraError, UnknownNameError
 from poise.sim._table import Names, Signal, Table, Value, time_of
 
+# Notes (texts) and messages (bytes, or what becomes them) by topic, with their times [s]
 Events = dict[str, list[tuple[float, str | SupportsBytes]]]
-"""Notes (texts) and messages (bytes, or what becomes them) by topic, with their times [s]."""
 
-Counts = dict[Names | str, int]
-"""Number of rows of each table and of events of each topic."""
+Counts = dict[Names | str, int]  # Number of rows of each table and of events of each topic
 
 _MEASURED = {
     "m, rad": ("q",),
@@ -30,26 +29,20 @@ _MEASURED = {
     "us": ("tick_us",),
     "N": ("self_contact",),
 }
+# Units of the signals that a recorder records by itself, by the part of a name before its "/"
 UNITS = {name: unit for unit, names in _MEASURED.items() for name in names}
-"""Units of the signals that a recorder records by itself, by the part of a name before its "/"."""
 
-_HEAD = np.dtype([("order", "<i8"), ("time", "<f8")])
-"""Begin of a row of a `Table`."""
+_HEAD = np.dtype([("order", "<i8"), ("time", "<f8")])  # Begin of a row of a `Table`
 
+# Signals whose last numbers are one a joint, before them those of the base
 _JOINTWISE = ("q", "v", "torque", "command_torque", "command_velocity")
-"""Signals whose last numbers are one a joint, before them those of the base."""
 
 
 class Part(NamedTuple):
-    """Rows and events of a record between two moments.
+    """Rows and events of a record between two moments."""
 
-    Attributes:
-        rows: packed, of each table.
-        events: by topic.
-    """
-
-    rows: list[tuple[Table, list[bytes]]]
-    events: Events
+    rows: list[tuple[Table, list[bytes]]]  # packed, of each table
+    events: Events  # by topic
 
 
 class RunRecord:

@@ -22,28 +22,19 @@ from poise.sim._rollout import AnyController, LeadFunction, Tick
 from poise.sim._table import Value
 from poise.stack import ComTask, FrameTask, Leader, Stack, Task
 
+# The levels of every controller of a stack above those of the stack
 _PHYSICS = ("dynamics, torques", "contacts, joints")
-"""The levels of every controller of a stack above those of the stack."""
 
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class RecorderConfig:
-    """Rates and buffers of a recorder.
+    """Rates and buffers of a recorder."""
 
-    Attributes:
-        record_dt: time from one recorded tick to the next, 0 for every tick [s].
-        scene_dt: time from one logged set of joints and body transforms, which Foxglove draws, to
-            the next, 0 for none [s].
-        flush_dt: wall-clock time after which a sample goes to the file, with the next one [s]. What
-            the writer has not come to waits in memory; nothing waits for the writer.
-        keep: whether what is in the log stays in memory too; if not, a run may last for hours.
-    """
-
-    record_dt: Seconds = 0.0
-    scene_dt: Seconds = 1.0 / 30.0
-    flush_dt: Duration = 0.25
-    keep: bool = True
+    record_dt: Seconds = 0.0  # time from one recorded tick to the next, 0 for every tick [s]
+    scene_dt: Seconds = 1.0 / 30.0  # [s]
+    flush_dt: Duration = 0.25  # [s]
+    keep: bool = True  # whether what is in the log stays in memory too
 
 
 @runtime_checkable

@@ -11,39 +11,31 @@ import numpy as np
 
 from poise.errors import TargetError
 
+# A sample of a signal: a number, or an array of numbers
 Value = float | int | np.generic | np.ndarray
-"""A sample of a signal: a number, or an array of numbers."""
 
-Names = tuple[str, ...]
-"""Signals that are sampled together, in the order in which they are given."""
+Names = tuple[str, ...]  # Signals that are sampled together, in the order in which they are given
 
+# Kinds of number by their NumPy name: their format in `struct`, and their type in ROS 1
 NUMBERS = {
     "f8": ("d", "float64"), "f4": ("f", "float32"), "b1": ("?", "bool"),
     "i1": ("b", "int8"), "i2": ("h", "int16"), "i4": ("i", "int32"), "i8": ("q", "int64"),
     "u1": ("B", "uint8"), "u2": ("H", "uint16"), "u4": ("I", "uint32"), "u8": ("Q", "uint64"),
 }  # fmt: skip
-"""Kinds of number by their NumPy name: their format in `struct`, and their type in ROS 1."""
 
+# Begin of a row: the number of rows of the whole record before it, and its time [s]
 _HEAD = struct.Struct("<qd")
-"""Begin of a row: the number of rows of the whole record before it, and its time [s]."""
 
 _dtype: Callable[[Value], np.dtype[Any]] = attrgetter("dtype")
 
 
 class Signal(NamedTuple):
-    """One quantity over time.
+    """One quantity over time."""
 
-    Attributes:
-        name: the signal's name.
-        unit: of its numbers, "" for a pure number or a flag.
-        dtype: kind of number of its samples.
-        shape: of a sample.
-    """
-
-    name: str
-    unit: str
-    dtype: np.dtype[Any]
-    shape: tuple[int, ...]
+    name: str  # the signal's name
+    unit: str  # of its numbers, "" for a pure number or a flag
+    dtype: np.dtype[Any]  # kind of number of its samples
+    shape: tuple[int, ...]  # of a sample
 
     @property
     def size(self) -> int:
@@ -57,19 +49,7 @@ class Signal(NamedTuple):
 
 
 class Table:
-    """Rows of signals that are sampled together, each packed as a log holds it.
-
-    A row is the number of rows of the whole record before it, its time [s], and the numbers of each
-    signal as they are in memory, with nothing between them.
-
-    Args:
-        signals: that make a row.
-
-    Attributes:
-        signals: that make a row.
-        rows: packed.
-        places: of each signal in a row, by its name [bytes].
-    """
+    """Rows of signals that are sampled together, each packed as a log holds it."""
 
     def __init__(self, signals: tuple[Signal, ...]) -> None:
         self.signals, self.rows = signals, list[bytes]()
@@ -89,11 +69,7 @@ class Table:
         self._matrices = [(k, s.shape) for k, s in enumerate(signals, 2) if len(s.shape) > 1]
 
     def append(self, row: tuple[Value, ...]) -> None:
-        """Append one row, copied: order, time, and the samples.
-
-        Raises:
-            TargetError: a sample has another shape than the first one had.
-        """
+        """Append one row, copied: order, time, and the samples."""
         pieces: list[Any] = []
         arrays: list[Any] = []
         packed = b""
@@ -118,11 +94,7 @@ class Table:
         self.rows.append(packed if same else self._converted(row))
 
     def extend(self, rows: list[bytes]) -> None:
-        """Append packed rows.
-
-        Raises:
-            ValueError: they are no rows of these signals.
-        """
+        """Append packed rows."""
         numbers = not any(s.dtype.hasobject for s in self.signals)
         if not (numbers and {self._size}.issuperset(map(len, rows))):
             raise ValueError("rows that are not of the signals")

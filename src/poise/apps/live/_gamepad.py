@@ -15,17 +15,14 @@ from poise.errors import MissingExtraError, PoiseError
 from poise.locomotion import Mode, OperatorSample
 
 _A, _B, _Y, _LEFT_SHOULDER, _RIGHT_SHOULDER = 0, 1, 3, 4, 5
-_DEAD = 0.15
-"""A stick nearer to the middle than this is in the middle."""
-_FULL = 32768.0
-"""What an axis says at its end."""
+_DEAD = 0.15  # a stick nearer to the middle is in the middle
+_FULL = 32768.0  # What an axis says at its end
 _PERIOD = 1.0 / 60.0
+# Parts of the robot's weight below and above which a foot is in the air and has landed
 _UNLOADED, _LOADED = 0.05, 0.25
-"""Parts of the robot's weight below and above which a foot is in the air and has landed."""
-_BOUNCES = 0.5
-"""A foot that lands again within this [s] bounces."""
+_BOUNCES = 0.5  # A foot that lands again within this [s] bounces
+# How the gamepad shakes: its two motors, from 0 to 1, and how long [ms]
 _STRONG, _WEAK, _SHAKE = 0.8, 0.4, 80
-"""How the gamepad shakes: its two motors, from 0 to 1, and how long [ms]."""
 
 
 class NoGamepadError(PoiseError):
@@ -35,18 +32,7 @@ class NoGamepadError(PoiseError):
 def sample_from(
     buttons: Sequence[bool | int], axes: Sequence[float | int], hat: tuple[int, int] = (0, 0)
 ) -> OperatorSample:
-    """Return the sample of a gamepad of the usual layout; the page maps its own the same way.
-
-    The shoulder buttons hold the left and the right foot up, either stick moves the foot that is
-    up, or each its own with both of them up; A brings the torso upright. A robot that is driven
-    goes where the left stick points, and turns with the right one. The D-pad bends the body, with B
-    held the torso; Y sets it straight.
-
-    Args:
-        buttons: whether each is pressed.
-        axes: from -1 to 1: left stick, to the right and back, then the right one.
-        hat: of the D-pad, to the right and up, each from -1 to 1.
-    """
+    """Return the sample of a gamepad of the usual layout; the page maps its own the same way."""
     left, up = -hat[0], hat[1]
 
     def deflection(axis: int) -> float:
@@ -76,13 +62,7 @@ class Landings:
         self._landed = [-1.0, -1.0]
 
     def felt(self, forces: Sequence[Sequence[float]], mode: Mode, time: float) -> bool:
-        """Whether a foot has landed just now.
-
-        Args:
-            forces: of the ground on the left and the right foot, forward, left and up [N].
-            mode: which feet carry the robot.
-            time: the robot's, which may be slow [s].
-        """
+        """Return True when a foot has landed just now."""
         felt, weight = False, sum(up for _, _, up in forces)
         for foot, (_, _, up) in enumerate(forces):
             before = self._loaded[foot]
@@ -102,17 +82,7 @@ class Landings:
 
 
 class HostGamepad:
-    """Reads the first gamepad in a thread of its own, sixty times a second.
-
-    Args:
-        inputs: where what it says goes. A gamepad that is pulled out says nothing until one is
-            plugged in again.
-
-    Raises:
-        MissingExtraError: the package pygame is not installed.
-        NoGamepadError: no gamepad is there, or none of which SDL knows where its sticks and buttons
-            are: triggers of one look like a stick of another.
-    """
+    """Reads the first gamepad in a thread of its own, sixty times a second."""
 
     def __init__(self, inputs: OperatorInputs) -> None:
         # Without these SDL wants a screen, and pygame greets on the terminal.
@@ -137,11 +107,7 @@ class HostGamepad:
         self._thread: threading.Thread | None = None
 
     def start(self, loop: RealTimeLoop) -> None:
-        """Starts reading.
-
-        Args:
-            loop: of the robot that it leads; the gamepad shakes when one of its feet lands.
-        """
+        """Starts reading."""
         self._thread = threading.Thread(
             target=self._run, args=(loop,), name="poise gamepad", daemon=True
         )
@@ -167,13 +133,7 @@ class HostGamepad:
             self._inputs.take(sample_from(*self._read(pad)))
 
     def feel(self, forces: Sequence[Sequence[float]], mode: Mode, time: float) -> None:
-        """Shakes the gamepad, if it can, when a foot lands.
-
-        Args:
-            forces: of the ground on the left and the right foot, forward, left and up [N].
-            mode: which feet carry the robot.
-            time: the robot's [s].
-        """
+        """Shakes the gamepad, if it can, when a foot lands."""
         if self._landings.felt(forces, mode, time) and self._pad is not None:
             self._pad.rumble(_STRONG, _WEAK, _SHAKE)
 

@@ -15,30 +15,22 @@ from poise.locomotion import LATE, SILENT_AFTER, OperatorSample, SampleClock, Tr
 
 
 class StageTimes(NamedTuple):
-    """When a message of the operator's was where, on this machine's monotonic clock but for `sent`.
+    """When a message of the operator's was where."""
 
-    Attributes:
-        sent: by the sender's clock, `OperatorSample.time` [s].
-        arrived: here [s].
-        sampled: by the robot's loop, in the tick that it is for [s].
-        commanded: the robot had the command that follows from it [s].
-    """
-
-    sent: float
-    arrived: float
-    sampled: float
-    commanded: float
+    sent: float  # by the sender's clock, `OperatorSample.time` [s]
+    arrived: float  # here [s]
+    sampled: float  # by the robot's loop, in the tick that it is for [s]
+    commanded: float  # the robot had the command that follows from it [s]
 
 
+# Messages whose times are kept: those of half an hour at the page's rate in single ticks
 _STAGES = 10_000
-"""Messages whose times are kept: those of half an hour at the page's rate in single ticks."""
 
 _REST = OperatorSample()
+# Buttons and sticks of a sample
 _LEVERS = ("lift", "grip", "move", "second", "turn", "velocity", "bend", "reach", "neutral")
-"""Buttons and sticks of a sample."""
 
-Lever = tuple[str, int]
-"""Something that is held: its name, and of parts their number."""
+Lever = tuple[str, int]  # Something that is held: its name, and of parts their number
 
 
 class _Message(NamedTuple):
@@ -48,18 +40,7 @@ class _Message(NamedTuple):
 
 
 class OperatorInputs:
-    """The newest sample; written from any thread, read by the loop.
-
-    A `SampleClock` orders messages as they arrive, in wall-clock time, for the robot's may be
-    slowed or stopped; an `OperatorGuard` in the loop decides all else. What is held in the first
-    message after a silence counts as let go until it really is. Messages between two ticks count as
-    one, but for those that take hold of something or let it go: a hand that let go, moved and took
-    hold anew must not seem to have moved the robot's.
-
-    Attributes:
-        stages: times of the last messages that the robot's loop took; the loop passes over those
-            that newer ones overtook.
-    """
+    """The newest sample; written from any thread, read by the loop."""
 
     def __init__(self) -> None:
         self._lock, self._clock = threading.Lock(), SampleClock()
@@ -71,13 +52,7 @@ class OperatorInputs:
         self._sampled: tuple[float, float, float] | None = None
 
     def take(self, sample: OperatorSample) -> dict[str, float]:
-        """Take the state of keys, sticks, handles and trackers.
-
-        Returns:
-            Nothing where it counts. Otherwise by how much it is older than the newest, "old",
-            later than a link makes it, "late", or further ahead than time has passed, "early", by
-            its `time` [s].
-        """
+        """Take the state of keys, sticks, handles and trackers."""
         with self._lock:
             now, stamp = clock.monotonic(), sample.time
             lost = self._clock.is_lost(now)
@@ -106,10 +81,7 @@ class OperatorInputs:
             self._newest = None
 
     def read(self) -> OperatorSample | None:
-        """Return the newest sample; None where it is older than a device's period.
-
-        What takes hold of something or lets it go is returned once, whatever its age.
-        """
+        """Return the newest sample; None where it is older than a device's period."""
         with self._lock:
             now, message = clock.monotonic(), self._newest
             if self._clock.is_lost(now):
@@ -122,11 +94,7 @@ class OperatorInputs:
             return message.sample
 
     def commanded(self, at: float) -> None:
-        """Note that the robot has a command that follows from what was read last.
-
-        Args:
-            at: when, on the monotonic clock [s].
-        """
+        """Note that the robot has a command that follows from what was read last."""
         with self._lock:
             if self._sampled is not None:
                 self.stages.append(StageTimes(*self._sampled, at))

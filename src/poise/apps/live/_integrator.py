@@ -30,48 +30,39 @@ from poise.locomotion import (
     yaw_of,
 )
 
+# Height over its place on the ground at which a button holds a foot [m]: an ordinary step
 HOLD_HEIGHT = 0.10
-"""Height over its place on the ground at which a button holds a foot [m]: an ordinary step."""
 
+# Speed at which a foot goes to its handle [m/s], however the mouse jumps: that of a swing foot
 _SPEED = 0.6
-"""Speed at which a foot goes to its handle [m/s], however the mouse jumps: that of a swing foot."""
+# Speed of a lifted foot with the stick all the way over [m/s]: a step of 0.25 m takes a second
 _STICK_SPEED = 0.25
-"""Speed of a lifted foot with the stick all the way over [m/s]: a step of 0.25 m takes a second."""
+# Distance to which the stick moves a place ahead of its foot, along an axis [m]: what a foot at
+# that speed lags behind by in a quarter of a second
 _STICK_LEAD = 0.06
-"""Distance to which the stick moves a place ahead of its foot, along an axis [m]: what a foot at
-that speed lags behind by in a quarter of a second."""
+# Distance to which a handle leads from the robot's foot [m]: further than a leg reaches, and
+# near enough to be back within a second at `_SPEED`
 _HANDLE_LEAD = 0.4
-"""Distance to which a handle leads from the robot's foot [m]: further than a leg reaches, and near
-enough to be back within a second at `_SPEED`."""
-_HAND_SPEED = 0.15
-"""Speed of a hand that keys lead [m/s]."""
+_HAND_SPEED = 0.15  # Speed of a hand that keys lead [m/s]
+# Rates of height [m/s], and of torso and feet [rad/s], with their key held
 _RAISED, _TURNED = 0.06, 0.4
-"""Rates of height [m/s], and of torso and feet [rad/s], with their key held."""
 
+# Part of its limits at which a robot walks with the stick all the way over: feedback needs the
+# rest
 _SHARE = 0.85
-"""Part of its limits at which a robot walks with the stick all the way over: feedback needs the
-rest."""
-_AT_REST = 0.05
-"""A stick that is no further over commands nothing: none rests at exactly zero."""
+_AT_REST = 0.05  # A stick that is no further over commands nothing: none rests at exactly zero
 
-_RISE = 0.04
-"""Rise of the COM by legs that straighten, over its height."""
+_RISE = 0.04  # Rise of the COM by legs that straighten, over its height
 
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
 class BodyLimits(NamedTuple):
-    """Ranges of height, torso and feet; those of a robot that is driven are empty.
+    """Ranges of height, torso and feet; those of a robot that is driven are empty."""
 
-    Attributes:
-        height: of the COM, the lowest and the highest, over the usual one [m].
-        torso: roll, pitch and yaw, to either side [rad].
-        turns: of a foot, inwards and outwards against the other one [rad].
-    """
-
-    height: tuple[float, float] = (0.0, 0.0)
-    torso: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turns: tuple[float, float] = (0.0, 0.0)
+    height: tuple[float, float] = (0.0, 0.0)  # [m]
+    torso: tuple[float, float, float] = (0.0, 0.0, 0.0)  # roll, pitch and yaw, to either side [rad]
+    turns: tuple[float, float] = (0.0, 0.0)  # [rad]
 
     @classmethod
     def of(cls, teleoperator: StepTeleoperator) -> "BodyLimits":
@@ -86,20 +77,7 @@ class BodyLimits(NamedTuple):
 
 
 class Integrator:
-    """Integrate raw samples of page, gamepad or program: a `Device` of hands, body and velocity.
-
-    Keys move a hand from where it is when it is gripped. A body is where the last sample put it
-    that put it elsewhere than the one before, and goes on from there by keys or the D-pad.
-
-    Args:
-        inputs: what the operator does.
-        dt: length of a tick [s].
-        limits: of the body.
-        velocities: that a stick all the way over commands most of.
-
-    Attributes:
-        body: as commanded so far.
-    """
+    """Integrate raw samples of page, gamepad or program: a `Device` of hands, body and velocity."""
 
     def __init__(
         self,
@@ -116,14 +94,7 @@ class Integrator:
         self._raw: OperatorSample | None = None
 
     def sample(self, time: float) -> OperatorSample | None:
-        """Return what is commanded in a tick.
-
-        Args:
-            time: of the robot [s].
-
-        Returns:
-            None where nothing new came.
-        """
+        """Return what is commanded in a tick."""
         raw, before = self._inputs.read(), self._raw
         if raw is None:
             return None
@@ -178,20 +149,7 @@ class Integrator:
 
 
 class LiveFeet(Integrator):
-    """Integrate raw samples to places of both feet, too, in the teleoperator's world.
-
-    A foot follows a tracker whose clutch is closed, which turns it, too, until something else does;
-    a handle; or a button, and then the stick. Otherwise it is lowered where it is. Sticks walk the
-    robot while no foot is held.
-
-    Args:
-        inputs: what the operator does.
-        teleoperator: knows where the feet are.
-        odometry: of the drawn world, in which handles are.
-
-    Attributes:
-        places: of the left and the right foot's device, in the teleoperator's world [m].
-    """
+    """Integrate raw samples to places of both feet, too, in the teleoperator's world."""
 
     def __init__(
         self, inputs: OperatorInputs, teleoperator: StepTeleoperator, odometry: Odometry
@@ -210,14 +168,7 @@ class LiveFeet(Integrator):
         self._walks = False
 
     def sample(self, time: float) -> OperatorSample | None:
-        """Return where the devices are, and all else that is commanded in a tick.
-
-        Args:
-            time: of the robot [s].
-
-        Returns:
-            None where nothing new came.
-        """
+        """Return where the devices are, and all else that is commanded in a tick."""
         sample, raw, status = super().sample(time), self._raw, self._teleoperator.status
         if sample is None or raw is None:
             if status is None or status.device is DeviceStatus.LOST:
@@ -290,15 +241,7 @@ class LiveFeet(Integrator):
 
 
 def velocity_of(raw: OperatorSample, limits: VelocityLimits) -> Vector:
-    """Return the velocity that a sample commands, by itself or by keys and sticks.
-
-    Args:
-        raw: what the operator does.
-        limits: of velocities; a stick all the way over commands most of them.
-
-    Returns:
-        Ahead [m/s], to the left [m/s], turning to the left [rad/s].
-    """
+    """Return the velocity that a sample commands, by itself or by keys and sticks."""
     if any(raw.velocity):
         return raw.velocity
     ahead, left, turn = (0.0 if abs(axis) <= _AT_REST else axis for axis in (*raw.move, raw.turn))

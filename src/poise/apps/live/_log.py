@@ -29,34 +29,24 @@ from poise.stack import Leader
 
 SUFFIX = ".mcap"
 
+# The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more
 LIVE_CONFIG = RecorderConfig(record_dt=0.05, scene_dt=0.1, keep=False)
-"""The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more."""
 
-MOST_BYTES = 1 << 30
-"""Size of the files of live runs in a folder at most [bytes]: some ten hours."""
+MOST_BYTES = 1 << 30  # Size of the files of live runs in a folder at most [bytes]: some ten hours
 
+# Time from one look into the folder to the next [s]; a run writes some 20 kB in a second
 _LOOK_EVERY = 10.0
-"""Time from one look into the folder to the next [s]; a run writes some 20 kB in a second."""
 
 
 class Room:
-    """Disk quota of the folder of live runs; a run that exceeds it goes on unrecorded.
-
-    Args:
-        folder: where live runs are kept.
-        most: what its files may come to [bytes].
-    """
+    """Disk quota of the folder of live runs; a run that exceeds it goes on unrecorded."""
 
     def __init__(self, folder: Path, most: int = MOST_BYTES) -> None:
         self.folder, self._most = folder, most
         self._used, self._looked_at, self._problem = 0, -math.inf, ""
 
     def open(self) -> None:
-        """Make the folder if it is not there.
-
-        Raises:
-            OSError: it cannot be made.
-        """
+        """Make the folder if it is not there."""
         self.folder.mkdir(parents=True, exist_ok=True)
 
     @property
@@ -100,21 +90,7 @@ def _size(path: Path) -> int:
 
 
 class Takes:
-    """The observer that records live runs into numbered files of a folder, from reset to reset.
-
-    It is never in the robot's way: it samples twenty times a second beside the operator's samples,
-    keeps nothing in memory, and where a file cannot be written the run goes on unrecorded. What is
-    in the folder already stays, and a run that nobody drives leaves no file.
-
-    Args:
-        folder: where the files lie.
-        kind: what their names begin with.
-        most_bytes: what the files of the folder may come to; the rest of a run is not recorded.
-
-    Attributes:
-        room: that there is in the folder.
-        path: of the present run's file.
-    """
+    """The observer that records live runs into numbered files of a folder, from reset to reset."""
 
     def __init__(self, folder: Path, kind: str = "take", *, most_bytes: int = MOST_BYTES) -> None:
         self.folder, self._kind = folder, kind
@@ -135,11 +111,7 @@ class Takes:
         return self.room.notice if self.room.is_full else self.path.name
 
     def expect(self, make: Callable[[Path], Recorder]) -> None:
-        """Set the recorder of the next run, and finish the one before.
-
-        Args:
-            make: makes the recorder of a file.
-        """
+        """Set the recorder of the next run, and finish the one before."""
         self.end()
         self.path = self.folder / f"{self._kind}-{self._next(self._kind):03}{SUFFIX}"
         self.room.reopen()
@@ -190,14 +162,7 @@ class Takes:
                 self.room.close(error)
 
     def keep(self) -> Path:
-        """Write a finished copy of what is on the disk of the take; it may be a flush behind.
-
-        Returns:
-            The copy.
-
-        Raises:
-            ConfigurationError: nothing is recorded, or the folder is full or cannot be written.
-        """
+        """Write a finished copy of what is on the disk of the take; it may be a flush behind."""
         if self._recorder is None or self.room.is_full:
             raise ConfigurationError(f"no copy is kept: {self.name}")
         path = self.folder / f"kept-{self._next('kept'):03}{SUFFIX}"

@@ -5,11 +5,7 @@ from jaxtyping import Float64
 
 
 class Odometry:
-    """Shift points between the world that is estimated and the simulator's, which is drawn.
-
-    Attributes:
-        offset: from the estimated to the drawn world [m].
-    """
+    """Shift points between the world that is estimated and the simulator's, which is drawn."""
 
     def __init__(self) -> None:
         self.offset: Float64[np.ndarray, "3"] = np.zeros(3)

@@ -11,8 +11,8 @@ from jaxtyping import Float64
 
 from poise._checks import checked_number
 
+# Where the end of an arm is, forward, left and up from anywhere [m], and whether it leads
 Reading = tuple[Float64[np.ndarray, "3"], bool]
-"""Where the end of an arm is, forward, left and up from anywhere [m], and whether it leads."""
 
 
 @runtime_checkable

@@ -26,23 +26,19 @@ from poise.locomotion import (
     checked_reading,
 )
 
+# What the left and the right arm said; None for one that is gone, fails or is nowhere
 Readings = tuple[Reading | None, Reading | None]
-"""What the left and the right arm said; None for one that is gone, fails or is nowhere."""
 
+# A foot with less than this part of both feet's load for so long [s] is in the air: as the
+# weight begins to shift to it, the load of one that stands may be gone for a moment
 _UNLOADED, _LIFTED = 0.05, 0.05
-"""A foot with less than this part of both feet's load for so long [s] is in the air: as the weight
-begins to shift to it, the load of one that stands may be gone for a moment."""
+# Part of a landed foot's force that has to be washed out for the foot to count as standing
 _SETTLED = 0.9
-"""Part of a landed foot's force that has to be washed out for the foot to count as standing."""
-_LEAST = 1e-3
-"""A force that is nearer than this to where it goes is there [N]."""
+_LEAST = 1e-3  # A force that is nearer than this to where it goes is there [N]
 
 
 class _Hand:
-    """A hand at an arm whose driver may fail, and the force of its foot on it.
-
-    A stance foot exerts none: a hand that is pushed up by a load that lasts would lift the foot.
-    """
+    """A hand at an arm whose driver may fail, and the force of its foot on it."""
 
     def __init__(
         self, arm: HapticArm, side: str, *, dt: float, gain: float, most: float,
@@ -106,8 +102,8 @@ class _Hand:
         self._force = goal - left if math.sqrt(float(left @ left)) > _LEAST else goal
 
 
+# Whoever ticks no more for so long has ended [s]: hands that nobody reads lead nothing
 _ENDED = 0.1
-"""Whoever ticks no more for so long has ended [s]: hands that nobody reads lead nothing."""
 
 
 class HapticDriver:
@@ -232,9 +228,9 @@ def foot_forces(teleoperator: StepTeleoperator) -> list[list[float]]:
     return [along_ahead(force, -teleoperator.ahead).tolist() for force in in_world]
 
 
+# A clock of the robot that goes on or back by more than this has jumped [s]: the arms go on
+# from where it is now
 _PAUSE = 0.1
-"""A clock of the robot that goes on or back by more than this has jumped [s]: the arms go on from
-where it is now."""
 
 
 class HapticFeet:

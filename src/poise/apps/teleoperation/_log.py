@@ -9,8 +9,7 @@ from jaxtyping import Bool, Float64, Int8
 from poise.locomotion import DeviceStatus, Mode
 from poise.sim import RunRecord
 
-MODES = tuple(Mode)
-"""The number of a mode in a log is its place here."""
+MODES = tuple(Mode)  # The number of a mode in a log is its place here
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,11 +16,9 @@ from poise._checks import checked_count, checked_kind, checked_number
 from poise.errors import ConfigurationError
 from poise.locomotion import Device, OperatorSample, StepTeleoperator, TrackedPose
 
-_PAUSE = (0.05, 0.75)
-"""Time from one whim to the next [s]: two and a half a second."""
+_PAUSE = (0.05, 0.75)  # Time from one whim to the next [s]: two and a half a second
 
-_ROUNDING = 1e-9
-"""Times are sums of decimal fractions [s]."""
+_ROUNDING = 1e-9  # Times are sums of decimal fractions [s]
 
 
 class BadOperator:

@@ -27,39 +27,27 @@ from poise.locomotion import OperatorSample, StepTeleoperator, TrackedPose
 from poise.robots import Robot
 from poise.sim import Recorder, RecorderConfig, RunRecord, Tick, read_log, write_log
 
-SAMPLES, PUSHES = "operator", "push"
-"""Topics of the messages that hold samples and pushes."""
+SAMPLES, PUSHES = "operator", "push"  # Topics of the messages that hold samples and pushes
 
+# Keys of a record: a `TeleopSetup` in JSON, or its `dt` alone; length of the run [s]
 _SETUP, _DURATION = "teleoperation", "duration"
-"""Keys of a record: a `TeleopSetup` in JSON, or its `dt` alone; length of the run [s]."""
 
 _MOST_TICKS = 10**15
 
 
 class RecordedPush(NamedTuple):
-    """A push on the torso.
+    """A push on the torso."""
 
-    Attributes:
-        tick: at whose beginning.
-        force: in the world [N].
-        duration: how long [s].
-    """
-
-    tick: int
-    force: tuple[float, float, float]
-    duration: float
+    tick: int  # at whose beginning
+    force: tuple[float, float, float]  # in the world [N]
+    duration: float  # how long [s]
 
 
 class RecordedSample(NamedTuple):
-    """A sample, as a log holds it.
+    """A sample, as a log holds it."""
 
-    Attributes:
-        tick: before which it came.
-        sample: as it came.
-    """
-
-    tick: int
-    sample: OperatorSample
+    tick: int  # before which it came
+    sample: OperatorSample  # as it came
 
 
 _ENCODE = msgspec.msgpack.Encoder().encode
@@ -68,16 +56,7 @@ _PUSH = msgspec.msgpack.Decoder(RecordedPush)
 
 
 class TeleopRecorder(Recorder):
-    """Record a teleoperated run with everything that comes from outside it.
-
-    Args:
-        path: the MCAP file, None for memory alone.
-        teleoperator: that leads the run.
-        setup: settings of the run; the length of a tick [s] of one that cannot run again.
-        pushes: on the torso, in order of time, kept as they begin; others by `push`.
-        config: rates and buffers.
-        metadata: further texts kept with the record.
-    """
+    """Record a teleoperated run with everything that comes from outside it."""
 
     def __init__(
         self,
@@ -106,11 +85,7 @@ class TeleopRecorder(Recorder):
         super().observe(tick)
 
     def end(self) -> None:
-        """The run is over: finishes the log.
-
-        Raises:
-            PoiseError: the log could not be written.
-        """
+        """The run is over: finishes the log."""
         self.record.metadata[_DURATION] = repr(self._ticks * self._dt)
         super().end()
 
@@ -121,25 +96,15 @@ class TeleopRecorder(Recorder):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """Everything that came from outside a recorded run.
+    """Everything that came from outside a recorded run."""
 
-    Attributes:
-        path: the file; that of a record in memory is "".
-        robot: the robot's name.
-        dt: length of a tick [s].
-        duration: of the run [s].
-        settings: fields of a `TeleopSetup` as recorded; `dt` alone where the others are unknown.
-        pushes: on the torso, in order of time.
-        messages: of the samples, see `RecordedSample`.
-    """
-
-    path: Path
-    robot: str
-    dt: float
-    duration: float
-    settings: dict[str, Any] = field(repr=False)
-    pushes: list[RecordedPush] = field(repr=False)
-    messages: list[bytes] = field(repr=False)
+    path: Path  # the file; that of a record in memory is ""
+    robot: str  # the robot's name
+    dt: float  # length of a tick [s]
+    duration: float  # of the run [s]
+    settings: dict[str, Any] = field(repr=False)  # fields of a `TeleopSetup` as recorded
+    pushes: list[RecordedPush] = field(repr=False)  # on the torso, in order of time
+    messages: list[bytes] = field(repr=False)  # of the samples, see `RecordedSample`
 
     @property
     def samples(self) -> list[RecordedSample]:
@@ -148,11 +113,7 @@ class Recording:
 
     @property
     def setup(self) -> TeleopSetup:
-        """Settings of the run.
-
-        Raises:
-            RecordingError: it does not say, or a value of them cannot be.
-        """
+        """Settings of the run."""
         where = f"the set-up of the recording {self.path.name}"
         return read(TeleopSetup, self.settings, where, error=RecordingError)
 
@@ -162,32 +123,14 @@ class Recording:
         return robot.name == self.robot and digest in (None, robot_digest(robot))
 
     def setup_for(self, robot: Robot, actuation: str) -> TeleopSetup | None:
-        """Return the settings with which a robot that starts at home repeats the run, if it can.
-
-        Args:
-            robot: that is to repeat it.
-            actuation: what is commanded.
-
-        Raises:
-            RecordingError: a value of the settings cannot be.
-        """
+        """Return the settings with which a robot that starts at home repeats the run, if it can."""
         if "parameters" not in self.settings or not self.is_of(robot):
             return None
         made = self.setup
         return made if made.q_start is None and made.plant.actuation == actuation else None
 
     def device(self, teleoperator: StepTeleoperator) -> "RecordedDevice":
-        """Return a device that sends the samples to a teleoperator that has not begun.
-
-        As they are to the robot of the recording at its tick and from its start; else see
-        `RecordedDevice`.
-
-        Args:
-            teleoperator: of any robot and actuation.
-
-        Raises:
-            RecordingError: no samples.
-        """
+        """Return a device that sends the samples to a teleoperator that has not begun."""
         if not self.messages:
             raise RecordingError(f"the recording {self.path.name} has no samples of an operator")
         same = self.is_of(teleoperator.robot) and teleoperator.dt == self.dt
@@ -196,24 +139,7 @@ class Recording:
 
 
 class RecordedDevice:
-    """Send the samples of a recording at their ticks; call `sample` once a tick.
-
-    Gaps stay gaps, and what was refused then is refused now: the guard decides again.
-
-    To another robot, tick or start the samples are transferred. A device that does not lead its
-    foot is over it, at its own height, and takes hold at touchdown; from there the foot goes
-    as the recorded device did. Ways and heights of feet and body are scaled by the heights of both
-    robots' COM; those of hands are not, as the operator's arms stay as long as they are.
-
-    Args:
-        recording: where they are.
-        teleoperator: to which they are transferred, which has not begun; None to send them as they
-            are.
-
-    Attributes:
-        recording: where they are.
-        pushes: those of the recording; none where samples are transferred.
-    """
+    """Send the samples of a recording at their ticks; call `sample` once a tick."""
 
     def __init__(self, recording: Recording, teleoperator: StepTeleoperator | None = None) -> None:
         self.recording, self._teleoperator = recording, teleoperator
@@ -229,13 +155,7 @@ class RecordedDevice:
         self._next, self._tick = next(self._coming, None), 0
 
     def sample(self, time: float) -> OperatorSample | None:
-        """Sample that came before the next tick.
-
-        Ticks are counted: where sensors are late a robot's time at a tick is not the recorded one.
-
-        Args:
-            time: of the robot, of no matter here [s].
-        """
+        """Sample that came before the next tick."""
         del time
         found = None
         while self._next is not None and self._next.tick * self._per_tick <= self._tick:
@@ -262,17 +182,7 @@ class RecordedDevice:
 
 
 def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recording:
-    """Open a recording.
-
-    Args:
-        path: the log of a teleoperated run.
-        allow_partial: whether a log that was not finished counts, as far as it goes.
-
-    Raises:
-        RecordingError: no recording, another version, one that was not finished or is damaged, or
-            ticks that go backwards.
-        MissingExtraError: the package mcap is not installed.
-    """
+    """Open a recording."""
     path = Path(path)
     try:
         record = read_log(path, (SAMPLES, PUSHES))
@@ -290,15 +200,7 @@ def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recordin
 
 
 def recording_of(record: RunRecord, path: Path = Path()) -> Recording:
-    """Operator's part of a record.
-
-    Args:
-        record: of a teleoperated run.
-        path: of its file, for messages.
-
-    Raises:
-        RecordingError: the record is of another run, or holds what cannot be.
-    """
+    """Operator's part of a record."""
     try:
         settings = json.loads(record.metadata[_SETUP])
         robot, dt = record.metadata["robot"], float(settings["dt"])
@@ -338,21 +240,7 @@ def write_recording(
     pushes: Sequence[RecordedPush] = (),
     duration: float | None = None,
 ) -> None:
-    """Write a log of samples and pushes alone.
-
-    Args:
-        path: the file.
-        samples: each with the tick before which it came, in order.
-        robot: the robot's name.
-        dt: length of a tick [s].
-        settings: fields of a `TeleopSetup`, where the run is known.
-        pushes: on the torso, in order.
-        duration: of the run [s]; up to the last sample when None.
-
-    Raises:
-        ConfigurationError: the settings are no JSON.
-        PoiseError: the file cannot be written.
-    """
+    """Write a log of samples and pushes alone."""
     try:
         text = json.dumps({**(settings or {}), "dt": dt}, allow_nan=False)
     except (TypeError, ValueError) as error:

@@ -56,11 +56,11 @@ sag."""
 TORQUE_TELEOP_PLANT = PlantConfig(actuation="torque", control_dt=2e-3, physics_dt=1e-3)
 """Torques, and the tick of the step teleoperator that commands them."""
 
+# Tick, force [N] and duration [s] of a push
 Push = RecordedPush | tuple[int, tuple[float, float, float], float]
-"""Tick, force [N] and duration [s] of a push."""
 
+# Makes a device for a teleoperator that has not begun: it knows where the feet stand
 MakeDevice = Callable[[StepTeleoperator], Device]
-"""Makes a device for a teleoperator that has not begun: it knows where the feet stand."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

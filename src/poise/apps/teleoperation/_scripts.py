@@ -12,26 +12,15 @@ from poise.locomotion import ScriptedDevice, StepTeleoperator, WayPoint, two_sol
 from poise.robots import Robot, standing_posture
 from poise.sim import Block
 
+# When the right device is lifted in scenarios 2 and 3, as the paper has it, and when the first
+# swing of scenario 4 begins [s]
 LIFT_EVENT, SWING_START = 0.565, 3.0
-"""When the right device is lifted in scenarios 2 and 3, as the paper has it, and when the first
-swing of scenario 4 begins [s]."""
 
 _PAPER_ROBOT, _PAPER_STANCE, _PAPER_HEIGHT = "biped20", 0.42, 0.765
 
 
 class HomePose:
-    """Sizes of a robot at home.
-
-    Args:
-        robot: a biped.
-
-    Attributes:
-        height: of the COM [m].
-        size: that over the height of the paper's robot.
-        soles: where the left and the right one are, x and y [m].
-        length: of the longer sole [m].
-        apart: distance of the feet [m].
-    """
+    """Sizes of a robot at home."""
 
     def __init__(self, robot: Robot) -> None:
         dynamics, names = Dynamics(robot), two_soles(robot)
@@ -79,16 +68,7 @@ class Script:
 
 
 def over_an_obstacle(robot: Robot, aside: float = 0.0) -> Script:
-    """Scenario 1: right foot, then left foot over two blocks that lie across its path.
-
-    The step is as long as a sole, both blocks and room before and behind them; heights go with the
-    size of the robot.
-
-    Args:
-        robot: a biped.
-        aside: how far the right foot goes outwards besides, in the size of the robot [m]: the paper
-            has it go “right-forward” without a number.
-    """
+    """Scenario 1: right foot, then left foot over two blocks that lie across its path."""
     home = HomePose(robot)
     size, sole = home.size, home.length
     depth, gap, low, high = 0.02 * size, 0.045 * size, 0.05 * size, 0.08 * size
@@ -114,12 +94,7 @@ def lift_one_foot(robot: Robot) -> Script:
 
 
 def switch_feet(robot: Robot, after: float = 0.6) -> Script:
-    """Scenario 3: down with the right foot, up with the left one.
-
-    Args:
-        robot: a biped.
-        after: time from the right device's touching the ground to the lift of the left one [s].
-    """
+    """Scenario 3: down with the right foot, up with the left one."""
     home = HomePose(robot)
     up, ground = 0.06 * home.size, 3.2
     lift = ground + after
@@ -135,13 +110,7 @@ def switch_feet(robot: Robot, after: float = 0.6) -> Script:
 def swing_fast(
     robot: Robot, direction: Literal["forward", "sideways"] = "forward", times: int = 3
 ) -> Script:
-    """Scenario 4: the foot in the air is swung out in 0.3 s, and back in 0.3 s.
-
-    Args:
-        robot: a biped.
-        direction: by 0.3 m forward, or by 0.15 m outward, in the size of the robot.
-        times: how often.
-    """
+    """Scenario 4: the swing foot goes out in 0.3 s, and back in 0.3 s, so many times."""
     home = HomePose(robot)
     up = (0.0, 0.0, 0.1 * home.size)
     x, y = (0.3, 0.0) if direction == "forward" else (0.0, -0.15)

@@ -24,29 +24,17 @@ class RecordingError(PoiseError):
 @checked(RecordingError)
 @dataclass(frozen=True, kw_only=True)
 class TeleopSetup:
-    """Settings of a run beside its robot; `dataclasses.asdict` is what a record has of them.
+    """Settings of a run beside its robot; `dataclasses.asdict` is what a record has of them."""
 
-    Attributes:
-        parameters: of the teleoperator.
-        plant: of the run.
-        seed: of the sensor noise.
-        dt: length of a tick [s].
-        rotator: whether the body rotator acts.
-        q_start: configuration at the start; None for the robot's home.
-        solved_by: name of the controller that solves the stack; None for the usual one.
-        digest: of the robot, see `robot_digest`; None where an old recording does not say.
-        height: of the COM over the soles at the start [m]; None as for `digest`.
-    """
-
-    parameters: TeleopParameters
-    plant: PlantConfig
-    seed: int
-    dt: Positive
-    rotator: bool = True
-    q_start: tuple[float, ...] | None = None
-    solved_by: str | None = None
-    digest: str | None = None
-    height: Positive | None = None
+    parameters: TeleopParameters  # of the teleoperator
+    plant: PlantConfig  # of the run
+    seed: int  # of the sensor noise
+    dt: Positive  # length of a tick [s]
+    rotator: bool = True  # whether the body rotator acts
+    q_start: tuple[float, ...] | None = None  # configuration at the start
+    solved_by: str | None = None  # name of the controller that solves the stack
+    digest: str | None = None  # of the robot, see `robot_digest`
+    height: Positive | None = None  # of the COM over the soles at the start [m]
 
     @classmethod
     def of(
@@ -58,15 +46,7 @@ class TeleopSetup:
         rotator: bool = True,
         q_start: Float64[np.ndarray, " nq"] | None = None,
     ) -> "TeleopSetup":
-        """The settings of a run that begins.
-
-        Args:
-            teleoperator: that walks the robot, at the start.
-            plant: of the run.
-            seed: of the sensor noise.
-            rotator: whether the body rotator acts.
-            q_start: configuration at the start; None for the robot's home.
-        """
+        """The settings of a run that begins."""
         return cls(
             parameters=teleoperator.parameters,
             plant=plant,
@@ -85,11 +65,7 @@ class TeleopSetup:
 
 
 def plant_from_json(data: dict[str, Any]) -> PlantConfig:
-    """The plant of which a record has the fields.
-
-    Raises:
-        RecordingError: it is none: a key is unknown, or a value cannot be.
-    """
+    """The plant of which a record has the fields."""
     return read(PlantConfig, data, "the plant of the recording", error=RecordingError)
 
 
@@ -100,19 +76,7 @@ def com_height(teleoperator: StepTeleoperator) -> float:
 
 
 def recorded_robot(name: str, what: str, *, option: str = "") -> Robot:
-    """The robot with which something was recorded, from the catalog.
-
-    No file is opened by its name: what was recorded may come from a stranger.
-
-    Args:
-        name: that was recorded.
-        what: was recorded with it, for the message.
-        option: of the command line that gives another robot; "" for none.
-
-    Raises:
-        UnknownNameError: it is not in the catalog; the message says how to give it.
-        MissingExtraError: its files come with an extra that is not installed.
-    """
+    """The robot with which something was recorded, from the catalog."""
     try:
         known = find_entry(name) is not None
     except RobotError:
@@ -127,16 +91,11 @@ def recorded_robot(name: str, what: str, *, option: str = "") -> Robot:
     return load_robot(name)
 
 
-_DIGITS = 6
-"""Digits that count: another machine may read the last ones of a file otherwise."""
+_DIGITS = 6  # Digits that count: another machine may read the last ones of a file otherwise
 
 
 def robot_digest(robot: Robot) -> str:
-    """The first letters of a digest of joints, masses, limits, soles and home of a robot.
-
-    Args:
-        robot: one that carries something, or was changed, has another one.
-    """
+    """The first letters of a digest of joints, masses, limits, soles and home of a robot."""
     model = robot.model
     numbers = [model.armature, robot.q_home, robot.q_min, robot.q_max, robot.v_max, robot.tau_max]
     numbers += [inertia.toDynamicParameters() for inertia in model.inertias]

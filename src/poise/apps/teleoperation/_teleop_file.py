@@ -14,8 +14,7 @@ from poise.apps.teleoperation._setup import RecordingError
 from poise.locomotion import BodyCommand, OperatorSample, TrackedPose
 
 _FORMAT = {"format": "poise teleoperation", "version": 1}
-_HEADER_BYTES = 16384
-"""One line of JSON, padded; behind it are rows, little-endian."""
+_HEADER_BYTES = 16384  # One line of JSON, padded; behind it are rows, little-endian
 
 _ROW = np.dtype(
     [("tick", "<i8"), ("kind", "<u1"), ("flags", "<u1"), ("time", "<f8"), ("numbers", "<f8", (6,))]
@@ -28,27 +27,13 @@ class _Kind(IntEnum):
     SAMPLE, PUSH, HANDS, BODY, VELOCITY, TURN, RATES = range(7)
 
 
-_LEFT, _RIGHT, _LEFT_CLUTCH, _RIGHT_CLUTCH, _REST = 1, 2, 4, 8, 16
-"""Flags of hands."""
+_LEFT, _RIGHT, _LEFT_CLUTCH, _RIGHT_CLUTCH, _REST = 1, 2, 4, 8, 16  # Flags of hands
 
-_HEAD, _HEAD_CLUTCH = 4, 8
-"""Flags of a turn that is the head's, beside those of hands."""
+_HEAD, _HEAD_CLUTCH = 4, 8  # Flags of a turn that is the head's, beside those of hands
 
 
 def convert_recording(path: Path, target: Path) -> bool:
-    """Write a log that plays as a `.teleop` file did.
-
-    Args:
-        path: the file.
-        target: the log, overwritten.
-
-    Returns:
-        Whether the file was finished; if not, the log goes as far as it does.
-
-    Raises:
-        RecordingError: no such file, or it is none.
-        PoiseError: the log cannot be written.
-    """
+    """Write a log that plays as a `.teleop` file did."""
     try:
         content = path.read_bytes()
         header = json.loads(content[:_HEADER_BYTES])

@@ -10,30 +10,24 @@ from poise.errors import UnknownNameError
 from poise.robots import Robot
 from poise.sim import Block
 
-Terrain = Literal["flat", "obstacle", "steps", "bumps"]
-"""Name of a ground."""
+Terrain = Literal["flat", "obstacle", "steps", "bumps"]  # Name of a ground
 
-TERRAINS: tuple[Terrain, ...] = get_args(Terrain)
-"""All grounds that there are."""
+TERRAINS: tuple[Terrain, ...] = get_args(Terrain)  # All grounds that there are
 
+# Heights of the stairs [m]: up by 5 cm and 3 cm, down by 4 cm twice. Down by less than up: a
+# foot is sent no deeper than 5 cm below the other one, and wants to press.
 _STAIRS = (0.05, 0.08, 0.04)
-"""Heights of the stairs [m]: up by 5 cm and 3 cm, down by 4 cm twice.
 
-Down by less than up: a foot is sent no deeper than 5 cm below the other one, and wants to press."""
-
+# Room before the first stair [m], and depth of a stair over a sole's length
 _GAP, _TREAD = 0.05, 1.3
-"""Room before the first stair [m], and depth of a stair over a sole's length."""
 
-_WIDTH = 6.0
-"""Width of the stairs over the distance of the feet."""
+_WIDTH = 6.0  # Width of the stairs over the distance of the feet
 
 _BUMPS = 60
+# Least and largest height and side of a bump [m]
 _BUMP_HEIGHT, _BUMP_SIDE = (0.01, 0.02), (0.05, 0.15)
-"""Least and largest height and side of a bump [m]."""
-_FIELD = ((-0.6, 2.4), (-0.8, 0.8))
-"""Where bumps lie, forward and sideways [m]."""
-_CLEAR = 0.02
-"""Room between a sole at the start and the nearest bump [m]."""
+_FIELD = ((-0.6, 2.4), (-0.8, 0.8))  # Where bumps lie, forward and sideways [m]
+_CLEAR = 0.02  # Room between a sole at the start and the nearest bump [m]
 
 
 def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ...]:

@@ -23,35 +23,30 @@ from poise.locomotion._stepping._operator._sample import (
 
 _LOG = logging.getLogger("poise")
 
+# Kinds whose `repr` is no longer than a number's
 _PLAIN = type(None) | bool | float | complex | np.number | np.bool_
-"""Kinds whose `repr` is no longer than a number's."""
+# Longer whole numbers are written in a time that grows with the square of their length
 _MOST_BITS = 64
-"""Longer whole numbers are written in a time that grows with the square of their length."""
-_MOST_NUMBERS = 16
-"""Larger arrays are shown by their shape; no field has more than 4 numbers."""
+_MOST_NUMBERS = 16  # Larger arrays are shown by their shape; no field has more than 4 numbers
 
 _Turns = tuple[float, float]
 _FLAG = bool | int
+# Types of fields, in words
 _WANTED: dict[Any, str] = {
     float: "a number", _FLAG: "true or false", _Turns: "2 numbers", Vector: "3 numbers",
     Quaternion: "4 numbers",
 }  # fmt: skip
-"""Types of fields, in words."""
 
 _ARRAYS = (np.ndarray, np.generic)
 
+# Of a tracked part
 _VECTORS: dict[str, Any] = {"position": Vector, "orientation": Quaternion, "velocity": Vector}
-"""Of a tracked part."""
 
 T = TypeVar("T")
 
 
 class FieldError(TypeError):
-    """Fields of a sample that are of another kind than they should be.
-
-    Attributes:
-        fields: their names.
-    """
+    """Fields of a sample that are of another kind than they should be."""
 
     def __init__(self, fields: tuple[str, ...], words: str) -> None:
         super().__init__(words)
@@ -59,22 +54,13 @@ class FieldError(TypeError):
 
 
 class WarnOnce:
-    """Log faults on the logger `poise`, each kind once: most recur in the next tick.
-
-    A kind is a class of exceptions, and of a `FieldError` a field.
-    """
+    """Log faults on the logger `poise`, each kind once: most recur in the next tick."""
 
     def __init__(self) -> None:
         self._logged = set[tuple[type[Exception], str]]()
 
     def __call__(self, error: Exception, message: str, *names: str) -> None:
-        """Log an error with its traceback, unless all of its kinds have been logged.
-
-        Args:
-            error: what happened.
-            message: what follows from it, a format of the logger's.
-            names: for the format.
-        """
+        """Log an error with its traceback, unless all of its kinds have been logged."""
         fields = error.fields if isinstance(error, FieldError) else ("",)
         kinds = {(type(error), field) for field in fields}
         if not kinds <= self._logged:
@@ -83,21 +69,7 @@ class WarnOnce:
 
 
 def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | None]:
-    """Validate what a device returned, which may be anything.
-
-    A vector of a tracked part that is none becomes NaN, and the rest counts: a device that is out
-    of sight takes nothing with it. Numbers that are not finite or far away are left to the guard,
-    which refuses them one by one. Buttons and sticks, which no controller reads, are dropped.
-
-    Args:
-        sample: as returned; None for nothing new.
-
-    Returns:
-        The sample with tuples of floats, and which vectors in it are none; None for nothing.
-
-    Raises:
-        FieldError: no sample, or another field in it is of another kind.
-    """
+    """Validate what a device returned, which may be anything."""
     if sample is None:
         return None, None
     sample = _of_kind("sample", sample, OperatorSample)
@@ -112,15 +84,7 @@ def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | 
 
 
 def checked_reading(arm: str, reading: object) -> TrackedPose | None:
-    """Validate what an arm of a foot returned: its position, and whether its clutch is closed.
-
-    Args:
-        arm: its name.
-        reading: as returned; None where it is gone. A position of None becomes NaN.
-
-    Raises:
-        FieldError: something else.
-    """
+    """Validate what an arm of a foot returned: its position, and whether its clutch is closed."""
     if reading is None:
         return None
     position, clutch = _two(f"reading of {arm}", reading)

@@ -23,9 +23,9 @@ from poise.locomotion._stepping._operator._sample_clock import (
 )
 from poise.locomotion._stepping._operator._tracking import Tracker, is_turned_away, rotation_of
 
+# A commanded velocity that is no larger is none: sticks do not rest at exactly zero [m/s, m/s,
+# rad/s]
 _STICK_REST = (0.01, 0.01, 0.02)
-"""A commanded velocity that is no larger is none: sticks do not rest at exactly zero [m/s, m/s,
-rad/s]."""
 
 
 class DeviceStatus(Enum):

@@ -11,8 +11,7 @@ import numpy as np
 from msgspec import Struct
 
 Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
-"""Of a rotation, (x, y, z, w)."""
+Quaternion = tuple[float, float, float, float]  # Of a rotation, (x, y, z, w)
 
 _Numbers = Sequence[float | int] | np.ndarray
 _NOWHERE: Vector = (math.nan, math.nan, math.nan)

@@ -2,36 +2,26 @@
 
 import math
 
+# Period of the slowest device that is followed without gaps [s]: hands move at 5 Hz at most,
+# and ten samples a second are the fewest that show it
 SLOWEST = 0.1
-"""Period of the slowest device that is followed without gaps [s]: hands move at 5 Hz at most, and
-ten samples a second are the fewest that show it."""
 
+# A device without a new sample for longer than its period is silent, and its velocity unknown
+# [s]
 SILENT_AFTER = SLOWEST
-"""A device without a new sample for longer than its period is silent, and its velocity unknown
-[s]."""
 
+# After so long without a good sample a device is lost [s]: a link that drops every fourth
+# sample drops five in a row once in a thousand
 LOST_AFTER = 5 * SLOWEST
-"""After so long without a good sample a device is lost [s]: a link that drops every fourth sample
-drops five in a row once in a thousand."""
 
+# A sample that comes this much later than the soonest did is as old as one of a lost device [s]
 LATE = LOST_AFTER
-"""A sample that comes this much later than the soonest did is as old as one of a lost device
-[s]."""
 
-_DRIFT = 1e-3
-"""Part of the time by which two clocks drift apart: ten times what quartz does."""
+_DRIFT = 1e-3  # Part of the time by which two clocks drift apart: ten times what quartz does
 
 
 class SampleClock:
-    """Accept samples that are newer than the newest and no later than a link makes them.
-
-    A sample's delay is compared with the smallest one. What grows by less than `_DRIFT` is taken
-    for two clocks that drift apart. After a silence of `LOST_AFTER` any clock is accepted anew.
-
-    Attributes:
-        heard_at: receiver's time of the newest sample [s].
-        newest: sender's time of it [s].
-    """
+    """Accept samples that are newer than the newest and no later than a link makes them."""
 
     def __init__(self) -> None:
         self.reset()
@@ -42,12 +32,7 @@ class SampleClock:
         self._soonest = math.inf
 
     def accepts(self, stamp: float, time: float) -> bool:
-        """Return whether a sample counts, which makes it the newest.
-
-        Args:
-            stamp: its time on the sender's clock [s].
-            time: of the receiver [s].
-        """
+        """Return whether a sample counts, which makes it the newest."""
         # The newest again is no news, however long nothing else has come: a source that is frozen
         # would be heard for ever.
         if not math.isfinite(stamp) or stamp == self.newest:
@@ -67,33 +52,19 @@ class SampleClock:
         return time - stamp - self._soonest
 
     def is_lost(self, time: float) -> bool:
-        """Return whether nothing was heard for too long, or the receiver's clock went back as far.
-
-        Args:
-            time: of the receiver [s].
-        """
+        """Return whether nothing was heard for too long."""
         return abs(time - self.heard_at) > LOST_AFTER
 
 
 class Engagement:
-    """When a part leads: from when its clutch closes, which has to be seen, until it opens.
-
-    One that is closed when it is found, or found again, leads nothing until it was open.
-
-    Attributes:
-        engaged: whether the part leads.
-    """
+    """When a part leads: from when its clutch closes, which has to be seen, until it opens."""
 
     def __init__(self) -> None:
         self.engaged = self._released = False
         self._good_at = -math.inf
 
     def expire(self, time: float) -> bool:
-        """Disengage a lost part; return whether it was engaged until now.
-
-        Args:
-            time: of the robot [s]; it may go back.
-        """
+        """Disengage a lost part; return whether it was engaged until now."""
         if abs(time - self._good_at) <= LOST_AFTER:
             return False
         engaged = self.engaged

@@ -15,11 +15,11 @@ from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
 from poise.locomotion._stepping._operator._sample import OperatorSample, TrackedPose
 
+# Forward, left and up from where the foot stood at the start [m]
 Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit="m"))]
-"""Forward, left and up from where the foot stood at the start [m]."""
 
+# Axis times angle, forward, left and up, as the torso faces [rad]
 Turn = Annotated[tuple[float, float, float], Vector(3, Bounds(most=3.0, unit="rad"))]
-"""Axis times angle, forward, left and up, as the torso faces [rad]."""
 
 
 @checked()
@@ -54,8 +54,8 @@ class WayPoint:
             raise ConfigurationError("a way-point moves no device", wanted="left, right or both")
 
 
+# When a scripted device takes hold of its hand [s]: its clutch has to be seen open first
 _GRIP_AT = 0.1
-"""When a scripted device takes hold of its hand [s]: its clutch has to be seen open first."""
 
 
 class ScriptedDevice:

@@ -15,39 +15,39 @@ from poise.dynamics import rotation_vector
 from poise.locomotion._stepping._operator._sample import TrackedPose, Vector
 from poise.locomotion._stepping._operator._sample_clock import SILENT_AFTER, SLOWEST, Engagement
 
+# Largest speed at which a part is followed [m/s]: a foot in a brisk walk, a hand that reaches
 SPEED_MAX = 2.5
-"""Largest speed at which a part is followed [m/s]: a foot in a brisk walk, a hand that reaches."""
 
+# Distance that is followed without delay after rest [m]: what `SPEED_MAX` covers in one period
+# of a tracker of 40 Hz
 BURST = 0.06
-"""Distance that is followed without delay after rest [m]: what `SPEED_MAX` covers in one period of
-a tracker of 40 Hz."""
 
+# Largest distance of a sample from where its part is followed to [m]: what a part at
+# `SPEED_MAX` is away by after one period of the slowest device. Farther away is another thing.
 JUMP = SPEED_MAX * SLOWEST + BURST
-"""Largest distance of a sample from where its part is followed to [m]: what a part at `SPEED_MAX`
-is away by after one period of the slowest device. Farther away is another thing."""
 
+# Largest speed at which a hand's turn is followed [rad/s]: what wrists of robots reach
 TURN_SPEED_MAX = 3.0
-"""Largest speed at which a hand's turn is followed [rad/s]: what wrists of robots reach."""
 
+# Turn that is followed without delay after rest [rad]: one period of a tracker of 25 Hz, for a
+# wrist that is flicked runs ahead of what follows it
 TURN_BURST = TURN_SPEED_MAX / 25.0
-"""Turn that is followed without delay after rest [rad]: one period of a tracker of 25 Hz, for a
-wrist that is flicked runs ahead of what follows it."""
 
+# Largest turn from one sample to the next [rad]: a wrist that is flicked, at 12 rad/s
 TURN_JUMP = 12.0 * SLOWEST
-"""Largest turn from one sample to the next [rad]: a wrist that is flicked, at 12 rad/s."""
 
+# Delay with which a device may read its own velocity [s]: two periods of a tracker of 100 Hz
 VELOCITY_DELAY = 0.02
-"""Delay with which a device may read its own velocity [s]: two periods of a tracker of 100 Hz."""
 
+# Distance by which a device may be elsewhere than its velocity has it [m]
 VELOCITY_ERROR = SPEED_MAX * VELOCITY_DELAY
-"""Distance by which a device may be elsewhere than its velocity has it [m]."""
 
+# Time constant with which that distance is forgotten [s]: no less than a velocity counts, or it
+# would be forgotten before it is seen
 VELOCITY_MEMORY = 2 * SILENT_AFTER
-"""Time constant with which that distance is forgotten [s]: no less than a velocity counts, or it
-would be forgotten before it is seen."""
 
+# By how much a quaternion's length may differ from one: messages round to two figures
 UNIT_ERROR = 0.01
-"""By how much a quaternion's length may differ from one: messages round to two figures."""
 
 Rotation = Float64[np.ndarray, "3 3"]
 
@@ -56,33 +56,20 @@ _STILL.flags.writeable = False
 
 
 class RateLimiter:
-    """Rate-limit a motion: in any n ticks no more than `burst` + n `step`.
-
-    Args:
-        step: way of a tick, on average.
-        burst: way of a single tick, after rest.
-    """
+    """Rate-limit a motion: in any n ticks no more than `burst` + n `step`."""
 
     def __init__(self, step: float, burst: float) -> None:
         self._step, self._burst = step, burst
         self._room = burst
 
     def part(self, distance: float) -> float:
-        """Take one tick of a way; return which part of it is gone.
-
-        Args:
-            distance: length of the way, in the unit of `step`.
-        """
+        """Take one tick of a way; return which part of it is gone."""
         most = self._room = min(self._room + self._step, self._burst)
         self._room = max(most - distance, 0.0)
         return 1.0 if distance <= most else most / distance
 
     def turn(self, rotation: Rotation, goal: Rotation) -> tuple[Rotation, Float64[np.ndarray, "3"]]:
-        """Take one tick of a turn.
-
-        Returns:
-            The rotation after it, and the rotation vector of the tick along the fixed axes [rad].
-        """
+        """Take one tick of a turn."""
         if rotation is goal:
             return goal, _STILL
         way = rotation_vector(goal, rotation)
@@ -92,12 +79,7 @@ class RateLimiter:
 
 
 class VelocityCheck:
-    """Velocity that a device sends, for as long as its position moves accordingly.
-
-    One whose velocity has other axes or another scale than its position, or that stands still,
-    would lead what follows it away. The difference of both ways is forgotten with the time constant
-    `VELOCITY_MEMORY`.
-    """
+    """Velocity that a device sends, for as long as its position moves accordingly."""
 
     def __init__(self) -> None:
         self._velocity: Vector | None = None
@@ -107,13 +89,7 @@ class VelocityCheck:
         self._apart: Sequence[float] = (0.0, 0.0, 0.0)
 
     def update(self, velocity: Vector | None, place: Vector, time: float) -> None:
-        """Take what came with a good sample.
-
-        Args:
-            velocity: as sent [m/s]; None where the device measures none.
-            place: of the device [m].
-            time: of the robot [s].
-        """
+        """Take what came with a good sample."""
         self._velocity = None
         # Not a number is no smaller either.
         if velocity is None or not math.hypot(*velocity) <= SPEED_MAX:
@@ -139,22 +115,7 @@ class VelocityCheck:
 
 
 class Tracker:
-    """Follow a foot or a hand of the operator while it leads.
-
-    A hand engages by its clutch, and its motion from then on counts. A foot engages where it is put
-    down at the robot's foot, and its position counts. Either is followed in any time t by no more
-    than `BURST` + `SPEED_MAX` t, and a hand that sends its orientation turned by no more than
-    `TURN_BURST` + `TURN_SPEED_MAX` t. A sample more than `JUMP` or `TURN_JUMP` from where the part
-    is followed to is refused, and so is one that is not finite or no rotation.
-
-    Args:
-        dt: length of a tick [s].
-
-    Attributes:
-        place: where the part is followed to [m].
-        step: how far it moved in the last tick [m].
-        turn: how far it turned in the last tick, a rotation vector [rad].
-    """
+    """Follow a foot or a hand of the operator while it leads."""
 
     def __init__(self, dt: float) -> None:
         self._limiter = RateLimiter(dt * SPEED_MAX, BURST)
@@ -191,17 +152,7 @@ class Tracker:
         *,
         foot: tuple[Vector, float] | None = None,
     ) -> bool:
-        """Take one tick.
-
-        Args:
-            part: what came; None for nothing new.
-            time: of the robot [s].
-            foot: where the robot's foot is that the part leads, and how high it may be put down
-                [m]; None for a hand.
-
-        Returns:
-            Whether the sample counts.
-        """
+        """Take one tick."""
         self.step = self.turn = _STILL
         # For a tick at least: what is followed does not jump from one place to another.
         if self._engagement.expire(time):
