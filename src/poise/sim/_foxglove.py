@@ -1,8 +1,4 @@
-"""Topics of a log, and `RobotTopics`: the robot's motion as Foxglove draws it.
-
-Messages are serialised as those of ROS 1: numbers as they are in memory, one after the other,
-little-endian; before a text or a list of any length four bytes that count it.
-"""
+"""`RobotTopics`: the robot's motion as Foxglove draws it, in messages serialised as by ROS 1."""
 
 import json
 import math
@@ -65,28 +61,15 @@ float64[] position  # [rad]
 float64[] velocity  # [rad/s]
 float64[] torque  # [N m]""",
 )
+_MSG = f"\n{80 * '='}\nMSG: "
 _TRANSFORMS = Topic(
     "/tf",
     "foxglove_msgs/FrameTransforms",
-    """foxglove_msgs/FrameTransform[] transforms
-================================================================================
-MSG: foxglove_msgs/FrameTransform
-time timestamp
-string parent_frame_id
-string child_frame_id
-geometry_msgs/Vector3 translation
-geometry_msgs/Quaternion rotation
-================================================================================
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-================================================================================
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w""",
+    "foxglove_msgs/FrameTransform[] transforms"
+    f"{_MSG}foxglove_msgs/FrameTransform\ntime timestamp\nstring parent_frame_id\n"
+    "string child_frame_id\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation"
+    f"{_MSG}geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z"
+    f"{_MSG}geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w",
 )
 _LIST = {"type": "array", "items": {"type": "object"}}
 _SCENE = Topic(
@@ -97,12 +80,9 @@ _SCENE = Topic(
     encoding="json",
 )
 
-_SLACK = 5e-10  # Of a rate [s]: one that the control period divides stays exact
-
-_WORLD = "world"
-_XYZW = [1, 2, 3, 0]  # Order of ROS in a quaternion of MuJoCo
-
-_FLAT = 1e-3  # Boxes are at least this thick [m], so that they can be seen
+_SLACK = 5e-10  # of a rate [s]: one that the control period divides stays exact
+_XYZW = [1, 2, 3, 0]  # order of ROS in a quaternion of MuJoCo
+_FLAT = 1e-3  # boxes are at least this thick [m], so that they can be seen
 
 
 class Pace:
@@ -133,7 +113,7 @@ class RobotTopics:
         self._map, self._pace, self._begun = StateMap(robot, model), Pace(dt), False
         named = [(i, model.body(i).name) for i in range(1, model.nbody)]
         self._bodies = [(i, name) for i, name in named if name]
-        self._frames = [ros_text(_WORLD) + ros_text(name) for _, name in self._bodies]
+        self._frames = [ros_text("world") + ros_text(name) for _, name in self._bodies]
         self._joint_count = struct.pack("<I", robot.nj)
         self._joint_names = b"".join(map(ros_text, robot.joint_names))
 
@@ -145,48 +125,42 @@ class RobotTopics:
         for row in rows:
             time = time_of(row)
             if self._pace.is_due(time):
+                stamp = divmod(round(time * 1e9), 10**9)
                 if not self._begun:
                     self._begun = True
-                    yield _SCENE, time, json.dumps(self._boxes(time)).encode()
-                q, v, torque = (row[table.places[name]] for name in names)
-                yield _JOINTS, time, self._joints(time, q, v, torque)
-                yield _TRANSFORMS, time, self._transforms(time, np.frombuffer(q))
+                    yield _SCENE, time, self._boxes(stamp)
+                numbers = [row[table.places[name]] for name in names]
+                yield _JOINTS, time, self._joints(time, numbers)
+                yield _TRANSFORMS, time, self._transforms(stamp, np.frombuffer(numbers[0]))
 
-    def _joints(self, time: float, *numbers: bytes) -> bytes:
+    def _joints(self, time: float, numbers: list[bytes]) -> bytes:
         """The last numbers of q, v and torque are those of the joints."""
         size = 8 * self._robot.nj
         parts = [struct.pack("<d", time) + self._joint_count + self._joint_names]
-        parts += [self._joint_count + x[len(x) - size :] for x in numbers]
-        return b"".join(parts)
+        return b"".join(parts + [self._joint_count + x[len(x) - size :] for x in numbers])
 
-    def _transforms(self, time: float, q: Float64[np.ndarray, " nq"]) -> bytes:
+    def _transforms(self, stamp: tuple[int, int], q: Float64[np.ndarray, " nq"]) -> bytes:
         """Each body's pose in the world [m]."""
         data, ids = self._data, [i for i, _ in self._bodies]
         data.qpos[:] = self._map.qpos(q)
         mujoco.mj_kinematics(self._model, data)
         poses = np.hstack((data.xpos[ids], data.xquat[ids][:, _XYZW]))
-        stamp = struct.pack("<II", *_stamp(time).values())
-        parts = [
-            stamp + frame + pose.tobytes() for frame, pose in zip(self._frames, poses, strict=True)
-        ]
+        begin = struct.pack("<II", *stamp)
+        parts = [begin + frame + x.tobytes() for frame, x in zip(self._frames, poses, strict=True)]
         return struct.pack("<I", len(parts)) + b"".join(parts)
 
-    def _boxes(self, time: float) -> dict[str, Any]:
-        """The bounding boxes of each body's geometry."""
-        about = {"timestamp": _stamp(time), "lifetime": {"sec": 0, "nsec": 0}, "frame_locked": True}
-        entities = [
-            {"frame_id": name, "id": name, "cubes": cubes, **about}
-            for i, name in self._bodies
-            if (cubes := [_box(self._model, g) for g in self._drawn(i)])
-        ]
-        return {"deletions": [], "entities": entities}
-
-    def _drawn(self, body: int) -> list[int]:
-        model = self._model
-        first = int(model.body_geomadr[body])
-        geoms = range(first, first + int(model.body_geomnum[body]))
-        pictures = [g for g in geoms if model.geom_group[g] < 3]
-        return pictures or list(geoms)
+    def _boxes(self, stamp: tuple[int, int]) -> bytes:
+        """The bounding boxes of each body's pictures, or of its other geometry without any."""
+        model, entities = self._model, list[dict[str, Any]]()
+        at = dict(zip(("sec", "nsec"), stamp, strict=True))
+        about = {"timestamp": at, "lifetime": {"sec": 0, "nsec": 0}, "frame_locked": True}
+        for body, name in self._bodies:
+            geoms = np.flatnonzero(model.geom_bodyid == body)
+            pictures = geoms[model.geom_group[geoms] < 3]
+            cubes = [_box(model, geom) for geom in (pictures if len(pictures) else geoms).tolist()]
+            if cubes:
+                entities.append({"frame_id": name, "id": name, "cubes": cubes, **about})
+        return json.dumps({"deletions": [], "entities": entities}).encode()
 
 
 def _box(model: mujoco.MjModel, geom: int) -> dict[str, Any]:
@@ -202,11 +176,6 @@ def _box(model: mujoco.MjModel, geom: int) -> dict[str, Any]:
         "size": _named("xyz", np.maximum(2.0 * half, _FLAT)),
         "color": _named("rgba", model.geom_rgba[geom]),
     }
-
-
-def _stamp(time: float) -> dict[str, int]:
-    seconds, nanoseconds = divmod(round(time * 1e9), 10**9)
-    return {"sec": seconds, "nsec": nanoseconds}
 
 
 def _named(names: str, numbers: np.ndarray) -> dict[str, float]:

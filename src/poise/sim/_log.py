@@ -1,8 +1,7 @@
-"""The log of a run on the disk: an MCAP file, and reading it back.
+"""`McapLog`: the record of a run in an MCAP file, and reading it back.
 
-A thread of its own writes it, so that the control loop never waits for a disk; it is read as far
-as it goes where the run died while writing it. A topic `/signals` has a message a row of samples, a
-topic each of notes a message a text, both as they were in memory and as Foxglove reads them.
+`/signals` has a message for each row of samples, a topic for each kind of notes a message for each
+text, both as they were in memory and as Foxglove reads them.
 """
 
 import json
@@ -31,19 +30,15 @@ from poise.sim._foxglove import (
 from poise.sim._record import Counts, Part, RunRecord
 from poise.sim._table import Signal, Table, time_of
 
-_LIBRARY = "poise log 3"  # Library of the header; the number is the version of the layout
-
-_METADATA = "poise"  # Name of the texts that say what the log is of
-
-_HOLDS = "holds"  # Content of a channel, in its metadata, see `Topic`
-
-_LAST = 1e9  # Latest time of a message [s]; its nanoseconds have 64 bits, and begin at zero
-
+_LIBRARY = "poise log 3"  # of the header; the number is the version of the layout
+_METADATA = "poise"  # name of the texts that say what the log is of
+_HOLDS = "holds"  # content of a channel, in its metadata, see `Topic`
+_LAST = 1e9  # latest time of a message [s]: its nanoseconds have 64 bits
 _MAGIC = b"\x89MCAP0\r\n"
 
 
 class McapLog:
-    """Writes a record to an MCAP file from a thread."""
+    """Write a record to an MCAP file from a thread, in chunks that each stand for themselves."""
 
     def __init__(
         self, path: Path, record: RunRecord, topics: RobotTopics | None = None, *, keep: bool = True
@@ -139,11 +134,8 @@ class McapLog:
     def _add(self, topic: Topic, time: float, content: bytes) -> None:
         channel = self._channels.get(topic)
         if channel is None:
-            number = 0
-            if topic.schema:
-                number = self._writer.register_schema(
-                    topic.schema, topic.language, topic.text.encode()
-                )
+            schema = (topic.schema, topic.language, topic.text.encode())
+            number = self._writer.register_schema(*schema) if topic.schema else 0
             about = {_HOLDS: topic.holds} if topic.holds else {}
             channel = self._writer.register_channel(topic.name, topic.encoding, number, about)
             self._channels[topic] = channel
@@ -174,19 +166,17 @@ def finish_log(path: Path) -> None:
 
 
 def read_log(path: Path | str, topics: tuple[str, ...] | None = None) -> RunRecord:
-    """Read the record of a run from its log, up to where that ends or breaks off.
+    """Read the record of a run from its log, to the last bit, as far as that goes.
 
     Args:
         path: an MCAP file that a `Recorder` wrote.
         topics: of the notes and messages that are read, and no signals; everything when None.
 
     Returns:
-        The record as it was in memory, to the last bit; `complete` is False where the log was not
-        finished, as the run died or still goes on, and where it is damaged: it ends there.
+        The record; not `complete` where the log breaks off or is damaged: it ends there.
 
     Raises:
-        PoiseError: no such file, no MCAP file, or one that Poise or this version of it did not
-            write.
+        PoiseError: no MCAP file, or none that this version of Poise wrote.
         MissingExtraError: the package mcap is not installed.
     """
     path = Path(path)

@@ -11,7 +11,7 @@ from poise._show import new_figure
 from poise.errors import MissingExtraError, UnknownNameError
 from poise.sim._table import Names, Signal, Table, Value, time_of
 
-# Notes (texts) and messages (bytes, or what becomes them) by topic, with their times [s]
+# Notes (texts) and messages (what becomes bytes) by topic, with their times [s]
 Events = dict[str, list[tuple[float, str | SupportsBytes]]]
 
 Counts = dict[Names | str, int]  # Number of rows of each table and of events of each topic
@@ -48,20 +48,18 @@ class Part(NamedTuple):
 class RunRecord:
     """Columns of signals, notes, and texts about the run; grows while the run goes on.
 
-    Signals that are sampled together share a table, a row an instant; not every tick has something
-    to say about everything, so there may be several, and a signal may be in more than one. A note
-    is a text under a topic, kept when it differs from the one before: a mode, a status. A message
-    is bytes under a topic: what an operator's device sent.
+    Signals that are sampled together share a table, a row an instant; a signal may be in several.
+    A note is a text under a topic, kept when it differs from the one before: a mode, a status. A
+    message is bytes under a topic. Looking up a signal that is not there is an `UnknownNameError`.
 
     Args:
         metadata: texts that say what the record is of: robot, controller, scenario, seed.
-        joints: names by which `to_pandas` calls the numbers of `q`, `v` and torques; none for those
-            of `metadata`, or for numbers alone.
+        joints: names by which `to_pandas` calls the numbers of `q`, `v` and torques; those of
+            `metadata` when none.
 
     Attributes:
         metadata: those texts, the joints' names among them.
-        complete: whether the run came to its end; False for one read back from a log that broke
-            off.
+        complete: False for a record read back from a log that broke off.
     """
 
     def __init__(
@@ -76,8 +74,6 @@ class RunRecord:
         self._rows = 0
         self._events: Events = {}
         self._said: dict[str, str] = {}
-
-    # What is in it -------------------------------------------------------------------------------
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -98,27 +94,15 @@ class RunRecord:
         return name in self._signals
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """All samples of a signal, time first; the caller's own copy.
-
-        Raises:
-            UnknownNameError: no such signal.
-        """
+        """All samples of a signal, time first; a copy."""
         return self.signal(name)[1]
 
     def times(self, name: str) -> np.ndarray:
-        """Times of a signal's samples [s]; the caller's own copy.
-
-        Raises:
-            UnknownNameError: no such signal.
-        """
+        """Times of a signal's samples [s]; a copy."""
         return self.signal(name)[0]
 
     def signal(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Times [s] and samples of a signal; the caller's own copies.
-
-        Raises:
-            UnknownNameError: no such signal.
-        """
+        """Times [s] and samples of a signal; copies."""
         signal = self._signal(name)
         packed = [
             row[: _HEAD.itemsize] + row[table.places[name]]
@@ -126,27 +110,18 @@ class RunRecord:
             if name in table.places
             for row in table.rows
         ]
-        samples = np.frombuffer(
-            b"".join(packed), [*_HEAD.descr, ("value", signal.dtype, signal.shape)]
-        )
+        kinds = [*_HEAD.descr, ("value", signal.dtype, signal.shape)]
+        samples = np.frombuffer(b"".join(packed), kinds)
         # In the order taken, of all tables that have it.
         samples = samples[np.argsort(samples["order"], kind="stable")]
         return samples["time"].copy(), samples["value"].copy()
 
     def unit(self, name: str) -> str:
-        """Unit of a signal.
-
-        Raises:
-            UnknownNameError: no such signal.
-        """
+        """Unit of a signal."""
         return self._signal(name).unit
 
     def shape(self, name: str) -> tuple[int, ...]:
-        """Shape of one sample of a signal.
-
-        Raises:
-            UnknownNameError: no such signal.
-        """
+        """Shape of one sample of a signal."""
         return self._signal(name).shape
 
     def notes(self, topic: str) -> tuple[tuple[float, str], ...]:
@@ -174,7 +149,6 @@ class RunRecord:
             A `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
 
         Raises:
-            UnknownNameError: no such signal.
             MissingExtraError: matplotlib is not installed.
         """
         names = names or tuple(n for n in self.names if n in ("com", "zmp") or n[:6] == "error/")
@@ -190,12 +164,11 @@ class RunRecord:
         return figure
 
     def to_pandas(self) -> Any:
-        """A `pandas.DataFrame`: one row a time, one column a number.
+        """A `pandas.DataFrame`: one row a time, one column a number, NaN without a sample.
 
-        Such as `com[0]`, and `torque[left_knee]` where the record knows the joints: `q` and `v` of
-        a base that moves begin with its own, `q[0]` to `q[6]` (position, quaternion) and `v[0]` to
-        `v[5]`. Topics of notes are columns as well. Numbers that a time has no sample of are NaN; a
-        note holds until the next of its topic.
+        Such as `com[0]`, and `torque[left_knee]` where the record knows the joints; `q` and `v` of
+        a floating base begin with its own, `q[0]` to `q[6]` (position, quaternion) and `v[0]` to
+        `v[5]`. A column of notes has the last one of its topic.
 
         Raises:
             MissingExtraError: the package pandas is not installed.
@@ -228,8 +201,6 @@ class RunRecord:
             parts[-len(joints) :] = joints
         return [f"{signal.name}[{part}]" for part in parts] if signal.shape else [signal.name]
 
-    # Filling it ----------------------------------------------------------------------------------
-
     def add(
         self, time: float, values: Mapping[str, Value], units: Mapping[str, str] | None = None
     ) -> None:
@@ -237,9 +208,8 @@ class RunRecord:
 
         Args:
             time: of the samples [s].
-            values: the samples by the signal's name, copied; their shapes and kinds of number stay
-                what they are at first.
-            units: read once, when a signal is new; those of `UNITS` for others.
+            values: the samples by the signal's name, copied; shape and kind of number stay.
+            units: of new signals; others have those of a recorder.
 
         Raises:
             TargetError: a signal changed its shape.
@@ -251,7 +221,7 @@ class RunRecord:
         self._rows += 1
 
     def note(self, time: float, topic: str, text: str) -> bool:
-        """Notes a text; whether it differs from the last of its topic, else nothing is kept."""
+        """Keep a text that differs from the last of its topic; return whether it does."""
         if self._said.get(topic) == text:
             return False
         self._said[topic] = text
@@ -259,12 +229,12 @@ class RunRecord:
         return True
 
     def message(self, time: float, topic: str, content: SupportsBytes) -> None:
-        """Keep a message; no topic has both notes and messages.
+        """Keep a message at a time [s]; no topic has both notes and messages.
 
         Args:
             time: of the message [s].
             topic: its topic.
-            content: bytes, or something that stays as it is and becomes bytes when they are needed.
+            content: bytes, or something constant that becomes bytes when they are needed.
         """
         self._events.setdefault(topic, []).append((time, content))
 
@@ -273,8 +243,6 @@ class RunRecord:
         for table in self._tables.values():
             table.rows.clear()
         self._events = {topic: found[-1:] for topic, found in self._events.items()}
-
-    # Parts, for a log -----------------------------------------------------------------------------
 
     def counts(self) -> Counts:
         """Number of rows and events so far."""
@@ -288,11 +256,7 @@ class RunRecord:
         return Part(rows, events)
 
     def take_in(self, part: Part) -> None:
-        """Append a `part` of another record.
-
-        Raises:
-            ValueError: rows that are not of their signals, or another kind of signal of one name.
-        """
+        """Append a `part` of another record."""
         for table, rows in part.rows:
             if any(self._signals.setdefault(s.name, s) != s for s in table.signals):
                 raise ValueError("a signal of two kinds")

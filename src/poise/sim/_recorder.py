@@ -56,24 +56,22 @@ class HasSignals(Protocol):
 
 
 class Recorder:
-    """Records a rollout; give it as one of the observers.
+    """Record a rollout; give it as one of the observers.
 
-    What belongs to the end of a tick's period is recorded with the time of that end: the true `q`
-    and `v`, `torque` as applied, `com`, `zmp`, a `wrench/<sole>` each, where there are blocks on
-    the floor `clearance` and `touched`, and where the robot's links touch each other the largest
-    force, `self_contact`; `command_torque` or `command_velocity` and `residuals`; of a controller
-    with a stack `error/<task>`, `target/<task>` of each point, `com_reference` and
-    `planned/<sole>`; how long leader and controller took, `tick_us/<phase>`; what the leader's
-    `signals` say; and notes about the `status` of the commands and about which links touch. Where
-    an estimator says what the others know, `base_estimate` and `base_truth` (position and
-    quaternion) and `velocity_estimate` and `velocity_truth` (in the base) are of the begin of the
-    period, when it said so, or handed on what was measured, `payload_estimate`: mass and offset
-    beyond the description, and `held_estimate`: the mass in each hand.
+    With the time of the end of a tick's period are recorded: the true `q` and `v`, `torque` as
+    applied, `com`, `zmp`, a `wrench/<sole>` each, with blocks on the floor `clearance` and
+    `touched`, and the largest force between links, `self_contact`; `command_torque` or
+    `command_velocity` and `residuals`; of a controller with a stack `error/<task>`,
+    `target/<task>` of each point, `com_reference` and `planned/<sole>`; times of computation,
+    `tick_us/<phase>`; the leader's `signals`; notes about the `status` of the commands and about
+    links that touch. An estimator adds `base_estimate` and `base_truth` (position and quaternion),
+    `velocity_estimate` and `velocity_truth` (in the base) of the begin of the period,
+    `payload_estimate`: mass and offset beyond the description, and `held_estimate`: the mass in
+    each hand.
 
-    The log, if there is one, holds that record to the last bit, see `read_log`. Foxglove opens it:
-    `/signals` has a field a signal (`/signals.com[0]`, `/signals.wrench_left_sole[2]`), with a
-    number behind for those that are sampled apart; a topic each of notes, `/joints`, `/tf` and
-    `/scene`.
+    Foxglove opens the log: `/signals` has a field a signal (`/signals.com[0]`,
+    `/signals.wrench_left_sole[2]`), with a number behind for those that are sampled apart; a topic
+    each of notes, `/joints`, `/tf` and `/scene`.
 
     Args:
         path: the MCAP file, None for memory alone.
@@ -97,23 +95,21 @@ class Recorder:
         self.record = RunRecord(self._metadata)
         self._log: McapLog | None = None
 
-    # The observer --------------------------------------------------------------------------------
-
     def begin(
         self,
         plant: Plant,
         controller: AnyController | None = None,
         leader: Leader | LeadFunction | None = None,
     ) -> None:
-        """A run begins: a new record, and the log is made.
+        """Begin a record, and the log.
 
         Args:
             plant: the plant.
-            controller: what commands it; None where nothing shall be recorded of it.
-            leader: what leads its stack; None where nothing shall be recorded of it.
+            controller: commands it; None where nothing is recorded of it.
+            leader: leads its stack; None where nothing is recorded of it.
 
         Raises:
-            MissingExtraError: a log was asked for and the package mcap is not installed.
+            MissingExtraError: the package mcap, which a log needs, is not installed.
             PoiseError: the log cannot be made.
         """
         config, robot = self._config, plant.robot
@@ -125,7 +121,13 @@ class Recorder:
         self._wrenches = [(name, f"wrench/{name}") for name in robot.soles]
         self._load, self._held = np.zeros(4), np.zeros(len(robot.hands))
         about = {"robot": robot.name, "plant": json.dumps(asdict(plant.config))}
-        about |= _describe(controller.stack if isinstance(controller, SolvesStack) else None)
+        # A report can be made of the record alone.
+        tasks, levels = [], []
+        if isinstance(controller, SolvesStack):
+            tasks = [(t.name, n, t.unit) for n, t in controller.stack.tasks()]
+            levels = [", ".join(t.name for t in level) for level in controller.stack.levels]
+            levels = [*_PHYSICS, *levels] if levels else []
+        about |= {"tasks": json.dumps(tasks), "levels": json.dumps(levels)}
         self._units = {} if self._stack is None else self._stack.units
         self.record = RunRecord(about | self._metadata, joints=robot.joint_names)
         self._pace = Pace(config.record_dt)
@@ -143,7 +145,10 @@ class Recorder:
         samples: dict[str, Value] = {}
         note(time, "status", tick.command.status.value)
         if plant.config.self_contact:
-            self._note_self_contacts()
+            pairs = ["{} on {}".format(*pair) for pair in sorted(plant.self_contacts)]
+            if pairs or self._has_touched:
+                note(time, "self_contact", ", ".join(pairs) or "none")
+                self._has_touched = True
         if due:
             self._add_plant(samples, tick.truth)
             # An estimator that can make nothing of a state hands it on as it came.
@@ -169,7 +174,7 @@ class Recorder:
             self._keep(time, samples)
 
     def end(self) -> None:
-        """The run is over: finishes the log.
+        """Finish the log.
 
         Raises:
             PoiseError: the log could not be written.
@@ -189,45 +194,23 @@ class Recorder:
         if self._log is not None:
             self._log.put()
 
-    # By hand -------------------------------------------------------------------------------------
-
     def look(self) -> None:
-        """Records the plant as it is now, outside of a rollout."""
+        """Record the plant as it is now, outside of a rollout."""
         samples: dict[str, Value] = {}
         self._add_plant(samples, self._plant.true_state())
         self.sample(self._plant.time, **samples)
 
     def sample(self, time: float, **values: Value) -> None:
-        """Record values of one instant.
-
-        Args:
-            time: the instant [s].
-            values: the signals by name.
-
-        Raises:
-            TargetError: a signal changed its shape.
-        """
+        """Record values by the signal's name of one time [s]; their shapes stay as they are."""
         self._keep(time, values)
 
     def note(self, topic: str, text: str) -> None:
-        """Notes a text of the plant's present time, where it differs from the last of its topic.
-
-        Args:
-            topic: such as `mode`; the log has it under that name.
-            text: the text.
-        """
+        """Note a text, such as a `mode`, where it differs from the last of its topic."""
         self.record.note(self._plant.time, topic, text)
 
     def message(self, topic: str, content: SupportsBytes) -> None:
-        """Keep a message of the plant's present time.
-
-        Args:
-            topic: such as `operator`; the log has it under that name.
-            content: bytes, or something that stays as it is and becomes bytes when they are needed.
-        """
+        """Keep a message now: bytes, or something constant that becomes bytes."""
         self.record.message(self._plant.time, topic, content)
-
-    # What is recorded ----------------------------------------------------------------------------
 
     def _keep(self, time: float, samples: Mapping[str, Value]) -> None:
         self.record.add(time, samples, self._units)
@@ -245,12 +228,6 @@ class Recorder:
             samples["touched"] = self._watch.touched()
         if plant.config.self_contact:
             samples["self_contact"] = max(plant.self_contacts.values(), default=0.0)
-
-    def _note_self_contacts(self) -> None:
-        pairs = ["{} on {}".format(*pair) for pair in sorted(self._plant.self_contacts)]
-        if pairs or self._has_touched:
-            self.note("self_contact", ", ".join(pairs) or "none")
-            self._has_touched = True
 
     def _add_estimate(self, samples: dict[str, Value], estimate: RobotState) -> None:
         # What was known when the period began, beside what was so then.
@@ -276,16 +253,6 @@ class Recorder:
             samples["residuals"] = np.full(self.record.shape("residuals"), np.nan)
 
 
-def _describe(stack: Stack | None) -> dict[str, str]:
-    """Texts about a stack from which a report can be made of the record alone."""
-    tasks = [] if stack is None else [(t.name, n, t.unit) for n, t in stack.tasks()]
-    levels = [] if stack is None else [", ".join([t.name for t in level]) for level in stack.levels]
-    return {
-        "tasks": json.dumps(tasks),
-        "levels": json.dumps([*_PHYSICS, *levels] if levels else []),
-    }
-
-
 class _WatchedStack:
     """Signals of a controller's stack; its tasks and contacts are looked up once."""
 
@@ -295,11 +262,8 @@ class _WatchedStack:
         self.units = {f"error/{task.name}": task.unit for task in tasks}
         self._tasks = [*zip(self.units, tasks, strict=True)]
         self._coms = [task for task in tasks if isinstance(task, ComTask)]
-        self._points = [
-            (f"target/{task.name}", task)
-            for task in tasks
-            if isinstance(task, FrameTask) and task.unit != "rad"
-        ]
+        frames = [task for task in tasks if isinstance(task, FrameTask) and task.unit != "rad"]
+        self._points = [(f"target/{task.name}", task) for task in frames]
         self._contacts = [(f"planned/{c.frame}", c) for c in solver.stack.contacts]
 
     def add(self, samples: dict[str, Value], *, answered: bool) -> None:
@@ -314,11 +278,8 @@ class _WatchedStack:
         for name, task in self._points:
             point = task.target_position
             if point is not None:
-                samples[name] = _NOWHERE if task in suspended else point
+                samples[name] = np.full(3, np.nan) if task in suspended else point
         for name, contact in self._contacts:
             samples[name] = float(contact.active)
         for phase, seconds in self._solver.timings.items():
             samples[f"tick_us/{phase}"] = 1e6 * seconds if answered else math.nan
-
-
-_NOWHERE = np.full(3, np.nan)

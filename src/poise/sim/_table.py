@@ -13,7 +13,6 @@ from poise.errors import TargetError
 
 # A sample of a signal: a number, or an array of numbers
 Value = float | int | np.generic | np.ndarray
-
 Names = tuple[str, ...]  # Signals that are sampled together, in the order in which they are given
 
 # Kinds of number by their NumPy name: their format in `struct`, and their type in ROS 1
@@ -104,12 +103,9 @@ class Table:
         """A row of other kinds of number than the first."""
         pieces = [_HEAD.pack(*row[:2])]
         for signal, value in zip(self.signals, row[2:], strict=True):
-            if np.shape(value) != signal.shape:
-                raise TargetError(
-                    f"signal {signal.name!r} changed its shape",
-                    got=np.shape(value),
-                    wanted=str(signal.shape),
-                )
+            if (shape := np.shape(value)) != signal.shape:
+                what = f"signal {signal.name!r} changed its shape"
+                raise TargetError(what, got=shape, wanted=str(signal.shape))
             pieces.append(np.asarray(value, signal.dtype).tobytes())
         return b"".join(pieces)
 
