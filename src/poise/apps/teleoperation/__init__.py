@@ -1,15 +1,13 @@
 """Step teleoperation in simulation: scripted and recorded foot devices, and everything noted."""
 
-from poise.apps.teleoperation._haptic_arms import HapticArm, SimulatedArm
 from poise.apps.teleoperation._haptics import (
+    HapticArm,
     HapticDriver,
     HapticFeet,
+    SimulatedArm,
     foot_forces as foot_forces,
 )
-from poise.apps.teleoperation._log import (
-    MODES as MODES,
-    TeleopLog,
-)
+from poise.apps.teleoperation._log import MODES as MODES, TeleopLog
 from poise.apps.teleoperation._operators import BadOperator, PoorLink
 from poise.apps.teleoperation._recording import (
     RecordedDevice as RecordedDevice,
@@ -26,10 +24,7 @@ from poise.apps.teleoperation._run import (
     replay_teleop,
     run_teleop,
 )
-from poise.apps.teleoperation._scripts import (
-    SCRIPTS,
-    Script,
-)
+from poise.apps.teleoperation._scripts import SCRIPTS, Script
 from poise.apps.teleoperation._setup import (
     RecordingError as RecordingError,
     TeleopSetup as TeleopSetup,

@@ -1,18 +1,15 @@
-"""Two arms with force feedback: one for each foot, read and driven at their own rate.
-
-`HapticDriver`: from what feet feel to what hands feel. `HapticFeet`: the arms as a `Device`.
-"""
+"""`HapticFeet`: two arms with force feedback as a `Device`, one for each foot."""
 
 import math
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
 from msgspec.structs import replace
 
 from poise._checks import checked_number
-from poise.apps.teleoperation._haptic_arms import HapticArm, Reading
 from poise.dynamics import saturate
 from poise.errors import ConfigurationError
 from poise.locomotion import (
@@ -26,7 +23,80 @@ from poise.locomotion import (
     checked_reading,
 )
 
-# What the left and the right arm said; None for one that is gone, fails or is nowhere
+# Where the end of an arm is, forward, left and up from anywhere [m], and whether it leads
+Reading = tuple[Float64[np.ndarray, "3"], bool]
+
+
+@runtime_checkable
+class HapticArm(Protocol):
+    """A device of three degrees of freedom that one hand holds, such as a Novint Falcon.
+
+    Neither call may wait: both are made once a period of the device, a thousand times a second.
+    """
+
+    def read(self) -> Reading | None:
+        """Return where the hand is and whether its clutch is closed; None when the arm is gone.
+
+        It counts as gone, too, where either call raises, and for what is no finite reading.
+        """
+        ...
+
+    def write(self, force: Float64[np.ndarray, "3"]) -> None:
+        """Push the hand until the next call, forward, left and up [N]."""
+        ...
+
+
+class SimulatedArm:
+    """An arm in a hand that holds it like a spring and goes where a person wants it to.
+
+    m x'' = f + k (x_hand - x) - d x' with the force f of the device; each `read` is a period later.
+
+    Args:
+        hand: place that the person wants at a time [s], and whether the clutch is closed.
+        dt: period [s].
+        mass: of arm and hand m [kg].
+        stiffness: of a relaxed hand k [N/m].
+        damping: of hand and arm d [N s/m].
+
+    Attributes:
+        force: of the device on the hand now [N].
+        connected: False for an arm that cannot be read.
+    """
+
+    def __init__(
+        self,
+        hand: Callable[[float], Reading],
+        *,
+        dt: float = 1e-3,
+        mass: float = 0.4,
+        stiffness: float = 250.0,
+        damping: float = 12.0,
+    ) -> None:
+        self._dt = checked_number(dt, "period of the arm [s]", above=0.0)
+        self._mass = checked_number(mass, "mass of the arm [kg]", above=0.0)
+        self._stiffness = checked_number(stiffness, "stiffness of the hand [N/m]", above=0.0)
+        self._damping = checked_number(damping, "damping of the hand [N s/m]", above=0.0)
+        self._hand, self._periods = hand, 0
+        self._position = hand(0.0)[0].copy()
+        self._velocity = np.zeros(3)
+        self.force: Float64[np.ndarray, "3"] = np.zeros(3)
+        self.connected = True
+
+    def read(self) -> Reading | None:
+        """Return the place of the hand, a period after the last call."""
+        wanted, clutch = self._hand(self._periods * self._dt)
+        pull = self._stiffness * (wanted - self._position) - self._damping * self._velocity
+        # The velocity first: with the old one the spring would gain energy.
+        self._velocity = self._velocity + self._dt / self._mass * (self.force + pull)
+        self._position = self._position + self._dt * self._velocity
+        self._periods += 1
+        return (self._position.copy(), clutch) if self.connected else None
+
+    def write(self, force: Float64[np.ndarray, "3"]) -> None:
+        """Push the hand until the next call [N]."""
+        self.force = force.copy()
+
+
 Readings = tuple[Reading | None, Reading | None]
 
 # A foot with less than this part of both feet's load for so long [s] is in the air: as the
@@ -34,11 +104,14 @@ Readings = tuple[Reading | None, Reading | None]
 _UNLOADED, _LIFTED = 0.05, 0.05
 # Part of a landed foot's force that has to be washed out for the foot to count as standing
 _SETTLED = 0.9
-_LEAST = 1e-3  # A force that is nearer than this to where it goes is there [N]
+_LEAST = 1e-3  # a force that is nearer than this to where it goes is there [N]
+_ENDED = 0.1  # an arm that nobody ticks for so long leads nothing [s]
+# A clock of the robot that jumps by more than this [s] is followed from where it is then
+_PAUSE = 0.1
 
 
 class _Hand:
-    """A hand at an arm whose driver may fail, and the force of its foot on it."""
+    """A hand at an arm that may fail, and the force of its foot on it, none in stance."""
 
     def __init__(
         self, arm: HapticArm, side: str, *, dt: float, gain: float, most: float,
@@ -57,7 +130,9 @@ class _Hand:
         self.error = None
         reading, touch = self._read(), self._touch(foot, total)
         holds = reading is not None and reading[1] and heard
-        self._approach(saturate(self._most, self._gain * touch) if holds else np.zeros(3))
+        goal = saturate(self._most, self._gain * touch) if holds else np.zeros(3)
+        left = (goal - self._force) * self._smoothing / (self._smoothing + self._dt)
+        self._force = goal - left if math.sqrt(float(left @ left)) > _LEAST else goal
         try:
             self._arm.write(self._force.copy() if reading is not None else np.zeros(3))
         except Exception as error:
@@ -96,24 +171,14 @@ class _Hand:
             self._in_air = bool(self._slow[2] < _SETTLED * force[2])
         return force - self._slow
 
-    def _approach(self, goal: Float64[np.ndarray, "3"]) -> None:
-        left = (goal - self._force) * self._smoothing / (self._smoothing + self._dt)
-        # Nothing is nothing at last.
-        self._force = goal - left if math.sqrt(float(left @ left)) > _LEAST else goal
-
-
-# Whoever ticks no more for so long has ended [s]: hands that nobody reads lead nothing
-_ENDED = 0.1
-
 
 class HapticDriver:
-    """Reads two arms and lets each hand feel what its foot meets.
+    """Read two arms and let each hand feel what its foot meets, at the arms' own rate.
 
-    At the arms' rate, whatever that of the robot: in between the last force of the feet holds. The
-    force on a hand is a fraction of what its foot meets in the air or lands on, smoothed, fading
-    after the landing, and never more than `force_max`. It goes to zero where nothing has been heard
-    from the robot for `silence`, where the clutch is open, and where the arm is gone, fails or says
-    that it is nowhere. An arm that fails takes nothing from the other one.
+    The force on a hand is a fraction of what its foot meets in the air or lands on, smoothed,
+    fading after the landing, and never more than `force_max`. It goes to zero where the robot is
+    silent for longer than `silence`, the clutch is open, or the arm is gone or fails. An arm that
+    fails takes nothing from the other one.
 
     Args:
         left: arm of the left foot.
@@ -130,8 +195,8 @@ class HapticDriver:
 
     Attributes:
         dt: period [s].
-        errors: what the left and the right arm raised in the last period, or a `TypeError` of what
-            was no place and clutch; None if all was well.
+        errors: of the left and the right arm in the last period, a `TypeError` for what was no
+            place and clutch; None if all was well.
     """
 
     def __init__(
@@ -165,26 +230,25 @@ class HapticDriver:
         self._news: tuple[float, Float64[np.ndarray, "2 3"]] = (-math.inf, np.zeros((2, 3)))
         self._known, self._unheard = self._news, 0
         self.errors: tuple[Exception | None, Exception | None] = (None, None)
-        # Likewise; with when they were read, on the clock of this machine.
+        # As one object, too, with the time of this machine.
         self._read: tuple[float, Readings] = (-math.inf, (None, None))
 
     @property
     def readings(self) -> Readings:
-        """What the arms said last, left and right; None for one that is gone, fails or is nowhere.
+        """Last readings, left and right; None for an arm that is gone or fails.
 
-        None for both where no `tick` has come for 0.1 s, or for two periods if those are longer: a
-        thread that has ended holds no foot up.
+        None for both without a `tick` for 0.1 s, or for two periods if those are longer.
         """
         read_at, readings = self._read
-        patience = max(_ENDED, 2.0 * self.dt)
-        return readings if clock.monotonic() - read_at <= patience else (None, None)
+        ended = clock.monotonic() - read_at > max(_ENDED, 2.0 * self.dt)
+        return (None, None) if ended else readings
 
     def feel(self, forces: Sequence[Sequence[float]], now: float) -> None:
-        """News from the robot; what is not finite is none.
+        """Take news from the robot; what is not finite is none.
 
         Args:
             forces: of the ground on the left and the right foot: forward, left, up [N].
-            now: on the clock that `tick` is given [s].
+            now: on the clock of `tick` [s].
         """
         array = np.array(forces, dtype=np.float64)
         if array.shape != (2, 3):
@@ -195,14 +259,7 @@ class HapticDriver:
             self._news = (now, array)
 
     def tick(self, now: float) -> Readings:
-        """One period of the arms; an arm that raises counts as gone.
-
-        Args:
-            now: on any clock [s].
-
-        Returns:
-            What `readings` gives now.
-        """
+        """Take one period of the arms at a time of any clock [s]; return the `readings`."""
         news = heard_at, feet = self._news
         # Periods are counted, too: by a clock that stands still or has gone back nobody is silent.
         self._unheard = self._unheard + 1 if news is self._known else 0
@@ -216,35 +273,26 @@ class HapticDriver:
 
 
 def foot_forces(teleoperator: StepTeleoperator) -> list[list[float]]:
-    """What the feet measured in the last tick, left and right: forward, left, up [N]."""
-    dynamics = teleoperator.estimator.dynamics
-    soles = teleoperator.soles
-    felt = [dynamics.state.wrench(sole) for sole in soles]
-    turns = [dynamics.frame(teleoperator.robot.frame_id(sole)).rotation for sole in soles]
-    in_world = [
-        (0.0, 0.0, 0.0) if wrench is None else (turn @ wrench[:3]).tolist()
-        for turn, wrench in zip(turns, felt, strict=True)
-    ]
-    return [along_ahead(force, -teleoperator.ahead).tolist() for force in in_world]
-
-
-# A clock of the robot that goes on or back by more than this has jumped [s]: the arms go on
-# from where it is now
-_PAUSE = 0.1
+    """Forces on the left and the right foot in the last tick: forward, left, up [N]."""
+    dynamics, forces = teleoperator.estimator.dynamics, list[list[float]]()
+    for sole in teleoperator.soles:
+        wrench = dynamics.state.wrench(sole)
+        turn = dynamics.frame(teleoperator.robot.frame_id(sole)).rotation
+        force = [0.0, 0.0, 0.0] if wrench is None else (turn @ wrench[:3]).tolist()
+        forces.append(along_ahead(force, -teleoperator.ahead).tolist())
+    return forces
 
 
 class HapticFeet:
-    """Two arms as a `Device`: each leads its foot by how it moves while its clutch is closed.
+    """Two arms as a `Device`: each leads its foot by its motion while its clutch is closed.
 
-    For simulated arms: real ones want a thread of their own that calls `HapticDriver.tick` at their
-    rate. Each tick of the robot both are driven up to its time, period by period. A clutch takes
-    hold where the device is: on the foot. It has to be seen open before: one that is closed at the
-    beginning, or when an arm that was gone is back, leads nothing. Forward is where the robot faces
-    when it takes hold.
+    For simulated arms, which are driven up to the robot's time each tick: real ones need a thread
+    that calls `HapticDriver.tick` at their rate. A clutch, which has to be seen open before, takes
+    hold on the foot; forward is the robot's heading then.
 
     Args:
         driver: of the arms.
-        teleoperator: whose feet are led and felt.
+        teleoperator: of the feet.
         scale: way of a foot over way of a hand.
     """
 
@@ -257,16 +305,10 @@ class HapticFeet:
         self._readings: Readings = (None, None)
 
     def sample(self, time: float) -> OperatorSample | None:
-        """Where the hands lead the feet; the foot of an arm that is gone comes down where it is.
-
-        Args:
-            time: of the robot [s].
-
-        Returns:
-            None while both arms are gone.
+        """Return places of the feet at a time of the robot [s]; None while both arms are gone.
 
         Raises:
-            TypeError: what an arm said in its last period is no place and clutch.
+            TypeError: an arm returned no place and clutch in its last period.
         """
         driver = self.driver
         driver.feel(foot_forces(self._teleoperator), time)

@@ -14,7 +14,7 @@ MODES = tuple(Mode)  # The number of a mode in a log is its place here
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TeleopLog:
-    """A teleoperated run as its operator's side sees it: columns of its record, T ticks.
+    """A teleoperated run seen by the operator: columns of its record, T ticks.
 
     Positions are in the world as the teleoperator estimates it.
 
@@ -28,13 +28,12 @@ class TeleopLog:
         cart_table_zmp: CT-ZMP [m].
         com: [m].
         soles: left and right [m].
-        target: of the foot in the air, NaN with both on the ground [m].
+        target: of the swing foot, NaN with both on the ground [m].
         loads: left and right [N].
         tilt: of the torso [rad].
         command: velocity [rad/s] or torque [N m] commanded, each joint.
         q: true configuration after the tick [m, rad].
-        touched: whether any solid part of the robot touched a block after the tick; links that the
-            robot's document only draws go through blocks, those of `biped20` and `humanoid33` too.
+        touched: a solid part of the robot touched a block after the tick.
     """
 
     time: Float64[np.ndarray, " T"]
@@ -55,12 +54,7 @@ class TeleopLog:
 
     @classmethod
     def of(cls, record: RunRecord, dt: float) -> "TeleopLog":
-        """The log of a record.
-
-        Args:
-            record: of a rollout that a step teleoperator led.
-            dt: length of a tick [s].
-        """
+        """Make the log of the record of a rollout with ticks of `dt` [s]."""
         # A state that the teleoperator cannot use before it began leaves no status: no row.
         end = record.times("zmp_reference")
         rows = np.isin(record.times("q"), end)

@@ -1,7 +1,4 @@
-"""`BadOperator`: hands that do what no careful person does, at random.
-
-`PoorLink`: what an operator commands, late and not all of it.
-"""
+"""`BadOperator`: random devices. `PoorLink`: samples that are late or lost."""
 
 import math
 from bisect import insort
@@ -22,11 +19,9 @@ _ROUNDING = 1e-9  # Times are sums of decimal fractions [s]
 
 
 class BadOperator:
-    """Two devices moved at random, seen from the robot's feet.
+    """Two devices moved at random, seen from the robot's feet, twice to three times a second.
 
-    Whims: lift, lower, lower early, step, jump, jitter, tap, lift both, freeze, reach too far,
-    cross the legs, send rubbish. Each is drawn by chance, for a foot drawn at random; lifting,
-    lowering and stepping twice as often as the others.
+    Lifting, lowering and stepping are drawn twice as often as jumps, taps, jitter and so on.
 
     Args:
         controller: whose feet the operator looks at.
@@ -48,7 +43,7 @@ class BadOperator:
         )  # fmt: skip
 
     def sample(self, time: float) -> OperatorSample | None:
-        """What the hands do now; drawn tick by tick, so ask once a tick."""
+        """Draw the devices of a tick; call once a tick."""
         self._time = time
         if time >= self._next:
             whim = self._whims[int(self._rng.integers(len(self._whims)))]
@@ -72,7 +67,15 @@ class BadOperator:
     def _draw(self, least: float, most: float) -> float:
         return float(self._rng.uniform(least, most))
 
-    def _go(self, foot: int, place: Float64[np.ndarray, "3"], seconds: float | None = None) -> None:
+    def _go(
+        self,
+        foot: int,
+        place: Float64[np.ndarray, "3"],
+        height: tuple[float, float] | None = None,
+        seconds: float | None = None,
+    ) -> None:
+        if height is not None:
+            place[2] = self._draw(*height)
         seconds = self._draw(0.1, 0.6) if seconds is None else seconds
         self._from[foot], self._to[foot] = self._hands[foot].copy(), place
         self._begin[foot], self._end[foot] = self._time, self._time + seconds
@@ -81,17 +84,11 @@ class BadOperator:
         status = self._controller.status
         return (self._hands[foot] if status is None else status.soles[foot]).copy()
 
-    def _at_height(
-        self, place: Float64[np.ndarray, "3"], least: float, most: float
-    ) -> Float64[np.ndarray, "3"]:
-        place[2] = self._draw(least, most)
-        return place
-
     def _lift(self, foot: int) -> None:
-        self._go(foot, self._at_height(self._sole(foot), 0.02, 0.2))
+        self._go(foot, self._sole(foot), (0.02, 0.2))
 
     def _lower(self, foot: int) -> None:
-        self._go(foot, self._at_height(self._hands[foot].copy(), -0.08, 0.0))
+        self._go(foot, self._hands[foot].copy(), (-0.08, 0.0))
 
     def _lower_early(self, foot: int) -> None:
         """Up, and down again before the foot can have left the ground."""
@@ -102,20 +99,21 @@ class BadOperator:
     def _step(self, foot: int) -> None:
         place = self._hands[foot].copy()
         place[:2] += self._rng.normal(0.0, 0.12, 2)
-        self._go(foot, self._at_height(place, 0.0, 0.15))
+        self._go(foot, place, (0.0, 0.15))
 
     def _jump(self, foot: int) -> None:
-        self._go(foot, self._hands[foot] + self._rng.uniform(-0.3, 0.3, 3), 1e-3)
+        place = self._hands[foot] + self._rng.uniform(-0.3, 0.3, 3)
+        self._go(foot, place, seconds=1e-3)
 
     def _shake(self, _: int) -> None:
         self._jitter = self._draw(0.005, 0.1)
         self._jitter_until = self._time + self._draw(0.2, 1.5)
 
     def _tap(self, foot: int) -> None:
-        place = self._at_height(self._sole(foot), 0.02, 0.08)
-        self._hands[foot] = place.copy()
+        place = self._sole(foot)
+        self._hands[foot] = np.array([*place[:2], self._draw(0.02, 0.08)])
         place[2] = -0.01
-        self._go(foot, place, self._draw(0.05, 0.3))
+        self._go(foot, place, seconds=self._draw(0.05, 0.3))
 
     def _lift_both(self, foot: int) -> None:
         self._lift(foot)
@@ -127,12 +125,12 @@ class BadOperator:
     def _reach_too_far(self, foot: int) -> None:
         angle, reach = self._draw(0.0, 2.0 * np.pi), self._draw(0.4, 1.0)
         place = self._sole(foot) + reach * np.array([np.cos(angle), np.sin(angle), 0.0])
-        self._go(foot, self._at_height(place, -0.05, 0.4))
+        self._go(foot, place, (-0.05, 0.4))
 
     def _cross(self, foot: int) -> None:
         place = self._sole(1 - foot)
         place[1] += (-1.0 if foot == 0 else 1.0) * self._draw(0.0, 0.3)
-        self._go(foot, self._at_height(place, 0.0, 0.1))
+        self._go(foot, place, (0.0, 0.1))
 
     def _send_rubbish(self, _: int) -> None:
         self._rubbish = int(self._rng.integers(1, 40))
@@ -143,11 +141,10 @@ class PoorLink:
 
     Args:
         device: at the operator.
-        latency: how long a sample is under way at least [s].
+        latency: least delay of a sample [s].
         loss: probability that one never arrives.
-        seed: of what is lost, and of what is late.
-        jitter: how much longer a sample may be under way [s]: each as long as chance has it, so
-            that samples overtake each other.
+        seed: of losses and delays.
+        jitter: largest random addition to the delay [s], by which samples overtake each other.
         cut: when the link breaks for good [s].
 
     Raises:
@@ -168,16 +165,15 @@ class PoorLink:
         self._latency = checked_number(latency, "latency of the link [s]")
         self._loss = checked_number(loss, "probability of the link's losses")
         if loss > 1.0:
-            raise ConfigurationError(
-                "the link's losses have no probability", got=loss, wanted="0 to 1"
-            )
+            what = "the link's losses have no probability"
+            raise ConfigurationError(what, got=loss, wanted="0 to 1")
         self._jitter = checked_number(jitter, "jitter of the link [s]")
         self._cut = cut if cut == math.inf else checked_number(cut, "cut of the link [s]")
         self._rng = np.random.default_rng(checked_count(seed, "seed of the link"))
         self._under_way: list[tuple[float, OperatorSample]] = []
 
     def sample(self, time: float) -> OperatorSample | None:
-        """The last of those that arrive by now; drawn tick by tick, so ask once a tick."""
+        """Return the newest sample that has arrived; call once a tick."""
         sent = self._device.sample(time)
         lost = float(self._rng.random()) < self._loss
         late = self._jitter * float(self._rng.random()) if self._jitter > 0.0 else 0.0

@@ -1,13 +1,10 @@
-"""`Recording`: the operator's samples of a recorded run, and `RecordedDevice`, which sends them.
-
-`TeleopRecorder`: records a run with that. `RecordedSample`: a sample in a log.
-"""
+"""`Recording` of a run, `TeleopRecorder` that makes it, `RecordedDevice` that sends its samples."""
 
 import json
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,12 +13,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from poise._schema import read
-from poise.apps.teleoperation._setup import (
-    RecordingError,
-    TeleopSetup,
-    com_height,
-    robot_digest,
-)
+from poise.apps.teleoperation._setup import RecordingError, TeleopSetup, com_height, robot_digest
 from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 from poise.locomotion import OperatorSample, StepTeleoperator, TrackedPose
 from poise.robots import Robot
@@ -31,7 +23,6 @@ SAMPLES, PUSHES = "operator", "push"  # Topics of the messages that hold samples
 
 # Keys of a record: a `TeleopSetup` in JSON, or its `dt` alone; length of the run [s]
 _SETUP, _DURATION = "teleoperation", "duration"
-
 _MOST_TICKS = 10**15
 
 
@@ -56,7 +47,7 @@ _PUSH = msgspec.msgpack.Decoder(RecordedPush)
 
 
 class TeleopRecorder(Recorder):
-    """Record a teleoperated run with everything that comes from outside it."""
+    """Record a teleoperated run with all that comes from outside; pushes as they begin."""
 
     def __init__(
         self,
@@ -68,7 +59,7 @@ class TeleopRecorder(Recorder):
         config: RecorderConfig | None = None,
         metadata: dict[str, str] | None = None,
     ) -> None:
-        known = {"dt": setup} if isinstance(setup, float) else setup.to_json()
+        known = asdict(setup) if isinstance(setup, TeleopSetup) else {"dt": setup}
         texts = {_SETUP: json.dumps(known)} | (metadata or {})
         super().__init__(path, config=config, metadata=texts)
         self._teleoperator, self._coming = teleoperator, deque(pushes)
@@ -85,7 +76,7 @@ class TeleopRecorder(Recorder):
         super().observe(tick)
 
     def end(self) -> None:
-        """The run is over: finishes the log."""
+        """Finish the log."""
         self.record.metadata[_DURATION] = repr(self._ticks * self._dt)
         super().end()
 
@@ -108,12 +99,10 @@ class Recording:
 
     @property
     def samples(self) -> list[RecordedSample]:
-        """Samples, each with the tick before which it came."""
         return [_SAMPLE.decode(content) for content in self.messages]
 
     @property
     def setup(self) -> TeleopSetup:
-        """Settings of the run."""
         where = f"the set-up of the recording {self.path.name}"
         return read(TeleopSetup, self.settings, where, error=RecordingError)
 
@@ -168,7 +157,7 @@ class RecordedDevice:
         return replace(found, feet=(left, right), body=body)
 
     def _transferred(self, foot: int, part: TrackedPose | None) -> TrackedPose | None:
-        """One foot's device for the teleoperator's robot."""
+        """Scale a foot's device by the heights of both robots' COM, and shift it to the foot."""
         teleoperator = self._teleoperator
         if teleoperator is None or part is None or part.position is None:
             return part
@@ -176,9 +165,8 @@ class RecordedDevice:
         if not teleoperator.held[foot] and math.isfinite(place.sum()):
             self._offsets[foot][:2] = teleoperator.estimator.sole(foot)[:2] - place[:2]
         rate = None if part.velocity is None else self._scale * np.array(part.velocity)
-        return TrackedPose.of(
-            place + self._offsets[foot], part.clutch, part.orientation, velocity=rate
-        )
+        place = place + self._offsets[foot]
+        return TrackedPose.of(place, part.clutch, part.orientation, velocity=rate)
 
 
 def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recording:
@@ -192,10 +180,8 @@ def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recordin
         hint = "; `poise convert` makes a log of it" if path.suffix == ".teleop" else ""
         raise RecordingError(f"{path.name} is no recording: {error}{hint}") from None
     if not (record.complete or allow_partial):
-        raise RecordingError(
-            f"the recording {path.name} was not finished",
-            wanted="read_recording(path, allow_partial=True), which has what there is",
-        )
+        wanted = "read_recording(path, allow_partial=True), which has what there is"
+        raise RecordingError(f"the recording {path.name} was not finished", wanted=wanted)
     return recording_of(record, path)
 
 
@@ -214,10 +200,8 @@ def recording_of(record: RunRecord, path: Path = Path()) -> Recording:
         ) from None
     messages = [content for _, content in record.messages(SAMPLES)]
     pushed = [content for _, content in record.messages(PUSHES)]
-    last = max(
-        _last_tick(path, "samples", messages, _SAMPLE.decode),
-        _last_tick(path, "pushes", pushed, _PUSH.decode),
-    )
+    last = _last_tick(f"samples of {path.name}", messages, _SAMPLE.decode)
+    last = max(last, _last_tick(f"pushes of {path.name}", pushed, _PUSH.decode))
     return Recording(
         path=path,
         robot=robot,
@@ -257,10 +241,7 @@ def write_recording(
 
 
 def _last_tick(
-    path: Path,
-    what: str,
-    messages: Sequence[bytes],
-    decode: Callable[[bytes], RecordedSample | RecordedPush],
+    what: str, messages: Sequence[bytes], decode: Callable[[bytes], RecordedSample | RecordedPush]
 ) -> int:
     """The last tick of some messages, -1 for none."""
     last = -1
@@ -268,13 +249,9 @@ def _last_tick(
         try:
             tick = decode(content).tick
         except (msgspec.DecodeError, TypeError, ValueError, OverflowError) as error:
-            raise RecordingError(
-                f"number {number} of the {what} of {path.name} cannot be read: {error}"
-            ) from None
+            raise RecordingError(f"number {number} of the {what} cannot be read: {error}") from None
         if not max(last, 0) <= tick < _MOST_TICKS:
-            raise RecordingError(
-                f"number {number} of the {what} of {path.name} cannot be: its tick goes backwards",
-                got=tick,
-            )
+            fault = f"number {number} of the {what} cannot be: its tick goes backwards"
+            raise RecordingError(fault, got=tick)
         last = tick
     return last

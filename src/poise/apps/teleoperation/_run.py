@@ -1,8 +1,4 @@
-"""`run_teleop`: a rollout in which a device walks the robot, without a person.
-
-`replay_teleop`: the same again from its recording. The plants that step teleoperation is simulated
-on.
-"""
+"""`run_teleop`: a device walks a simulated robot. `replay_teleop`: its recording, again."""
 
 import time as clock
 from collections.abc import Callable, Sequence
@@ -25,20 +21,9 @@ from poise.apps.teleoperation._recording import (
 )
 from poise.apps.teleoperation._setup import RecordingError, TeleopSetup, recorded_robot
 from poise.errors import ConfigurationError
-from poise.locomotion import (
-    ComDriver,
-    Device,
-    StepTeleoperator,
-    TeleopParameters,
-)
+from poise.locomotion import ComDriver, Device, StepTeleoperator, TeleopParameters
 from poise.robots import Robot
-from poise.sim import (
-    Plant,
-    PlantConfig,
-    RunRecord,
-    check_period,
-    rollout,
-)
+from poise.sim import Plant, PlantConfig, RunRecord, check_period, rollout
 
 VELOCITY_TELEOP_PLANT = PlantConfig(
     actuation="velocity",
@@ -48,10 +33,9 @@ VELOCITY_TELEOP_PLANT = PlantConfig(
         stiffness=TeleopParameters().servo_stiffness, damping=TeleopParameters().servo_damping
     ),
 )
-"""Velocity servos with position feedback; physics 1 ms, control 5 ms, as Zhang and Kikuuwe have it.
+"""Velocity servos with position feedback, physics 1 ms, control 5 ms, by Zhang and Kikuuwe.
 
-The servos are 3.5 times as stiff as a plant's own, with which the ZMP lags by what the joints
-sag."""
+Stiffer than a plant's own, with which the ZMP lags by what the joints sag."""
 
 TORQUE_TELEOP_PLANT = PlantConfig(actuation="torque", control_dt=2e-3, physics_dt=1e-3)
 """Torques, and the tick of the step teleoperator that commands them."""
@@ -69,10 +53,10 @@ class TeleopRun:
 
     Attributes:
         record: of the run.
-        log: what it says of the operator's side, a row a tick.
-        plant: as it was left.
-        teleoperator: as it was left.
-        fell: whether the robot fell; the run ends there.
+        log: columns of the operator's side, a row a tick.
+        plant: as it was at the end.
+        teleoperator: as it was at the end.
+        fell: the robot fell, which ends a run.
         clearance: smallest distance of any solid part of the robot from a block, up to 0.2 m [m];
             None without blocks.
         tick_us: median time of one control step [us].
@@ -105,29 +89,28 @@ def run_teleop(
     pushes: Sequence[Push] = (),
     solved_by: str | None = None,
 ) -> TeleopRun:
-    """Walks a simulated robot by a device.
+    """Walk a simulated robot by a device.
 
     Args:
         robot: a biped.
-        device: gives samples, or makes what gives them from the teleoperator.
-        plant: takes what the teleoperator is to command, at its tick: torques, or velocities.
+        device: gives samples, or makes a device for the teleoperator.
+        plant: takes torques, or velocities, at the teleoperator's tick.
         duration: [s]; a fall ends the run earlier.
         seed: of the sensor noise.
         parameters: scaled to the robot when None.
-        rotator: whether the body rotator acts.
+        rotator: use the body rotator.
         driver: moves the COM; the COM shifter when None.
         q_start: configuration at the start; the robot's home when None.
-        recording: log to write, from which `replay_teleop` runs the same again; so it does from
-            the record that the run has in memory.
+        recording: log to write for `replay_teleop`, which takes the run's record, too.
         leader: leads by rules of its own, for studies.
-        pushes: on the torso: the tick at whose beginning, the force in the world [N], how long [s].
-            Those of a recording come by themselves.
+        pushes: on the torso: tick, force in the world [N], duration [s]. Those of a recording come
+            by themselves.
         solved_by: name of the controller that solves the stack, see `StepTeleoperator`.
 
     Raises:
         ConfigurationError: the plant has another tick; the robot cannot be walked, see
             `StepTeleoperator`; a device that gives no samples; a value that cannot be.
-        UnknownNameError: no such controller of what the plant takes.
+        UnknownNameError: no such controller of the plant's actuation.
     """
     checked_number(duration, "duration of the run [s]", above=0.0)
     checked_kind(plant, PlantConfig, "plant of the run")
@@ -143,22 +126,22 @@ def run_teleop(
     )
     check_period(teleoperator, plant.control_dt)
     if round(duration / plant.control_dt) < 1:
-        raise ConfigurationError(
-            "the run is shorter than a tick", got=f"{duration} s", wanted=f"{plant.control_dt} s"
-        )
+        got, wanted = f"{duration} s", f"{plant.control_dt} s"
+        raise ConfigurationError("the run is shorter than a tick", got=got, wanted=wanted)
     usual = driver is None and leader is StepTeleoperator
     if recording is not None and not usual:
-        raise ConfigurationError(
-            "a run with a driver or a leader of its own cannot be recorded",
-            got=(driver, leader.__name__),
-        )
+        what = "a run with a driver or a leader of its own cannot be recorded"
+        raise ConfigurationError(what, got=(driver, leader.__name__))
     body = Plant(robot, plant, seed=seed)
     body.reset(q_start)
     source = device(teleoperator) if callable(device) else device
     teleoperator.device = checked_kind(source, Device, "the device that walks the robot")
     if isinstance(source, RecordedDevice):
         pushes = source.pushes or pushes
-        _check_another_file(recording, source.recording)
+        played = source.recording.path
+        if recording is not None and Path(recording).exists() and played.samefile(recording):
+            what = "a recording that is played cannot be written over"
+            raise ConfigurationError(what, got=str(recording), wanted="another file")
     pushes = _in_order(pushes)
     for number, force, seconds in pushes:
         body.push(robot.torso, force, seconds, number * plant.control_dt)
@@ -190,16 +173,6 @@ def run_teleop(
     )
 
 
-def _check_another_file(recording: str | Path | None, played: Recording) -> None:
-    """Refuse to write over a recording that is played."""
-    if recording is not None and Path(recording).exists() and played.path.samefile(recording):
-        raise ConfigurationError(
-            "a recording that is played cannot be written over",
-            got=str(recording),
-            wanted="another file",
-        )
-
-
 def _in_order(pushes: Sequence[Push]) -> list[RecordedPush]:
     """Pushes in order of time, checked."""
     for push in checked_kind(pushes, Sequence, "pushes of the run"):
@@ -214,16 +187,16 @@ def _in_order(pushes: Sequence[Push]) -> list[RecordedPush]:
 def replay_teleop(
     recording: Recording | RunRecord | str | Path, robot: Robot | None = None
 ) -> TeleopRun:
-    """Runs a recording again: same robot, plant, seed and samples, hence the same commands.
+    """Run a recording again: same robot, plant, seed and samples, hence the same commands.
 
     Args:
         recording: opened, or its file, or the record of a run.
         robot: of the recording; that of the catalog with its name when None.
 
     Raises:
-        UnknownNameError: the catalog has no robot of that name, as where it came from a file.
-        RecordingError: it cannot be read, is from another robot, also one of the same name that
-            carries something else, or lacks the set-up of a run.
+        UnknownNameError: the catalog has no robot of that name.
+        RecordingError: it cannot be read, lacks the set-up of a run, or is from another robot, or
+            one of the same name with other masses, limits or soles.
     """
     if isinstance(recording, RunRecord):
         recording = recording_of(recording)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float64
@@ -20,7 +20,7 @@ _PAPER_ROBOT, _PAPER_STANCE, _PAPER_HEIGHT = "biped20", 0.42, 0.765
 
 
 class HomePose:
-    """Sizes of a robot at home."""
+    """Sizes of a robot at home [m]; `size` is over the paper's robot."""
 
     def __init__(self, robot: Robot) -> None:
         dynamics, names = Dynamics(robot), two_soles(robot)
@@ -59,11 +59,11 @@ class Script:
     blocks: tuple[Block, ...] = ()
 
     def device(self, teleoperator: StepTeleoperator) -> ScriptedDevice:
-        """The operator's foot devices, on the feet where they stand."""
+        """Make the foot devices, on the feet as they stand."""
         return ScriptedDevice(self.points, *teleoperator.estimator.anchors)
 
     def posture(self, robot: Robot) -> Float64[np.ndarray, " nq"]:
-        """Where the robot starts."""
+        """Return the configuration at the start."""
         return standing_posture(robot, feet_apart=self.feet_apart, com_height=self.com_height)
 
 
@@ -82,7 +82,7 @@ def over_an_obstacle(robot: Robot, aside: float = 0.0) -> Script:
     )
     right = _careful_step("right", 0.5, (step, -aside * size), up)
     left = _careful_step("left", 7.0, (step, 0.0), up)
-    return _script("scenario 1", home, (*right, *left), 14.0, home.apart, blocks)
+    return _script("scenario 1", home, (*right, *left), 14.0, blocks=blocks)
 
 
 def lift_one_foot(robot: Robot) -> Script:
@@ -90,7 +90,7 @@ def lift_one_foot(robot: Robot) -> Script:
     home, quick = HomePose(robot), 0.02
     heights = (LIFT_EVENT - quick, 0.0), (LIFT_EVENT, 0.021), (LIFT_EVENT + 0.7, 0.1 * home.size)
     points = [WayPoint(at=at, right=(0.0, 0.0, z)) for at, z in heights]
-    return _script("scenario 2", home, points, 4.5, home.stance)
+    return _script("scenario 2", home, points, 4.5, feet_apart=home.stance)
 
 
 def switch_feet(robot: Robot, after: float = 0.6) -> Script:
@@ -104,7 +104,7 @@ def switch_feet(robot: Robot, after: float = 0.6) -> Script:
         (lift + 1.0, up, None),
     )  # fmt: skip
     points = [WayPoint(at=at, left=_up(left), right=_up(right)) for at, left, right in heights]
-    return _script(f"scenario 3, {after:.2f} s", home, points, lift + 3.0, home.stance)
+    return _script(f"scenario 3, {after:.2f} s", home, points, lift + 3.0, feet_apart=home.stance)
 
 
 def swing_fast(
@@ -119,7 +119,7 @@ def swing_fast(
     for start in SWING_START + 2.0 * np.arange(times):
         places += [(start, up), (start + 0.3, out), (start + 1.0, out), (start + 1.3, up)]
     points = [WayPoint(at=at, right=place) for at, place in places]
-    return _script(f"scenario 4, {direction}", home, points, SWING_START + 2.0 * times, home.apart)
+    return _script(f"scenario 4, {direction}", home, points, SWING_START + 2.0 * times)
 
 
 SCRIPTS: Mapping[str, Callable[..., Script]] = {
@@ -134,21 +134,10 @@ SCRIPTS: Mapping[str, Callable[..., Script]] = {
 
 
 def _script(
-    name: str,
-    home: HomePose,
-    points: Sequence[WayPoint],
-    duration: float,
-    feet_apart: float,
-    blocks: tuple[Block, ...] = (),
+    name: str, home: HomePose, points: Sequence[WayPoint], duration: float, **more: Any
 ) -> Script:
-    return Script(
-        name=name,
-        points=tuple(points),
-        duration=duration,
-        feet_apart=feet_apart,
-        com_height=home.height,
-        blocks=blocks,
-    )
+    start: dict[str, Any] = {"feet_apart": home.apart, "com_height": home.height} | more
+    return Script(name=name, points=tuple(points), duration=duration, **start)
 
 
 def _up(height: float | None) -> tuple[float, float, float] | None:

@@ -1,10 +1,7 @@
-"""`TeleopSetup`: settings of a recorded run, so that it can run again.
-
-`recorded_robot`: the robot, where it is known by name alone.
-"""
+"""`TeleopSetup`: settings of a recorded run. `recorded_robot`: its robot, by name."""
 
 import hashlib
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,7 +21,7 @@ class RecordingError(PoiseError):
 @checked(RecordingError)
 @dataclass(frozen=True, kw_only=True)
 class TeleopSetup:
-    """Settings of a run beside its robot; `dataclasses.asdict` is what a record has of them."""
+    """Settings of a run beside its robot."""
 
     parameters: TeleopParameters  # of the teleoperator
     plant: PlantConfig  # of the run
@@ -46,7 +43,6 @@ class TeleopSetup:
         rotator: bool = True,
         q_start: Float64[np.ndarray, " nq"] | None = None,
     ) -> "TeleopSetup":
-        """The settings of a run that begins."""
         return cls(
             parameters=teleoperator.parameters,
             plant=plant,
@@ -58,10 +54,6 @@ class TeleopSetup:
             digest=robot_digest(teleoperator.robot),
             height=com_height(teleoperator),
         )
-
-    def to_json(self) -> dict[str, Any]:
-        """The settings as plain numbers and texts."""
-        return asdict(self)
 
 
 def plant_from_json(data: dict[str, Any]) -> PlantConfig:
@@ -76,7 +68,7 @@ def com_height(teleoperator: StepTeleoperator) -> float:
 
 
 def recorded_robot(name: str, what: str, *, option: str = "") -> Robot:
-    """The robot with which something was recorded, from the catalog."""
+    """The robot of a record, from the catalog alone: a stranger's record opens no file."""
     try:
         known = find_entry(name) is not None
     except RobotError:
@@ -91,9 +83,6 @@ def recorded_robot(name: str, what: str, *, option: str = "") -> Robot:
     return load_robot(name)
 
 
-_DIGITS = 6  # Digits that count: another machine may read the last ones of a file otherwise
-
-
 def robot_digest(robot: Robot) -> str:
     """The first letters of a digest of joints, masses, limits, soles and home of a robot."""
     model = robot.model
@@ -102,7 +91,7 @@ def robot_digest(robot: Robot) -> str:
     for placement in model.jointPlacements:
         numbers += [placement.translation, placement.rotation.ravel()]
     numbers += [[sole.length, sole.width] for sole in robot.soles.values()]
-    # Adding zero takes the sign from zeros.
-    text = " ".join(f"{float(x) + 0.0:.{_DIGITS}g}" for row in numbers for x in row)
+    # Six digits: another machine may read the last ones otherwise. Zeros have no sign.
+    text = " ".join(f"{float(x) + 0.0:.6g}" for row in numbers for x in row)
     names = " ".join((*model.names, *robot.soles, *robot.hands))
     return hashlib.sha256(f"{names} {text}".encode()).hexdigest()[:16]

@@ -1,7 +1,5 @@
 """Grounds to walk on: blocks on the floor, by name, in the size of the robot."""
 
-from typing import Literal, get_args
-
 import numpy as np
 
 from poise._checks import checked_count
@@ -10,12 +8,10 @@ from poise.errors import UnknownNameError
 from poise.robots import Robot
 from poise.sim import Block
 
-Terrain = Literal["flat", "obstacle", "steps", "bumps"]  # Name of a ground
+TERRAINS = ("flat", "obstacle", "steps", "bumps")
 
-TERRAINS: tuple[Terrain, ...] = get_args(Terrain)  # All grounds that there are
-
-# Heights of the stairs [m]: up by 5 cm and 3 cm, down by 4 cm twice. Down by less than up: a
-# foot is sent no deeper than 5 cm below the other one, and wants to press.
+# Heights of the stairs [m]: down by less than up, for a foot is sent no deeper than 5 cm below
+# the other one, and has to press
 _STAIRS = (0.05, 0.08, 0.04)
 
 # Room before the first stair [m], and depth of a stair over a sole's length
@@ -31,7 +27,7 @@ _CLEAR = 0.02  # Room between a sole at the start and the nearest bump [m]
 
 
 def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ...]:
-    """The blocks of a ground, for a robot that stands at the origin as at home.
+    """Make the blocks of a ground, for a robot that stands at the origin as at home.
 
     - flat: none.
     - obstacle: the two blocks of the paper's scenario 1, across the way.
@@ -41,7 +37,7 @@ def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ..
     Lengths are for a robot whose COM is at 0.765 m, and go with its height.
 
     Args:
-        name: one of `TERRAINS`.
+        name: flat, obstacle, steps or bumps.
         robot: a biped.
         seed: of the bumps.
 
@@ -52,19 +48,10 @@ def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ..
     if name not in TERRAINS:
         raise UnknownNameError("no such terrain", got=name, choices=TERRAINS)
     home = HomePose(robot)
-    match name:
-        case "flat":
-            return ()
-        case "obstacle":
-            return over_an_obstacle(robot).blocks
-        case "steps":
-            return _steps(home)
-        case _:
-            rng = np.random.default_rng(checked_count(seed, "seed of the bumps"))
-            return _bumps(robot, home, rng)
-
-
-def _steps(home: HomePose) -> tuple[Block, ...]:
+    if name == "bumps":
+        return _bumps(robot, home, np.random.default_rng(checked_count(seed, "seed of the bumps")))
+    if name != "steps":
+        return over_an_obstacle(robot).blocks if name == "obstacle" else ()
     size, depth = home.size, _TREAD * home.length
     front = float(home.soles[:, 0].max()) + 0.5 * home.length + _GAP * size
     width = _WIDTH * float(np.ptp(home.soles[:, 1]))

@@ -1,7 +1,4 @@
-"""`OperatorSample`: one message of an operator, on the wire, in the loop, in scripts and records.
-
-`TrackedPose`, `BodyCommand`: parts of it. `Device`: a source of samples.
-"""
+"""`OperatorSample`: one message of an operator, on the wire, in the loop, scripts and records."""
 
 import math
 from collections.abc import Sequence
@@ -24,20 +21,18 @@ def _floats(values: _Numbers | None) -> Any:
 class TrackedPose(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Pose of one tracked part of the operator: a foot, a hand or the head.
 
-    With a clutch a part leads by its motion alone, while its clutch is closed: whoever wants to
-    reach further opens it, moves back and closes it anew. Without one a foot's position is where
-    the foot goes.
+    With a clutch a part leads by its motion alone, while its clutch is closed. Without one a foot's
+    position is the goal of the foot.
 
     Attributes:
         position: of a foot without a clutch in the controller's world, on the page in the drawn
-            one; otherwise forward, left and up as the torso faces, from anywhere that stays where
-            it is [m]. None for a head.
-        clutch: whether the part leads; None for a foot without a clutch.
+            one; otherwise forward, left and up as the torso faces, from any fixed origin [m]. None
+            for a head.
+        clutch: True while the part leads; None for a foot without a clutch.
         orientation: against forward, left and up, a unit quaternion (x, y, z, w); of a head against
             looking straight ahead. A hand turns by R_t R_0^T since its clutch closed at R_0; a foot
             by its part about the vertical. None where nothing measures it.
-        velocity: along the same axes as the position [m/s]; None where nothing measures it, and
-            what follows the part lags behind it.
+        velocity: along the axes of the position [m/s]; None, and a lag, where nothing measures it.
     """
 
     position: Vector | None = None
@@ -53,7 +48,7 @@ class TrackedPose(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
         orientation: _Numbers | None = None,
         velocity: _Numbers | None = None,
     ) -> "TrackedPose":
-        """Make a pose of arrays, whose numbers it copies."""
+        """Make a pose of copies of arrays."""
         return cls(_floats(position), clutch, _floats(orientation), _floats(velocity))
 
 
@@ -88,30 +83,28 @@ class OperatorSample(
 ):
     """All that an operator commands at one time.
 
-    Buttons, sticks and handles of a page or gamepad are integrated to positions and a velocity
-    where they are received; controllers read the other members.
+    Buttons, sticks and handles of a page or gamepad are integrated to positions and a velocity by
+    their receiver; controllers read the other members.
 
     Attributes:
-        time: when it was measured, on the sender's clock [s]. In messages 0 means no clock.
+        time: of the measurement on the sender's clock [s]. In messages 0 means no clock.
         feet: devices of the left and the right foot, each of its sole; None for none. Controllers
             follow those without a clutch; `TrackedFeet` makes them of trackers.
         hands: left and right; None for a hand without a device, which stays as it is.
-        head: where the operator looks; None without a headset: the gaze stays as it is.
+        head: orientation of the operator's; None without a headset: the gaze stays as it is.
         body: height, torso and turns of the feet.
-        velocity: with which the robot walks by itself, ahead, to the left [m/s] and turning to the
-            left [rad/s]; all zero while the operator steps. Where torques are commanded.
+        velocity: of a walk, ahead, to the left [m/s] and turning to the left [rad/s]; all zero
+            while the operator steps. With commanded torques.
         upright: button: bring the torso upright although one foot is in the air.
-        rest: button: hands that nothing leads go back to rest, and so does the gaze.
+        rest: button: hands without a lead go back to rest, and so does the gaze.
         lift: buttons that hold the left and the right foot up.
-        move: stick, forward and left, from -1 to 1, beyond which sticks are cut off: moves the
-            lifted foot, or the robot.
+        move: stick, forward and left, cut off at -1 and 1: moves the lifted foot, or the robot.
         second: a second stick: moves the right foot while both are lifted.
         turn: stick that turns the robot to the left.
         grip: buttons that hold the left and the right hand.
         reach: stick, forward, left and up: moves the gripped hands.
-        bend: sticks of the body: height, roll, pitch and yaw of the torso, and turn of the feet
-            that are held.
-        neutral: button: the body goes back to where `BodyCommand()` has it.
+        bend: sticks of height, roll, pitch and yaw of the torso, and turn of the held feet.
+        neutral: button: the body goes back to `BodyCommand()`.
     """
 
     time: float = 0.0
@@ -142,14 +135,8 @@ class Device(Protocol):
     """A source of an operator's samples."""
 
     def sample(self, time: float) -> OperatorSample | None:
-        """Return the newest sample since the last tick.
+        """Return the newest sample since the last tick, at a time of the robot [s].
 
-        Its vectors may be arrays or lists of any real numbers.
-
-        Args:
-            time: of the robot [s].
-
-        Returns:
-            None for nothing new.
+        Its vectors may be arrays or lists of any real numbers; None for nothing new.
         """
         ...

@@ -33,8 +33,7 @@ class SampleClock:
 
     def accepts(self, stamp: float, time: float) -> bool:
         """Return whether a sample counts, which makes it the newest."""
-        # The newest again is no news, however long nothing else has come: a source that is frozen
-        # would be heard for ever.
+        # Otherwise a frozen source would be heard for ever.
         if not math.isfinite(stamp) or stamp == self.newest:
             return False
         soonest = time - stamp

@@ -2,7 +2,7 @@
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Annotated
 
@@ -25,17 +25,17 @@ Turn = Annotated[tuple[float, float, float], Vector(3, Bounds(most=3.0, unit="ra
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class WayPoint:
-    """Where a device is at a time.
+    """Places of the devices at a time; None leaves a device as it is.
 
     Attributes:
-        at: [s].
-        left: offset of the left device from its foot's start; as before when None [m].
-        right: offset of the right device from its foot's start; as before when None [m].
-        left_hand: likewise of the left hand, as the torso faces [m].
-        right_hand: of the right hand [m].
-        left_turn: how the left hand's device is turned from how it was at the start [rad].
-        right_turn: the right hand's [rad].
-        head: how the head is turned from looking straight ahead [rad].
+        at: the time [s].
+        left: offset of the left device from its foot's start [m].
+        right: offset of the right device from its foot's start [m].
+        left_hand: offset of the left hand, as the torso faces [m].
+        right_hand: offset of the right hand [m].
+        left_turn: of the left hand's device from the start [rad].
+        right_turn: of the right hand's [rad].
+        head: turn of the head from looking straight ahead [rad].
     """
 
     at: Seconds
@@ -48,9 +48,7 @@ class WayPoint:
     head: Turn | None = None
 
     def __post_init__(self) -> None:
-        feet, hands = (self.left, self.right), (self.left_hand, self.right_hand)
-        turned = (self.left_turn, self.right_turn, self.head)
-        if all(each is None for each in (*feet, *hands, *turned)):
+        if all(getattr(self, part.name) is None for part in fields(self)[1:]):
             raise ConfigurationError("a way-point moves no device", wanted="left, right or both")
 
 
@@ -62,17 +60,17 @@ class ScriptedDevice:
     """Devices that go from way-point to way-point, each part by a blend of least jerk.
 
     From one point s to the next with u in [0, 1] over the time between them:
-    p = p_0 + (p_1 - p_0) (10 u^3 - 15 u^4 + 6 u^5). The blend starts and ends at rest, so a hold is
-    two points in the same place. Turns are blended as vectors. A device without points stays at its
-    foot, and a hand or head without any has none; the others take hold after a tenth of a second.
+    p = p_0 + (p_1 - p_0) (10 u^3 - 15 u^4 + 6 u^5). The blend starts and ends at rest; turns are
+    blended as vectors. A foot's device without points stays at its foot, a hand or head without any
+    has none; the others engage after a tenth of a second.
 
     Args:
         points: in order of time.
-        left: where the left foot is at the start [m].
-        right: where the right foot is at the start [m].
+        left: place of the left foot at the start [m].
+        right: place of the right foot at the start [m].
 
     Raises:
-        ConfigurationError: times that do not increase, or a number that is not finite.
+        ConfigurationError: times that do not increase.
     """
 
     def __init__(
@@ -81,17 +79,14 @@ class ScriptedDevice:
         left: Float64[np.ndarray, "3"],
         right: Float64[np.ndarray, "3"],
     ) -> None:
-        for before, after in pairwise(points):
-            if not after.at > before.at:
-                raise ConfigurationError(
-                    "way-points are not in order of time",
-                    got=(before.at, after.at),
-                    wanted="times that increase",
-                )
-        self._feet = (
-            _Path([(p.at, p.left) for p in points], left),
-            _Path([(p.at, p.right) for p in points], right),
-        )
+        for before, after in pairwise(point.at for point in points):
+            if not after > before:
+                what, wanted = "way-points are not in order of time", "times that increase"
+                raise ConfigurationError(what, got=(before, after), wanted=wanted)
+        self._feet = [
+            _Path([(p.at, getattr(p, side)) for p in points], start)
+            for side, start in (("left", left), ("right", right))
+        ]
         self._hands = (
             _ScriptedPose([(p.at, p.left_hand, p.left_turn) for p in points]),
             _ScriptedPose([(p.at, p.right_hand, p.right_turn) for p in points]),
@@ -99,7 +94,7 @@ class ScriptedDevice:
         self._head = _ScriptedPose([(p.at, None, p.head) for p in points])
 
     def sample(self, time: float) -> OperatorSample:
-        """Return where the devices are at a time [s]."""
+        """Return the devices at a time [s]."""
         left, right = (TrackedPose.of(path.at(time)) for path in self._feet)
         hands = self._hands[0].at(time), self._hands[1].at(time)
         return OperatorSample(time, (left, right), hands, self._head.at(time))
@@ -125,9 +120,7 @@ class _Path:
     """Trajectory through offsets from a start [m]; points without one are passed over."""
 
     def __init__(
-        self,
-        points: Sequence[tuple[float, Offset | None]],
-        start: Float64[np.ndarray, "3"],
+        self, points: Sequence[tuple[float, Offset | None]], start: Float64[np.ndarray, "3"]
     ) -> None:
         given = [(at, start + np.array(way)) for at, way in points if way is not None]
         self.moves = bool(given)
