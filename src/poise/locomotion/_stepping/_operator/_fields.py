@@ -1,12 +1,9 @@
-"""Validation of what devices return, which may be anything: floats come out, or a `FieldError`.
-
-`WarnOnce`: logs each kind of such faults once.
-"""
+"""Validation of what devices return, which may be anything, and `WarnOnce` for its faults."""
 
 import logging
 import math
+import re
 import reprlib
-from collections.abc import Callable
 from typing import Any, TypeVar
 
 import msgspec
@@ -16,7 +13,6 @@ from msgspec.structs import asdict
 from poise.locomotion._stepping._operator._sample import (
     BodyCommand,
     OperatorSample,
-    Quaternion,
     TrackedPose,
     Vector,
 )
@@ -25,22 +21,18 @@ _LOG = logging.getLogger("poise")
 
 # Kinds whose `repr` is no longer than a number's
 _PLAIN = type(None) | bool | float | complex | np.number | np.bool_
-# Longer whole numbers are written in a time that grows with the square of their length
-_MOST_BITS = 64
-_MOST_NUMBERS = 16  # Larger arrays are shown by their shape; no field has more than 4 numbers
-
-_Turns = tuple[float, float]
-_FLAG = bool | int
-# Types of fields, in words
-_WANTED: dict[Any, str] = {
-    float: "a number", _FLAG: "true or false", _Turns: "2 numbers", Vector: "3 numbers",
-    Quaternion: "4 numbers",
-}  # fmt: skip
-
+_MOST_BITS = 64  # the time of writing longer whole numbers grows with the square of their length
+_MOST_NUMBERS = 16  # larger arrays are shown by their shape; no field has more than 4 numbers
 _ARRAYS = (np.ndarray, np.generic)
+_NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
-# Of a tracked part
-_VECTORS: dict[str, Any] = {"position": Vector, "orientation": Quaternion, "velocity": Vector}
+_PATH = re.compile(r"\$\.(\w+)(?:\[(\d)\])?(?:\.(\w+))?")  # of a field in an error of msgspec
+_LIMBS = {"feet": ("left foot", "right foot"), "hands": ("left hand", "right hand")}
+_LENGTHS = {"position": 3, "orientation": 4, "velocity": 3}  # of the vectors of a tracked part
+_FLAGS = ("upright", "rest", "clutch")
+_WANTED = {"time": "a number", "height": "a number", "torso": "3 numbers", "turns": "2 numbers"}
+_WANTED |= {name: f"{count} numbers" for name, count in _LENGTHS.items()}
+_WANTED |= dict.fromkeys(_FLAGS, "true or false")
 
 T = TypeVar("T")
 
@@ -69,69 +61,61 @@ class WarnOnce:
 
 
 def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | None]:
-    """Validate what a device returned, which may be anything."""
+    """Return a sample of floats, in which bad vectors of parts are NaN, and what is bad in it."""
     if sample is None:
         return None, None
-    sample = _of_kind("sample", sample, OperatorSample)
-    for read in (_as_it_is, _bare):
-        try:
-            return _converted(sample, read), None
-        except (TypeError, ValueError, msgspec.ValidationError):
-            continue
+    whole = _of_kind("sample", sample, OperatorSample)
+    # Without buttons and sticks, which no controller reads.
+    members = {
+        name: _bare(getattr(whole, name)) for name in ("time", "velocity", "upright", "rest")
+    }
+    for group, (left, right) in _LIMBS.items():
+        one, other = _two(group, getattr(whole, group))
+        members[group] = [_members(left, one, TrackedPose), _members(right, other, TrackedPose)]
+    members["head"] = _members("head", whole.head, TrackedPose)
+    members["body"] = _members("body", _of_kind("body", whole.body, BodyCommand), BodyCommand)
     faults = dict[str, str]()
-    good = _checked_by_field(sample, faults)
-    return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
+    while True:
+        try:
+            good = msgspec.convert(members, OperatorSample)
+        except msgspec.ValidationError as error:
+            _mend(members, whole, str(error), faults)
+        else:
+            return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
 
 
 def checked_reading(arm: str, reading: object) -> TrackedPose | None:
     """Validate what an arm of a foot returned: its position, and whether its clutch is closed."""
     if reading is None:
         return None
-    position, clutch = _two(f"reading of {arm}", reading)
-    faults = dict[str, str]()
-    position = _vector(f"position of {arm}", position, Vector, faults)
-    if faults:
-        raise FieldError(tuple(faults), "; ".join(faults.values()))
-    return TrackedPose(position, bool(_read(f"clutch of {arm}", clutch, _FLAG)))
+    place, clutch = _two(f"reading of {arm}", reading)
+    place = _NOWHERE if place is None else _read(f"position of {arm}", place, Vector)
+    return TrackedPose(place, bool(_read(f"clutch of {arm}", clutch, bool | int)))
 
 
-def _parts(sample: OperatorSample) -> tuple[Any, ...]:
-    """Feet, hands and head, of whatever kind."""
-    return *_two("feet", sample.feet), *_two("hands", sample.hands), sample.head
-
-
-def _converted(sample: OperatorSample, read: Callable[[Any], Any]) -> OperatorSample:
-    """A sample of numbers, each value as it is read; raises for anything else."""
-    members = {name: read(value) for name, value in asdict(sample).items()}
-    left, right, *hands, head = (
-        None if part is None else {name: read(value) for name, value in asdict(part).items()}
-        for part in _parts(sample)
-    )
-    body = {name: read(value) for name, value in asdict(sample.body).items()}
-    members |= {"feet": (left, right), "hands": hands, "head": head, "body": body}
-    return msgspec.convert(members, OperatorSample)
-
-
-def _checked_by_field(sample: OperatorSample, faults: dict[str, str]) -> OperatorSample:
-    body, names = _of_kind("body", sample.body, BodyCommand), ("left", "right")
-    names = *(f"{side} foot" for side in names), *(f"{side} hand" for side in names), "head"
-    left, right, left_hand, right_hand, head = (
-        _part(*named, faults) for named in zip(names, _parts(sample), strict=True)
-    )
-    return OperatorSample(
-        _read("time", sample.time, float),
-        (left, right),
-        (left_hand, right_hand),
-        head,
-        BodyCommand(
-            _read("height", body.height, float),
-            _read("torso", body.torso, Vector),
-            _read("turns", body.turns, _Turns),
-        ),
-        _read("velocity", sample.velocity, Vector),
-        bool(_read("upright", sample.upright, _FLAG)),
-        bool(_read("rest", sample.rest, _FLAG)),
-    )
+def _mend(
+    members: dict[str, Any], whole: OperatorSample, error: str, faults: dict[str, str]
+) -> None:
+    """Make good the member that msgspec refuses; raise a `FieldError` where that cannot be."""
+    found = _PATH.search(error)
+    if found is None:
+        raise FieldError(("sample",), error)
+    group, index, name = found.groups()
+    part, place, field = whole, members, group
+    if name is not None:
+        part, place, field = getattr(whole, group), members[group], name
+        if index is not None:
+            part, place = part[int(index)], place[int(index)]
+        if group != "body":
+            field = f"{name} of {group if index is None else _LIMBS[group][int(index)]}"
+    key = name or group
+    if key in _FLAGS and type(place[key]) is int:
+        place[key] = bool(place[key])
+        return
+    fault = _fault(field, getattr(part, key))
+    if field == key or key in _FLAGS:
+        raise fault
+    faults[field], place[key] = str(fault), (math.nan,) * _LENGTHS[key]
 
 
 def _of_kind(field: str, value: object, kind: type[T]) -> T:
@@ -140,56 +124,36 @@ def _of_kind(field: str, value: object, kind: type[T]) -> T:
     return value
 
 
-def _two(field: str, values: object) -> tuple[object, object]:
+def _two(field: str, values: object) -> tuple[Any, Any]:
     if not isinstance(values, tuple | list) or len(values) != 2:
         raise FieldError((field,), f"{field} is {_BRIEF.repr(values)}, not a tuple of two")
     return values[0], values[1]
 
 
-def _part(field: str, value: object, faults: dict[str, str]) -> TrackedPose | None:
-    """A tracked part; None for none."""
-    if value is None:
-        return None
-    part = _of_kind(field, value, TrackedPose)
-    vectors = {
-        name: _vector(f"{name} of {field}", vector, kind, faults)
-        for name, kind in _VECTORS.items()
-        if (vector := getattr(part, name)) is not None
-    }
-    clutch = part.clutch
-    if clutch is not None:
-        clutch = bool(_read(f"clutch of {field}", clutch, _FLAG))
-    return TrackedPose(clutch=clutch, **vectors)
-
-
-def _vector(field: str, value: object, kind: Any, faults: dict[str, str]) -> Any:
-    """So many numbers; NaN where there are others, or none."""
-    try:
-        return _read(field, value, kind)
-    except FieldError as error:
-        if value is not None:
-            faults[field] = str(error)
-        return (math.nan,) * len(kind.__args__)
-
-
 def _read(field: str, value: object, kind: Any) -> Any:
-    """A field of one of msgspec's types, read from plain values, small arrays or their lists."""
     try:
         return msgspec.convert(_bare(value), kind)
     except msgspec.ValidationError:
-        words = f"{field} is {_BRIEF.repr(value)}, not {_WANTED[kind]}"
-        raise FieldError((field,), words) from None
+        raise _fault(field, value) from None
 
 
-def _as_it_is(value: object) -> object:
-    return value
+def _fault(field: str, value: object) -> FieldError:
+    wanted = _WANTED[field.partition(" of ")[0]]
+    return FieldError((field,), f"{field} is {_BRIEF.repr(value)}, not {wanted}")
+
+
+def _members(field: str, part: object, kind: type[msgspec.Struct]) -> dict[str, Any] | None:
+    if part is None:
+        return None
+    return {name: _bare(value) for name, value in asdict(_of_kind(field, part, kind)).items()}
 
 
 def _bare(value: Any) -> Any:
     """Plain numbers or lists of them, where there are few."""
-    value = _plain(value)
-    few = type(value) in (tuple, list) and len(value) <= _MOST_NUMBERS
-    return [item if type(item) is float else _plain(item) for item in value] if few else value
+    if type(value) in (tuple, list):
+        few = len(value) <= _MOST_NUMBERS
+        return [item if type(item) is float else _plain(item) for item in value] if few else value
+    return _plain(value)
 
 
 def _plain(value: Any) -> Any:
@@ -206,7 +170,6 @@ class _Brief(reprlib.Repr):
         self.maxlevel, self.maxstring = 2, 60
 
     def repr1(self, x: object, level: int) -> str:
-        """A value, with so many levels of nested lists."""
         if isinstance(x, np.ndarray):
             brief = x.size <= _MOST_NUMBERS and x.dtype.kind in "biufc"
             return repr(x) if brief else f"an array of {x.dtype.name} and shape {x.shape}"
