@@ -1,7 +1,4 @@
-"""`HostGamepad`: a gamepad that is plugged into the machine on which the robot is simulated.
-
-`sample_from`: what its buttons and sticks command. `Landings`: when it shakes.
-"""
+"""`HostGamepad`: a gamepad that is plugged into the machine of the simulation."""
 
 import contextlib
 import os
@@ -39,19 +36,18 @@ def sample_from(
         value = float(axes[axis]) if axis < len(axes) else 0.0
         return -max(-1.0, min(1.0, value)) if abs(value) > _DEAD else 0.0
 
+    def pressed(button: int) -> bool:
+        return button < len(buttons) and bool(buttons[button])
+
     return OperatorSample(
-        lift=(_pressed(buttons, _LEFT_SHOULDER), _pressed(buttons, _RIGHT_SHOULDER)),
+        lift=(pressed(_LEFT_SHOULDER), pressed(_RIGHT_SHOULDER)),
         move=(deflection(1), deflection(0)),
         second=(deflection(3), deflection(2)),
         turn=deflection(2),
-        upright=_pressed(buttons, _A),
-        bend=(0.0, 0.0, up, left, 0.0) if _pressed(buttons, _B) else (up, 0.0, 0.0, 0.0, left),
-        neutral=_pressed(buttons, _Y),
+        upright=pressed(_A),
+        bend=(0.0, 0.0, up, left, 0.0) if pressed(_B) else (up, 0.0, 0.0, 0.0, left),
+        neutral=pressed(_Y),
     )
-
-
-def _pressed(buttons: Sequence[bool | int], button: int) -> bool:
-    return button < len(buttons) and bool(buttons[button])
 
 
 class Landings:
@@ -99,22 +95,32 @@ class HostGamepad:
         pygame.joystick.init()
         controller.init()
         self._pad: Any = self._first()
+        if self._pad is None and pygame.joystick.get_count():
+            raise NoGamepadError(
+                "nobody knows where this gamepad has its sticks and buttons",
+                got=pygame.joystick.Joystick(0).get_name(),
+                wanted="one that SDL knows, or its mapping in SDL_GAMECONTROLLERCONFIG",
+            )
         if self._pad is None:
-            raise self._none()
+            raise NoGamepadError(
+                "no gamepad on this machine",
+                wanted="one that is plugged in; one at the computer of the browser works through "
+                "the page, with --device browser",
+            )
         self.name = str(self._pad.name)
         self._inputs, self._stop = inputs, threading.Event()
         self._landings = Landings()
         self._thread: threading.Thread | None = None
 
     def start(self, loop: RealTimeLoop) -> None:
-        """Starts reading."""
+        """Start reading."""
         self._thread = threading.Thread(
             target=self._run, args=(loop,), name="poise gamepad", daemon=True
         )
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends reading."""
+        """End reading."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -128,9 +134,16 @@ class HostGamepad:
 
     def poll(self) -> None:
         """Look at the gamepad once."""
-        pad = self._plugged_in()
-        if pad is not None:
-            self._inputs.take(sample_from(*self._read(pad)))
+        # All events are taken: in a full queue there is no place for a gamepad that goes.
+        self._pygame.event.get()
+        if self._pad is not None and not self._pad.attached():
+            self._pad = None
+        if self._pad is None:
+            # One that cannot be opened yet may be at the next look.
+            with contextlib.suppress(self._pygame.error):
+                self._pad = self._first()
+        if self._pad is not None:
+            self._inputs.take(sample_from(*self._read(self._pad)))
 
     def feel(self, forces: Sequence[Sequence[float]], mode: Mode, time: float) -> None:
         """Shakes the gamepad, if it can, when a foot lands."""
@@ -151,36 +164,9 @@ class HostGamepad:
         left, right, down, up = map(int, cross)
         return buttons, [axis / _FULL for axis in axes], (right - left, up - down)
 
-    def _plugged_in(self) -> Any:
-        """The gamepad; None while there is none."""
-        # All events are taken: in a full queue there is no place for a gamepad that goes.
-        self._pygame.event.get()
-        if self._pad is not None and not self._pad.attached():
-            self._pad = None
-        if self._pad is None:
-            # One that cannot be opened yet may be at the next look.
-            with contextlib.suppress(self._pygame.error):
-                self._pad = self._first()
-        return self._pad
-
     def _first(self) -> Any:
         """The first gamepad whose layout is known; None where there is none."""
         for index in range(self._pygame.joystick.get_count()):
             if self._controller.is_controller(index):
                 return self._controller.Controller(index)
         return None
-
-    def _none(self) -> NoGamepadError:
-        """Why there is no gamepad."""
-        joystick = self._pygame.joystick
-        if joystick.get_count():
-            return NoGamepadError(
-                "nobody knows where this gamepad has its sticks and buttons",
-                got=joystick.Joystick(0).get_name(),
-                wanted="one that SDL knows, or its mapping in SDL_GAMECONTROLLERCONFIG",
-            )
-        return NoGamepadError(
-            "no gamepad on this machine",
-            wanted="one that is plugged in; one at the computer of the browser works through "
-            "the page, with --device browser",
-        )

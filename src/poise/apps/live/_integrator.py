@@ -1,7 +1,4 @@
-"""`Integrator`: held keys, sticks and handles as positions, once a tick. `LiveFeet`: feet, too.
-
-`BodyLimits`: how far they send height, torso and feet.
-"""
+"""`Integrator`: held keys, sticks and handles as positions, once a tick. `LiveFeet`: feet, too."""
 
 import math
 from collections.abc import Sequence
@@ -32,7 +29,6 @@ from poise.locomotion import (
 
 # Height over its place on the ground at which a button holds a foot [m]: an ordinary step
 HOLD_HEIGHT = 0.10
-
 # Speed at which a foot goes to its handle [m/s], however the mouse jumps: that of a swing foot
 _SPEED = 0.6
 # Speed of a lifted foot with the stick all the way over [m/s]: a step of 0.25 m takes a second
@@ -46,14 +42,9 @@ _HANDLE_LEAD = 0.4
 _HAND_SPEED = 0.15  # Speed of a hand that keys lead [m/s]
 # Rates of height [m/s], and of torso and feet [rad/s], with their key held
 _RAISED, _TURNED = 0.06, 0.4
-
-# Part of its limits at which a robot walks with the stick all the way over: feedback needs the
-# rest
-_SHARE = 0.85
+_SHARE = 0.85  # part of its limits that a stick commands: feedback needs the rest
 _AT_REST = 0.05  # A stick that is no further over commands nothing: none rests at exactly zero
-
 _RISE = 0.04  # Rise of the COM by legs that straighten, over its height
-
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
@@ -71,9 +62,8 @@ class BodyLimits(NamedTuple):
         left, right = estimator.anchors
         height = float(estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
         reach = (-teleoperator.parameters.stoop_max * height, _RISE * height)
-        if teleoperator.actuation == "velocity":
-            return cls(reach)
-        return cls(reach, TORSO_MOST, FOOT_TURNS)
+        turns = teleoperator.actuation != "velocity"
+        return cls(reach, TORSO_MOST, FOOT_TURNS) if turns else cls(reach)
 
 
 class Integrator:
@@ -126,7 +116,6 @@ class Integrator:
         return TrackedPose(way, clutch=True)
 
     def _bend(self, raw: OperatorSample) -> None:
-        """One tick of the body."""
         if raw.body != self._put:
             self.body = self._put = raw.body
         if raw.neutral:
@@ -159,7 +148,6 @@ class LiveFeet(Integrator):
         self._restart()
 
     def _restart(self) -> None:
-        """Put the devices on the feet."""
         self.places = [np.array(anchor) for anchor in self._teleoperator.estimator.anchors]
         self._trackers = (FootTracker(), FootTracker())
         # Turns by trackers, to the left of ahead, and the trackers' own turns a tick ago [rad].
@@ -168,7 +156,7 @@ class LiveFeet(Integrator):
         self._walks = False
 
     def sample(self, time: float) -> OperatorSample | None:
-        """Return where the devices are, and all else that is commanded in a tick."""
+        """Return places of the feet, and all else that is commanded in a tick."""
         sample, raw, status = super().sample(time), self._raw, self._teleoperator.status
         if sample is None or raw is None:
             if status is None or status.device is DeviceStatus.LOST:
@@ -195,14 +183,16 @@ class LiveFeet(Integrator):
         return left, right
 
     def _foot(self, foot: int, raw: OperatorSample, time: float) -> TrackedPose:
-        """One tick of a foot's device."""
         part, teleoperator = raw.feet[foot], self._teleoperator
         tracker = part if part is not None and part.clutch is not None else None
         led = self._trackers[foot].follow(tracker, self.places[foot], teleoperator.ahead, time)
-        before, self._yaws[foot] = self._yaws[foot], None if led is None else _yaw_of(tracker)
+        before, self._yaws[foot] = self._yaws[foot], None
         if led is not None:
-            yaw = self._yaws[foot]
-            if yaw is not None:
+            quaternion = None if tracker is None else tracker.orientation
+            rotation = None if quaternion is None else rotation_of(quaternion)
+            # A tracker that is upside down has no yaw.
+            if rotation is not None and rotation[2, 2] > 0.0:
+                self._yaws[foot] = yaw = yaw_of(rotation)
                 by = 0.0 if before is None else yaw - before
                 self._turned[foot] = math.remainder(self._turns()[foot] + by, math.tau)
             self.places[foot] = np.array(led.position)
@@ -216,24 +206,19 @@ class LiveFeet(Integrator):
 
     def _integrate(self, foot: int, raw: OperatorSample) -> None:
         """Move a place for a tick: to its handle, or up by its button and across by the stick."""
-        estimator, mode, part = (
-            self._teleoperator.estimator,
-            self._teleoperator.mode,
-            raw.feet[foot],
-        )
-        sole = estimator.sole(foot)
+        estimator, mode = self._teleoperator.estimator, self._teleoperator.mode
+        part, sole = raw.feet[foot], estimator.sole(foot)
         place = _near(self.places[foot], sole)
         if part is not None and part.clutch is None:
             goal = _near(self._odometry.estimated(np.array(part.position)), sole)
         else:
             x, y, z = estimator.anchors[foot].tolist()
             if mode.single and mode.support != foot:
-                along = along_ahead((*_stick(raw, foot), 0.0), self._teleoperator.ahead)[:2]
-                x, y = np.clip(
-                    place[:2] + self._dt * _STICK_SPEED * along,
-                    sole[:2] - _STICK_LEAD,
-                    sole[:2] + _STICK_LEAD,
-                ).tolist()
+                both = (raw.move, raw.second)
+                stick = np.clip(both[foot] if all(raw.lift) else np.add(*both), -1.0, 1.0).tolist()
+                along = along_ahead((*stick, 0.0), self._teleoperator.ahead)[:2]
+                goal = place[:2] + self._dt * _STICK_SPEED * along
+                x, y = np.clip(goal, sole[:2] - _STICK_LEAD, sole[:2] + _STICK_LEAD).tolist()
                 # Across does not wait for up.
                 place = np.array([x, y, place[2]])
             goal = np.array([x, y, z + HOLD_HEIGHT])
@@ -253,16 +238,8 @@ def velocity_of(raw: OperatorSample, limits: VelocityLimits) -> Vector:
 
 
 def _is_held(raw: OperatorSample, foot: int) -> bool:
-    """A foot's button or handle is held."""
     part = raw.feet[foot]
     return raw.lift[foot] or (part is not None and part.clutch is None)
-
-
-def _yaw_of(tracker: TrackedPose | None) -> float | None:
-    """Turn of a tracker, to the left [rad]; None for no rotation, or one upside down."""
-    quaternion = None if tracker is None else tracker.orientation
-    rotation = None if quaternion is None else rotation_of(quaternion)
-    return None if rotation is None or rotation[2, 2] <= 0.0 else yaw_of(rotation)
 
 
 def _near(goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"]) -> np.ndarray:
@@ -278,12 +255,6 @@ def _no_longer(way: Float64[np.ndarray, " n"], most: float) -> Float64[np.ndarra
     """A way, along itself no longer than a length [m]: limits on its axes would bend it."""
     length = math.hypot(*way)
     return way if length <= most else most / length * way
-
-
-def _stick(raw: OperatorSample, foot: int) -> Float64[np.ndarray, "2"]:
-    """Return the direction in which sticks move a foot, forward and left, from -1 to 1."""
-    both = (raw.move, raw.second)
-    return np.clip(both[foot] if all(raw.lift) else np.add(*both), -1.0, 1.0).astype(np.float64)
 
 
 def _deflections(sticks: Sequence[float]) -> list[float]:

@@ -1,7 +1,4 @@
-"""`Takes`: every live run on the disk, from reset to reset, while it goes on.
-
-`Room`: how much there may be of it.
-"""
+"""`Takes`: every live run on the disk, from reset to reset, within the `Room` of its folder."""
 
 import math
 import re
@@ -16,24 +13,12 @@ from jaxtyping import Float64
 from poise.apps.teleoperation import RecordedPush, TeleopRecorder
 from poise.errors import ConfigurationError, PoiseError
 from poise.locomotion import StepTeleoperator
-from poise.sim import (
-    AnyController,
-    LeadFunction,
-    Plant,
-    Recorder,
-    RecorderConfig,
-    Tick,
-    finish_log,
-)
+from poise.sim import AnyController, LeadFunction, Plant, Recorder, RecorderConfig, Tick, finish_log
 from poise.stack import Leader
-
-SUFFIX = ".mcap"
 
 # The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more
 LIVE_CONFIG = RecorderConfig(record_dt=0.05, scene_dt=0.1, keep=False)
-
-MOST_BYTES = 1 << 30  # Size of the files of live runs in a folder at most [bytes]: some ten hours
-
+MOST_BYTES = 1 << 30  # of the files of live runs in a folder: some ten hours
 # Time from one look into the folder to the next [s]; a run writes some 20 kB in a second
 _LOOK_EVERY = 10.0
 
@@ -77,8 +62,8 @@ class Room:
     @property
     def notice(self) -> str:
         """Text for the page when nothing is recorded."""
-        full = f"not recorded: {self.folder} is full ({self._most / 2**20:.0f} MiB)"
-        return self._problem or full
+        size = f"{self._most / 2**20:.0f} MiB"
+        return self._problem or f"not recorded: {self.folder} is full ({size})"
 
 
 def _size(path: Path) -> int:
@@ -103,17 +88,17 @@ class Takes:
     @property
     def files(self) -> list[str]:
         """Names of the recordings that are there."""
-        return sorted(path.name for path in self.folder.glob(f"*{SUFFIX}"))
+        return sorted(path.name for path in self.folder.glob("*.mcap"))
 
     @property
     def name(self) -> str:
-        """Of the file that the run goes to, or why it goes to none."""
+        """Name of the run's file, or why it has none."""
         return self.room.notice if self.room.is_full else self.path.name
 
     def expect(self, make: Callable[[Path], Recorder]) -> None:
         """Set the recorder of the next run, and finish the one before."""
         self.end()
-        self.path = self.folder / f"{self._kind}-{self._next(self._kind):03}{SUFFIX}"
+        self.path = self.folder / f"{self._kind}-{self._next(self._kind):03}.mcap"
         self.room.reopen()
         self._pushes.clear()
         self._make = None if self.room.is_full else make
@@ -121,13 +106,21 @@ class Takes:
     def begin(
         self, plant: Plant, controller: AnyController, leader: Leader | LeadFunction | None
     ) -> None:
-        """The next run begins."""
         self._cast = plant, controller, leader
 
     def observe(self, tick: Tick) -> None:
         """Record a tick; of a step teleoperator from its first sample on."""
-        if self._make is not None and (self._pushes or self._is_driven()):
-            self._open(self._make)
+        if self._make is not None:
+            leader = self._cast[2]
+            status = leader.status if isinstance(leader, StepTeleoperator) else None
+            driven = status is not None and status.sample is not None
+            if self._pushes or driven or not isinstance(leader, StepTeleoperator):
+                recorder, self._make = self._make(self.path), None
+                try:
+                    recorder.begin(*self._cast)
+                    self._recorder = recorder
+                except PoiseError as error:
+                    self.room.close(error)
         recorder = self._recorder
         if isinstance(recorder, TeleopRecorder):
             for push in self._pushes:
@@ -165,7 +158,7 @@ class Takes:
         """Write a finished copy of what is on the disk of the take; it may be a flush behind."""
         if self._recorder is None or self.room.is_full:
             raise ConfigurationError(f"no copy is kept: {self.name}")
-        path = self.folder / f"kept-{self._next('kept'):03}{SUFFIX}"
+        path = self.folder / f"kept-{self._next('kept'):03}.mcap"
         try:
             if not self.room.look(self.path.stat().st_size):
                 raise PoiseError("the folder has no room for it")
@@ -174,22 +167,6 @@ class Takes:
         except (OSError, PoiseError) as error:
             raise ConfigurationError(f"no copy is kept: {error}") from error
         return path
-
-    def _is_driven(self) -> bool:
-        leader = self._cast[2]
-        if not isinstance(leader, StepTeleoperator):
-            return True
-        return leader.status is not None and leader.status.sample is not None
-
-    def _open(self, make: Callable[[Path], Recorder]) -> None:
-        self._make, recorder = None, make(self.path)
-        try:
-            recorder.begin(*self._cast)
-        except PoiseError as error:
-            # A file that cannot be made is not tried again at each tick.
-            self.room.close(error)
-        else:
-            self._recorder = recorder
 
     def _next(self, kind: str) -> int:
         names = (path.name for path in self.folder.glob(f"{kind}-*"))
