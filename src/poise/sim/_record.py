@@ -17,23 +17,21 @@ Events = dict[str, list[tuple[float, str | SupportsBytes]]]
 Counts = dict[Names | str, int]  # Number of rows of each table and of events of each topic
 
 _MEASURED = {
-    "m, rad": ("q",),
-    "m/s, rad/s": ("v", "velocity_truth", "velocity_estimate"),
-    "N m": ("torque", "command_torque"),
-    "m": ("com", "zmp", "com_reference", "zmp_reference", "target", "foot_target", "clearance"),
-    "N, N m": ("wrench",),
-    "m, -": ("base_truth", "base_estimate"),
-    "kg, m": ("payload_estimate",),
-    "kg": ("held_estimate",),
-    "rad/s": ("command_velocity",),
-    "us": ("tick_us",),
-    "N": ("self_contact",),
+    "m, rad": "q",
+    "m/s, rad/s": "v velocity_truth velocity_estimate",
+    "N m": "torque command_torque",
+    "m": "com zmp com_reference zmp_reference target foot_target clearance",
+    "N, N m": "wrench",
+    "m, -": "base_truth base_estimate",
+    "kg, m": "payload_estimate",
+    "kg": "held_estimate",
+    "rad/s": "command_velocity",
+    "us": "tick_us",
+    "N": "self_contact",
 }
 # Units of the signals that a recorder records by itself, by the part of a name before its "/"
-UNITS = {name: unit for unit, names in _MEASURED.items() for name in names}
-
-_HEAD = np.dtype([("order", "<i8"), ("time", "<f8")])  # Begin of a row of a `Table`
-
+UNITS = {name: unit for unit, names in _MEASURED.items() for name in names.split()}
+_HEAD = np.dtype([("order", "<i8"), ("time", "<f8")])  # begin of a row of a `Table`
 # Signals whose last numbers are one a joint, before them those of the base
 _JOINTWISE = ("q", "v", "torque", "command_torque", "command_velocity")
 

@@ -1,7 +1,4 @@
-"""`OperatorInputs`: the newest sample, from a page, gamepad or program to the robot's loop.
-
-`StageTimes`: when a message was where.
-"""
+"""`OperatorInputs`: the newest sample, from a page, gamepad or program to the robot's loop."""
 
 import threading
 import time as clock
@@ -23,14 +20,11 @@ class StageTimes(NamedTuple):
     commanded: float  # the robot had the command that follows from it [s]
 
 
-# Messages whose times are kept: those of half an hour at the page's rate in single ticks
-_STAGES = 10_000
-
+_STAGES = 10_000  # messages whose times are kept: half an hour at the page's rate in single ticks
 _REST = OperatorSample()
 # Buttons and sticks of a sample
 _LEVERS = ("lift", "grip", "move", "second", "turn", "velocity", "bend", "reach", "neutral")
-
-Lever = tuple[str, int]  # Something that is held: its name, and of parts their number
+Lever = tuple[str, int]  # something that is held: its name, and of parts their number
 
 
 class _Message(NamedTuple):
@@ -52,12 +46,18 @@ class OperatorInputs:
         self._sampled: tuple[float, float, float] | None = None
 
     def take(self, sample: OperatorSample) -> dict[str, float]:
-        """Take the state of keys, sticks, handles and trackers."""
+        """Take a state of keys, sticks, handles and trackers; return why it does not count [s]."""
         with self._lock:
             now, stamp = clock.monotonic(), sample.time
             lost = self._clock.is_lost(now)
             if stamp > 0.0 and not self._clock.accepts(stamp, now):
-                return self._refusal(stamp, now)
+                # By how much it is older than the newest, ahead of the time, or late [s].
+                ahead = stamp - self._clock.newest
+                early = ahead - (now - self._clock.heard_at)
+                if ahead <= 0.0:
+                    return {"old": -ahead}
+                late = {"late": self._clock.lateness(stamp, now)}
+                return {"early": early} if early > LATE else late
             self._clock.heard_at = now
             parts = _parts(sample)
             held = _held(sample, parts)
@@ -100,16 +100,6 @@ class OperatorInputs:
                 self.stages.append(StageTimes(*self._sampled, at))
                 self._sampled = None
 
-    def _refusal(self, stamp: float, now: float) -> dict[str, float]:
-        """Why a sample does not count, and by how much [s]."""
-        ahead = stamp - self._clock.newest
-        if ahead <= 0.0:
-            return {"old": -ahead}
-        early = ahead - (now - self._clock.heard_at)
-        if early > LATE:
-            return {"early": early}
-        return {"late": self._clock.lateness(stamp, now)}
-
 
 def _parts(sample: OperatorSample) -> list[TrackedPose | None]:
     """Feet, hands and head; None for a foot or hand without a place."""
@@ -120,12 +110,9 @@ def _parts(sample: OperatorSample) -> list[TrackedPose | None]:
 def _held(sample: OperatorSample, parts: list[TrackedPose | None]) -> set[Lever]:
     """All that is held in a sample."""
     held = {(name, 0) for name in _LEVERS if getattr(sample, name) != getattr(_REST, name)}
-    for i, part in enumerate(parts):
-        if part is not None and part.clutch:
-            held.add(("clutch", i))
-        elif part is not None and part.clutch is None and i < 2:
-            held.add(("handle", i))
-    return held
+    held |= {("clutch", i) for i, part in enumerate(parts) if part is not None and part.clutch}
+    feet = enumerate(parts[:2])
+    return held | {("handle", i) for i, foot in feet if foot is not None and foot.clutch is None}
 
 
 def _without(

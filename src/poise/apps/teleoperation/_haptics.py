@@ -117,8 +117,7 @@ class _Hand:
         self, arm: HapticArm, side: str, *, dt: float, gain: float, most: float,
         smoothing: float, washout: float,
     ) -> None:  # fmt: skip
-        self._arm, self._side, self._dt = arm, side, dt
-        self._gain, self._most = gain, most
+        self._arm, self._side, self._dt, self._gain, self._most = arm, side, dt, gain, most
         self._smoothing, self._washout = smoothing, washout
         self._in_air, self._without = False, 0.0
         self._slow = self._force = np.zeros(3)
@@ -213,19 +212,14 @@ class HapticDriver:
     ) -> None:
         self.dt = checked_number(dt, "period of the arms [s]", above=0.0)
         self._silence = checked_number(silence, "silence of the robot [s]", above=0.0)
-        left_hand, right_hand = (
-            _Hand(
-                arm,
-                side,
-                dt=self.dt,
-                gain=checked_number(gain, "gain of the forces", above=0.0),
-                most=checked_number(force_max, "force_max of the arms [N]", above=0.0),
-                smoothing=checked_number(smoothing, "smoothing of the forces [s]", above=0.0),
-                washout=checked_number(washout, "washout of the forces [s]", above=0.0),
-            )
-            for side, arm in (("left", left), ("right", right))
-        )
-        self._hands = (left_hand, right_hand)
+        numbers = {
+            "dt": self.dt,
+            "gain": checked_number(gain, "gain of the forces", above=0.0),
+            "most": checked_number(force_max, "force_max of the arms [N]", above=0.0),
+            "smoothing": checked_number(smoothing, "smoothing of the forces [s]", above=0.0),
+            "washout": checked_number(washout, "washout of the forces [s]", above=0.0),
+        }
+        self._hands = (_Hand(left, "left", **numbers), _Hand(right, "right", **numbers))
         # In one object, which another thread replaces as a whole.
         self._news: tuple[float, Float64[np.ndarray, "2 3"]] = (-math.inf, np.zeros((2, 3)))
         self._known, self._unheard = self._news, 0
@@ -312,11 +306,11 @@ class HapticFeet:
         """
         driver = self.driver
         driver.feel(foot_forces(self._teleoperator), time)
-        if abs(time - self._next) > _PAUSE:
+        if abs(time - self._begin - self._periods * driver.dt) > _PAUSE:
             self._begin, self._periods = time, 0
-        while self._next <= time:
+        while (now := self._begin + self._periods * driver.dt) <= time:
             # Not `driver.readings`: a slow computer would let go of a simulated robot's feet.
-            self._readings = driver.tick(self._next)
+            self._readings = driver.tick(now)
             self._periods += 1
         sample = self._feet.sample(time)
         for error in driver.errors:
@@ -328,8 +322,3 @@ class HapticFeet:
         """The last readings as trackers of the feet."""
         left, right = (reading and TrackedPose.of(*reading) for reading in self._readings)
         return OperatorSample(feet=(left, right))
-
-    @property
-    def _next(self) -> float:
-        """When the arms' next period begins [s]."""
-        return self._begin + self._periods * self.driver.dt

@@ -23,8 +23,7 @@ from poise.locomotion._stepping._operator._sample_clock import (
 )
 from poise.locomotion._stepping._operator._tracking import Tracker, is_turned_away, rotation_of
 
-# A commanded velocity that is no larger is none: sticks do not rest at exactly zero [m/s, m/s,
-# rad/s]
+# Sticks do not rest at exactly zero [m/s, m/s, rad/s]
 _STICK_REST = (0.01, 0.01, 0.02)
 
 
@@ -44,28 +43,27 @@ class OperatorGuard:
     """Reject stale, out-of-order or implausible samples, and rate-limit the others.
 
     A sample counts once, if it is newer than the newest and no more than `LATE` later than the
-    soonest (`SampleClock`). Feet and hands are then followed by a `Tracker` each: no stream of
-    samples makes a jump, and a part that is lost for `LOST_AFTER`, or found far away, engages anew:
-    a foot by being put down at the robot's foot, a hand or head by a clutch that was seen open, a
-    velocity after one of zero. A foot that nothing leads is sent straight down.
+    soonest (`SampleClock`). Feet and hands are followed by a `Tracker` each, without jumps; a part
+    that is lost for `LOST_AFTER`, or found far away, engages anew: a foot by being put down at the
+    robot's foot, a hand or head by a clutch that was seen open, a velocity after one of zero. A
+    foot without a lead is sent straight down.
 
     Args:
         dt: length of a tick [s].
-        low: how far a device may be above its foot's ground to count as put down [m].
-        press_depth: how far below the ground a foot without a device is sent [m]; both as in
-            `TeleopParameters`.
+        low: largest height of a device that is put down, above its foot's ground [m].
+        press_depth: depth below the ground to which a foot without a device is sent [m].
 
     Raises:
         ConfigurationError: a number that is not positive.
 
     Attributes:
-        status: what became of the last sample.
-        error: what the device raised when it was read last, or which vectors in its sample were
-            none; None if all was well.
-        velocity: with which the robot shall walk by itself; zero where nobody is heard.
+        status: fate of the last sample.
+        error: of the device when it was read last, or of vectors in its sample; None if all was
+            well.
+        velocity: of a walk; zero without an operator.
         hands: followed, left and right.
         head: orientation of the head that leads the gaze; None while none does.
-        rest: whether the last sample asks for rest of hands and gaze.
+        rest: the last sample asks for rest of hands and gaze.
     """
 
     def __init__(self, *, dt: float, low: float = 0.01, press_depth: float = 0.08) -> None:
@@ -87,12 +85,7 @@ class OperatorGuard:
         self._checked: OperatorSample | None = None
 
     def read(self, device: Device | None, time: float) -> OperatorSample | None:
-        """Return what a device sends; None where it fails, which the logger `poise` says.
-
-        Args:
-            device: None for none.
-            time: of the robot [s].
-        """
+        """Return a device's sample at a time of the robot [s]; None, and a log, if it fails."""
         if device is None:
             return None
         try:
@@ -119,14 +112,14 @@ class OperatorGuard:
         """Take one tick, after which `hands`, `head`, `rest` and `velocity` are those of it.
 
         Args:
-            sample: what came since the last tick, None for nothing; the newest again is nothing.
+            sample: of the tick, None for nothing; the newest again is nothing.
             time: of the robot [s].
-            soles: where the left and the right sole are [m]; none where nobody leads the feet.
-            grounds: where they stood last on the ground [m].
+            soles: places of the left and the right sole [m]; none without a lead of the feet.
+            grounds: places of their last stance [m].
 
         Returns:
-            Where each foot is sent to: after its device, or straight down where that does not lead
-            it; and what is commanded of the body. None while neither device leads.
+            The goal of each foot, after its device or straight down, and the body's command; None
+            while neither device leads.
         """
         if sample is not None and sample.time == self._clock.newest:
             sample = None
@@ -162,17 +155,12 @@ class OperatorGuard:
         return left.engaged, right.engaged
 
     def let_go(self, status: DeviceStatus) -> None:
-        """Disengage both feet, which the robot leads by itself.
-
-        Args:
-            status: why.
-        """
+        """Disengage both feet, which the robot leads by itself, with a status that says why."""
         for tracker in self._feet:
             tracker.lose()
         self.status = status
 
     def _take(self, news: OperatorSample | None, time: float) -> None:
-        """Everything but the feet."""
         self._walk.expire(time)
         self._look.expire(time)
         left, right = (None, None) if news is None else news.hands
@@ -207,13 +195,11 @@ class OperatorGuard:
             self._look.release(time)
             return
         rotation = None if head.orientation is None else rotation_of(head.orientation)
-        if rotation is None:
-            return
-        begins = self._look.engage()
-        if not self._look.engaged or (not begins and is_turned_away(rotation, self.head)):
-            return
-        self.head = rotation
-        self._look.refresh(time)
+        if rotation is not None:
+            begins = self._look.engage()
+            if self._look.engaged and (begins or not is_turned_away(rotation, self.head)):
+                self.head = rotation
+                self._look.refresh(time)
 
     def _status(self, time: float) -> DeviceStatus:
         held = self.held

@@ -5,19 +5,12 @@ import math
 # Period of the slowest device that is followed without gaps [s]: hands move at 5 Hz at most,
 # and ten samples a second are the fewest that show it
 SLOWEST = 0.1
-
-# A device without a new sample for longer than its period is silent, and its velocity unknown
-# [s]
-SILENT_AFTER = SLOWEST
-
-# After so long without a good sample a device is lost [s]: a link that drops every fourth
-# sample drops five in a row once in a thousand
+SILENT_AFTER = SLOWEST  # without a new sample for longer a velocity is unknown [s]
+# Without a good sample for longer a device is lost [s]: a link that drops every fourth sample
+# drops five in a row once in a thousand
 LOST_AFTER = 5 * SLOWEST
-
-# A sample that comes this much later than the soonest did is as old as one of a lost device [s]
-LATE = LOST_AFTER
-
-_DRIFT = 1e-3  # Part of the time by which two clocks drift apart: ten times what quartz does
+LATE = LOST_AFTER  # a sample that is later than the soonest by this counts as lost [s]
+_DRIFT = 1e-3  # part of the time by which two clocks drift apart: ten times what quartz does
 
 
 class SampleClock:

@@ -1,8 +1,4 @@
-"""`Tracker`: follows a foot or hand of the operator while it leads, no faster than it may.
-
-`RateLimiter`: how fast it is followed. `VelocityCheck`: velocity that agrees with its motion.
-`rotation_of`: orientation that it sent.
-"""
+"""`Tracker`: follows a foot or hand of the operator while it leads, no faster than it may."""
 
 import math
 from collections.abc import Sequence
@@ -17,37 +13,21 @@ from poise.locomotion._stepping._operator._sample_clock import SILENT_AFTER, SLO
 
 # Largest speed at which a part is followed [m/s]: a foot in a brisk walk, a hand that reaches
 SPEED_MAX = 2.5
-
-# Distance that is followed without delay after rest [m]: what `SPEED_MAX` covers in one period
-# of a tracker of 40 Hz
+# Distance that is followed without delay after rest [m]: one period of a tracker of 40 Hz
 BURST = 0.06
-
-# Largest distance of a sample from where its part is followed to [m]: what a part at
-# `SPEED_MAX` is away by after one period of the slowest device. Farther away is another thing.
+# A sample farther away is another thing's [m]: one period of the slowest device at `SPEED_MAX`
 JUMP = SPEED_MAX * SLOWEST + BURST
-
-# Largest speed at which a hand's turn is followed [rad/s]: what wrists of robots reach
-TURN_SPEED_MAX = 3.0
-
+TURN_SPEED_MAX = 3.0  # of a hand that is followed [rad/s]: what wrists of robots reach
 # Turn that is followed without delay after rest [rad]: one period of a tracker of 25 Hz, for a
 # wrist that is flicked runs ahead of what follows it
 TURN_BURST = TURN_SPEED_MAX / 25.0
-
-# Largest turn from one sample to the next [rad]: a wrist that is flicked, at 12 rad/s
-TURN_JUMP = 12.0 * SLOWEST
-
+TURN_JUMP = 12.0 * SLOWEST  # between samples [rad]: a wrist that is flicked, at 12 rad/s
 # Delay with which a device may read its own velocity [s]: two periods of a tracker of 100 Hz
 VELOCITY_DELAY = 0.02
-
-# Distance by which a device may be elsewhere than its velocity has it [m]
-VELOCITY_ERROR = SPEED_MAX * VELOCITY_DELAY
-
-# Time constant with which that distance is forgotten [s]: no less than a velocity counts, or it
-# would be forgotten before it is seen
+VELOCITY_ERROR = SPEED_MAX * VELOCITY_DELAY  # distance between place and integrated velocity [m]
+# Time constant with which that distance is forgotten [s]: no less than a velocity counts
 VELOCITY_MEMORY = 2 * SILENT_AFTER
-
-# By how much a quaternion's length may differ from one: messages round to two figures
-UNIT_ERROR = 0.01
+UNIT_ERROR = 0.01  # of a quaternion's length: messages round to two figures
 
 Rotation = Float64[np.ndarray, "3 3"]
 
