@@ -60,23 +60,19 @@ class TeleopLog:
         rows = np.isin(record.times("q"), end)
         touched = record["touched"][rows] if "touched" in record else np.zeros(len(end), np.bool_)
         command = record["command_torque" if "command_torque" in record else "command_velocity"]
-        devices = (record[f"target/{side} device"][rows] for side in ("left", "right"))
+        devices = [record[f"target/{side} device"][rows] for side in ("left", "right")]
+        known = ("zmp", "cart_table_zmp", "com", "soles", "loads", "tilt")
         return cls(
             time=dt * (np.round(end / dt) - 1.0),
             mode=_places(record.notes("mode"), [mode.name for mode in MODES], end),
             device=_places(record.notes("device"), [status.name for status in DeviceStatus], end),
-            devices=np.stack(tuple(devices), axis=1),
-            zmp=record["estimate/zmp"],
+            devices=np.stack(devices, axis=1),
             zmp_reference=record["zmp_reference"],
-            cart_table_zmp=record["estimate/cart_table_zmp"],
-            com=record["estimate/com"],
-            soles=record["estimate/soles"],
             target=record["foot_target"],
-            loads=record["estimate/loads"],
-            tilt=record["estimate/tilt"],
             command=command[rows],
             q=record["q"][rows],
             touched=touched,
+            **{name: record[f"estimate/{name}"] for name in known},
         )
 
     def __len__(self) -> int:

@@ -14,8 +14,7 @@ from poise.apps.teleoperation._setup import RecordingError
 from poise.locomotion import BodyCommand, OperatorSample, TrackedPose
 
 _FORMAT = {"format": "poise teleoperation", "version": 1}
-_HEADER_BYTES = 16384  # One line of JSON, padded; behind it are rows, little-endian
-
+_HEADER_BYTES = 16384  # one line of JSON, padded; behind it are rows, little-endian
 _ROW = np.dtype(
     [("tick", "<i8"), ("kind", "<u1"), ("flags", "<u1"), ("time", "<f8"), ("numbers", "<f8", (6,))]
 )
@@ -27,9 +26,8 @@ class _Kind(IntEnum):
     SAMPLE, PUSH, HANDS, BODY, VELOCITY, TURN, RATES = range(7)
 
 
-_LEFT, _RIGHT, _LEFT_CLUTCH, _RIGHT_CLUTCH, _REST = 1, 2, 4, 8, 16  # Flags of hands
-
-_HEAD, _HEAD_CLUTCH = 4, 8  # Flags of a turn that is the head's, beside those of hands
+_LEFT, _RIGHT, _LEFT_CLUTCH, _RIGHT_CLUTCH, _REST = 1, 2, 4, 8, 16  # flags of hands
+_HEAD, _HEAD_CLUTCH = 4, 8  # flags of a turn that is the head's, beside those of hands
 
 
 def convert_recording(path: Path, target: Path) -> bool:
@@ -51,10 +49,10 @@ def convert_recording(path: Path, target: Path) -> bool:
     if np.any(np.diff(rows["tick"], prepend=0) < 0) or np.any(rows["kind"] > _Kind.RATES):
         raise RecordingError(f"{path.name} has rows whose ticks go backwards, or of no known kind")
     finished = promised == count
-    pushes = [
-        RecordedPush(int(row["tick"]), tuple(row["numbers"][:3].tolist()), float(row["numbers"][3]))
-        for row in rows[rows["kind"] == _Kind.PUSH]
-    ]
+    pushes = list[RecordedPush]()
+    for row in rows[rows["kind"] == _Kind.PUSH]:
+        *force, seconds = row["numbers"][:4].tolist()
+        pushes.append(RecordedPush(int(row["tick"]), tuple(force), seconds))
     duration = setup.pop("duration", None)
     write_recording(
         target,
@@ -102,13 +100,9 @@ def _more(sample: OperatorSample, row: np.void) -> dict[str, Any]:
             turned = tuple(numbers[:4].tolist())
             if flags & _HEAD:
                 return {"head": TrackedPose(None, bool(flags & _HEAD_CLUTCH), turned)}
-            sides = (_LEFT, _RIGHT)
-            return {
-                "hands": tuple(
-                    replace(hand, orientation=turned) if hand is not None and flags & side else hand
-                    for hand, side in zip(sample.hands, sides, strict=True)
-                )
-            }
+            pairs = zip(sample.hands, (_LEFT, _RIGHT), strict=True)
+            turns = [(hand, turned if flags & side else None) for hand, side in pairs]
+            return {"hands": tuple(h and replace(h, orientation=t) if t else h for h, t in turns)}
         case _:
             # Of feet, and with any flag of hands.
             key, parts = ("hands", sample.hands) if flags else ("feet", sample.feet)

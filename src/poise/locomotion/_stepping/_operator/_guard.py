@@ -16,11 +16,7 @@ from poise.locomotion._stepping._operator._sample import (
     TrackedPose,
     Vector,
 )
-from poise.locomotion._stepping._operator._sample_clock import (
-    SILENT_AFTER,
-    Engagement,
-    SampleClock,
-)
+from poise.locomotion._stepping._operator._sample_clock import SILENT_AFTER, Engagement, SampleClock
 from poise.locomotion._stepping._operator._tracking import Tracker, is_turned_away, rotation_of
 
 # Sticks do not rest at exactly zero [m/s, m/s, rad/s]

@@ -74,12 +74,7 @@ class BodyCommand(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
 
 
 class OperatorSample(
-    Struct,
-    frozen=True,
-    forbid_unknown_fields=True,
-    omit_defaults=True,
-    tag_field="do",
-    tag="drive",
+    Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, tag_field="do", tag="drive"
 ):
     """All that an operator commands at one time.
 

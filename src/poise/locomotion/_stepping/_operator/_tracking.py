@@ -126,11 +126,7 @@ class Tracker:
         return self._velocity.at(time) if self.engaged else None
 
     def update(
-        self,
-        part: TrackedPose | None,
-        time: float,
-        *,
-        foot: tuple[Vector, float] | None = None,
+        self, part: TrackedPose | None, time: float, *, foot: tuple[Vector, float] | None = None
     ) -> bool:
         """Take one tick."""
         self.step = self.turn = _STILL
