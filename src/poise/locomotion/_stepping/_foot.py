@@ -58,7 +58,7 @@ class FootTarget:
         device: OperatorSample | None,
         *,
         room_below: float,
-        gives_way: bool,
+        falling: bool = False,
     ) -> Float64[np.ndarray, "3"]:
         """The place [m].
 
@@ -66,17 +66,14 @@ class FootTarget:
             footing: of the tick.
             device: the operator's foot devices, None while they are lost.
             room_below: how far the body may still come down for it [m].
-            gives_way: whether the leg that stands does not hold the robot alone.
+            falling: whether the stance leg does not hold the robot.
         """
         here = footing.sole(footing.other)
         self.rate = _AT_REST
         if not footing.mode.single:
             x, y, z = footing.anchors[footing.other].tolist()
             return np.array([x, y, z - footing.pressed])
-        if footing.capture_depth < 0.0 or gives_way:
-            # The divergent component has left the sole that carries, or the knee is at its end:
-            # the robot is falling.
-            self.rescuing = True
+        self.rescuing = self.rescuing or falling
         lowest = footing.lowest_ground - self._parameters.press_depth
         if device is None or self.rescuing:
             # Nobody commands, or nobody may: straight down, until the ground is felt.
@@ -185,7 +182,7 @@ class FootVelocity:
         target: Float64[np.ndarray, "3"],
         rate: Float64[np.ndarray, "3"] = _AT_REST,
         *,
-        hurry: bool,
+        hurry: bool = False,
     ) -> Float64[np.ndarray, "3"]:
         """The velocity [m/s].
 

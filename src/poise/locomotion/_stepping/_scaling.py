@@ -9,7 +9,8 @@ from jaxtyping import Float64
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._stepping._stance import TeleopParameters, mean_angle, one_foot, yaw_of
+from poise.locomotion._single_support import single_support_region
+from poise.locomotion._stepping._stance import TeleopParameters, mean_angle, yaw_of
 from poise.locomotion._stepping._teleop_checks import checked_actuation, checked_start
 from poise.locomotion._support import two_soles
 from poise.robots import Robot
@@ -145,7 +146,7 @@ def for_torques(robot: Robot, parameters: TeleopParameters, height: float) -> Te
         height: of the COM above the soles [m].
     """
     omega, margin = natural_frequency(height), parameters.support_margin
-    narrow = one_foot(robot, omega, margin).narrow
+    narrow = single_support_region(robot, omega, margin).narrow
     farthest, highest = (_NARROW_STEP, _NARROW_LIFT) if narrow else (1.0, 1.0)
     gap = _NARROW_GAP if narrow else 0.0
     return replace(

@@ -107,25 +107,19 @@ class CarryingArea:
         self._settled = None
         self._tell(*self._lower, *self._upper)
 
-    def update(self, state: RobotState, dt: float) -> None:
-        """Learns from a state, and tells the contact.
+    def update(self, state: RobotState, dt: float, *, settled: bool = False) -> None:
+        """Update the estimate, and the contact's area.
+
+        While somebody holds feet the contact has the average: a sole that rocks has another area in
+        every tick, and one that stands on an edge tips over where all of it is taken to carry.
 
         Args:
             state: of the robot, with what its soles measure; without that the whole sole carries.
             dt: since the last one [s].
+            settled: whether the contact has the average.
         """
         self._learn_from(state, dt)
-        self._tell(*self._lower, *self._upper)
-
-    def feel(self, state: RobotState, dt: float) -> None:
-        """Learns from a state, and tells the contact what carries on the average.
-
-        Args:
-            state: of the robot, with what its soles measure; without that the whole sole carries.
-            dt: since the last one [s].
-        """
-        self._learn_from(state, dt)
-        self._tell(*self._average)
+        self._tell(*(self._average if settled else (*self._lower, *self._upper)))
 
     def _learn_from(self, state: RobotState, dt: float) -> None:
         contact = self._contact

@@ -52,20 +52,20 @@ class DcmFeedback:
         self.omega, self._gain = omega, 1.0 + gain / omega
         self.error: Vector2 = np.zeros(2)
         self.zmp: Vector2 = np.zeros(2)
-        self._goes_on_from: Point | None = None
+        self._continues_from: Vector2 | None = None
         self._offset = (0.0, 0.0)
 
     def begin(self) -> None:
         """Forgets the error."""
-        self.error, self._offset, self._goes_on_from = np.zeros(2), (0.0, 0.0), None
+        self.error, self._offset, self._continues_from = np.zeros(2), (0.0, 0.0), None
 
-    def go_on_from(self, zmp: Point) -> None:
-        """Begins the next tick where somebody else has led the ZMP, and fades into its own.
+    def continue_from(self, zmp: Vector2) -> None:
+        """Begin the next tick at a ZMP and fade into the feedback's own: a bumpless transfer.
 
         Args:
             zmp: as asked for last [m].
         """
-        self._goes_on_from = zmp
+        self._continues_from = zmp
 
     def acceleration(
         self,
@@ -91,9 +91,9 @@ class DcmFeedback:
         x, y = support.nearest(
             (px - sx / (w * w) + self._gain * ex, py - sy / (w * w) + self._gain * ey)
         )
-        if self._goes_on_from is not None:
-            from_x, from_y = self._goes_on_from
-            self._goes_on_from, self._offset = None, (from_x - x, from_y - y)
+        if self._continues_from is not None:
+            from_x, from_y = self._continues_from.tolist()
+            self._continues_from, self._offset = None, (from_x - x, from_y - y)
         if any(self._offset):
             off_x, off_y = self._offset
             x, y = support.nearest((x + off_x, y + off_y))

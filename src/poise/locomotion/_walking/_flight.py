@@ -1,9 +1,13 @@
-"""`Flight`: a foot in the air, whose place and time of touchdown are still open."""
+"""`Flight`: swing foot whose place and time of touchdown are still open.
+
+`HeldFlight`: swing foot that somebody holds, for as long as they like.
+"""
 
 import math
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.dynamics import RobotState
 from poise.locomotion._support import Point
@@ -13,8 +17,11 @@ from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._step_choice import Pendulum
 from poise.locomotion._walking._step_planner import Lifted, StepPlanner
-from poise.locomotion._walking._swing import SwingFoot
+from poise.locomotion._walking._swing import HeldSwing, SwingFoot
 from poise.locomotion._walking._swing_shape import RISE, SwingShape, sinking_phase
+
+Vector3 = Float64[np.ndarray, "3"]
+Rotation = Float64[np.ndarray, "3 3"]
 
 _PLACE_RATE, _TIME_RATE = 2.0, 2.0
 """How fast foothold [m/s] and time of touchdown [s/s] change at most."""
@@ -165,3 +172,41 @@ class Flight:
         swing.advance(dt, np.array(self.goal.position[:2]) - np.array(swing.goal.position[:2]))
         if swing.phase >= 1.0:
             self.waited += dt
+
+
+class HeldFlight:
+    """From lift-off to touchdown of a foot that follows somebody's motion.
+
+    Args:
+        foot: 0 for the left one, 1 for the right one.
+        sense: where it is.
+
+    Attributes:
+        foot: which.
+        swing: its pose.
+        goal: where it is now, which is where it would come down.
+        left: zero: it may come down in any tick [s].
+        waited: zero: nobody expects it to be down [s].
+    """
+
+    def __init__(self, foot: int, sense: WalkSense) -> None:
+        self.foot, self.left, self.waited = foot, 0.0, 0.0
+        self.swing = HeldSwing(*sense.lower_edge(foot))
+        self.goal = sense.placement(foot)
+
+    def move(self, position: Vector3, velocity: Vector3, rotation: Rotation, yaw: float) -> None:
+        """Set the pose.
+
+        Args:
+            position: of the sole [m].
+            velocity: of the sole [m/s].
+            rotation: world_R_sole.
+            yaw: its heading [rad].
+        """
+        self.swing.position, self.swing.rotation = position, rotation
+        self.swing.velocity[:3] = velocity
+        x, y, z = position.tolist()
+        self.goal = Placement(position=(x, y, z), yaw=yaw)
+
+    def land(self) -> None:
+        """Do nothing: who holds the foot puts it down."""

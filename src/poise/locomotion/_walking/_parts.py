@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
+from poise.locomotion._single_support import SingleSupportRegion, single_support_region
 from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._body_height import LOWEST, BodyHeight
 from poise.locomotion._walking._carrying import CarryingArea
@@ -54,6 +55,7 @@ class WalkParts:
         body: where the COM and what goes along with it should be.
         rise: how high the body goes.
         pendulum: as it is.
+        region: of one foot, while somebody holds the other one.
     """
 
     stand: Stand
@@ -72,6 +74,7 @@ class WalkParts:
     body: BodyMotion
     rise: BodyHeight
     pendulum: MeasuredPendulum
+    region: SingleSupportRegion
 
 
 def make_parts(
@@ -145,6 +148,7 @@ def make_parts(
         body=body,
         rise=BodyHeight(sense, stand, reach.span, gait, height),
         pendulum=MeasuredPendulum(legs, ratios.rise, sense, stance, body),
+        region=single_support_region(robot, natural_frequency(height), settings.zmp_margin),
     )
 
 

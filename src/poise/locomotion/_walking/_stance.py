@@ -80,8 +80,8 @@ class Stance:
         self._feet = feet
         self._look(self.parts)
 
-    def feel(self) -> None:
-        """Looks again at what two soles stand on, where that is only a part of them, or was."""
+    def refresh(self) -> None:
+        """Update the support polygon of two soles, where only a part of one carries, or did."""
         if len(self._feet) != 2:
             return
         parts = self.parts

@@ -1,4 +1,4 @@
-"""`SwingFoot`: the trajectory of a foot through the air."""
+"""`SwingFoot`: trajectory of a swing foot. `HeldSwing`: pose of one that somebody holds."""
 
 import numpy as np
 import pinocchio as pin
@@ -157,6 +157,30 @@ class SwingFoot:
             rate = max(rate + acceleration * dt, -_SEARCH_SPEED)
         self._search = max(height + rate * dt, lowest), rate
         return *self._search, acceleration
+
+
+class HeldSwing:
+    """Pose of a swing foot that somebody holds, with rates; set anew in each tick.
+
+    Args:
+        position: of the sole at lift-off [m].
+        rotation: world_R_sole at lift-off.
+
+    Attributes:
+        position: of the sole [m].
+        rotation: world_R_sole.
+        velocity: linear then angular [m/s, rad/s].
+        acceleration: linear then angular [m/s^2, rad/s^2].
+        slant: height of the ground below it, over which its height counts as a way ahead [m].
+    """
+
+    def __init__(
+        self, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
+    ) -> None:
+        self.position, self.rotation = position.copy(), rotation.copy()
+        self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)
+        self.acceleration: Float64[np.ndarray, "6"] = np.zeros(6)
+        self.slant = float(position[2])
 
 
 def least_jerk_towards(axis: Motion, goal: float, left: float, dt: float) -> Motion:

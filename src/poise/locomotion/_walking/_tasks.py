@@ -17,7 +17,7 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
-from poise.locomotion._walking._swing import SwingFoot
+from poise.locomotion._walking._swing import HeldSwing, SwingFoot
 from poise.robots import Robot
 from poise.stack import (
     LINEAR_SPEED,
@@ -183,7 +183,7 @@ class WalkTasks:
     contacts: tuple[Contact, Contact]
     carried: dict[str, CarriedTarget]
 
-    def lead_foot(self, sense: WalkSense, foot: int, swing: SwingFoot) -> None:
+    def lead_foot(self, sense: WalkSense, foot: int, swing: SwingFoot | HeldSwing) -> None:
         """Leads a foot in the air along its way, by the lower edge of a sole that leans.
 
         Args:

@@ -14,7 +14,7 @@ import pinocchio as pin
 from poise.dynamics import RobotState
 from poise.locomotion._support import Point
 from poise.locomotion._walking._body import BodyMotion
-from poise.locomotion._walking._flight import Flight
+from poise.locomotion._walking._flight import Flight, HeldFlight
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import WalkTasks
@@ -109,7 +109,7 @@ class TroubleWatch:
         self._signs = {status: _Sign(status) for status in RESPONSES}
 
     def look(
-        self, state: RobotState, flight: Flight | None, error: float, dt: float
+        self, state: RobotState, flight: Flight | HeldFlight | None, error: float, dt: float
     ) -> WalkStatus | None:
         """The worst trouble there is; None for none.
 
@@ -138,7 +138,7 @@ class TroubleWatch:
             sign.update(seen[status], dt)
         return next((status for status, sign in self._signs.items() if sign.there), None)
 
-    def _is_caught(self, flight: Flight) -> bool:
+    def _is_caught(self, flight: Flight | HeldFlight) -> bool:
         x, y, _ = (self._sense.sole(flight.foot)[0] - flight.swing.position).tolist()
         return x * x + y * y > _CAUGHT * _CAUGHT
 

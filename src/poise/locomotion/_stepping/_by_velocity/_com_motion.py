@@ -94,11 +94,10 @@ class ComMotion:
         velocity: commanded in the last tick [m/s].
         acceleration: commanded in the last tick [m/s^2].
         observed: velocity as measured, with what was commanded made smooth [m/s].
-        borrowed: zero: nothing is asked for that the soles do not give.
     """
 
     def __init__(self, driver: ComDriver, parameters: TeleopParameters) -> None:
-        self.omega, self.borrowed = driver.omega, 0.0
+        self.omega = driver.omega
         self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
         self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
         self.observed: Float64[np.ndarray, "2"] = np.zeros(2)

@@ -21,10 +21,10 @@ from poise.locomotion._stepping._stance import (
     Biped,
     DesiredMotion,
     Footing,
-    Mode,
     TeleopParameters,
     TrunkLean,
 )
+from poise.locomotion._walking import Mode
 from poise.stack import (
     ComTask,
     FrameTask,

@@ -1,0 +1,102 @@
+"""A robot that stays where it is put, whatever its step teleoperator commands."""
+
+import numpy as np
+from walker import sample
+
+from poise.dynamics import Dynamics, RobotState
+from poise.locomotion import DeviceStatus, StepTeleoperator
+
+DT = 0.002
+
+
+class MadeUp:
+    """States and devices by hand, where torques are commanded.
+
+    Attributes:
+        q: configuration.
+        loads: of the left and of the right sole, over the weight.
+        up: height of the left and of the right device over the place of its foot [m]; None for no
+            device.
+    """
+
+    def __init__(self, robot):
+        self.robot, self.teleoperator = robot, StepTeleoperator(robot)
+        self.q, self.loads, self.up, self.time = robot.q_home.copy(), (0.5, 0.5), (0.0, 0.0), 0.0
+        self.teleoperator.device = self
+
+    def sample(self, time):
+        if self.up is None:
+            return None
+        places = (
+            anchor + np.array([0.0, 0.0, up])
+            for anchor, up in zip(self.teleoperator.estimator.anchors, self.up, strict=True)
+        )
+        return sample(time, *places)
+
+    def turn(self, joint, angle):
+        """Turn a joint [rad]."""
+        self.q[self.robot.nq - self.robot.nj + self.robot.joint_index(joint)] += angle
+
+    def tick(self):
+        robot, teleoperator = self.robot, self.teleoperator
+        wrenches = {
+            sole: np.array([0.0, 0.0, load * robot.weight, 0.0, 0.0, 0.0])
+            for sole, load in zip(teleoperator.soles, self.loads, strict=True)
+        }
+        measured = RobotState(self.q.copy(), np.zeros(robot.nv), wrenches, self.time)
+        teleoperator.lead(teleoperator.estimator.update(measured))
+        for contact in teleoperator.stack.contacts:
+            contact.advance(self.time)
+        self.time += DT
+
+    def until(self, time):
+        while self.time < time - 0.5 * DT:
+            self.tick()
+
+    def stand_again(self):
+        """Land, and go on until the operator leads again."""
+        self.until(self.time + 0.5)
+        self.loads = (0.5, 0.5)
+        while self.overruled:
+            self.tick()
+            assert self.time < 5.0
+
+    @property
+    def mode(self):
+        return self.teleoperator.mode
+
+    @property
+    def overruled(self):
+        return self.teleoperator.status.device is DeviceStatus.OVERRULED
+
+
+def leaning(robot, foot, inwards=0.0):
+    """Return a configuration whose CoM is over a sole, so far inwards of its middle [m].
+
+    Both soles lie where they do at home: hips and ankles turn sideways.
+    """
+    dynamics, home = Dynamics(robot), robot.q_home
+    first, sides = robot.nq - robot.nj, ("left", "right")
+
+    def turned(angle):
+        q = home.copy()
+        for side in sides:
+            for name, way in (("hip_roll", 1.0), ("ankle_roll", -1.0)):
+                q[first + robot.joint_index(f"{side}_{name}_joint")] += way * angle
+        return q
+
+    def aside(angle):
+        """Distance of the CoM from the middle of the sole, to the left [m]."""
+        dynamics.update(RobotState(turned(angle), np.zeros(robot.nv)))
+        place = dynamics.placement(robot.frame_id(list(robot.soles)[foot]))[0]
+        return float(dynamics.com[1] - place[1])
+
+    goal, least, most = (-inwards if foot == 0 else inwards), -0.5, 0.5
+    rising = aside(0.1) > aside(-0.1)
+    for _ in range(60):
+        middle = 0.5 * (least + most)
+        if (aside(middle) < goal) is rising:
+            least = middle
+        else:
+            most = middle
+    return turned(0.5 * (least + most))
