@@ -67,54 +67,24 @@ class SingleSupportRegion:
     narrow: bool = False
 
     def rest(self, foot: int, place: Vector3, rotation: Rotation) -> Point:
-        """Return the rest of the ZMP on a foot that carries alone [m].
-
-        Args:
-            foot: 0 left, 1 right.
-            place: of its sole [m].
-            rotation: world_R_sole.
-        """
+        """Return the rest of the ZMP on a foot that carries alone [m]."""
         return _beside(place, rotation, inner_side(foot) * self.inwards)
 
     def arriving(self, foot: int, place: Vector3, rotation: Rotation) -> Point:
-        """Return the goal of the ZMP in a weight shift to a foot, further outwards [m].
-
-        Args:
-            foot: 0 left, 1 right.
-            place: of its sole [m].
-            rotation: world_R_sole.
-        """
+        """Return the goal of the ZMP in a weight shift to a foot, further outwards [m]."""
         return _beside(place, rotation, inner_side(foot) * _ARRIVING * self.inwards)
 
     def support(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
-        """Return the sole, less the margin.
-
-        Args:
-            foot: 0 left, 1 right.
-            place: of its sole [m].
-            rotation: world_R_sole.
-        """
+        """Return the sole, less the margin."""
         return SupportPolygon(sole_rectangle(place, rotation, self.sizes[foot]), self.margin)
 
     def held(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
-        """Return where the DCM is held.
-
-        Args:
-            foot: 0 left, 1 right.
-            place: of its sole [m].
-            rotation: world_R_sole.
-        """
+        """Return where the DCM is held."""
         part = self._widened(foot, self.sizes[foot], self.inner, self.outer)
         return SupportPolygon(part.corners(place, rotation, 0.0), self.margin)
 
     def asked(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
-        """Return where the CT-ZMP may be asked for: beyond the outer edge of a narrow sole only.
-
-        Args:
-            foot: 0 left, 1 right.
-            place: of its sole [m].
-            rotation: world_R_sole.
-        """
+        """Return where the CT-ZMP may be asked for: beyond the outer edge of a narrow sole only."""
         length, width = self.sizes[foot]
         size = (length + 2.0 * _MOMENTUM, width)
         inner = -_INNER_MARGIN if self.narrow else _MOMENTUM
@@ -122,16 +92,7 @@ class SingleSupportRegion:
         return SupportPolygon(part.corners(place, rotation, 0.0), 0.0)
 
     def caught(self, foot: int, place: Vector3, rotation: Rotation) -> list[Point] | None:
-        """Return the corners of the foothold that the swing foot offers beside a narrow sole [m].
-
-        Args:
-            foot: stance foot, 0 left, 1 right.
-            place: of its sole [m].
-            rotation: world_R_sole.
-
-        Returns:
-            None where the sole itself holds the robot.
-        """
+        """Return the corners of the foothold that the swing foot offers beside a narrow sole [m]."""
         if not self.narrow:
             return None
         part = SolePart(0.0, _ANNOUNCED * inner_side(foot) * self.inwards, *self.sizes[foot])
@@ -144,13 +105,7 @@ class SingleSupportRegion:
 
 
 def single_support_region(robot: Robot, omega: float, margin: float) -> SingleSupportRegion:
-    """Return the region of a robot, by the width of its soles.
-
-    Args:
-        robot: on two soles.
-        omega: sqrt(g / H) [1/s].
-        margin: distance from the soles' edges at which support ends [m].
-    """
+    """Return the region of a robot, by the width of its soles."""
     left, right = ((sole.length, sole.width) for sole in robot.soles.values())
     half = 0.5 * min(left[1], right[1])
     plain = SingleSupportRegion(
@@ -175,11 +130,7 @@ def single_support_region(robot: Robot, omega: float, margin: float) -> SingleSu
 
 
 def inner_side(foot: int) -> float:
-    """Return the side of a foot on which the other one is: 1 for its left.
-
-    Args:
-        foot: 0 left, 1 right.
-    """
+    """Return the side of a foot on which the other one is: 1 for its left."""
     return 1.0 if foot == 1 else -1.0
 
 

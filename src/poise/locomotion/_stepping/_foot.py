@@ -28,10 +28,6 @@ _PATIENCE, _DRAWN = 0.4, 0.05
 class FootTarget:
     """Eq. (15d): after the device while in the air, and held while on the ground.
 
-    Args:
-        reach: of the legs.
-        parameters: depths and heights.
-
     Attributes:
         rescuing: whether the foot in the air is put down, whatever the operator commands.
         rate: how fast the operator moves the place where it is sent [m/s]; zero where it is sent
@@ -60,14 +56,7 @@ class FootTarget:
         room_below: float,
         falling: bool = False,
     ) -> Float64[np.ndarray, "3"]:
-        """The place [m].
-
-        Args:
-            footing: of the tick.
-            device: the operator's foot devices, None while they are lost.
-            room_below: how far the body may still come down for it [m].
-            falling: whether the stance leg does not hold the robot.
-        """
+        """The place [m]."""
         here = footing.sole(footing.other)
         self.rate = _AT_REST
         if not footing.mode.single:
@@ -91,10 +80,6 @@ class FootTarget:
         """Whether the foot is to stand on the ground and has not got lower for a while.
 
         Then its leg is at its end, and the one that stands folds no deeper than that.
-
-        Args:
-            footing: of the tick.
-            sent: height where it is sent [m].
         """
         height = float(footing.sole(footing.other)[2])
         if sent > min(height - _HANGS, footing.highest_ground) or not footing.has_left:
@@ -162,9 +147,6 @@ class FootVelocity:
 
     With (17c) alone the foot is behind a device that moves by 1 / k_v: where its velocity is known,
     that is added.
-
-    Args:
-        parameters: gains, speeds and times.
     """
 
     def __init__(self, parameters: TeleopParameters) -> None:
@@ -184,14 +166,7 @@ class FootVelocity:
         *,
         hurry: bool = False,
     ) -> Float64[np.ndarray, "3"]:
-        """The velocity [m/s].
-
-        Args:
-            footing: of the tick.
-            target: where the foot is sent [m].
-            rate: how fast that moves [m/s].
-            hurry: whether it has to be down as soon as it can.
-        """
+        """The velocity [m/s]."""
         p = self._parameters
         gap = target - footing.sole(footing.other)
         x, y, z = saturate(p.v_lim, p.k_v * gap + rate).tolist()

@@ -30,11 +30,7 @@ _LEVEL = np.eye(3)
 
 
 class LiftDetector:
-    """Rising edge of a device's height, with hysteresis.
-
-    Args:
-        parameters: lift and lower heights.
-    """
+    """Rising edge of a device's height, with hysteresis."""
 
     def __init__(self, parameters: TeleopParameters) -> None:
         self._lift, self._lower = parameters.lift_height, parameters.lower_height
@@ -66,9 +62,6 @@ class LiftDetector:
 class LandingDetector:
     """Touchdown of the swing foot, once it has been without load for a while.
 
-    Args:
-        parameters: loads and time.
-
     Attributes:
         armed: whether the foot has left the ground.
     """
@@ -83,13 +76,7 @@ class LandingDetector:
         self._unloaded, self._since, self.armed = 0.0, 0.0, False
 
     def update(self, load: float, *, lifting: bool) -> bool:
-        """Take one tick.
-
-        Args:
-            load: on the foot, over the weight.
-            lifting: whether the foot is sent upwards: one that scrapes over the ground while it is
-                lifted has not landed.
-        """
+        """Take one tick."""
         self._since += self._dt
         if not self.armed:
             self._unloaded = self._unloaded + self._dt if load < self._unload else 0.0
@@ -99,11 +86,7 @@ class LandingDetector:
 
 
 class DeviceEvents:
-    """The events (14) of two foot devices, and those that the paper leaves open.
-
-    Args:
-        parameters: distances, loads and times.
-    """
+    """The events (14) of two foot devices, and those that the paper leaves open."""
 
     def __init__(self, parameters: TeleopParameters) -> None:
         self._parameters = parameters
@@ -121,13 +104,7 @@ class DeviceEvents:
     def update(
         self, command: OperatorSample | None, held: tuple[bool, bool], footing: Footing
     ) -> None:
-        """Take one tick.
-
-        Args:
-            command: of the operator's foot devices, None while they are lost.
-            held: whether the left and the right one hold their feet.
-            footing: of the tick.
-        """
+        """Take one tick."""
         self._command, self._held, self._footing = command, held, footing
 
     def stand(self) -> None:
@@ -152,12 +129,7 @@ class DeviceEvents:
         return 1 if right else None
 
     def end_of_shift(self, foot: int, since: float) -> StepEnd | None:
-        """Return why a foot that is about to be lifted stays on the ground; None to go on.
-
-        Args:
-            foot: 0 left, 1 right.
-            since: how long the weight shift has lasted [s].
-        """
+        """Return why a foot that is about to be lifted stays on the ground; None to go on."""
         if since > self._parameters.shift_timeout:
             return self._end(StepEnd.LATE, foot)
         return self._end(StepEnd.LOWERED, foot) if self._is_lowered(foot) else None
@@ -168,13 +140,7 @@ class DeviceEvents:
         self._landing.reset()
 
     def end_of_swing(self, foot: int, load: float, *, rescuing: bool = False) -> StepEnd | None:
-        """Return how the swing has ended; None while it goes on.
-
-        Args:
-            foot: 0 left, 1 right.
-            load: on the foot, over the weight.
-            rescuing: whether the foot is put down whatever the operator commands.
-        """
+        """Return how the swing has ended; None while it goes on."""
         landed = self._landing.update(load, lifting=not rescuing and self._is_sent_up(foot))
         has_left = self._landing.armed
         if has_left and not landed:
@@ -207,10 +173,6 @@ class DeviceEvents:
 class FootDevices(DeviceEvents):
     """Swing foot by an operator's device, within reach: a `FootMotion` of the stepping engine.
 
-    Args:
-        reach: of the legs.
-        parameters: of the teleoperation.
-
     Attributes:
         sent: where the swing foot is sent [m].
         turns: commanded yaw of the left and of the right foot [rad].
@@ -232,12 +194,7 @@ class FootDevices(DeviceEvents):
             self._yaw = self._footing.yaw(foot)
 
     def move(self, flight: HeldFlight, dt: float) -> None:
-        """Move the swing foot to where its device is, never far ahead of one that cannot follow.
-
-        Args:
-            flight: of the foot.
-            dt: of the tick [s].
-        """
+        """Move the swing foot to where its device is, never far ahead of one that cannot follow."""
         footing, foot = self._footing, flight.foot
         if footing is None or footing.mode.support != 1 - foot or not footing.mode.single:
             # The tick of lift-off.

@@ -91,14 +91,6 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
     - `v_lim`, `press_depth`, `clear_height`, `step_max` and `lift_max` keep their ratio to the
       COM's height; so do `lift_speed`, `lift_acceleration` and `lower_speed`, by which body and
       feet go up and down in the time that an operator gives them on any robot.
-
-    Args:
-        robot: a biped.
-        height: of the COM above the soles [m].
-        stance: distance of the soles, side by side [m].
-
-    Raises:
-        ConfigurationError: a sole smaller than what lifting a foot needs, or no soles.
     """
     if len(robot.soles) < 2:
         raise ConfigurationError(
@@ -138,13 +130,7 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
 
 
 def for_torques(robot: Robot, parameters: TeleopParameters, height: float) -> TeleopParameters:
-    """The same parameters where torques are commanded.
-
-    Args:
-        robot: a biped.
-        parameters: of its own, for velocities.
-        height: of the COM above the soles [m].
-    """
+    """The same parameters where torques are commanded."""
     omega, margin = natural_frequency(height), parameters.support_margin
     narrow = single_support_region(robot, omega, margin).narrow
     farthest, highest = (_NARROW_STEP, _NARROW_LIFT) if narrow else (1.0, 1.0)

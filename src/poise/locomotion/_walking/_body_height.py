@@ -41,15 +41,7 @@ class BodyGoal(NamedTuple):
 
 
 class BodyHeight:
-    """What the next stand asks of the body.
-
-    Args:
-        sense: where the COM is.
-        stand: how the robot stands at the beginning.
-        span: of its legs.
-        gait: timing of its steps.
-        height: of the COM over the lower foot while it walks [m].
-    """
+    """What the next stand asks of the body."""
 
     def __init__(
         self, sense: WalkSense, stand: Stand, span: LegSpan, gait: Gait, height: float
@@ -67,16 +59,7 @@ class BodyHeight:
         offset: float = 0.0,
         lowest: float = LOWEST,
     ) -> BodyGoal:
-        """Return where the body goes.
-
-        Args:
-            stance: where the feet stand.
-            flight: of the swing foot; None in double support.
-            now: height of the body's reference [m].
-            slow: whether it takes its time: before the first step, and while feet are held.
-            offset: height asked for, over that of the walk [m].
-            lowest: least height for a leg to reach its foot, over that of the walk.
-        """
+        """Return where the body goes."""
         left, right = stance.feet
         low, yaw, time = min(left.position[2], right.position[2]), stance.heading, 0.0
         feet = [left, right]
@@ -96,14 +79,7 @@ class BodyHeight:
         return BodyGoal(height, yaw, max(time, self._gait.shift_time) if slow else time)
 
     def _reached(self, feet: list[Placement], height: float, yaw: float, time: float) -> float:
-        """Return the height of the CoM in the world at which both legs will reach their feet [m].
-
-        Args:
-            feet: where they stand then.
-            height: asked for [m].
-            yaw: of the body then [rad].
-            time: until then [s].
-        """
+        """Return the height of the CoM in the world at which both legs will reach their feet [m]."""
         (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
         x, y = x + time * vx, y + time * vy
         for foot, place in enumerate(feet):

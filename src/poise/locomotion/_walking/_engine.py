@@ -32,10 +32,6 @@ class SteppingEngine:
     from a `FootMotion`. The engine keeps the mode, moves the DCM reference with it, corrects it by
     one feedback, and makes capture steps once the feet do not hold the DCM.
 
-    Args:
-        stack: bound to the robot.
-        make: makes the parts; called again by `reset`.
-
     Attributes:
         commands: footholds and velocities that are asked for.
         status: state of the walk.
@@ -64,11 +60,7 @@ class SteppingEngine:
     # Intent ---------------------------------------------------------------------------------------
 
     def hold(self, motion: FootMotion | None) -> None:
-        """Let somebody lift and hold feet, or nobody: a foot that is held makes a capture step.
-
-        Args:
-            motion: of the feet.
-        """
+        """Let somebody lift and hold feet, or nobody: a foot that is held makes a capture step."""
         self._steps.motion = motion
 
     # State ----------------------------------------------------------------------------------------
@@ -113,11 +105,7 @@ class SteppingEngine:
     # A tick ---------------------------------------------------------------------------------------
 
     def lead(self, state: RobotState) -> None:
-        """Set what the next tick should do; a state that is not finite is passed over.
-
-        Args:
-            state: of the robot.
-        """
+        """Set what the next tick should do; a state that is not finite is passed over."""
         if not _is_finite(state):
             return
         parts, steps = self.parts, self._steps

@@ -39,10 +39,6 @@ class DcmFeedback:
     Divergent Component of Motion") have it; the error dies out with the rate k while the ZMP is
     free.
 
-    Args:
-        omega: natural frequency of the COM over the ground [1/s].
-        gain: k [1/s].
-
     Attributes:
         error: of the divergent component, xi - xi_ref [m].
         zmp: r [m].
@@ -60,11 +56,7 @@ class DcmFeedback:
         self.error, self._offset, self._continues_from = np.zeros(2), (0.0, 0.0), None
 
     def continue_from(self, zmp: Vector2) -> None:
-        """Begin the next tick at a ZMP and fade into the feedback's own: a bumpless transfer.
-
-        Args:
-            zmp: as asked for last [m].
-        """
+        """Begin the next tick at a ZMP and fade into the feedback's own: a bumpless transfer."""
         self._continues_from = zmp
 
     def acceleration(
@@ -75,15 +67,7 @@ class DcmFeedback:
         support: ZmpRegion,
         dt: float = 0.0,
     ) -> Vector2:
-        """The COM's horizontal acceleration [m/s^2].
-
-        Args:
-            com: as measured [m].
-            velocity: as measured [m/s].
-            reference: position [m], velocity [m/s] and acceleration [m/s^2] of the COM, a row each.
-            support: where the ZMP can be.
-            dt: length of the tick, by which what it goes on from fades [s].
-        """
+        """The COM's horizontal acceleration [m/s^2]."""
         w = self.omega
         (px, py), (rx, ry), (sx, sy) = reference.tolist()
         (cx, cy), (vx, vy) = com.tolist(), velocity.tolist()

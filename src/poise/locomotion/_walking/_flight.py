@@ -44,17 +44,6 @@ class Flight:
     A foot that meets no ground when it is due goes on down, faster than it would have landed, and
     its foothold moves on with the divergent component: what is late lands farther away.
 
-    Args:
-        foot: 0 for the left one, 1 for the right one.
-        sense: where it is.
-        goal: where it should come down.
-        shape: of its swing.
-        planner: chooses place and time.
-        commands: know where the ground carries it.
-        settings: of touchdown.
-        swung: for how long a foot that is in the air already counts as swung, which comes down
-            from where it is [s]; None for one that is lifted now.
-
     Attributes:
         foot: which.
         goal: where it should come down.
@@ -90,13 +79,7 @@ class Flight:
             self.swing.elapsed = RISE * self.swing.duration
 
     def aim(self, lifted: Lifted, pendulum: Pendulum, dt: float) -> None:
-        """Chooses place and time of touchdown.
-
-        Args:
-            lifted: the foot.
-            pendulum: what the next footholds ask for.
-            dt: since the last choice, which it stays near to [s].
-        """
+        """Chooses place and time of touchdown."""
         late = self.left == 0.0
         if self._lands or (self.left <= _FINAL and not late):
             return
@@ -147,9 +130,6 @@ class Flight:
 
         A toe that came down beside an edge would be pressed against it by its way ahead, and
         friction would hold it down all the more.
-
-        Args:
-            state: of the robot.
         """
         x, y, up = self._sense.felt(state, self.foot).tolist()
         aside = math.hypot(x, y)
@@ -158,11 +138,7 @@ class Flight:
             self.swing.rise_at(place[0] + _BACK * x / aside, place[1] + _BACK * y / aside)
 
     def advance(self, dt: float) -> None:
-        """Moves the foot on.
-
-        Args:
-            dt: of the tick [s].
-        """
+        """Moves the foot on."""
         swing = self.swing
         before_ground = 1.0 - self._sinking - swing.phase
         if self.left > 0.0 and before_ground > 0.0:
@@ -176,10 +152,6 @@ class Flight:
 
 class HeldFlight:
     """From lift-off to touchdown of a foot that follows somebody's motion.
-
-    Args:
-        foot: 0 for the left one, 1 for the right one.
-        sense: where it is.
 
     Attributes:
         foot: which.
@@ -195,14 +167,7 @@ class HeldFlight:
         self.goal = sense.placement(foot)
 
     def move(self, position: Vector3, velocity: Vector3, rotation: Rotation, yaw: float) -> None:
-        """Set the pose.
-
-        Args:
-            position: of the sole [m].
-            velocity: of the sole [m/s].
-            rotation: world_R_sole.
-            yaw: its heading [rad].
-        """
+        """Set the pose."""
         self.swing.position, self.swing.rotation = position, rotation
         self.swing.velocity[:3] = velocity
         x, y, z = position.tolist()

@@ -20,13 +20,6 @@ class MeasuredPendulum:
     So is the velocity of the foot in the air: one that lags behind its plan, or drags along the
     ground, has not the momentum that was planned. At 1 m/s of lag C would seem to be 2 cm
     elsewhere on G1, and the ZMP would be sent to an edge for that.
-
-    Args:
-        legs: the pendulum.
-        rise: see `LegRatios.rise`.
-        sense: COM and soles.
-        stance: where the feet stand.
-        body: where the body heads.
     """
 
     def __init__(
@@ -36,11 +29,7 @@ class MeasuredPendulum:
         self._sense, self._stance, self._body = sense, stance, body
 
     def feet(self, flight: Flight | HeldFlight | None) -> tuple[FeetAt, FeetAt, FeetAt]:
-        """Positions [m], velocities [m/s] and accelerations [m/s^2] of both feet.
-
-        Args:
-            flight: of the foot in the air; None where both stand.
-        """
+        """Positions [m], velocities [m/s] and accelerations [m/s^2] of both feet."""
         still = (0.0, 0.0)
         rows = [[place.position[:2], still, still] for place in self._stance.feet]
         if flight is not None:
@@ -76,11 +65,6 @@ class MeasuredPendulum:
         return x + vx / self._legs.omega, y + vy / self._legs.omega
 
     def depth(self, flight: Flight | HeldFlight | None, support: SupportPolygon) -> float:
-        """Return the depth of the DCM inside a region of the ZMP, negative outside [m].
-
-        Args:
-            flight: of the swing foot; None in double support.
-            support: the region.
-        """
+        """Return the depth of the DCM inside a region of the ZMP, negative outside [m]."""
         feet, _, _ = self.feet(flight)
         return support.depth(self._legs.parted(self.xi(flight), feet))

@@ -88,12 +88,7 @@ class StepMachine:
     since: float = 0.0
 
     def advance(self, event: ModeEvent, time: float) -> bool:
-        """Take an event; return whether the mode changed.
-
-        Args:
-            event: what happened.
-            time: when [s].
-        """
+        """Take an event; return whether the mode changed."""
         after = TRANSITIONS.get((self.mode, event))
         if after is None:
             return False
@@ -101,23 +96,12 @@ class StepMachine:
         return True
 
     def stand(self, time: float) -> None:
-        """Begin double support, whatever the mode.
-
-        Args:
-            time: now [s].
-        """
+        """Begin double support, whatever the mode."""
         self.mode, self.since = Mode.D, time
 
 
 def draw_modes(fmt: str = "mermaid") -> str:
-    """The diagram as text that documentation tools draw.
-
-    Args:
-        fmt: "mermaid" or "dot".
-
-    Raises:
-        ConfigurationError: another format.
-    """
+    """The diagram as text that documentation tools draw."""
     edges = [(a.name, b.name, event.value) for (a, event), b in TRANSITIONS.items()]
     if fmt == "mermaid":
         return "\n".join(["stateDiagram-v2", *(f"    {a} --> {b}: {e}" for a, b, e in edges)])

@@ -87,23 +87,7 @@ def make_parts(
     ground: Ground,
     carry: Sequence[str] | None,
 ) -> WalkParts:
-    """The parts of a walk, for one robot and stack.
-
-    Args:
-        robot: on two soles.
-        stack: bound to the robot.
-        stand: how it stands; the plan, if it walks along one.
-        gait: timing and shape of a step.
-        settings: feedback and touchdown.
-        limits: of velocities.
-        ground: what it walks on.
-        carry: names of frame tasks that go along with the body; all that are on no sole when None.
-
-    Raises:
-        ConfigurationError: the stack lacks something, a leg does not reach where the plan wants
-            it, or feet as far apart as the gait says touch or are out of reach.
-        UnknownNameError: no such frame task to carry.
-    """
+    """The parts of a walk, for one robot and stack."""
     height = stand.com[2] - stand.middle[2] - gait.crouch
     ratios = leg_ratios(robot, stand.q, stand.soles)
     legs = LegMomentum(ratios.ahead, natural_frequency(height))

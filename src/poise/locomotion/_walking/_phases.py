@@ -58,12 +58,7 @@ class FootMotion(Protocol):
         ...
 
     def end_of_shift(self, foot: int, since: float) -> StepEnd | None:
-        """Return why a foot that is about to be lifted stays on the ground; None to go on.
-
-        Args:
-            foot: 0 left, 1 right.
-            since: how long the weight shift has lasted [s].
-        """
+        """Return why a foot that is about to be lifted stays on the ground; None to go on."""
         ...
 
     def take_off(self, foot: int) -> None:
@@ -71,21 +66,11 @@ class FootMotion(Protocol):
         ...
 
     def end_of_swing(self, foot: int, load: float) -> StepEnd | None:
-        """Return how the swing has ended; None while it goes on.
-
-        Args:
-            foot: 0 left, 1 right.
-            load: on the foot, over the weight.
-        """
+        """Return how the swing has ended; None while it goes on."""
         ...
 
     def move(self, flight: HeldFlight, dt: float) -> None:
-        """Move the swing foot, by `HeldFlight.move`.
-
-        Args:
-            flight: of the foot.
-            dt: of the tick [s].
-        """
+        """Move the swing foot, by `HeldFlight.move`."""
         ...
 
 
@@ -95,9 +80,6 @@ class StepPhases:
     A step is timed, along footholds of `StepCommands`, or held by a `FootMotion`. Whoever leads,
     once the feet do not hold the DCM the swing foot, or the better one of two, makes a capture
     step, and timed steps go on until both feet hold it again.
-
-    Args:
-        parts: of the walk.
 
     Attributes:
         foot: swing foot, now, next or last; 0 for the left one.
@@ -149,11 +131,7 @@ class StepPhases:
         self._left = self._gait.shift_time
 
     def put_down(self, foot: int) -> None:
-        """Make a capture step with a foot in the air, whoever lifted it.
-
-        Args:
-            foot: 0 for the left one, 1 for the right one.
-        """
+        """Make a capture step with a foot in the air, whoever lifted it."""
         if self.held:
             self.held, self.ended = False, StepEnd.OVERRULED
         # On its way to be side by side it would cost time, and its leg momentum.
@@ -171,11 +149,7 @@ class StepPhases:
             self._give_back(StepEnd.OVERRULED)
 
     def catch(self, foot: int) -> None:
-        """Make a capture step with a foot that should stand, and hangs, unless it is lifted now.
-
-        Args:
-            foot: 0 for the left one, 1 for the right one.
-        """
+        """Make a capture step with a foot that should stand, and hangs, unless it is lifted now."""
         if self.mode.single or (self._released and foot == self.foot and self.mode is not Mode.D):
             return
         self._landed = None
@@ -185,12 +159,7 @@ class StepPhases:
     # A tick ---------------------------------------------------------------------------------------
 
     def advance(self, state: RobotState, dt: float) -> None:
-        """Go on by a tick.
-
-        Args:
-            state: of the robot.
-            dt: of the tick [s].
-        """
+        """Go on by a tick."""
         self._time = state.time
         if self.mode is Mode.D:
             self._stand(dt)
@@ -204,11 +173,7 @@ class StepPhases:
             self._confirm(self._landed, state, dt)
 
     def announce(self, limit: BalanceLimit) -> None:
-        """Announce the next foothold to a balance limit.
-
-        Args:
-            limit: of the stack.
-        """
+        """Announce the next foothold to a balance limit."""
         if self.held:
             stance = 1 - self.foot
             caught = self._region.caught(stance, *self._sense.sole(stance))
@@ -255,11 +220,7 @@ class StepPhases:
         return self._stance.closed(self._parts.room.width)
 
     def is_held(self, margin: float = 0.0) -> bool:
-        """Return whether the feet as they stand can bring the DCM to rest.
-
-        Args:
-            margin: distance inside the soles' edges, and the margin of the ZMP [m].
-        """
+        """Return whether the feet as they stand can bring the DCM to rest."""
         return self._pendulum.depth(self.flight, self._holding(self._region.held)) >= margin
 
     @property

@@ -30,14 +30,6 @@ class SwingFoot:
     at the apex and at the goal. Along the ground it is one too, planned anew each tick for the time
     that is left, so that the goal may move while the foot is in the air. A foot that has found no
     ground goes on down slowly.
-
-    Args:
-        position: of the sole at lift-off [m].
-        rotation: world_R_sole at lift-off.
-        goal: where it should come down.
-        shape: of the trajectory.
-        duration: of the swing [s].
-        search_depth: how far below the goal it looks for the ground [m].
     """
 
     def __init__(
@@ -91,33 +83,19 @@ class SwingFoot:
         self._search = float(self.position[2]), 0.0
 
     def rise_at(self, x: float, y: float) -> None:
-        """Goes straight up at a place before it goes on along the ground.
-
-        Args:
-            x: in the world [m].
-            y: likewise [m].
-        """
+        """Goes straight up at a place before it goes on along the ground."""
         self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
         self._clears = self._lift_off_height + _CLEAR
 
     def retime(self, left: float) -> None:
-        """The foot is due in another time from now on; its phase stays what it is.
-
-        Args:
-            left: until touchdown [s]; a foot that is due already goes on as it does.
-        """
+        """The foot is due in another time from now on; its phase stays what it is."""
         phase = self.phase
         if phase < 1.0 and left > 0.0:
             self.duration = left / (1.0 - phase)
             self.elapsed = phase * self.duration
 
     def advance(self, dt: float, shift: Float64[np.ndarray, "2"]) -> None:
-        """Moves on.
-
-        Args:
-            dt: since the last call [s].
-            shift: of the goal, along the world's x and y [m].
-        """
+        """Moves on."""
         left = self._shape.arrive * self.duration - self.elapsed
         self.elapsed += dt
         clears = self.phase >= RISE or self.position[2] >= self._clears
@@ -161,10 +139,6 @@ class SwingFoot:
 
 class HeldSwing:
     """Pose of a swing foot that somebody holds, with rates; set anew in each tick.
-
-    Args:
-        position: of the sole at lift-off [m].
-        rotation: world_R_sole at lift-off.
 
     Attributes:
         position: of the sole [m].

@@ -58,17 +58,7 @@ _HIGHER = 1.6
 
 
 class TorqueLevel(Level):
-    """Feet by the operator's devices, or by the engine where it walks or catches the robot.
-
-    Args:
-        biped: the robot.
-        parameters: of the teleoperation.
-        reach: of the legs.
-        estimator: of the state.
-        limbs: tasks of arms and neck.
-        solved_by: name of the controller of torques.
-        q_start: configuration at the start.
-    """
+    """Feet by the operator's devices, or by the engine where it walks or catches the robot."""
 
     def __init__(
         self,
@@ -113,23 +103,11 @@ class TorqueLevel(Level):
         return self._tasks.stack
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
-        """Return the controller of the stack.
-
-        Args:
-            dynamics: of the estimated state.
-            time_limit: cap of one solve, None for none [s].
-
-        Raises:
-            ConfigurationError: the controller takes none.
-        """
+        """Return the controller of the stack."""
         return self._tasks.controller(dynamics, time_limit)
 
     def reset(self, sensor: ZmpSensor) -> None:
-        """Stand on both feet as at the start.
-
-        Args:
-            sensor: of the soles.
-        """
+        """Stand on both feet as at the start."""
         self._sensor = sensor
         self._engine.reset()
         self._tasks.reset()
@@ -140,12 +118,7 @@ class TorqueLevel(Level):
         self._closing: float | None = None
 
     def lead(self, state: RobotState, operator: OperatorTick) -> LevelTick:
-        """Set the stack for a tick.
-
-        Args:
-            state: estimated.
-            operator: command of the tick.
-        """
+        """Set the stack for a tick."""
         engine, devices, guard = self._engine, self._devices, operator.guard
         devices.update(operator.command, guard.held, self._footing())
         devices.turns = operator.turns

@@ -99,12 +99,6 @@ class TorqueTasks:
     One that has just landed may be pressed at a corner, where friction holds no yaw moment: their
     cones are exact.
 
-    Args:
-        biped: the robot.
-        dt: length of a tick [s].
-        limbs: of the joints of arms and neck, which somebody else leads.
-        solved_by: name of the controller that solves the stack.
-
     Attributes:
         stack: to be solved for torques.
     """
@@ -158,26 +152,12 @@ class TorqueTasks:
             contact.engage(0.0)
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
-        """Solves the stack for torques.
-
-        Args:
-            dynamics: of the estimated state.
-            time_limit: cap of one solve, None for none [s].
-
-        Raises:
-            ConfigurationError: the controller takes none.
-        """
+        """Solves the stack for torques."""
         plan = ControllerPlan(name=self._solved_by, time_limit=time_limit)
         return make_controller(self._robot, self.stack, plan, dynamics=dynamics)
 
     def lead(self, footing: Footing, torso: tuple[float, float, float], *, upright: bool) -> None:
-        """Set trunk and contacts for a tick in which the operator leads the feet.
-
-        Args:
-            footing: of the tick.
-            torso: roll, pitch and yaw against upright and facing as the feet do [rad].
-            upright: whether the operator asks for an upright torso.
-        """
+        """Set trunk and contacts for a tick in which the operator leads the feet."""
         self._keep_inside(_MARGIN)
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
         self._com.set_weight(_eased_balance(self._eased))
@@ -190,12 +170,7 @@ class TorqueTasks:
         self._turn_trunk(footing, torso, weight=(weight, weight, _FACING), learns=True)
 
     def accompany(self, footing: Footing, *, walks: bool) -> None:
-        """Keep the trunk upright in a tick in which the robot steps by itself.
-
-        Args:
-            footing: of the tick.
-            walks: whether it walks, and not only catches itself.
-        """
+        """Keep the trunk upright in a tick in which the robot steps by itself."""
         self._keep_inside(_CAUGHT_MARGIN)
         self._eased = 0.0
         self._com.set_weight(_CATCHING)

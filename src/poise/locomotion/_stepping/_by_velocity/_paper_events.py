@@ -12,9 +12,6 @@ from poise.locomotion._walking import LIFT, Mode, ModeEvent, StepEnd, StepMachin
 class PaperEvents:
     """Keep the mode by devices and loads.
 
-    Args:
-        parameters: distances, loads and times.
-
     Attributes:
         ended: end of the last step; None while one goes on, and before the first.
     """
@@ -44,16 +41,7 @@ class PaperEvents:
         *,
         rescuing: bool,
     ) -> bool:
-        """Move the mode on if something happened; return whether it did.
-
-        Args:
-            command: of the operator's foot devices, None while they are lost.
-            held: whether the left and the right one hold their feet.
-            footing: of the tick.
-            com: motion of the CoM.
-            time: now [s].
-            rescuing: whether the swing foot is put down whatever the operator commands.
-        """
+        """Move the mode on if something happened; return whether it did."""
         devices, machine, mode = self._devices, self._machine, self.mode
         devices.update(command, held, footing)
         if mode.support is None:

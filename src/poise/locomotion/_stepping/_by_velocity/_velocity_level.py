@@ -29,18 +29,7 @@ from poise.stack import JointTask, Stack
 
 
 class VelocityLevel(Level):
-    """Events (14), references (15), CoM shifter (37), body rotator (39) and P controllers (17).
-
-    Args:
-        biped: the robot.
-        parameters: of the teleoperation.
-        reach: of the legs.
-        estimator: of the state.
-        limbs: tasks of arms and neck.
-        driver: moves the CoM.
-        height: of the CoM at the start [m].
-        rotator: whether the body rotator acts.
-    """
+    """Events (14), references (15), CoM shifter (37), body rotator (39) and P controllers (17)."""
 
     def __init__(
         self,
@@ -68,23 +57,11 @@ class VelocityLevel(Level):
         return self._tasks.stack
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
-        """Return the controller of the stack.
-
-        Args:
-            dynamics: of the estimated state.
-            time_limit: cap of one solve, None for none [s].
-
-        Raises:
-            ConfigurationError: the controller takes none.
-        """
+        """Return the controller of the stack."""
         return self._tasks.controller(dynamics, time_limit)
 
     def reset(self, sensor: ZmpSensor) -> None:
-        """Stand on both feet as at the start.
-
-        Args:
-            sensor: of the soles.
-        """
+        """Stand on both feet as at the start."""
         biped, p = self._biped, self._parameters
         self._sensor = sensor
         self._tasks.reset()
@@ -96,12 +73,7 @@ class VelocityLevel(Level):
         self._height = ComHeight(self._com_height, self._reach, p)
 
     def lead(self, state: RobotState, operator: OperatorTick) -> LevelTick:
-        """Set the stack for a tick.
-
-        Args:
-            state: estimated.
-            operator: command of the tick.
-        """
+        """Set the stack for a tick."""
         dynamics, com = self._estimator.dynamics, self._com
         com.observe(dynamics.com_velocity[:2])
         self._move_mode(operator, state.time)

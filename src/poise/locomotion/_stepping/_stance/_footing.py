@@ -27,12 +27,6 @@ _LOAD_RATIO = 1.2
 class StanceChoice:
     """Keeps the estimator's stance and the feet's places up to date.
 
-    Args:
-        estimator: whose.
-        sensor: says what the feet carry.
-        parameters: loads and speeds.
-        weight: of the robot [N].
-
     Attributes:
         pressed: how far below its place the foot is sent that carries nothing [m].
     """
@@ -50,12 +44,7 @@ class StanceChoice:
         self._pressing, self.pressed = False, 0.0
 
     def begin(self, before: Mode, mode: Mode) -> None:
-        """A mode has begun: a foot that has landed has a new place, one that is lifted no weight.
-
-        Args:
-            before: the mode that has ended.
-            mode: the one that has begun.
-        """
+        """A mode has begun: a foot that has landed has a new place, one that is lifted no weight."""
         estimator = self._estimator
         if mode is Mode.D and before.single:
             estimator.put_down(1 - estimator.stance)
@@ -63,11 +52,7 @@ class StanceChoice:
             estimator.stand_on(mode.support)
 
     def follow(self, mode: Mode) -> None:
-        """Each tick with both feet on the ground: the one that carries more is the stance.
-
-        Args:
-            mode: now.
-        """
+        """Each tick with both feet on the ground: the one that carries more is the stance."""
         if mode.single:
             return
         estimator, loads = self._estimator, self._sensor.loads
@@ -216,12 +201,7 @@ class Footing:
         return self.lowest_ground if self.has_left else float(self.anchors[self.other][2])
 
     def clearance(self, ground: float, clear: float) -> float:
-        """How clear of a ground the foot that is not the stance is, from 0 on it to 1 [].
-
-        Args:
-            ground: its height [m].
-            clear: height above it from which on the foot is clear [m].
-        """
+        """How clear of a ground the foot that is not the stance is, from 0 on it to 1 []."""
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
 
 
