@@ -73,30 +73,29 @@ class MadeUp:
 def leaning(robot, foot, inwards=0.0):
     """Return a configuration whose CoM is over a sole, so far inwards of its middle [m].
 
-    Both soles lie where they do at home: hips and ankles turn sideways.
+    Both soles lie as they do at home: hips and ankles turn.
     """
-    dynamics, home = Dynamics(robot), robot.q_home
-    first, sides = robot.nq - robot.nj, ("left", "right")
+    dynamics, first = Dynamics(robot), robot.nq - robot.nj
+    goal = np.array([0.0, -inwards if foot == 0 else inwards])
 
-    def turned(angle):
-        q = home.copy()
-        for side in sides:
-            for name, way in (("hip_roll", 1.0), ("ankle_roll", -1.0)):
-                q[first + robot.joint_index(f"{side}_{name}_joint")] += way * angle
+    def turned(angles):
+        q = robot.q_home.copy()
+        for side in ("left", "right"):
+            for axis, angle in zip(("pitch", "roll"), angles, strict=True):
+                q[first + robot.joint_index(f"{side}_hip_{axis}_joint")] += angle
+                q[first + robot.joint_index(f"{side}_ankle_{axis}_joint")] -= angle
         return q
 
-    def aside(angle):
-        """Distance of the CoM from the middle of the sole, to the left [m]."""
-        dynamics.update(RobotState(turned(angle), np.zeros(robot.nv)))
-        place = dynamics.placement(robot.frame_id(list(robot.soles)[foot]))[0]
-        return float(dynamics.com[1] - place[1])
+    def miss(angles):
+        dynamics.update(RobotState(turned(angles), np.zeros(robot.nv)))
+        place, _ = dynamics.placement(robot.frame_id(list(robot.soles)[foot]))
+        return (dynamics.com - place)[:2] - goal
 
-    goal, least, most = (-inwards if foot == 0 else inwards), -0.5, 0.5
-    rising = aside(0.1) > aside(-0.1)
-    for _ in range(60):
-        middle = 0.5 * (least + most)
-        if (aside(middle) < goal) is rising:
-            least = middle
-        else:
-            most = middle
-    return turned(0.5 * (least + most))
+    angles, step = np.zeros(2), 1e-6
+    for _ in range(20):
+        slopes = [
+            (miss(angles + way) - miss(angles - way)) / (2.0 * step) for way in step * np.eye(2)
+        ]
+        angles = angles - np.linalg.solve(np.column_stack(slopes), miss(angles))
+    assert np.abs(miss(angles)).max() < 1e-9
+    return turned(angles)

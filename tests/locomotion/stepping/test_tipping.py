@@ -1,4 +1,4 @@
-"""A sole that carries alone and turns over an edge ends the operator's step; one that lies does not.
+"""A stance sole that turns over an edge ends the operator's step, and one that lies does not.
 
 States are made up: nothing is simulated.
 """

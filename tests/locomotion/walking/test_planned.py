@@ -259,7 +259,10 @@ def test_feet_as_near_as_the_robot_stands_may_walk(get_robot):
     """Of a robot that stands with less room between its feet than a step leaves."""
     robot = get_robot("humanoid33")
     width, far = stand_of(robot).width, WalkSettings(clearance=0.1)
-    assert Walker(robot, walking_stack(robot), Gait(width=width), far)._engine.parts.room.width == width
+    assert (
+        Walker(robot, walking_stack(robot), Gait(width=width), far)._engine.parts.room.width
+        == width
+    )
     with pytest.raises(ConfigurationError, match="touch each other"):
         Walker(robot, walking_stack(robot), Gait(width=width - 0.01), far)
 

@@ -228,7 +228,10 @@ def test_a_foot_that_carries_little_does_not_hang(held):
 def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
     foot = held.swing(ahead=0.2)
     assert foot == 0
-    stood, swing = held.walker._engine.parts.sense.sole(0)[0].copy(), held.walker._engine.steps.flight.swing
+    stood, swing = (
+        held.walker._engine.parts.sense.sole(0)[0].copy(),
+        held.walker._engine.steps.flight.swing,
+    )
     held.side = 0.1 * held.robot.weight
     held.until(held.time + 10 * DT)
     np.testing.assert_allclose(swing.position[:2] - stood[:2], (-0.015, 0.0), atol=1e-3)

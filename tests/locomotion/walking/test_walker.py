@@ -109,7 +109,9 @@ def test_a_robot_that_stands_at_the_very_edge_of_its_feet_steps(get_robot):
     q[:2] += 0.01, -0.03
     walker.lead(poise.RobotState(q.copy(), np.zeros(robot.nv), {}, 0.002))
     assert stance.feet[0].position[:2] == pytest.approx(walker._engine.parts.sense.sole(0)[0][:2])
-    assert stance.support.depth(tuple(walker._engine.parts.sense.com[:2])) == pytest.approx(edge, abs=1e-3)
+    assert stance.support.depth(tuple(walker._engine.parts.sense.com[:2])) == pytest.approx(
+        edge, abs=1e-3
+    )
     assert walker.lifting is None
     v, depth = np.zeros(robot.nv), edge
     while walker.lifting is None:
@@ -127,7 +129,9 @@ def test_where_no_step_catches_it_at_once_the_one_that_makes_room_goes_first(get
     robot = get_robot("humanoid33")
     walker = Walker(robot, walking_stack(robot))
     stand = walker._engine.parts.stand
-    where = walker._engine.parts.planner.better_foot(stand.start, stand.bearings, (-0.02, 0.15 * side))
+    where = walker._engine.parts.planner.better_foot(
+        stand.start, stand.bearings, (-0.02, 0.15 * side)
+    )
     assert where == foot
 
 
