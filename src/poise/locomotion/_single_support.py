@@ -92,7 +92,7 @@ class SingleSupportRegion:
         return SupportPolygon(part.corners(place, rotation, 0.0), 0.0)
 
     def caught(self, foot: int, place: Vector3, rotation: Rotation) -> list[Point] | None:
-        """Return the corners of the foothold that the swing foot offers beside a narrow sole [m]."""
+        """Return corners of the foothold that a swing foot offers beside a narrow sole [m]."""
         if not self.narrow:
             return None
         part = SolePart(0.0, _ANNOUNCED * inner_side(foot) * self.inwards, *self.sizes[foot])

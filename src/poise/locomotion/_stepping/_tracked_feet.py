@@ -124,7 +124,7 @@ class TrackedFeet:
 
 
 def rest_place(teleoperator: StepTeleoperator, foot: int) -> Vector:
-    """Return where a foot goes that nothing leads: on its place, or straight down from the air [m]."""
+    """Return the goal of a foot that nothing leads: its place, or straight down [m]."""
     estimator, mode = teleoperator.estimator, teleoperator.mode
     x, y, z = estimator.anchors[foot].tolist()
     if not mode.single or mode.support == foot:

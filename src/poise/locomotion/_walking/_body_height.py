@@ -79,7 +79,7 @@ class BodyHeight:
         return BodyGoal(height, yaw, max(time, self._gait.shift_time) if slow else time)
 
     def _reached(self, feet: list[Placement], height: float, yaw: float, time: float) -> float:
-        """Return the height of the CoM in the world at which both legs will reach their feet [m]."""
+        """Return the height of the CoM at which both legs will reach their feet [m]."""
         (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
         x, y = x + time * vx, y + time * vy
         for foot, place in enumerate(feet):

@@ -61,8 +61,8 @@ not, it leaned by half a radian for seconds, while each step was made for a robo
 
 _HELD_FOOT = 1e3
 """Weight of a swing foot that the operator leads: far below the CoM's, so that it lags where the
-balance needs its momentum, and far above trunk's and arms', so that these are spent first. With
-that of the trunk a leg is thrown up by half a metre in a push, and then not there to be put down."""
+balance needs its momentum, and far above trunk's and arms', so that these are spent first. As
+light as the trunk, a leg is thrown up by half a metre in a push, and cannot be put down then."""
 
 _CAUGHT_FOOT = (1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
 """Weight of the feet meanwhile: a foot that is late, or stumbles, costs the balance, too."""

@@ -44,7 +44,7 @@ class StanceChoice:
         self._pressing, self.pressed = False, 0.0
 
     def begin(self, before: Mode, mode: Mode) -> None:
-        """A mode has begun: a foot that has landed has a new place, one that is lifted no weight."""
+        """Place a foot that has landed, and stand on the other of one that is lifted."""
         estimator = self._estimator
         if mode is Mode.D and before.single:
             estimator.put_down(1 - estimator.stance)

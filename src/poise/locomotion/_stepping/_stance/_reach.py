@@ -179,7 +179,7 @@ class FootRange:
         hip: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
     ) -> float:
-        """How far the hip is too low for the knee of a leg that carries alone; negative for room."""
+        """Return how far the hip is too low for the knee of a stance leg; negative for room."""
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
         return self._level(foot, ahead, aside, self._strong[foot][0]) - z
 
