@@ -14,15 +14,7 @@ from poise.robots import GRAVITY
 
 
 def natural_frequency(height: float, gravity: float = GRAVITY) -> float:
-    """Omega = sqrt(g / H) [1/s].
-
-    Args:
-        height: of the table, which is the height of the COM [m].
-        gravity: [m/s^2].
-
-    Raises:
-        ConfigurationError: not positive.
-    """
+    """Omega = sqrt(g / H) [1/s]."""
     checked_number(height, "height of the table [m]", above=0.0)
     return math.sqrt(checked_number(gravity, "gravity of the table [m/s^2]", above=0.0) / height)
 
@@ -31,13 +23,6 @@ def pole_zero_damping(kp: float, omega: float) -> float:
     """k_d = k_p / omega + omega, eqs (30) and (38): cancels the slower pole against a zero.
 
     The ZMP then converges as fast as it can without overshoot.
-
-    Args:
-        kp: k_p [1/s^2].
-        omega: [1/s].
-
-    Raises:
-        ConfigurationError: k_p <= omega^2, with which the pole that is cancelled is not the slower.
     """
     if not kp > omega * omega:
         raise ConfigurationError(
@@ -145,12 +130,6 @@ class BodyRotator:
     r = 2 rhat - r_ref.
 
     It cannot act for ever: the body would turn. What uses it decides when.
-
-    Args:
-        weight: m g [N].
-
-    Raises:
-        ConfigurationError: not positive.
     """
 
     def __init__(self, weight: float) -> None:
@@ -159,11 +138,6 @@ class BodyRotator:
     def momentum_rate(
         self, reference: Float64[np.ndarray, "2"], cart_table_zmp: Float64[np.ndarray, "2"]
     ) -> Float64[np.ndarray, "2"]:
-        """Rate of the angular momentum about the COM, x and y [N m].
-
-        Args:
-            reference: of the ZMP, x and y [m].
-            cart_table_zmp: the CT-ZMP, x and y [m].
-        """
+        """Rate of the angular momentum about the COM, x and y [N m]."""
         x, y = (reference - cart_table_zmp).tolist()
         return self.weight * np.array([y, -x])

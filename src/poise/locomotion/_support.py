@@ -26,10 +26,6 @@ class SupportPolygon:
 
     Made in a control tick, of eight corners, and asked a few times: for that plain numbers are
     faster than arrays.
-
-    Args:
-        corners: of the soles that carry [m].
-        margin: how far the edge is taken inwards [m].
     """
 
     def __init__(self, corners: Sequence[Point], margin: float) -> None:
@@ -64,11 +60,7 @@ class SupportPolygon:
         return best
 
     def grown(self, by: float) -> "SupportPolygon":
-        """The same with its edge farther out.
-
-        Args:
-            by: how far [m].
-        """
+        """The same with its edge farther out."""
         grown = SupportPolygon([], 0.0)
         grown._edges = [[nx, ny, c - by] for nx, ny, c in self._edges]
         return grown
@@ -87,11 +79,7 @@ class SupportPolygon:
 
 
 def two_soles(robot: Robot) -> tuple[str, str]:
-    """Names of the left and the right sole of a robot that walks.
-
-    Raises:
-        ConfigurationError: it has no floating base, or does not stand on two soles.
-    """
+    """Names of the left and the right sole of a robot that walks."""
     if not robot.floating_base or len(robot.soles) != 2:
         raise ConfigurationError(
             f"robot {robot.name!r} cannot walk on two feet",
@@ -105,13 +93,7 @@ def two_soles(robot: Robot) -> tuple[str, str]:
 def sole_rectangle(
     position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"], size: Point
 ) -> list[Point]:
-    """Corners of a sole, seen from above [m].
-
-    Args:
-        position: of its centre [m].
-        rotation: world_R_sole.
-        size: length and width [m].
-    """
+    """Corners of a sole, seen from above [m]."""
     return _rectangle(position, rotation, size, (0.0, 0.0))
 
 
@@ -160,13 +142,7 @@ class SolePart(NamedTuple):
         rotation: Float64[np.ndarray, "3 3"],
         margin: float,
     ) -> list[Point]:
-        """Its corners, seen from above, shrunk as far as it can be [m].
-
-        Args:
-            position: of the sole's centre [m].
-            rotation: world_R_sole.
-            margin: how far inside its edges they are [m].
-        """
+        """Its corners, seen from above, shrunk as far as it can be [m]."""
         size = (max(self.length - 2.0 * margin, _THIN), max(self.width - 2.0 * margin, _THIN))
         return _rectangle(position, rotation, size, (self.x, self.y))
 
@@ -177,14 +153,7 @@ def both_soles(
     margin: float,
     parts: Sequence[SolePart | None] = (None, None),
 ) -> SupportPolygon:
-    """Where the ZMP can be on two feet.
-
-    Args:
-        placements: of their soles: centre [m] and world_R_sole.
-        sizes: their length and width [m].
-        margin: how far inside the edges it stays [m].
-        parts: what of them carries; None for all of one.
-    """
+    """Where the ZMP can be on two feet."""
     if all(part is None for part in parts):
         rows = zip(placements, sizes, strict=True)
         return SupportPolygon([c for p, size in rows for c in sole_rectangle(*p, size)], margin)
@@ -196,11 +165,7 @@ def both_soles(
 
 
 def convex_hull(points: Iterable[Point]) -> list[Point]:
-    """Andrew's monotone chain, counter-clockwise; collinear points are left out.
-
-    Args:
-        points: any number; fewer than three different ones have no hull.
-    """
+    """Andrew's monotone chain, counter-clockwise; collinear points are left out."""
     array = np.array([*points], dtype=np.float64).reshape(-1, 2)
     hull = np.empty((2 * len(array), 2))
     count = find_hull(array, len(array), hull)
@@ -211,12 +176,7 @@ def soles_outline(
     robot: Robot,
     placements: Mapping[str, tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]],
 ) -> Float64[np.ndarray, "h 2"]:
-    """Corners of what some soles span, seen from above, counter-clockwise [m].
-
-    Args:
-        robot: whose soles.
-        placements: by the names of those that stand, centre [m] and world_R_sole.
-    """
+    """Corners of what some soles span, seen from above, counter-clockwise [m]."""
     corners: list[Point] = []
     for name, placement in placements.items():
         sole = robot.soles[name]
@@ -227,16 +187,7 @@ def soles_outline(
 def signed_margin(
     points: Float64[np.ndarray, "n 2"], vertices: Float64[np.ndarray, "k 2"]
 ) -> Float64[np.ndarray, " n"]:
-    """Distance of points to the boundary of a convex polygon, positive inside [m].
-
-    Args:
-        points: the points [m].
-        vertices: corners in order around the polygon, either way round [m].
-
-    Returns:
-        Distances [m]; NaN for a NaN point, and for a polygon without corners. One or two corners
-        make a point or a line, of which everything is outside.
-    """
+    """Distance of points to the boundary of a convex polygon, positive inside [m]."""
     if len(vertices) == 0:
         return np.full(len(points), np.nan)
     edge = np.roll(vertices, -1, axis=0) - vertices  # [m]
@@ -257,17 +208,7 @@ def _find_edges(
     hull: Float64[np.ndarray, "k 2"],
     edges: Float64[np.ndarray, "n 3"],
 ) -> int:
-    """Edges of the convex hull, moved inwards.
-
-    Args:
-        points: corners, overwritten [m].
-        margin: how far [m].
-        hull: room for twice as many.
-        edges: receives inward unit normal and offset of each.
-
-    Returns:
-        How many there are.
-    """
+    """Edges of the convex hull, moved inwards."""
     count = find_hull(points, len(points), hull)
     for i in range(count):
         a, b = hull[i], hull[(i + 1) % count]

@@ -26,7 +26,7 @@ from poise.locomotion import (
     TrackedPose,
     VelocityLimits,
 )
-from poise.locomotion._stepping._by_torque import _torque_tasks as torque_tasks
+from poise.locomotion._stepping import FOOT_TURNS
 from poise.locomotion._stepping._stance import _lean as lean
 
 DT = 0.005
@@ -381,7 +381,7 @@ def test_limits_of_the_body_are_the_robots(get_robot, actuation):
     assert limits.height[0] == pytest.approx(-teleoperator.parameters.stoop_max * 0.765, rel=0.01)
     turned = actuation == "torque"
     assert limits.torso == (lean.TORSO_MOST if turned else (0.0, 0.0, 0.0))
-    assert limits.turns == (torque_tasks.FOOT_TURNS if turned else (0.0, 0.0))
+    assert limits.turns == (FOOT_TURNS if turned else (0.0, 0.0))
 
 
 class VirtualPad:

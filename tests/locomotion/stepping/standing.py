@@ -6,6 +6,7 @@ import numpy as np
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, TeleopParameters
+from poise.locomotion._single_support import SingleSupportRegion
 from poise.locomotion._stepping._stance._biped import biped_of
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._stance._footing import Footing
@@ -54,7 +55,11 @@ def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0
         stance=0,
         anchors=ours.anchors,
         omega=float(np.sqrt(9.81 / height)),
-        margin=PARAMETERS.support_margin,
+        region=SingleSupportRegion(
+            sizes=biped(robot).sizes,
+            margin=PARAMETERS.support_margin,
+            arrived=PARAMETERS.capture_max,
+        ),
         sensor=loaded if loaded is not None else sensor(robot, 320.0, 320.0),
     )
 

@@ -58,7 +58,7 @@ def test_a_torso_that_is_turned_on_its_waist_turns_no_heading(get_robot):
     q, waist = robot.q_home.copy(), ("waist_yaw_joint", "waist_pitch_joint")
     q[robot.nq - robot.nj + np.array([robot.joint_index(name) for name in waist])] = 1.0, 0.4
     teleoperator.estimator.dynamics.update(RobotState(q, np.zeros(robot.nv)))
-    now = teleoperator._footing()
+    now = teleoperator._level._footing()
     np.testing.assert_allclose(now.heading, (1.0, 0.0), atol=1e-9)
     assert now.tilt == pytest.approx(0.4, abs=0.01)
 
@@ -92,7 +92,9 @@ def test_over_a_knee_that_is_weak_the_com_comes_down_less(get_robot):
     room = {}
     for name in ("romeo", "human", "humanoid33"):
         teleoperator = StepTeleoperator(get_robot(name))
-        room[name], _ = teleoperator._height.room(teleoperator._footing())
+        state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
+        teleoperator.lead(state)
+        room[name] = teleoperator._level._devices.room_below
     assert 0.0 < room["romeo"] < 0.01
     assert 0.01 < room["human"] < 0.1
     assert room["humanoid33"] > 0.1

@@ -10,7 +10,7 @@ from walker import sample
 
 from poise.errors import ConfigurationError
 from poise.locomotion import DeviceStatus, TeleopParameters
-from poise.locomotion._stepping._mode_events import LandingDetector, LiftDetector
+from poise.locomotion._stepping._foot_devices import LandingDetector, LiftDetector
 from poise.locomotion._stepping._operator._guard import OperatorGuard
 
 SOLES = (np.array([0.0, 0.135, 0.0]), np.array([0.0, -0.135, 0.0]))
@@ -377,18 +377,18 @@ def test_a_device_that_rests_a_little_above_a_foot_that_has_settled_is_not_up(re
 
 
 def test_landing_is_armed_by_a_foot_without_load():
-    landing = LandingDetector(TeleopParameters(), 640.0)
-    assert not any(landing.update(300.0, lifting=False) for _ in range(50))
+    landing = LandingDetector(TeleopParameters())
+    assert not any(landing.update(0.47, lifting=False) for _ in range(50))
     assert not any(landing.update(0.0, lifting=False) for _ in range(10))
-    assert landing.update(40.0, lifting=False)
+    assert landing.update(0.0625, lifting=False)
 
 
 def test_a_foot_that_scrapes_while_it_is_lifted_has_not_landed():
-    landing = LandingDetector(TeleopParameters(), 640.0)
+    landing = LandingDetector(TeleopParameters())
     for _ in range(10):
         landing.update(0.0, lifting=True)
-    assert not landing.update(100.0, lifting=True)
-    assert landing.update(100.0, lifting=False)
+    assert not landing.update(0.156, lifting=True)
+    assert landing.update(0.156, lifting=False)
 
 
 def test_a_source_that_is_frozen_is_lost_and_makes_nobody_walk():

@@ -8,12 +8,7 @@ from walker import up_and_down, walk
 from poise.apps.teleoperation import MODES
 from poise.errors import ConfigurationError
 from poise.locomotion import Mode
-from poise.locomotion._stepping._stance._modes import (
-    TRANSITIONS,
-    ModeEvent,
-    ModeMachine,
-    draw_modes,
-)
+from poise.locomotion._walking._modes import TRANSITIONS, ModeEvent, StepMachine, draw_modes
 
 
 def test_every_mode_can_be_reached_and_left():
@@ -22,7 +17,7 @@ def test_every_mode_can_be_reached_and_left():
 
 
 def test_an_event_out_of_place_changes_nothing():
-    machine = ModeMachine()
+    machine = StepMachine()
     assert not machine.advance(ModeEvent.LANDED, 1.0)
     assert machine.mode is Mode.D
     assert machine.since == 0.0

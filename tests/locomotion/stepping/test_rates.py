@@ -90,7 +90,7 @@ def sent(robot, lifted, where):
     target = FootTarget(FootRange(robot, biped(robot).soles, PARAMETERS), PARAMETERS)
     x, y, z = (now.anchors[1] + where).tolist()
     device = sample(0.0, right=(x, y, z), rates=(None, UP))
-    place = target.place(now, device, room_below=0.0, gives_way=False)
+    place = target.place(now, device, room_below=0.0)
     assert np.linalg.norm(place - [x, y, z]) < 1e-6 or not target.rate.any()
     return target.rate.tolist()
 

@@ -28,7 +28,7 @@ def test_waist_and_hips_are_bounded_and_nothing_else(get_robot, name, waist):
     for joint, (lower, upper) in found.items():
         home = robot.q_home[7 + robot.joint_index(joint)]
         assert upper - home == pytest.approx(home - lower)
-    limit = teleoperator._tasks.stack.joint_limit
+    limit = teleoperator.stack.joint_limit
     i = robot.joint_index(waist)
     assert found[waist][0] <= limit._q_min[i]
     assert limit._q_max[i] <= found[waist][1]
@@ -39,7 +39,7 @@ def test_wound_up_as_far_as_they_go_the_shorter_way_still_leads_back(get_robot, 
     """Farther than half a turn from the feet it would lead on, into the stops, and stay there."""
     robot = get_robot(name)
     teleoperator = led(robot)
-    biped, limit = teleoperator._biped, teleoperator._tasks.stack.joint_limit
+    biped, limit = teleoperator._biped, teleoperator.stack.joint_limit
     *hips, waist = (robot.joint_index(joint) for joint in twist_ranges(biped))
     dynamics, yaws = Dynamics(robot), list[float]()
     bounds = limit._q_min, limit._q_max

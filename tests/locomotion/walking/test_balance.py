@@ -30,10 +30,10 @@ def test_the_zmp_stays_inside_the_soles():
     assert a == pytest.approx((OMEGA**2 * (0.3 - 0.09), OMEGA**2 * (0.2 - 0.04)))
 
 
-def test_it_goes_on_from_a_zmp_that_somebody_else_has_led_and_fades_into_its_own():
-    ours, theirs = DcmFeedback(OMEGA, 4.0), (0.05, -0.03)
+def test_it_continues_from_a_zmp_and_fades_into_its_own():
+    ours, theirs = DcmFeedback(OMEGA, 4.0), np.array([0.05, -0.03])
     c, v, zmps = np.array([0.01, -0.005]), np.zeros(2), []
-    ours.go_on_from(theirs)
+    ours.continue_from(theirs)
     for _ in range(round(0.3 / DT)):
         a = ours.acceleration(c, v, REST, SOLE, DT)
         c, v = c + DT * v + 0.5 * DT**2 * a, v + DT * a
@@ -41,7 +41,7 @@ def test_it_goes_on_from_a_zmp_that_somebody_else_has_led_and_fades_into_its_own
     np.testing.assert_allclose(zmps[0], theirs)
     assert np.linalg.norm(np.diff(zmps, axis=0), axis=1).max() < 0.1 * np.linalg.norm(theirs)
     assert np.linalg.norm(zmps[-1]) < 0.01
-    ours.go_on_from(theirs)
+    ours.continue_from(theirs)
     ours.begin()
     ours.acceleration(c, v, REST, SOLE, DT)
     np.testing.assert_allclose(ours.zmp, zmps[-1], atol=1e-3)

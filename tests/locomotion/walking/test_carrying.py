@@ -26,7 +26,7 @@ class Turned:
         self.area = CarryingArea(self.sense, 0, self.contact)
         self.whole = self.contact.cone.copy()
 
-    def look(self, pressure=(0.0, 0.0), turning=(0.0, 0.0), load=0.5, ticks=1, felt=False):
+    def look(self, pressure=(0.0, 0.0), turning=(0.0, 0.0), load=0.5, ticks=1, settled=False):
         """Some ticks with the pressure there and the sole turning like that."""
         force = load * self.robot.weight
         wrench = np.array([0.0, 0.0, force, pressure[1] * force, -pressure[0] * force, 0.0])
@@ -35,7 +35,7 @@ class Turned:
         for _ in range(ticks):
             state = poise.RobotState(self.robot.q_home, v, {LEFT: wrench}, 0.0)
             self.sense.update(state)
-            (self.area.feel if felt else self.area.update)(state, DT)
+            self.area.update(state, DT, settled=settled)
 
     def bears(self, x, y):
         """Whether pressure may be asked for there."""
@@ -78,19 +78,19 @@ def test_the_area_grows_again_and_at_once_to_where_pressure_is_felt(turned):
     np.testing.assert_allclose(turned.contact.cone, turned.whole, atol=1e-12)
 
 
-def test_who_stands_is_told_what_carries_on_the_average(turned):
+def test_while_feet_are_held_the_contact_has_the_average(turned):
     turned.look(pressure=(0.01, 0.0), turning=(0.0, 1.0))
     assert not turned.bears(0.05, 0.0)
     # A sole that rocks for a moment takes hardly anything away ...
-    turned.look(felt=True, ticks=round(1.0 / DT))
-    turned.look(pressure=(0.01, 0.0), turning=(0.0, 1.0), felt=True)
+    turned.look(settled=True, ticks=round(1.0 / DT))
+    turned.look(pressure=(0.01, 0.0), turning=(0.0, 1.0), settled=True)
     assert turned.bears(0.11, 0.0)
     # ... one that goes on turning does.
-    turned.look(pressure=(0.01, 0.0), turning=(0.0, 1.0), felt=True, ticks=round(1.0 / DT))
+    turned.look(pressure=(0.01, 0.0), turning=(0.0, 1.0), settled=True, ticks=round(1.0 / DT))
     assert turned.bears(0.01, 0.0)
     assert not turned.bears(0.02, 0.0)
     assert turned.area.part((0.26, 0.14)) is not None
-    turned.look(felt=True, ticks=round(2.0 / DT))
+    turned.look(settled=True, ticks=round(2.0 / DT))
     np.testing.assert_allclose(turned.contact.cone, turned.whole, atol=1e-12)
 
 
@@ -108,18 +108,18 @@ def test_the_zmp_of_a_walk_stays_on_what_carries(turned):
 def test_steps_are_chosen_by_what_carries_of_the_foot_that_stands(get_robot):
     robot = get_robot("humanoid33")
     walker = poise.locomotion.Walker(robot, walking_stack(robot))
-    stand = walker._parts.stand
+    stand = walker._engine.parts.stand
     lifted = Lifted(
         0, stand.start[0].position[:2], stand.start[1], stand.bearings[1], (0.03, -0.05)
     )
     heel = lifted._replace(bearing=stand.bearings[1].within((-0.1, -1.0), (-0.06, 1.0)))
-    sole, edge = (walker._parts.planner.plan(foot) for foot in (lifted, heel))
+    sole, edge = (walker._engine.parts.planner.plan(foot) for foot in (lifted, heel))
     assert heel.zmp[0] == pytest.approx(lifted.zmp[0] - 0.076, abs=2e-3)
     assert edge.room[0] < 0.2 * sole.room[0]
     assert edge.room[1] == sole.room[1]
     # The COM tips over the edge sooner than over the middle: the foot goes farther, or is sooner.
     (whole, _), (part, _) = (
-        walker._parts.planner.choose(foot, plan, 0.0)
+        walker._engine.parts.planner.choose(foot, plan, 0.0)
         for foot, plan in ((lifted, sole), (heel, edge))
     )
     assert part.x > whole.x + 0.03
@@ -127,7 +127,7 @@ def test_steps_are_chosen_by_what_carries_of_the_foot_that_stands(get_robot):
 
 def test_two_feet_hold_no_more_than_what_carries_of_them(turned):
     robot = turned.robot
-    stand = poise.locomotion.Walker(robot, walking_stack(robot))._parts.stand
+    stand = poise.locomotion.Walker(robot, walking_stack(robot))._engine.parts.stand
     right = CarryingArea(turned.sense, 1, turned.contact)
     stance = Stance(turned.sense, stand, 0.01, [turned.area, right])
     turned.look()
@@ -138,11 +138,11 @@ def test_two_feet_hold_no_more_than_what_carries_of_them(turned):
     assert whole > 0.0
     # The toes of the left foot go down.
     turned.look(pressure=(0.02, 0.0), turning=(0.0, 1.0), ticks=round(1.0 / DT))
-    stance.feel()
+    stance.refresh()
     assert stance.support.depth(ahead) < -0.02
     assert stance.support.depth((x - 0.02, y - 0.05)) > 0.0
     turned.look(ticks=round(2.0 / DT))
-    stance.feel()
+    stance.refresh()
     assert stance.support.depth(ahead) == pytest.approx(whole)
 
 
@@ -177,7 +177,7 @@ def test_something_is_always_left(turned):
 
 def test_a_sole_on_an_edge_says_nothing_of_the_slope(turned):
     robot = turned.robot
-    stand = poise.locomotion.Walker(robot, walking_stack(robot))._parts.stand
+    stand = poise.locomotion.Walker(robot, walking_stack(robot))._engine.parts.stand
     stance = Stance(turned.sense, stand, 0.01, [turned.area, turned.area])
     q = robot.q_home.copy()
     q[3:7] = 0.0, np.sin(0.05), 0.0, np.cos(0.05)

@@ -16,20 +16,21 @@ def _in_flight(robot):
     """A walker that has just lifted its left foot in place, and the state it has seen."""
     walker = Walker(robot, walking_stack(robot))
     state = poise.RobotState(robot.q_home, np.zeros(robot.nv))
-    walker.take_over(state, 0)
+    walker.lead(state)
+    walker._engine.steps.put_down(0)
     return walker, state
 
 
 def _mass(walker, state):
-    walker._parts.sense.update(state)
-    return walker._parts.pendulum.mass(walker._steps.flight)
+    walker._engine.parts.sense.update(state)
+    return walker._engine.parts.pendulum.mass(walker._engine.steps.flight)
 
 
 @pytest.mark.parametrize("name", ["humanoid33", "g1"])
 def test_velocity_is_how_fast_c_moves(name, get_robot):
     robot = get_robot(name)
     walker, state = _in_flight(robot)
-    parts, flight = walker._parts, walker._steps.flight
+    parts, flight = walker._engine.parts, walker._engine.steps.flight
     # The stance foot rests: the base moves so that it does, whatever the joints do.
     v = 0.3 * np.random.default_rng(4).standard_normal(robot.nv)
     data = robot.model.createData()
@@ -52,7 +53,7 @@ def test_velocity_is_how_fast_c_moves(name, get_robot):
 def test_a_foot_that_does_not_move_has_no_momentum_whatever_was_planned(get_robot):
     robot = get_robot("g1")
     walker, state = _in_flight(robot)
-    swing = walker._steps.flight.swing
+    swing = walker._engine.steps.flight.swing
     swing.velocity = np.array([2.0, 1.0, 0.5, 0.0, 0.0, 0.0])
     _, velocity = _mass(walker, state)
     assert velocity == pytest.approx((0.0, 0.0), abs=1e-12)

@@ -69,7 +69,7 @@ def test_every_step_is_made_in_its_time_and_lands_where_it_should(walk):
     assert walk.walker.status is WalkStatus.STANDING
     assert walk.walker.steps_made == walk.plan.count == 4
     for foot, place in zip(
-        walk.walker._parts.stance.feet, walk.plan.placements(walk.plan.count), strict=True
+        walk.walker._engine.parts.stance.feet, walk.plan.placements(walk.plan.count), strict=True
     ):
         assert foot.position[:2] == pytest.approx(place.position[:2], abs=0.005)
         assert foot.yaw == pytest.approx(place.yaw, abs=0.01)
@@ -252,14 +252,17 @@ def test_feet_that_would_touch_or_never_be_side_by_side_are_refused(get_robot, w
     message = f"width {width:.3f} m'; wanted 0.150 to 0.658 m, or None"
     with pytest.raises(ConfigurationError, match=message):
         Walker(robot, walking_stack(robot), Gait(width=width))
-    assert Walker(robot, walking_stack(robot), Gait(width=fine))._parts.room.width == fine
+    assert Walker(robot, walking_stack(robot), Gait(width=fine))._engine.parts.room.width == fine
 
 
 def test_feet_as_near_as_the_robot_stands_may_walk(get_robot):
     """Of a robot that stands with less room between its feet than a step leaves."""
     robot = get_robot("humanoid33")
     width, far = stand_of(robot).width, WalkSettings(clearance=0.1)
-    assert Walker(robot, walking_stack(robot), Gait(width=width), far)._parts.room.width == width
+    assert (
+        Walker(robot, walking_stack(robot), Gait(width=width), far)._engine.parts.room.width
+        == width
+    )
     with pytest.raises(ConfigurationError, match="touch each other"):
         Walker(robot, walking_stack(robot), Gait(width=width - 0.01), far)
 

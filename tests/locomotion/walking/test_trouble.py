@@ -45,23 +45,23 @@ class Held:
         """Goes on until the foot in the air carries."""
         self.until(self.time + 0.6 * self.walker.gait.swing_time)
         self.loads = [0.5, 0.5]
-        while self.walker._steps.flight is not None:
+        while self.walker._engine.steps.flight is not None:
             self.until(self.time + DT)
 
     def swing(self, ahead=0.0):
         """Lifts the left foot, the weight being on its way to the right one."""
-        x, y, _ = self.walker._parts.stance.feet[0].position
+        x, y, _ = self.walker._engine.parts.stance.feet[0].position
         self.walker.step_to("left_sole", x + ahead, y, 0.0)
         return self.lift()
 
     def lift(self):
         """Goes on until a foot is in the air."""
         self.v[1] = -0.3
-        while self.walker._steps.flight is None:
+        while self.walker._engine.steps.flight is None:
             self.until(self.time + DT)
             assert self.time < 5.0
         self.v[1] = 0.0
-        foot = self.walker._steps.flight.foot
+        foot = self.walker._engine.steps.flight.foot
         self.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
         return foot
 
@@ -100,17 +100,17 @@ def test_a_robot_that_lies_has_fallen_and_lifts_no_foot(held):
     held.q[3:7] = (np.sin(0.75), 0.0, 0.0, np.cos(0.75))
     assert held.until(2.0)[-1] is WalkStatus.FALLEN
     assert held.walker.steps_made == 0
-    assert held.walker._steps.flight is None
+    assert held.walker._engine.steps.flight is None
 
 
 def test_a_foot_that_is_held_by_something_comes_straight_down(held):
     foot = held.swing(ahead=0.2)
-    place = held.walker._parts.sense.sole(foot)[0].copy()
+    place = held.walker._engine.parts.sense.sole(foot)[0].copy()
     assert WalkStatus.FOOT_CAUGHT not in held.until(held.time + 0.3)
     held.loads = [0.03, 0.97]
     assert WalkStatus.FOOT_CAUGHT in held.until(held.time + 0.5)
     # It was up and on its way ahead; from there it goes down, and no farther.
-    caught = held.walker._steps.flight
+    caught = held.walker._engine.steps.flight
     assert np.linalg.norm(caught.swing.position[:2] - place[:2]) < 0.25
     assert caught.swing.searching
 
@@ -119,7 +119,7 @@ def test_a_foot_that_finds_nothing_waits_and_the_walk_with_it(held):
     held.swing()
     said = held.until(held.time + 2.0)
     assert said[-1] is WalkStatus.FOOT_LOST
-    flight = held.walker._steps.flight
+    flight = held.walker._engine.steps.flight
     lowest = flight.swing.goal.position[2] - held.walker.settings.search_depth
     assert flight.swing.position[2] == pytest.approx(lowest, abs=1e-9)
     assert held.walker.commands.pace == 0.0
@@ -144,15 +144,15 @@ def test_a_sole_that_slips_halves_the_pace_for_a_while(held):
 def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(get_robot, bounce_time):
     held = Held(get_robot("humanoid33"), WalkSettings(bounce_time=bounce_time))
     foot = held.swing()
-    flight = held.walker._steps.flight
+    flight = held.walker._engine.steps.flight
     held.land()
     assert held.walker.steps_made == 1
     held.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
     # What has just come down may carry nothing for a moment.
     held.until(held.time + bounce_time - 2 * DT)
-    assert held.walker._steps.flight is None
+    assert held.walker._engine.steps.flight is None
     held.until(held.time + 4 * DT)
-    assert held.walker._steps.flight is flight
+    assert held.walker._engine.steps.flight is flight
     assert held.walker.steps_made == 0
     assert flight.swing.searching
     assert held.active() == [foot == 1, foot == 0]
@@ -160,8 +160,8 @@ def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(get_robot, bounc
 
 def test_a_foot_is_on_its_way_until_it_is_near_its_foothold_or_due(held):
     foot = held.swing(ahead=0.3)
-    flight = held.walker._steps.flight
-    sense = held.walker._parts.sense
+    flight = held.walker._engine.steps.flight
+    sense = held.walker._engine.parts.sense
     assert flight.on_its_way
     begin = held.q[0]
     for left, nearer, on_its_way in ((0.3, 0.2, True), (0.3, 0.25, False), (0.02, 0.0, False)):
@@ -176,27 +176,27 @@ def test_a_foot_is_on_its_way_until_it_is_near_its_foothold_or_due(held):
 @pytest.mark.parametrize("on_its_way", [True, False])
 def test_what_a_foot_meets_on_its_way_is_not_its_ground(held, monkeypatch, on_its_way):
     held.swing()
-    flight = held.walker._steps.flight
+    flight = held.walker._engine.steps.flight
     held.until(held.time + 0.51 * held.walker.gait.swing_time)
     monkeypatch.setattr(type(flight), "on_its_way", on_its_way)
     held.loads = [0.5, 0.5]
     held.until(held.time + 2 * DT)
-    assert held.walker._steps.flight is (flight if on_its_way else None)
+    assert held.walker._engine.steps.flight is (flight if on_its_way else None)
     assert held.walker.steps_made == (0 if on_its_way else 1)
 
 
 def test_a_foot_that_meets_something_before_it_could_be_down_carries_at_once(held):
-    """It was taken over half a metre up: until it is down it counts as not yet lifted."""
+    """Its capture step begins half a metre up: until it is down it counts as not yet lifted."""
     robot = held.robot
     for joint, angle in (("left_hip_pitch", -1.2), ("left_knee", 1.9), ("left_ankle_pitch", -0.7)):
         held.q[7 + robot.joint_index(joint)] += angle
     held.until(0.01)
     held.loads = [0.0, 1.0]
-    held.walker.take_over(poise.RobotState(held.q, held.v, {}, held.time), airborne=0)
+    held.walker._engine.steps.put_down(0)
     held.until(held.time + DT)
-    flight = held.walker._steps.flight
+    flight = held.walker._engine.steps.flight
     assert flight.elapsed < 0.0
-    held.walker._steps._land(flight)
+    held.walker._engine.steps._land(flight)
     assert held.active() == [True, True]
 
 
@@ -215,20 +215,23 @@ def test_a_foot_that_stands_and_hangs_is_one_in_the_air(held, foot):
     held.loads = [0.5, 0.5]
     held.until(held.time + 0.1)
     assert held.active() == [True, True]
-    assert held.walker.held
+    assert held.walker._engine.at_rest
 
 
 def test_a_foot_that_carries_little_does_not_hang(held):
     held.loads = [0.02, 0.98]
     held.until(0.8)
-    assert held.walker.hanging is None
+    assert held.walker.lifting is None
     assert held.walker.steps_made == 0
 
 
 def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
     foot = held.swing(ahead=0.2)
     assert foot == 0
-    stood, swing = held.walker._parts.sense.sole(0)[0].copy(), held.walker._steps.flight.swing
+    stood, swing = (
+        held.walker._engine.parts.sense.sole(0)[0].copy(),
+        held.walker._engine.steps.flight.swing,
+    )
     held.side = 0.1 * held.robot.weight
     held.until(held.time + 10 * DT)
     np.testing.assert_allclose(swing.position[:2] - stood[:2], (-0.015, 0.0), atol=1e-3)
@@ -246,7 +249,7 @@ def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
 
 @pytest.mark.parametrize("idle", [0.06, 1.0])
 def test_a_foot_that_carries_again_does_not_hang(held, idle):
-    watch = held.walker._hang_watch
+    watch = held.walker._engine._hang_watch
     state = poise.RobotState(held.q, held.v, {}, 0.0)
 
     def carry(left, right, time):
@@ -268,7 +271,7 @@ def test_after_a_bounce_the_foothold_is_still_where_it_was_asked_for(held):
     assert not held.walker.commands.footholds
     held.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
     held.until(held.time + held.walker.settings.bounce_time + 4 * DT)
-    assert held.walker._steps.flight is not None
+    assert held.walker._engine.steps.flight is not None
     assert [*held.walker.commands.footholds] == [asked]
 
 
@@ -303,7 +306,7 @@ def test_one_given_while_a_foot_that_bounced_off_seemed_to_stand_is_its_next_ste
     given = [*held.walker.commands.footholds]
     held.loads = [0.0, 1.0]
     held.until(held.time + held.walker.settings.bounce_time + 4 * DT)
-    assert held.walker._steps.flight is not None
+    assert held.walker._engine.steps.flight is not None
     held.land()
     assert [*held.walker.commands.footholds] == given
 
@@ -313,7 +316,7 @@ def test_a_foot_that_is_caught_costs_no_command(held):
     held.walker.set_velocity(0.3, 0.0, 0.0)
     held.walker.step_to("right_sole", 0.1, -0.1, 0.0)
     held.walker.set_velocity(0.3, 0.0, 0.0)
-    held.walker._steps.catch(0)
+    held.walker._engine.steps.catch(0)
     assert [hold.foot for hold in held.walker.commands.footholds] == [0, 1]
     assert held.walker.commands.moving
     held.walker.commands.footholds.clear()
@@ -322,11 +325,9 @@ def test_a_foot_that_is_caught_costs_no_command(held):
 
 
 def test_who_begins_another_run_knows_of_no_slope(held):
-    held.walker._parts.stance.slope, held.walker._steps.steps_made = (0.1, 0.05), 7
-    held.walker.forget()
-    assert held.walker._parts.stance.slope == (0.1, 0.05)
-    held.walker.forget_everything()
-    assert held.walker._parts.stance.slope == (0.0, 0.0)
+    held.walker._engine.parts.stance.slope, held.walker._engine.steps.steps_made = (0.1, 0.05), 7
+    held.walker._engine.reset()
+    assert held.walker._engine.parts.stance.slope == (0.0, 0.0)
     assert held.walker.steps_made == 0
 
 
@@ -338,20 +339,23 @@ class Huge(float):
 
 
 @pytest.mark.parametrize("time", [np.nan, 10**400], ids=["nan", "huge"])
-def test_a_clock_that_is_no_number_is_passed_over_whoever_leads(held, time):
-    walker, state = held.walker, poise.RobotState(held.q, held.v)
+def test_a_clock_that_is_no_number_is_passed_over(get_robot, time):
+    robot, velocities = get_robot("humanoid33"), []
+    state = poise.RobotState(robot.q_home, np.zeros(robot.nv))
     broken = replace(state)
     object.__setattr__(broken, "time", time)
-    walker.take_over(broken)
-    walker.lead(broken)
-    assert walker.status is WalkStatus.READY
-    for told in (broken, broken, replace(state, time=0.5), broken):
-        walker.feel(told)
-    assert walker._since_last(replace(state, time=0.502)) == pytest.approx(0.002)
-    walker.lead(broken)
-    assert walker.status is WalkStatus.READY
-    walker.lead(state)
-    assert walker.status is WalkStatus.STANDING
+    for bad in ([], [broken, broken]):
+        walker = Walker(robot, walking_stack(robot))
+        for told in bad:
+            walker.lead(told)
+            assert walker.status is WalkStatus.READY
+        walker.set_velocity(0.3)
+        for told in (state, *bad, replace(state, time=0.002), *bad, replace(state, time=0.004)):
+            walker.lead(told)
+            assert walker.status.ok
+        velocities.append(walker.commands.velocity)
+    assert velocities[0] == velocities[1]
+    assert velocities[0][0] > 0.0
 
 
 def test_numbers_that_no_float_holds_are_ignored_and_said(held):

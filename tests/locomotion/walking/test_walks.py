@@ -32,7 +32,7 @@ while plant.time < plan.duration + 0.1 and not plant.fallen:
     com.append(float(np.linalg.norm(stack.task("com").error)))
     moved += [
         min(math.dist(foot.position, place.position) for place in footholds)
-        for foot in walker._parts.stance.feet
+        for foot in walker._engine.parts.stance.feet
     ]
     feet += [
         float(np.linalg.norm(stack.task(name).error))

@@ -1,7 +1,7 @@
 """A person leads the robot's feet: step-by-step teleoperation of bipeds."""
 
-from poise.locomotion._stepping._by_torque import FOOT_TURNS
 from poise.locomotion._stepping._by_velocity import ComDriver, ShifterDriver
+from poise.locomotion._stepping._foot_devices import FOOT_TURNS
 from poise.locomotion._stepping._operator import (
     LATE,
     LOST_AFTER,
@@ -24,11 +24,7 @@ from poise.locomotion._stepping._operator import (
 from poise.locomotion._stepping._scaling import teleop_parameters
 from poise.locomotion._stepping._stance import (
     TORSO_MOST,
-    Mode,
-    ModeEvent,
-    StepEnd,
     TeleopParameters,
-    draw_modes,
     yaw_of,
 )
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
@@ -56,14 +52,11 @@ __all__ = [
     "GazeLeader",
     "HandLeader",
     "HandStatus",
-    "Mode",
-    "ModeEvent",
     "OperatorGuard",
     "OperatorSample",
     "SampleClock",
     "ScriptedDevice",
     "ShifterDriver",
-    "StepEnd",
     "StepTeleoperator",
     "TeleopParameters",
     "TeleopStatus",
@@ -74,7 +67,6 @@ __all__ = [
     "WayPoint",
     "along_ahead",
     "checked_reading",
-    "draw_modes",
     "rest_place",
     "rotation_of",
     "teleop_parameters",

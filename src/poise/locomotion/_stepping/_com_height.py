@@ -26,11 +26,6 @@ _DEEPER = 0.01
 class ComHeight:
     """Eq. (15b) with (17a); lower where the legs need it, and steady.
 
-    Args:
-        height: of the COM above the soles at the start, H [m].
-        reach: of the legs.
-        parameters: gains and speeds.
-
     Attributes:
         offset: how much higher than at the start the operator asks for, as far as legs allow [m].
     """
@@ -40,35 +35,18 @@ class ComHeight:
         self._velocity = self.offset = 0.0
 
     def restart(self, velocity: float) -> None:
-        """Somebody else has led the COM, and it moves as it does now.
-
-        Args:
-            velocity: upwards [m/s].
-        """
+        """Somebody else has led the COM, and it moves as it does now."""
         self._velocity = velocity
 
     def room(self, footing: Footing) -> tuple[float, bool]:
-        """What is left over the foot that carries.
-
-        Args:
-            footing: of the tick.
-
-        Returns:
-            How far the COM may still come down [m]; and whether the leg gives way: the body is too
-            low for the knee that carries alone, and will not come up again.
-        """
+        """What is left over the foot that carries."""
         stance = footing.stance
         too_weak = self._too_weak(footing, stance, self._range.hip(stance, footing.dynamics))
         below = min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak)
         return max(0.0, below), footing.mode.single and too_weak > _GIVES
 
     def velocity(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
-        """Velocity of the COM upwards [m/s].
-
-        Args:
-            footing: of the tick.
-            target: where the foot that is not the stance is sent [m].
-        """
+        """Velocity of the COM upwards [m/s]."""
         p = self._parameters
         hips = [self._range.hip(foot, footing.dynamics) for foot in (0, 1)]
         too_low = self._too_low(footing, hips)

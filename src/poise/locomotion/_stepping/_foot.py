@@ -28,10 +28,6 @@ _PATIENCE, _DRAWN = 0.4, 0.05
 class FootTarget:
     """Eq. (15d): after the device while in the air, and held while on the ground.
 
-    Args:
-        reach: of the legs.
-        parameters: depths and heights.
-
     Attributes:
         rescuing: whether the foot in the air is put down, whatever the operator commands.
         rate: how fast the operator moves the place where it is sent [m/s]; zero where it is sent
@@ -58,25 +54,15 @@ class FootTarget:
         device: OperatorSample | None,
         *,
         room_below: float,
-        gives_way: bool,
+        falling: bool = False,
     ) -> Float64[np.ndarray, "3"]:
-        """The place [m].
-
-        Args:
-            footing: of the tick.
-            device: the operator's foot devices, None while they are lost.
-            room_below: how far the body may still come down for it [m].
-            gives_way: whether the leg that stands does not hold the robot alone.
-        """
+        """The place [m]."""
         here = footing.sole(footing.other)
         self.rate = _AT_REST
         if not footing.mode.single:
             x, y, z = footing.anchors[footing.other].tolist()
             return np.array([x, y, z - footing.pressed])
-        if footing.capture_depth < 0.0 or gives_way:
-            # The divergent component has left the sole that carries, or the knee is at its end:
-            # the robot is falling.
-            self.rescuing = True
+        self.rescuing = self.rescuing or falling
         lowest = footing.lowest_ground - self._parameters.press_depth
         if device is None or self.rescuing:
             # Nobody commands, or nobody may: straight down, until the ground is felt.
@@ -94,10 +80,6 @@ class FootTarget:
         """Whether the foot is to stand on the ground and has not got lower for a while.
 
         Then its leg is at its end, and the one that stands folds no deeper than that.
-
-        Args:
-            footing: of the tick.
-            sent: height where it is sent [m].
         """
         height = float(footing.sole(footing.other)[2])
         if sent > min(height - _HANGS, footing.highest_ground) or not footing.has_left:
@@ -165,9 +147,6 @@ class FootVelocity:
 
     With (17c) alone the foot is behind a device that moves by 1 / k_v: where its velocity is known,
     that is added.
-
-    Args:
-        parameters: gains, speeds and times.
     """
 
     def __init__(self, parameters: TeleopParameters) -> None:
@@ -185,16 +164,9 @@ class FootVelocity:
         target: Float64[np.ndarray, "3"],
         rate: Float64[np.ndarray, "3"] = _AT_REST,
         *,
-        hurry: bool,
+        hurry: bool = False,
     ) -> Float64[np.ndarray, "3"]:
-        """The velocity [m/s].
-
-        Args:
-            footing: of the tick.
-            target: where the foot is sent [m].
-            rate: how fast that moves [m/s].
-            hurry: whether it has to be down as soon as it can.
-        """
+        """The velocity [m/s]."""
         p = self._parameters
         gap = target - footing.sole(footing.other)
         x, y, z = saturate(p.v_lim, p.k_v * gap + rate).tolist()

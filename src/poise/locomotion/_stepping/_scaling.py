@@ -9,7 +9,8 @@ from jaxtyping import Float64
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._stepping._stance import TeleopParameters, mean_angle, one_foot, yaw_of
+from poise.locomotion._single_support import single_support_region
+from poise.locomotion._stepping._stance import TeleopParameters, mean_angle, yaw_of
 from poise.locomotion._stepping._teleop_checks import checked_actuation, checked_start
 from poise.locomotion._support import two_soles
 from poise.robots import Robot
@@ -90,14 +91,6 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
     - `v_lim`, `press_depth`, `clear_height`, `step_max` and `lift_max` keep their ratio to the
       COM's height; so do `lift_speed`, `lift_acceleration` and `lower_speed`, by which body and
       feet go up and down in the time that an operator gives them on any robot.
-
-    Args:
-        robot: a biped.
-        height: of the COM above the soles [m].
-        stance: distance of the soles, side by side [m].
-
-    Raises:
-        ConfigurationError: a sole smaller than what lifting a foot needs, or no soles.
     """
     if len(robot.soles) < 2:
         raise ConfigurationError(
@@ -137,15 +130,9 @@ def scaled_parameters(robot: Robot, height: float, stance: float) -> TeleopParam
 
 
 def for_torques(robot: Robot, parameters: TeleopParameters, height: float) -> TeleopParameters:
-    """The same parameters where torques are commanded.
-
-    Args:
-        robot: a biped.
-        parameters: of its own, for velocities.
-        height: of the COM above the soles [m].
-    """
+    """The same parameters where torques are commanded."""
     omega, margin = natural_frequency(height), parameters.support_margin
-    narrow = one_foot(robot, omega, margin).narrow
+    narrow = single_support_region(robot, omega, margin).narrow
     farthest, highest = (_NARROW_STEP, _NARROW_LIFT) if narrow else (1.0, 1.0)
     gap = _NARROW_GAP if narrow else 0.0
     return replace(

@@ -9,19 +9,15 @@ from jaxtyping import Float64
 from poise._checks import checked_kind
 from poise.control import Controller, is_usable
 from poise.dynamics import RobotState
-from poise.locomotion._pendulum import BodyRotator, ComShifter
-from poise.locomotion._stepping._by_torque import POSTURE_WEIGHT, ComFeedback, OwnSteps, TorqueTasks
+from poise.locomotion._pendulum import ComShifter
+from poise.locomotion._stepping._by_torque import POSTURE_WEIGHT, TorqueLevel
 from poise.locomotion._stepping._by_velocity import (
-    BodyMomentum,
     ComDriver,
-    ComMotion,
     ShifterDriver,
-    VelocityTasks,
+    VelocityLevel,
     check_sway,
 )
-from poise.locomotion._stepping._com_height import ComHeight
-from poise.locomotion._stepping._foot import FootTarget, FootVelocity
-from poise.locomotion._stepping._mode_events import ModeEvents
+from poise.locomotion._stepping._level import Level, LevelTick, OperatorTick
 from poise.locomotion._stepping._operator import (
     BodyCommand,
     Device,
@@ -31,20 +27,12 @@ from poise.locomotion._stepping._operator import (
 )
 from poise.locomotion._stepping._scaling import teleop_parameters
 from poise.locomotion._stepping._stance import (
-    WIDE,
-    DesiredMotion,
-    Footing,
     FootRange,
-    Mode,
-    StanceChoice,
     StanceEstimator,
-    StepEnd,
-    StepTasks,
     TeleopParameters,
     ZmpSensor,
     biped_of,
     mean_angle,
-    one_foot,
     yaw_of,
 )
 from poise.locomotion._stepping._teleop_checks import (
@@ -56,6 +44,7 @@ from poise.locomotion._stepping._teleop_checks import (
 from poise.locomotion._stepping._teleop_status import TeleopStatus
 from poise.locomotion._stepping._upper_body import GazeLeader, HandLeader
 from poise.locomotion._support import SupportPolygon, two_soles
+from poise.locomotion._walking import Mode
 from poise.robots import Robot
 from poise.stack import Stack
 
@@ -128,23 +117,23 @@ class StepTeleoperator:
         self.solved_by = checked_controller(solved_by, actuation)
         self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         left, right = self.estimator.anchors
-        self._com_height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
-        if actuation == "velocity":
+        height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
+        servos = actuation == "velocity"
+        if servos:
             check_straight(self._faces())
         if parameters is None:
             parameters = teleop_parameters(robot, actuation, q_start=q_start)
         self.parameters = p = checked_kind(
             parameters, TeleopParameters, "parameters of the teleoperation"
         )
-        self._biped = biped_of(robot, p)
+        self._biped = biped = biped_of(robot, p)
         if driver is None:
-            shifter = ComShifter(self._com_height, kp=p.kp, acceleration_max=p.acceleration_max)
+            shifter = ComShifter(height, kp=p.kp, acceleration_max=p.acceleration_max)
             driver = ShifterDriver(shifter)
-        self.driver, self._rotator = driver, rotator
-        if actuation == "velocity" and isinstance(driver, ShifterDriver):
-            check_sway(self._biped, self.estimator.dynamics, driver.shifter, p)
-        self._reach = FootRange(robot, self.soles, p)
-        servos = actuation == "velocity"
+        self.driver = driver
+        if servos and isinstance(driver, ShifterDriver):
+            check_sway(biped, self.estimator.dynamics, driver.shifter, p)
+        reach = FootRange(robot, self.soles, p)
         self.hands = HandLeader(
             robot,
             dt=p.dt,
@@ -162,40 +151,28 @@ class StepTeleoperator:
             servos=servos,
         )
         limbs = [task for task in (self.hands.task, self.gaze.task) if task is not None]
-        self._tasks: StepTasks
-        self._own: OwnSteps | None = None
-        self._one_foot = WIDE
-        if actuation == "torque":
-            self._tasks = TorqueTasks(self._biped, p.dt, limbs, self.solved_by)
-            self._one_foot = one_foot(robot, driver.omega, p.support_margin)
-            self._own = OwnSteps(robot, self._tasks, q_start, p.dt)
+        self._level: Level
+        if servos:
+            self._level = VelocityLevel(
+                biped, p, reach, self.estimator, limbs, driver, height, rotator=rotator
+            )
         else:
-            self._tasks = VelocityTasks(self._biped, p, limbs, rotator=rotator)
+            self._level = TorqueLevel(
+                biped, p, reach, self.estimator, limbs, self.solved_by, q_start
+            )
         # What is compiled is compiled now, not in the first tick.
         SupportPolygon([], p.support_margin)
         self.reset()
 
     def reset(self) -> None:
-        """Forgets the past: both feet stand where they stood at the start."""
-        biped, p, estimator = self._biped, self.parameters, self.estimator
-        estimator.reset()
-        self.zmp_sensor = sensor = ZmpSensor(
-            biped.frames, self.soles, biped.weight, p.zmp_time, p.dt
-        )
-        self._tasks.reset()
+        """Forget the past: both feet stand where they stood at the start."""
+        biped, p = self._biped, self.parameters
+        self.estimator.reset()
+        self.zmp_sensor = ZmpSensor(biped.frames, self.soles, biped.weight, p.zmp_time, p.dt)
+        self._level.reset(self.zmp_sensor)
         self.hands.reset()
         self.gaze.reset()
-        if self._own is not None:
-            self._own.reset()
         self._guard = OperatorGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
-        self._com = self._com_motion()
-        self._events = ModeEvents(estimator, sensor, self._com, p, biped.weight, self._one_foot)
-        self._stance = StanceChoice(estimator, sensor, p, biped.weight)
-        rotates = self._rotator and self.actuation == "velocity"
-        self._momentum = BodyMomentum(BodyRotator(biped.weight) if rotates else None, p)
-        self._target = FootTarget(self._reach, p)
-        self._height = ComHeight(self._com_height, self._reach, p)
-        self._foot = FootVelocity(p)
         self._body = BodyCommand()
         self._ahead = self._faces()
         self._status: TeleopStatus | None = None
@@ -210,7 +187,7 @@ class StepTeleoperator:
         Raises:
             ConfigurationError: the controller takes none.
         """
-        return self._tasks.controller(self.estimator.dynamics, time_limit)
+        return self._level.controller(self.estimator.dynamics, time_limit)
 
     @property
     def device_error(self) -> Exception | None:
@@ -228,7 +205,7 @@ class StepTeleoperator:
     @property
     def stack(self) -> Stack:
         """What it leads."""
-        return self._tasks.stack
+        return self._level.stack
 
     @property
     def dt(self) -> float:
@@ -238,7 +215,7 @@ class StepTeleoperator:
     @property
     def mode(self) -> Mode:
         """Which feet carry the robot."""
-        return self._events.mode
+        return Mode.D if self._status is None else self._status.mode
 
     @property
     def ahead(self) -> float:
@@ -281,136 +258,41 @@ class StepTeleoperator:
                 return
             dynamics.update(state)
         self.zmp_sensor.update(state, dynamics)
-        self._com.observe(dynamics.com_velocity[:2])
-        sample = self._guard.read(self.device, state.time)
+        guard = self._guard
+        sample = guard.read(self.device, state.time)
         soles = (self.estimator.sole(0), self.estimator.sole(1))
-        command = self._guard.check(sample, state.time, soles, self.estimator.anchors)
-        self.hands.lead(self._guard, state)
-        self.gaze.lead(self._guard)
-        if self._own is not None:
-            self._own.drive(self._guard.velocity)
-            if self._own.acting:
-                self._follow_own(self._own, state, sample)
-                return
-            self._own.feel(state, self.mode)
-        before = self.mode
-        self._move_mode(command, state.time)
-        footing = self._footing()
-        asked = self._com.cart_table_zmp(dynamics.com[:2])
-        if before.single and not self.mode.single and isinstance(self._com, ComFeedback):
-            # At once, its ZMP would be at the outer edge of the sole that stood, and the one that
-            # has landed would lose its load again.
-            self._com.take_over(asked, footing)
-        if self._own is not None and self._own.takes_over(footing, state, asked):
-            self._follow_own(self._own, state, sample)
-            return
+        command = guard.check(sample, state.time, soles, self.estimator.anchors)
+        self.hands.lead(guard, state)
+        self.gaze.lead(guard)
         if command is not None:
             self._body = command.body
-        self._height.offset = self._body.height
-        self._com.drive(footing)
-        cart_table_zmp = self._com.cart_table_zmp(dynamics.com[:2])
-        self._momentum.turn(footing, cart_table_zmp)
-        below, gives_way = self._height.room(footing)
-        target = self._target.place(footing, command, room_below=below, gives_way=gives_way)
-        upright = command is not None and command.upright
-        self._tasks.ask(footing, self._desired(footing, target), upright=upright)
-        self._status = self._describe(footing, sample, target, cart_table_zmp)
-
-    def _follow_own(self, own: OwnSteps, state: RobotState, sample: OperatorSample | None) -> None:
-        """The robot leads its feet by itself; the operator has to take hold of them anew."""
-        own.lead(state)
-        before = self.mode
-        ended = None if own.driven else StepEnd.OVERRULED
-        if self._events.follow(own.mode, state.time, ended):
-            self._stance.begin(before, self.mode)
-        self._stance.follow(self.mode)
-        self._guard.let_go(own.status)
-        footing = self._footing()
-        footing.zmp_reference = own.zmp
-        soles, driven = (footing.sole(0), footing.sole(1)), own.driven
-        own.accompany(footing, fits=self._reach.spans(*soles, footing.heading))
-        self._status = self._describe(footing, sample, own.target, own.zmp)
-        if not own.acting:
-            if driven:
-                self._ahead = self._faces()
-            self._restart(None)
-            self._height.restart(float(footing.dynamics.com_velocity[2]))
-            if isinstance(self._com, ComFeedback):
-                self._com.take_over(own.zmp, self._footing())
-
-    def _com_motion(self) -> ComMotion | ComFeedback:
-        if self.actuation == "torque" and isinstance(self.driver, ShifterDriver):
-            return ComFeedback(self.driver.shifter, self.parameters.dt)
-        return ComMotion(self.driver, self.parameters)
-
-    def _move_mode(self, command: OperatorSample | None, time: float) -> None:
-        before = self._events.mode
-        held, rescuing = self._guard.held, self._target.rescuing
-        if self._events.advance(command, held, time, rescuing=rescuing):
-            self._stance.begin(before, self.mode)
-            if before.single or self.mode.single:
-                # Not at every change of mode: an operator who cannot decide makes many, and each
-                # restart takes in noise.
-                self._com.restart()
-            self._restart(command)
-        self._stance.follow(self.mode)
-
-    def _restart(self, command: OperatorSample | None) -> None:
-        """What belongs to a mode begins anew with it."""
-        self._events.begin(command)
-        self._momentum.restart()
-        self._target.restart()
-        self._foot.restart()
-
-    def _footing(self) -> Footing:
-        return Footing(
-            biped=self._biped,
-            dynamics=self.estimator.dynamics,
-            mode=self.mode,
-            stance=self.estimator.stance,
-            anchors=self.estimator.anchors,
-            omega=self.driver.omega,
-            margin=self.parameters.support_margin,
-            sensor=self.zmp_sensor,
-            one_foot=self._one_foot,
-            pressed=self._stance.pressed,
-            parts=(None, None) if self._own is None else self._own.parts,
-            borrowed=self._com.borrowed,
-            com_velocity=self._com.observed,
-            has_left=self._events.foot_has_left,
+        left, right = self._body.turns
+        tick = self._level.lead(
+            state,
+            OperatorTick(
+                guard=guard,
+                command=command,
+                body=self._body,
+                torso=self._torso(),
+                turns=(self._ahead + left, self._ahead + right),
+                upright=command is not None and command.upright,
+            ),
         )
+        if tick.walked:
+            self._ahead = self._faces()
+        self._status = self._describe(tick, sample)
 
     def _faces(self) -> float:
-        """Where the feet face, to the left of the world's x axis [rad]."""
+        """Heading of the feet, to the left of the world's x axis [rad]."""
         return mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))
-
-    def _desired(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> DesiredMotion:
-        com = np.array([*self._com.velocity.tolist(), self._height.velocity(footing, target)])
-        left, right = self._body.turns
-        return DesiredMotion(
-            com=com,
-            com_acceleration=self._com.acceleration,
-            momentum=self._momentum.reference,
-            foot=self._foot.towards(
-                footing, target, self._target.rate, hurry=self._target.rescuing
-            ),
-            foot_place=target,
-            torso=self._torso(),
-            turns=(self._ahead + left, self._ahead + right),
-        )
 
     def _torso(self) -> tuple[float, float, float]:
         """How the torso shall be turned: as commanded, and to look where a neck cannot [rad]."""
         (roll, pitch, yaw), (_, down, left) = self._body.torso, self.gaze.torso
         return (roll, pitch + down, yaw + left)
 
-    def _describe(
-        self,
-        footing: Footing,
-        sample: OperatorSample | None,
-        target: Float64[np.ndarray, "3"],
-        cart_table_zmp: Float64[np.ndarray, "2"],
-    ) -> TeleopStatus:
+    def _describe(self, tick: LevelTick, sample: OperatorSample | None) -> TeleopStatus:
+        footing = tick.footing
         com, torso = footing.dynamics.com, footing.dynamics.placement(self._biped.torso)
         return TeleopStatus(
             mode=footing.mode,
@@ -418,10 +300,10 @@ class StepTeleoperator:
             sample=sample,
             zmp=self.zmp_sensor.zmp,
             zmp_reference=footing.zmp_reference,
-            cart_table_zmp=cart_table_zmp,
+            cart_table_zmp=tick.cart_table_zmp,
             com=com,
             soles=(footing.sole(0), footing.sole(1)),
-            target=target if footing.mode.single else None,
+            target=tick.target if footing.mode.single else None,
             loads=self.zmp_sensor.loads.copy(),
             tilt=footing.tilt,
             heading=math.atan2(footing.heading[1], footing.heading[0]),
@@ -429,5 +311,5 @@ class StepTeleoperator:
             hand_targets=self.hands.targets(*torso),
             hand_rotations=self.hands.orientations(torso[1]),
             gaze=self.gaze.status,
-            ended=self._events.ended,
+            ended=tick.ended,
         )

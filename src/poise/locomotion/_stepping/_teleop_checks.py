@@ -19,15 +19,7 @@ _STRAIGHT = 0.1
 
 
 def checked_start(robot: Robot, q_start: Any) -> Float64[np.ndarray, " nq"]:
-    """A configuration to start in.
-
-    Args:
-        robot: that starts.
-        q_start: its configuration [m, rad]; None for its home.
-
-    Raises:
-        ConfigurationError: it is none of the robot.
-    """
+    """A configuration to start in."""
     if q_start is None:
         return robot.q_home
     try:
@@ -48,14 +40,7 @@ def checked_start(robot: Robot, q_start: Any) -> Float64[np.ndarray, " nq"]:
 
 
 def check_straight(ahead: float) -> None:
-    """Refuses a start that is turned, for velocities.
-
-    Args:
-        ahead: where the feet face, to the left of the world's x axis [rad].
-
-    Raises:
-        ConfigurationError: they face elsewhere than along it.
-    """
+    """Refuses a start that is turned, for velocities."""
     if abs(ahead) > _STRAIGHT:
         raise ConfigurationError(
             "at velocity level soles keep the world's yaw, and the robot starts turned",
@@ -65,16 +50,7 @@ def check_straight(ahead: float) -> None:
 
 
 def checked_actuation(actuation: str, driver: ComDriver | None = None) -> str:
-    """What is commanded, by a name that there is, and with a driver that goes with it.
-
-    Args:
-        actuation: its name.
-        driver: moves the COM; None for the usual one.
-
-    Raises:
-        UnknownNameError: there is none of that name.
-        ConfigurationError: torques, and another driver than the COM shifter.
-    """
+    """What is commanded, by a name that there is, and with a driver that goes with it."""
     if actuation not in _ACTUATIONS:
         raise UnknownNameError(
             "no such actuation of step teleoperation", got=actuation, choices=_ACTUATIONS
@@ -89,15 +65,7 @@ def checked_actuation(actuation: str, driver: ComDriver | None = None) -> str:
 
 
 def checked_controller(name: str | None, actuation: str) -> str:
-    """That controller, or the first one that commands so.
-
-    Args:
-        name: of a controller; None for the usual one.
-        actuation: what it commands.
-
-    Raises:
-        UnknownNameError: no controller of that name commands so.
-    """
+    """That controller, or the first one that commands so."""
     choices = [each for each, kind in CONTROLLERS.items() if kind.actuation == actuation]
     if name is None:
         return choices[0]

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.locomotion._stepping._operator import DeviceStatus, OperatorSample
-from poise.locomotion._stepping._stance import Mode, StepEnd
 from poise.locomotion._stepping._upper_body import HandStatus
+from poise.locomotion._walking import Mode, StepEnd
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

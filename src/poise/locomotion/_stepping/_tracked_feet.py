@@ -30,9 +30,6 @@ class FootTracker:
     p = p_0 + s R(yaw) (x - x_0), with the foot's place p_0, the tracker's x_0 and the robot's
     heading `yaw` when the clutch closed, and the scale s. A tracker that is found, or found again
     after half a second, has to be seen open first. `OperatorGuard` bounds how fast the place moves.
-
-    Args:
-        scale: way of the foot over way of the tracker.
     """
 
     def __init__(self, scale: float = 1.0) -> None:
@@ -47,17 +44,7 @@ class FootTracker:
         ahead: float,
         time: float,
     ) -> TrackedPose | None:
-        """Take what the tracker sends.
-
-        Args:
-            tracker: forward, left and up for the operator [m]; None where it is gone.
-            place: from where it leads its foot if it engages now, in the world [m].
-            ahead: where the robot faces, to the left of the world's x axis [rad].
-            time: of the robot [s].
-
-        Returns:
-            Place and velocity of the foot in the world; None while the tracker does not lead.
-        """
+        """Take what the tracker sends."""
         engagement = self._engagement
         engagement.expire(time)
         point = None if tracker is None else tracker.position
@@ -137,12 +124,7 @@ class TrackedFeet:
 
 
 def rest_place(teleoperator: StepTeleoperator, foot: int) -> Vector:
-    """Return where a foot goes that nothing leads: on its place, or straight down from the air [m].
-
-    Args:
-        teleoperator: whose foot.
-        foot: 0 left, 1 right.
-    """
+    """Return the goal of a foot that nothing leads: its place, or straight down [m]."""
     estimator, mode = teleoperator.estimator, teleoperator.mode
     x, y, z = estimator.anchors[foot].tolist()
     if not mode.single or mode.support == foot:
@@ -152,11 +134,6 @@ def rest_place(teleoperator: StepTeleoperator, foot: int) -> Vector:
 
 
 def along_ahead(vector: Sequence[float], ahead: float) -> Float64[np.ndarray, "3"]:
-    """What is forward, left and up of a robot, along the world's axes.
-
-    Args:
-        vector: forward, left, up.
-        ahead: where the robot faces, to the left of the world's x axis [rad].
-    """
+    """What is forward, left and up of a robot, along the world's axes."""
     (forward, left, up), c, s = vector, math.cos(ahead), math.sin(ahead)
     return np.array([c * forward - s * left, s * forward + c * left, up])

@@ -44,22 +44,12 @@ class Bearing(NamedTuple):
         return 0.5 * self.length - abs(x - self.x), 0.5 * self.width - abs(y - self.y)
 
     def rest_at(self, position: Point, yaw: float) -> Point:
-        """Where the ZMP rests in the world, on a sole that lies there [m].
-
-        Args:
-            position: of the sole's centre [m].
-            yaw: its heading [rad].
-        """
+        """Where the ZMP rests in the world, on a sole that lies there [m]."""
         (ahead, left), c, s = self.rest, math.cos(yaw), math.sin(yaw)
         return position[0] + c * ahead - s * left, position[1] + s * ahead + c * left
 
     def within(self, lower: Point, upper: Point) -> "Bearing":
-        """What of it lies in another rectangle; the nearest edge or corner where nothing does.
-
-        Args:
-            lower: its corner with the least x and y along the sole's axes [m].
-            upper: the one with the greatest [m].
-        """
+        """What of it lies in another rectangle; the nearest edge or corner where nothing does."""
         (x, length), (y, width) = (
             _common(middle, size, *ends)
             for middle, size, *ends in (
@@ -83,11 +73,6 @@ def bearing(robot: Robot, sole: str, outwards: float) -> Bearing:
     An ankle with the torque tau holds the weight W as far as tau / W from its axis. A sole that
     leans with its leg does so outwards while it carries alone, as the body is on its side of the
     middle, and stands on its outer edge.
-
-    Args:
-        robot: the robot.
-        sole: which.
-        outwards: 1 where the outer edge is on the left of the sole, -1 where it is on its right.
     """
     size = robot.soles[sole]
     back, front = _held(robot, sole, 4, 0, 0.5 * size.length)
@@ -98,15 +83,7 @@ def bearing(robot: Robot, sole: str, outwards: float) -> Bearing:
 
 
 def _held(robot: Robot, sole: str, turn: int, axis: int, half: float) -> tuple[float, float]:
-    """The part of a sole along one axis that the joint which turns it about the other one holds.
-
-    Args:
-        robot: the robot.
-        sole: which.
-        turn: component of the sole's motion that the joint makes.
-        axis: 0 or 1.
-        half: of the sole, along that axis [m].
-    """
+    """The part of a sole along one axis that the joint which turns it about the other one holds."""
     model, data, frame = robot.model, robot.model.createData(), robot.frame_id(sole)
     pin.computeJointJacobians(model, data, robot.q_home)
     J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)

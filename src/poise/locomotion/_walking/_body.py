@@ -20,13 +20,6 @@ class BodyMotion:
     The pendulum's mass C, see `LegMomentum`, follows the divergent component of motion; height and
     heading go to what the next stand asks for.
 
-    Args:
-        standing: how the robot stands at the beginning.
-        crouch: how far the COM is then lowered [m]; what goes along with the body is not.
-        lowering: how long that takes [s].
-        omega: natural frequency of the pendulum [1/s].
-        carried: targets that go along with the body.
-
     Attributes:
         rise: height of the COM in the world, with rates [m].
         heading: with rates [rad].
@@ -50,13 +43,7 @@ class BodyMotion:
         self.heading: Motion = (0.0, 0.0, 0.0)
 
     def begin(self, mass: Point, height: float, heading: float) -> None:
-        """Begins at rest.
-
-        Args:
-            mass: where C is [m].
-            height: of the COM [m].
-            heading: [rad].
-        """
+        """Begins at rest."""
         self._mass = mass
         self.rise, self.heading = (height, 0.0, 0.0), (heading, 0.0, 0.0)
 
@@ -68,15 +55,7 @@ class BodyMotion:
         self.heading = least_jerk_towards(self.heading, heading, time, dt)
 
     def follow(self, dcm: tuple[DcmMotion, DcmMotion], dt: float) -> Float64[np.ndarray, "3 2"]:
-        """Moves C on, C' = omega (xi - C).
-
-        Args:
-            dcm: where xi should be.
-            dt: of the tick [s].
-
-        Returns:
-            C, its velocity and acceleration, a row each.
-        """
+        """Moves C on, C' = omega (xi - C)."""
         (x, vx), (y, vy) = dcm
         w, kept = self._omega, math.exp(-self._omega * dt)
         self._mass = x + (self._mass[0] - x) * kept, y + (self._mass[1] - y) * kept
@@ -84,11 +63,7 @@ class BodyMotion:
         return np.array([self._mass, rates, (w * (vx - rates[0]), w * (vy - rates[1]))])
 
     def carry(self, com: Float64[np.ndarray, "3 3"]) -> None:
-        """Takes everything along that goes with the body.
-
-        Args:
-            com: its reference, with rates.
-        """
+        """Takes everything along that goes with the body."""
         standing = self._standing
         displacement = np.zeros((3, 4))
         displacement[:, :3] = com

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from poise.locomotion._walking._commands import side
-from poise.locomotion._walking._flight import Flight
+from poise.locomotion._walking._flight import Flight, HeldFlight
 from poise.locomotion._walking._footsteps import Gait, Stand
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._reach import LegSpan
@@ -41,15 +41,7 @@ class BodyGoal(NamedTuple):
 
 
 class BodyHeight:
-    """What the next stand asks of the body.
-
-    Args:
-        sense: where the COM is.
-        stand: how the robot stands at the beginning.
-        span: of its legs.
-        gait: timing of its steps.
-        height: of the COM over the lower foot while it walks [m].
-    """
+    """What the next stand asks of the body."""
 
     def __init__(
         self, sense: WalkSense, stand: Stand, span: LegSpan, gait: Gait, height: float
@@ -57,15 +49,17 @@ class BodyHeight:
         self._sense, self._out, self._span = sense, 0.5 * stand.width, span
         self._gait, self._height = gait, height
 
-    def goal(self, stance: Stance, flight: Flight | None, now: float, *, begins: bool) -> BodyGoal:
-        """Where the body goes.
-
-        Args:
-            stance: where the feet stand.
-            flight: of the one in the air; None where both stand.
-            now: height of the body's reference [m].
-            begins: whether no step has been made yet.
-        """
+    def goal(
+        self,
+        stance: Stance,
+        flight: Flight | HeldFlight | None,
+        now: float,
+        *,
+        slow: bool,
+        offset: float = 0.0,
+        lowest: float = LOWEST,
+    ) -> BodyGoal:
+        """Return where the body goes."""
         left, right = stance.feet
         low, yaw, time = min(left.position[2], right.position[2]), stance.heading, 0.0
         feet = [left, right]
@@ -75,28 +69,22 @@ class BodyHeight:
             sought = min(flight.goal.position[2], float(flight.swing.position[2]))
             low, yaw = min(foot.position[2], sought), 0.5 * (foot.yaw + flight.goal.yaw)
             time, feet[flight.foot] = flight.left, flight.goal
-        height = self._reached(feet, low, yaw, time)
+        asked = self._height + offset
+        least = low + min(lowest * self._height, asked)
+        height = max(self._reached(feet, low + asked, yaw, time), least)
         drop = now - height
-        if drop > 0.0 and height < low + self._height:
+        if drop > 0.0 and height < low + asked:
             return BodyGoal(height, yaw, max(time, math.sqrt(_FALL * drop), _SOONEST))
         time = max(time + 0.5 * self._gait.double_support, _BODY_TIME)
-        return BodyGoal(height, yaw, max(time, self._gait.shift_time) if begins else time)
+        return BodyGoal(height, yaw, max(time, self._gait.shift_time) if slow else time)
 
-    def _reached(self, feet: list[Placement], low: float, yaw: float, time: float) -> float:
-        """Height of the COM in the world at which both legs will reach their feet [m].
-
-        Args:
-            feet: where they stand then.
-            low: height of the lower one [m].
-            yaw: of the body then [rad].
-            time: until then [s].
-        """
+    def _reached(self, feet: list[Placement], height: float, yaw: float, time: float) -> float:
+        """Return the height of the CoM at which both legs will reach their feet [m]."""
         (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
         x, y = x + time * vx, y + time * vy
-        height = low + self._height
         for foot, place in enumerate(feet):
             aside = side(foot) * self._out
             hip = (x - math.sin(yaw) * aside, y + math.cos(yaw) * aside)
             highest = self._span.highest(math.dist(hip, place.position[:2]))
             height = min(height, place.position[2] + highest)
-        return max(height, low + LOWEST * self._height)
+        return height

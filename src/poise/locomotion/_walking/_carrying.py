@@ -41,11 +41,6 @@ class CarryingArea:
     for on the side where there is nothing: the measured one stays on the edge. On that side the
     area ends there, then. Where pressure is measured, something carries; all else grows back slowly
     while the sole lies still.
-
-    Args:
-        sense: of the robot.
-        foot: 0 for the left one, 1 for the right one.
-        contact: of its sole.
     """
 
     def __init__(self, sense: WalkSense, foot: int, contact: Contact) -> None:
@@ -73,21 +68,13 @@ class CarryingArea:
         return _whole(a, -x), _whole(b, -y), _whole(c, x), _whole(d, y)
 
     def bearing(self, whole: Bearing) -> Bearing:
-        """Where the ZMP can be while this foot alone carries the robot.
-
-        Args:
-            whole: the same if all of the sole lay on something.
-        """
+        """Where the ZMP can be while this foot alone carries the robot."""
         if self._settled is None:
             return whole
         return whole.within(*self._open(*self._average))
 
     def part(self, size: Point) -> SolePart | None:
-        """What of the sole carries, as far as is known; None for all of it.
-
-        Args:
-            size: its length and width [m].
-        """
+        """What of the sole carries, as far as is known; None for all of it."""
         edges, ends = self._average, list[Point]()
         if edges == self._all_of_it:
             return None
@@ -107,25 +94,14 @@ class CarryingArea:
         self._settled = None
         self._tell(*self._lower, *self._upper)
 
-    def update(self, state: RobotState, dt: float) -> None:
-        """Learns from a state, and tells the contact.
+    def update(self, state: RobotState, dt: float, *, settled: bool = False) -> None:
+        """Update the estimate, and the contact's area.
 
-        Args:
-            state: of the robot, with what its soles measure; without that the whole sole carries.
-            dt: since the last one [s].
+        While somebody holds feet the contact has the average: a sole that rocks has another area in
+        every tick, and one that stands on an edge tips over where all of it is taken to carry.
         """
         self._learn_from(state, dt)
-        self._tell(*self._lower, *self._upper)
-
-    def feel(self, state: RobotState, dt: float) -> None:
-        """Learns from a state, and tells the contact what carries on the average.
-
-        Args:
-            state: of the robot, with what its soles measure; without that the whole sole carries.
-            dt: since the last one [s].
-        """
-        self._learn_from(state, dt)
-        self._tell(*self._average)
+        self._tell(*(self._average if settled else (*self._lower, *self._upper)))
 
     def _learn_from(self, state: RobotState, dt: float) -> None:
         contact = self._contact
@@ -175,14 +151,7 @@ class CarryingArea:
         )
 
     def _learn(self, axis: int, down: float, pressure: float | None, dt: float) -> None:
-        """One axis of the sole.
-
-        Args:
-            axis: 0 for x, 1 for y.
-            down: how fast its positive side turns towards the ground [rad/s].
-            pressure: where the centre of pressure is; None where too little is carried [m].
-            dt: of the tick [s].
-        """
+        """One axis of the sole."""
         reach, lower, upper = self._reach[axis], self._lower[axis], self._upper[axis]
         if abs(down) <= _TURNING:
             lower, upper = lower - _SPREAD * dt, upper + _SPREAD * dt

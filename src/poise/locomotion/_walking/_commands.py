@@ -73,31 +73,18 @@ class LegRoom(NamedTuple):
     quickness: float
 
     def shortest_swing(self, way: float) -> float:
-        """In what time a foot goes a way, from rest to rest with the least jerk [s].
-
-        Args:
-            way: [m].
-        """
+        """In what time a foot goes a way, from rest to rest with the least jerk [s]."""
         return math.sqrt(_PEAK * way / self.quickness)
 
     def near(self, yaw: float) -> float:
-        """Least distance of the soles' centres, turned against each other [m].
-
-        Args:
-            yaw: of one against the other [rad].
-        """
+        """Least distance of the soles' centres, turned against each other [m]."""
         skew = 0.5 * abs(yaw)
         return self.clearance + sum(
             0.5 * (width * math.cos(skew) + length * math.sin(skew)) for length, width in self.sizes
         )
 
     def bounds(self, yaw: float, *, far: bool = False) -> StepBounds:
-        """Where a foot may come down.
-
-        Args:
-            yaw: of the foothold, against the foot that stands [rad].
-            far: whether the body goes down for it, to catch the robot.
-        """
+        """Where a foot may come down."""
         ahead = self.far if far else self.ahead
         near = min(self.near(yaw), self.width)
         return StepBounds(-ahead, ahead, near, self.wide, ahead, self.width)
@@ -146,12 +133,6 @@ class StepCommands:
     one comes nearer than side by side by the rest. Footholds that are given one by one come before
     any velocity and stay exact, unless the robot has to be caught.
 
-    Args:
-        limits: of velocities.
-        room: of the legs.
-        step_time: from one lift-off to the next [s].
-        ground: what the robot walks on.
-
     Attributes:
         velocity: that is followed now.
         footholds: given and not yet made.
@@ -173,13 +154,7 @@ class StepCommands:
         self._planned: tuple[tuple[object, ...], list[Placement]] = ((), [])
 
     def set_velocity(self, ahead: float, sideways: float, turn: float) -> None:
-        """Asks for a velocity from now on; one that is not finite is ignored.
-
-        Args:
-            ahead: [m/s].
-            sideways: to the left [m/s].
-            turn: to the left [rad/s].
-        """
+        """Asks for a velocity from now on; one that is not finite is ignored."""
         asked = (ahead, sideways, turn)
         if not all(math.isfinite(value) for value in asked):
             self.notice = f"velocity {_shown(asked)} ignored: not finite"
@@ -235,11 +210,7 @@ class StepCommands:
         return ahead, sideways, turn
 
     def advance(self, dt: float) -> None:
-        """Lets the velocity follow what is asked for.
-
-        Args:
-            dt: since the last call [s].
-        """
+        """Lets the velocity follow what is asked for."""
         followed = self._followed
         if self.velocity == followed:
             return
@@ -268,13 +239,7 @@ class StepCommands:
         return self.footholds[0].foot if self.footholds else 1 - landed
 
     def steps(self, foot: int, stance: Placement, count: int) -> list[Placement]:
-        """The next few footholds, a foot after the other.
-
-        Args:
-            foot: that goes first.
-            stance: where the other one stands.
-            count: how many.
-        """
+        """The next few footholds, a foot after the other."""
         # Nothing changes from tick to tick while a foot is in the air and nobody commands.
         asked = (foot, stance, count, self.velocity, self.closes, len(self.footholds))
         if asked != self._planned[0]:
@@ -396,12 +361,7 @@ def _tamed(asked: Velocity) -> Velocity:
 
 
 def _share(outwards: float, inwards_most: float) -> float:
-    """What one step does of something that two do together.
-
-    Args:
-        outwards: of a step on average; negative where the other foot leads.
-        inwards_most: that the foot that follows may come nearer.
-    """
+    """What one step does of something that two do together."""
     inwards = min(abs(outwards), max(inwards_most, 0.0))
     return 2.0 * outwards - inwards if outwards > 0.0 else -inwards
 

@@ -33,15 +33,7 @@ class StepTimes(NamedTuple):
 
 
 def before_transfer(xi: Point, start: Point, end: Point, omega: float, time: float) -> Point:
-    """Where xi has to be so that it gets somewhere while the ZMP goes over, evenly.
-
-    Args:
-        xi: where it shall be in the end [m].
-        start: where the ZMP is now [m].
-        end: where it is then [m].
-        omega: natural frequency [1/s].
-        time: until then [s].
-    """
+    """Where xi has to be so that it gets somewhere while the ZMP goes over, evenly."""
     kept, ratio = math.exp(-omega * time), 1.0 / (omega * time)
     s_x, s_y = ratio * (end[0] - start[0]), ratio * (end[1] - start[1])
     return (
@@ -61,14 +53,6 @@ def touchdown_dcm(
 
     Of `LegMomentum`, as everything here. It comes to rest over the last foothold, or where the
     robot stands on the last two.
-
-    Args:
-        lifted: where the foot is, or was, that comes down next [m].
-        footholds: where the ZMP rests in each single support: in the foot that stands now, in the
-            next one, and so on; two at least [m].
-        legs: the pendulum.
-        times: of each step.
-        rest: where the ZMP stays when all footholds are made; over the last one when None [m].
     """
     omega, feet = legs.omega, (lifted, *footholds)
     xi = over = feet[-1] if rest is None else rest
@@ -99,12 +83,6 @@ def hermite_step(now: DcmMotion, goal: DcmMotion, left: float, dt: float) -> Dcm
     """One tick along the cubic that is at a goal, as fast as that asks for, in the time left.
 
     Position and velocity of xi are continuous, and with them the ZMP, r = xi - xi' / omega.
-
-    Args:
-        now: where xi is.
-        goal: where it should be.
-        left: until then [s].
-        dt: of the tick [s].
     """
     (x, v), (x1, v1) = now, goal
     if left <= dt:

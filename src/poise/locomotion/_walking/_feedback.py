@@ -39,10 +39,6 @@ class DcmFeedback:
     Divergent Component of Motion") have it; the error dies out with the rate k while the ZMP is
     free.
 
-    Args:
-        omega: natural frequency of the COM over the ground [1/s].
-        gain: k [1/s].
-
     Attributes:
         error: of the divergent component, xi - xi_ref [m].
         zmp: r [m].
@@ -52,20 +48,16 @@ class DcmFeedback:
         self.omega, self._gain = omega, 1.0 + gain / omega
         self.error: Vector2 = np.zeros(2)
         self.zmp: Vector2 = np.zeros(2)
-        self._goes_on_from: Point | None = None
+        self._continues_from: Vector2 | None = None
         self._offset = (0.0, 0.0)
 
     def begin(self) -> None:
         """Forgets the error."""
-        self.error, self._offset, self._goes_on_from = np.zeros(2), (0.0, 0.0), None
+        self.error, self._offset, self._continues_from = np.zeros(2), (0.0, 0.0), None
 
-    def go_on_from(self, zmp: Point) -> None:
-        """Begins the next tick where somebody else has led the ZMP, and fades into its own.
-
-        Args:
-            zmp: as asked for last [m].
-        """
-        self._goes_on_from = zmp
+    def continue_from(self, zmp: Vector2) -> None:
+        """Begin the next tick at a ZMP and fade into the feedback's own: a bumpless transfer."""
+        self._continues_from = zmp
 
     def acceleration(
         self,
@@ -75,15 +67,7 @@ class DcmFeedback:
         support: ZmpRegion,
         dt: float = 0.0,
     ) -> Vector2:
-        """The COM's horizontal acceleration [m/s^2].
-
-        Args:
-            com: as measured [m].
-            velocity: as measured [m/s].
-            reference: position [m], velocity [m/s] and acceleration [m/s^2] of the COM, a row each.
-            support: where the ZMP can be.
-            dt: length of the tick, by which what it goes on from fades [s].
-        """
+        """The COM's horizontal acceleration [m/s^2]."""
         w = self.omega
         (px, py), (rx, ry), (sx, sy) = reference.tolist()
         (cx, cy), (vx, vy) = com.tolist(), velocity.tolist()
@@ -91,9 +75,9 @@ class DcmFeedback:
         x, y = support.nearest(
             (px - sx / (w * w) + self._gain * ex, py - sy / (w * w) + self._gain * ey)
         )
-        if self._goes_on_from is not None:
-            from_x, from_y = self._goes_on_from
-            self._goes_on_from, self._offset = None, (from_x - x, from_y - y)
+        if self._continues_from is not None:
+            from_x, from_y = self._continues_from.tolist()
+            self._continues_from, self._offset = None, (from_x - x, from_y - y)
         if any(self._offset):
             off_x, off_y = self._offset
             x, y = support.nearest((x + off_x, y + off_y))

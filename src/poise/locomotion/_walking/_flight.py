@@ -1,9 +1,13 @@
-"""`Flight`: a foot in the air, whose place and time of touchdown are still open."""
+"""`Flight`: swing foot whose place and time of touchdown are still open.
+
+`HeldFlight`: swing foot that somebody holds, for as long as they like.
+"""
 
 import math
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.dynamics import RobotState
 from poise.locomotion._support import Point
@@ -13,8 +17,11 @@ from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._step_choice import Pendulum
 from poise.locomotion._walking._step_planner import Lifted, StepPlanner
-from poise.locomotion._walking._swing import SwingFoot
+from poise.locomotion._walking._swing import HeldSwing, SwingFoot
 from poise.locomotion._walking._swing_shape import RISE, SwingShape, sinking_phase
+
+Vector3 = Float64[np.ndarray, "3"]
+Rotation = Float64[np.ndarray, "3 3"]
 
 _PLACE_RATE, _TIME_RATE = 2.0, 2.0
 """How fast foothold [m/s] and time of touchdown [s/s] change at most."""
@@ -36,17 +43,6 @@ class Flight:
 
     A foot that meets no ground when it is due goes on down, faster than it would have landed, and
     its foothold moves on with the divergent component: what is late lands farther away.
-
-    Args:
-        foot: 0 for the left one, 1 for the right one.
-        sense: where it is.
-        goal: where it should come down.
-        shape: of its swing.
-        planner: chooses place and time.
-        commands: know where the ground carries it.
-        settings: of touchdown.
-        swung: for how long a foot that is in the air already counts as swung, which comes down
-            from where it is [s]; None for one that is lifted now.
 
     Attributes:
         foot: which.
@@ -83,13 +79,7 @@ class Flight:
             self.swing.elapsed = RISE * self.swing.duration
 
     def aim(self, lifted: Lifted, pendulum: Pendulum, dt: float) -> None:
-        """Chooses place and time of touchdown.
-
-        Args:
-            lifted: the foot.
-            pendulum: what the next footholds ask for.
-            dt: since the last choice, which it stays near to [s].
-        """
+        """Chooses place and time of touchdown."""
         late = self.left == 0.0
         if self._lands or (self.left <= _FINAL and not late):
             return
@@ -140,9 +130,6 @@ class Flight:
 
         A toe that came down beside an edge would be pressed against it by its way ahead, and
         friction would hold it down all the more.
-
-        Args:
-            state: of the robot.
         """
         x, y, up = self._sense.felt(state, self.foot).tolist()
         aside = math.hypot(x, y)
@@ -151,11 +138,7 @@ class Flight:
             self.swing.rise_at(place[0] + _BACK * x / aside, place[1] + _BACK * y / aside)
 
     def advance(self, dt: float) -> None:
-        """Moves the foot on.
-
-        Args:
-            dt: of the tick [s].
-        """
+        """Moves the foot on."""
         swing = self.swing
         before_ground = 1.0 - self._sinking - swing.phase
         if self.left > 0.0 and before_ground > 0.0:
@@ -165,3 +148,30 @@ class Flight:
         swing.advance(dt, np.array(self.goal.position[:2]) - np.array(swing.goal.position[:2]))
         if swing.phase >= 1.0:
             self.waited += dt
+
+
+class HeldFlight:
+    """From lift-off to touchdown of a foot that follows somebody's motion.
+
+    Attributes:
+        foot: which.
+        swing: its pose.
+        goal: where it is now, which is where it would come down.
+        left: zero: it may come down in any tick [s].
+        waited: zero: nobody expects it to be down [s].
+    """
+
+    def __init__(self, foot: int, sense: WalkSense) -> None:
+        self.foot, self.left, self.waited = foot, 0.0, 0.0
+        self.swing = HeldSwing(*sense.lower_edge(foot))
+        self.goal = sense.placement(foot)
+
+    def move(self, position: Vector3, velocity: Vector3, rotation: Rotation, yaw: float) -> None:
+        """Set the pose."""
+        self.swing.position, self.swing.rotation = position, rotation
+        self.swing.velocity[:3] = velocity
+        x, y, z = position.tolist()
+        self.goal = Placement(position=(x, y, z), yaw=yaw)
+
+    def land(self) -> None:
+        """Do nothing: who holds the foot puts it down."""

@@ -199,11 +199,7 @@ class Stand:
 
 
 def stand_of(robot: Robot, q: Numbers | None = None) -> Stand:
-    """How a robot stands in a posture, in its home one when None.
-
-    Raises:
-        ConfigurationError: it does not stand on two soles, or one does not lie flat.
-    """
+    """How a robot stands in a posture, in its home one when None."""
     left, right = two_soles(robot)
     posture = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
     start, com = _standing_soles(robot, (left, right), posture)
@@ -368,11 +364,7 @@ def _finite(placement: Placement) -> bool:
 def _lying(
     place: Float64[np.ndarray, "3"], before: Placement, size: tuple[float, float], ground: Ground
 ) -> Placement:
-    """A sole on the ground at x, y [m] with a heading [rad].
-
-    Raises:
-        ConfigurationError: the ground under it is not level.
-    """
+    """A sole on the ground at x, y [m] with a heading [rad]."""
     x, y, yaw = place.tolist()
     # A heading is the same a whole turn on; the foot goes the shorter way.
     yaw += 2.0 * math.pi * round((before.yaw - yaw) / (2.0 * math.pi))
@@ -399,11 +391,7 @@ _FLAT = 0.05
 def _standing_soles(
     robot: Robot, soles: tuple[str, str], q: Float64[np.ndarray, " nq"]
 ) -> tuple[tuple[Placement, Placement], tuple[float, float, float]]:
-    """Where the soles and the centre of mass are in a posture.
-
-    Raises:
-        ConfigurationError: a sole does not lie flat.
-    """
+    """Where the soles and the centre of mass are in a posture."""
     model, data = robot.model, robot.model.createData()
     pin.framesForwardKinematics(model, data, q)
     found: list[Placement] = []

@@ -30,13 +30,7 @@ class LastStep(NamedTuple):
     room: Point
 
     def move(self, xi: Point, foothold: Point, reached: Point) -> Point:
-        """How far the foothold has to move for both feet to hold the robot [m].
-
-        Args:
-            xi: the divergent component at touchdown, from the foot that stands [m].
-            foothold: as planned, likewise [m].
-            reached: how far from there the ZMP takes it until then, either way [m].
-        """
+        """How far the foothold has to move for both feet to hold the robot [m]."""
         best, least = (0.0, 0.0), math.inf
         for share, (x, y) in self._misses(xi, foothold, reached):
             far = math.hypot(x, y)
@@ -47,13 +41,7 @@ class LastStep(NamedTuple):
         return best
 
     def off(self, xi: Point, foothold: Point, reached: Point) -> Point:
-        """How far the divergent component will be from what holds it [m].
-
-        Args:
-            xi: at touchdown, from the foot that stands [m].
-            foothold: as chosen, likewise [m].
-            reached: how far from there the ZMP takes it until then, either way [m].
-        """
+        """How far the divergent component will be from what holds it [m]."""
         misses = (miss for _, miss in self._misses(xi, foothold, reached))
         return min(misses, key=lambda miss: math.hypot(*miss))
 
@@ -68,10 +56,5 @@ class LastStep(NamedTuple):
 
 
 def beyond(miss: float, most: float) -> float:
-    """What of a miss is left when the ZMP has done what it can [m].
-
-    Args:
-        miss: either way [m].
-        most: what the ZMP can do [m].
-    """
+    """What of a miss is left when the ZMP has done what it can [m]."""
     return math.copysign(max(abs(miss) - most, 0.0), miss)

@@ -34,11 +34,6 @@ def leg_ratios(robot: Robot, q: Float64[np.ndarray, " nq"], soles: tuple[str, st
 
     A leg follows its foot by its own joints, everything else stands still; m is the robot's mass, h
     the height of its COM above the sole.
-
-    Args:
-        robot: the robot.
-        q: configuration, facing anywhere.
-        soles: their names.
     """
     model, data = robot.model, robot.model.createData()
     pin.computeJointJacobians(model, data, q)
@@ -83,10 +78,6 @@ class LegMomentum:
     plain one holds for C, Z and C + C' / W. A foot that rises turns its leg as one does that moves
     ahead, so its height counts as a way ahead, `LegRatios.rise` times.
 
-    Args:
-        beta: of each leg, `LegRatios.ahead`.
-        omega: natural frequency of the COM over the ground [1/s].
-
     Attributes:
         beta: of each leg.
         factor: 1 + 2 beta.
@@ -98,12 +89,7 @@ class LegMomentum:
         self.omega = omega / math.sqrt(self.factor)
 
     def joined(self, body: Point, feet: FeetAt) -> Point:
-        """C or Z, or a rate of it.
-
-        Args:
-            body: of the COM or the ZMP.
-            feet: of both feet.
-        """
+        """C or Z, or a rate of it."""
         (lx, ly), (rx, ry) = feet
         return (
             self.factor * body[0] - self.beta * (lx + rx),
@@ -120,13 +106,7 @@ class LegMomentum:
 
 
 class JoinedSupport:
-    """Where Z can be: a support polygon, seen through `LegMomentum.joined`.
-
-    Args:
-        legs: the pendulum.
-        support: where the ZMP can be.
-        feet: where both feet are [m].
-    """
+    """Where Z can be: a support polygon, seen through `LegMomentum.joined`."""
 
     def __init__(self, legs: LegMomentum, support: SupportPolygon, feet: FeetAt) -> None:
         self._legs, self._support, self._feet = legs, support, feet

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
+from poise.locomotion._single_support import SingleSupportRegion, single_support_region
 from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._body_height import LOWEST, BodyHeight
 from poise.locomotion._walking._carrying import CarryingArea
@@ -54,6 +55,7 @@ class WalkParts:
         body: where the COM and what goes along with it should be.
         rise: how high the body goes.
         pendulum: as it is.
+        region: of one foot, while somebody holds the other one.
     """
 
     stand: Stand
@@ -72,6 +74,7 @@ class WalkParts:
     body: BodyMotion
     rise: BodyHeight
     pendulum: MeasuredPendulum
+    region: SingleSupportRegion
 
 
 def make_parts(
@@ -84,23 +87,7 @@ def make_parts(
     ground: Ground,
     carry: Sequence[str] | None,
 ) -> WalkParts:
-    """The parts of a walk, for one robot and stack.
-
-    Args:
-        robot: on two soles.
-        stack: bound to the robot.
-        stand: how it stands; the plan, if it walks along one.
-        gait: timing and shape of a step.
-        settings: feedback and touchdown.
-        limits: of velocities.
-        ground: what it walks on.
-        carry: names of frame tasks that go along with the body; all that are on no sole when None.
-
-    Raises:
-        ConfigurationError: the stack lacks something, a leg does not reach where the plan wants
-            it, or feet as far apart as the gait says touch or are out of reach.
-        UnknownNameError: no such frame task to carry.
-    """
+    """The parts of a walk, for one robot and stack."""
     height = stand.com[2] - stand.middle[2] - gait.crouch
     ratios = leg_ratios(robot, stand.q, stand.soles)
     legs = LegMomentum(ratios.ahead, natural_frequency(height))
@@ -145,6 +132,7 @@ def make_parts(
         body=body,
         rise=BodyHeight(sense, stand, reach.span, gait, height),
         pendulum=MeasuredPendulum(legs, ratios.rise, sense, stance, body),
+        region=single_support_region(robot, natural_frequency(height), settings.zmp_margin),
     )
 
 

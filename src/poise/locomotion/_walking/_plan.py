@@ -98,11 +98,7 @@ def _foothold(
     ground: Ground,
     number: int,
 ) -> tuple[float, float, float]:
-    """The place of a foot beside the body, or the nearest ahead or behind that carries it all.
-
-    Returns:
-        x, y [m], heading [rad].
-    """
+    """The place of a foot beside the body, or the nearest ahead or behind that carries it all."""
     x, y, yaw = body
     side = 0.5 * width if foot == 0 else -0.5 * width
     x, y = x - side * math.sin(yaw), y + side * math.cos(yaw)
@@ -119,16 +115,7 @@ def _foothold(
 def level_place(
     place: tuple[float, float, float], size: tuple[float, float], ground: Ground
 ) -> Placement | None:
-    """A sole on the ground where it should lie, or at the nearest place ahead or behind.
-
-    Args:
-        place: x, y [m] and heading [rad].
-        size: of the sole, length and width [m].
-        ground: it must have one height under the sole, and a little around.
-
-    Returns:
-        The place; None where there is none near.
-    """
+    """A sole on the ground where it should lie, or at the nearest place ahead or behind."""
     x, y, yaw = place
     grown = (size[0] + 2.0 * _EDGE, size[1] + 2.0 * _EDGE)
     for i in range(2 * int(_FARTHEST / _SEARCH) + 1):

@@ -32,29 +32,16 @@ class LegSpan(NamedTuple):
     hip: float
 
     def beside(self, height: float) -> float:
-        """How far beside its hip a foot stands at most [m].
-
-        Args:
-            height: of the COM above that foot [m].
-        """
+        """How far beside its hip a foot stands at most [m]."""
         return math.sqrt(max(self.length**2 - (height + self.hip) ** 2, 0.0))
 
     def highest(self, beside: float) -> float:
-        """How high the COM is above a foot at most [m].
-
-        Args:
-            beside: how far that foot is beside its hip [m].
-        """
+        """How high the COM is above a foot at most [m]."""
         return math.sqrt(max(self.length**2 - beside**2, 0.0)) - self.hip
 
 
 class LegReach:
-    """Puts a foot where it should stand, with the base where the walk has it.
-
-    Args:
-        robot: the robot.
-        stand: how it stands at the beginning.
-    """
+    """Puts a foot where it should stand, with the base where the walk has it."""
 
     def __init__(self, robot: Robot, stand: Stand) -> None:
         self._robot, self._stand = robot, stand
@@ -73,14 +60,6 @@ class LegReach:
 
         At touchdown the COM is taken to be half way between the feet, and to go on as fast as the
         step does.
-
-        Args:
-            plan: the steps.
-            height: of the COM over the lower foot [m].
-
-        Raises:
-            ConfigurationError: a foot is out of reach; the message says after which step, and of
-                which joint.
         """
         leaves = 0.5 + plan.gait.double_support / plan.gait.step_time
         for done in range(plan.count + 1):
@@ -125,14 +104,7 @@ class LegReach:
     def _base_between(
         self, places: tuple[Placement, Placement], landed: int, way: float, height: float
     ) -> pin.SE3:
-        """Where the base is with the COM between two feet.
-
-        Args:
-            places: of both feet.
-            landed: which of them the COM goes to.
-            way: part of the way there.
-            height: of the COM over the lower foot [m].
-        """
+        """Where the base is with the COM between two feet."""
         behind, ahead = places[1 - landed].position, places[landed].position
         x, y = (a + way * (b - a) for a, b in zip(behind[:2], ahead[:2], strict=True))
         com = np.array((x, y, min(behind[2], ahead[2]) + height))

@@ -29,10 +29,6 @@ LONGEST_TICK = 0.05
 class WalkSense:
     """Centre of mass and soles of a state; a fifth of what a controller computes.
 
-    Args:
-        robot: the robot.
-        soles: names of its soles.
-
     Attributes:
         com: centre of mass [m].
         com_velocity: its velocity [m/s].
@@ -51,21 +47,13 @@ class WalkSense:
         self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
 
     def update(self, state: RobotState) -> None:
-        """Takes a state in.
-
-        Args:
-            state: of the robot.
-        """
+        """Takes a state in."""
         if state.payload is not self._payload:
             self._carry(state.payload)
         pin.centerOfMass(self._model, self._data, state.q, state.v, False)
 
     def look(self, state: RobotState) -> None:
-        """Takes in how soles move alone: the centre of mass stays as it was.
-
-        Args:
-            state: of the robot.
-        """
+        """Takes in how soles move alone: the centre of mass stays as it was."""
         pin.forwardKinematics(self._model, self._data, state.q, state.v)
 
     def _carry(self, payload: Payload | None) -> None:
@@ -122,12 +110,7 @@ class WalkSense:
     def corners(
         self, feet: tuple[int, ...], sizes: tuple[tuple[float, float], tuple[float, float]]
     ) -> list[Point]:
-        """Corners of soles, seen from above [m].
-
-        Args:
-            feet: which.
-            sizes: length and width of the left and of the right one [m].
-        """
+        """Corners of soles, seen from above [m]."""
         corners: list[Point] = []
         for foot in feet:
             corners += sole_rectangle(*self.sole(foot), sizes[foot])
@@ -140,14 +123,7 @@ class WalkSense:
         margin: float,
         parts: Sequence[SolePart | None] = (None, None),
     ) -> SupportPolygon:
-        """Where the ZMP can be.
-
-        Args:
-            feet: those that carry.
-            stand: whose soles and bearings they have.
-            margin: how far inside the edges it stays [m].
-            parts: what of both soles carries where two feet stand; None for all of one.
-        """
+        """Where the ZMP can be."""
         foot, *others = feet
         if not others:
             bears = SolePart(*stand.bearings[foot])
@@ -185,15 +161,7 @@ def expect_step(
     size: tuple[float, float],
     adjust: float,
 ) -> None:
-    """Tells a balance limit where a step will catch the robot.
-
-    Args:
-        limit: of the stack that is led.
-        position: of the foothold [m].
-        yaw: its heading [rad].
-        size: length and width of the sole [m].
-        adjust: how far the foothold may still move, which is caught, too [m].
-    """
+    """Tells a balance limit where a step will catch the robot."""
     length, width = (side + 2.0 * adjust for side in size)
     rotation = pin.utils.rotate("z", yaw)
     limit.expect_step(sole_rectangle(np.array(position), rotation, (length, width)))

@@ -33,12 +33,6 @@ class Stance:
     The ground is a plane through the foot that stands, whose slope is learned from the soles:
     one that carries the robot alone lies flat on what it has met.
 
-    Args:
-        sense: where the soles are.
-        stand: where they are at the beginning, and what the ZMP can do on each.
-        margin: how far inside the soles' edges the ZMP stays [m].
-        areas: what of each sole carries.
-
     Attributes:
         feet: where both stand; a foot in the air where it stood.
         slope: how steeply the ground rises along the world's x and y.
@@ -61,13 +55,7 @@ class Stance:
         self._seen: list[SolePart | None] = [None, None]
 
     def stand_on(self, feet: tuple[int, ...], heading: float) -> None:
-        """Looks at the feet that carry the robot from now on.
-
-        Args:
-            feet: which.
-            heading: of the body: a foot's is the same a whole turn on, and this one is near to it
-                [rad].
-        """
+        """Looks at the feet that carry the robot from now on."""
         # A sole that leans with its leg says nothing of the ground.
         foot, *others = feet
         if not others and self._stand.bearings[foot].width > 0.0 and self._areas[foot].lies:
@@ -80,8 +68,8 @@ class Stance:
         self._feet = feet
         self._look(self.parts)
 
-    def feel(self) -> None:
-        """Looks again at what two soles stand on, where that is only a part of them, or was."""
+    def refresh(self) -> None:
+        """Update the support polygon of two soles, where only a part of one carries, or did."""
         if len(self._feet) != 2:
             return
         parts = self.parts
@@ -102,9 +90,6 @@ class Stance:
 
         Where the state is estimated the world drifts under a robot that stands, millimetres in a
         second, and with it everything but what was remembered of the feet.
-
-        Args:
-            heading: of the body [rad].
         """
         for foot, place in enumerate(self.feet):
             x, y, _ = self._sense.sole(foot)[0].tolist()
@@ -130,11 +115,7 @@ class Stance:
         return 0.5 * (self.feet[0].yaw + self.feet[1].yaw)
 
     def closed(self, width: float) -> bool:
-        """Whether the feet are side by side.
-
-        Args:
-            width: of their centres then [m].
-        """
+        """Whether the feet are side by side."""
         left, right = self.feet
         yaw = self.heading
         dx, dy = (left.position[k] - right.position[k] for k in (0, 1))

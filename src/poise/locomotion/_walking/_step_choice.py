@@ -135,11 +135,6 @@ def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> S
     within reach; what is left is missed. Deviations of place, time and divergent component are
     weighed against each other, in the manner of Khadiv et al. (2020). After a last step any place
     of the divergent component between the feet will do.
-
-    Args:
-        pendulum: measured, and planned.
-        bounds: of the foothold.
-        swing: what the foot can do.
     """
     best: Step | None = None
     usual = swing.usual - swing.elapsed

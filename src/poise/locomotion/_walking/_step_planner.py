@@ -66,14 +66,6 @@ class Lifted(NamedTuple):
 class StepPlanner:
     """Makes the next few steps anew from a command, and chooses the next touchdown.
 
-    Args:
-        commands: where the steps go.
-        room: of the legs.
-        legs: the pendulum.
-        times: of a step.
-        margin: how far inside the soles' edges the ZMP stays [m].
-        stand: whose feet bear the robot.
-
     Attributes:
         times: of a step.
     """
@@ -95,22 +87,12 @@ class StepPlanner:
         self._speed = room.far / room.shortest_swing(room.far)
 
     def swung(self, height: float) -> float:
-        """For how long a foot in the air counts as swung, by how soon it can be down [s].
-
-        Args:
-            height: of the foot above the ground [m].
-        """
+        """For how long a foot in the air counts as swung, by how soon it can be down [s]."""
         shortest = min(self._shortest, self.times.swing)
         return shortest - math.sqrt(_FALL * max(height, 0.0))
 
     def plan(self, lifted: Lifted, counts_as: Point | None = None) -> Pendulum:
-        """What the next footholds ask for, in the world.
-
-        Args:
-            lifted: the foot that comes down next.
-            counts_as: where its height makes it count as, see `LegRatios.rise`; where it is when
-                None [m].
-        """
+        """What the next footholds ask for, in the world."""
         stance, legs = lifted.zmp, self._legs
         place = counts_as or lifted.place
         left = self._commands.left
@@ -152,12 +134,7 @@ class StepPlanner:
         )
 
     def on_the_way(self, pendulum: Pendulum, left: float) -> tuple[DcmMotion, DcmMotion]:
-        """Where the divergent component has to be in single support, a while before its goal.
-
-        Args:
-            pendulum: as planned.
-            left: until touchdown [s].
-        """
+        """Where the divergent component has to be in single support, a while before its goal."""
         start, end, omega = pendulum.zmp, pendulum.zmp_end, pendulum.omega
         now = pendulum.goal
         if left > 0.0:
@@ -166,13 +143,7 @@ class StepPlanner:
         return x, y
 
     def choose(self, lifted: Lifted, pendulum: Pendulum, turned: float) -> tuple[Step, Point]:
-        """The best touchdown, and where that is in the world [m].
-
-        Args:
-            lifted: the foot that comes down next.
-            pendulum: as planned.
-            turned: yaw of the foothold against the foot that stands [rad].
-        """
+        """The best touchdown, and where that is in the world [m]."""
         axes, usual = _Axes(lifted.stance, side(lifted.foot)), self.times.swing
         seen = pendulum._replace(
             xi=axes.within(pendulum.xi),
@@ -200,11 +171,6 @@ class StepPlanner:
         """The foot whose step, and the other one's after it, catch the robot at the least cost.
 
         A foot that cannot go where the robot falls to comes down beside the other one, which can.
-
-        Args:
-            feet: where both stand.
-            bearings: where in each the ZMP can be.
-            xi: the divergent component, measured [m].
         """
         costs: list[float] = []
         for foot in (0, 1):
@@ -231,12 +197,7 @@ class StepPlanner:
 
 
 class _Axes:
-    """Along a foot that stands, and away from it to the side of the other one.
-
-    Args:
-        stance: where it stands.
-        out: to which side the other one is, see `side`.
-    """
+    """Along a foot that stands, and away from it to the side of the other one."""
 
     def __init__(self, stance: Placement, out: float) -> None:
         self._x, self._y, _ = stance.position

@@ -1,4 +1,4 @@
-"""`SwingFoot`: the trajectory of a foot through the air."""
+"""`SwingFoot`: trajectory of a swing foot. `HeldSwing`: pose of one that somebody holds."""
 
 import numpy as np
 import pinocchio as pin
@@ -30,14 +30,6 @@ class SwingFoot:
     at the apex and at the goal. Along the ground it is one too, planned anew each tick for the time
     that is left, so that the goal may move while the foot is in the air. A foot that has found no
     ground goes on down slowly.
-
-    Args:
-        position: of the sole at lift-off [m].
-        rotation: world_R_sole at lift-off.
-        goal: where it should come down.
-        shape: of the trajectory.
-        duration: of the swing [s].
-        search_depth: how far below the goal it looks for the ground [m].
     """
 
     def __init__(
@@ -91,33 +83,19 @@ class SwingFoot:
         self._search = float(self.position[2]), 0.0
 
     def rise_at(self, x: float, y: float) -> None:
-        """Goes straight up at a place before it goes on along the ground.
-
-        Args:
-            x: in the world [m].
-            y: likewise [m].
-        """
+        """Goes straight up at a place before it goes on along the ground."""
         self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
         self._clears = self._lift_off_height + _CLEAR
 
     def retime(self, left: float) -> None:
-        """The foot is due in another time from now on; its phase stays what it is.
-
-        Args:
-            left: until touchdown [s]; a foot that is due already goes on as it does.
-        """
+        """The foot is due in another time from now on; its phase stays what it is."""
         phase = self.phase
         if phase < 1.0 and left > 0.0:
             self.duration = left / (1.0 - phase)
             self.elapsed = phase * self.duration
 
     def advance(self, dt: float, shift: Float64[np.ndarray, "2"]) -> None:
-        """Moves on.
-
-        Args:
-            dt: since the last call [s].
-            shift: of the goal, along the world's x and y [m].
-        """
+        """Moves on."""
         left = self._shape.arrive * self.duration - self.elapsed
         self.elapsed += dt
         clears = self.phase >= RISE or self.position[2] >= self._clears
@@ -157,6 +135,26 @@ class SwingFoot:
             rate = max(rate + acceleration * dt, -_SEARCH_SPEED)
         self._search = max(height + rate * dt, lowest), rate
         return *self._search, acceleration
+
+
+class HeldSwing:
+    """Pose of a swing foot that somebody holds, with rates; set anew in each tick.
+
+    Attributes:
+        position: of the sole [m].
+        rotation: world_R_sole.
+        velocity: linear then angular [m/s, rad/s].
+        acceleration: linear then angular [m/s^2, rad/s^2].
+        slant: height of the ground below it, over which its height counts as a way ahead [m].
+    """
+
+    def __init__(
+        self, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
+    ) -> None:
+        self.position, self.rotation = position.copy(), rotation.copy()
+        self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)
+        self.acceleration: Float64[np.ndarray, "6"] = np.zeros(6)
+        self.slant = float(position[2])
 
 
 def least_jerk_towards(axis: Motion, goal: float, left: float, dt: float) -> Motion:

@@ -50,16 +50,7 @@ class SwingShape:
         return least_jerk(phase, self.depart, self.arrive - self.depart)[0]
 
     def height(self, phase: float, begin: float, end: float) -> tuple[float, float, float]:
-        """Height of the sole between lift-off and touchdown.
-
-        Args:
-            phase: of the swing.
-            begin: height at lift-off [m].
-            end: height at touchdown [m].
-
-        Returns:
-            Height [m] and its first and second derivative by the phase [m].
-        """
+        """Height of the sole between lift-off and touchdown."""
         apex = max(self.apex, begin, end)
         if phase < RISE:
             ratio, rate, second = least_jerk(phase, 0.0, RISE)
@@ -83,19 +74,7 @@ def clear_swing(
     ground: Ground,
     number: int,
 ) -> SwingShape:
-    """The smoothest swing above everything that lies under it.
-
-    Args:
-        begin: where the sole lies before.
-        goal: where it comes down.
-        size: length and width of the sole [m].
-        height: how far it is lifted above the highest it passes [m].
-        ground: what it passes.
-        number: of the step, for messages.
-
-    Raises:
-        ConfigurationError: every swing would knock against a platform.
-    """
+    """The smoothest swing above everything that lies under it."""
     high = max(begin.position[2], goal.position[2]) + height
     if not ground.platforms:
         return SwingShape(apex=high)
@@ -123,16 +102,7 @@ def led_swing(
     ground: Ground,
     depth: float,
 ) -> SwingShape:
-    """A swing whose goal may move: above all platforms where there is one, else the smoothest.
-
-    Args:
-        begin: where the sole lies before.
-        goal: where it comes down, as planned.
-        size: length and width of the sole [m].
-        height: how far it is lifted above the highest it passes [m].
-        ground: what it passes.
-        depth: how far below the ground that it expects it aims [m].
-    """
+    """A swing whose goal may move: above all platforms where there is one, else the smoothest."""
     if ground.platforms:
         # A swing that would knock against one is made all the same: it may catch the robot.
         with suppress(ConfigurationError):
@@ -146,10 +116,6 @@ def sinking_phase(depth: float, fall: float) -> float:
 
     At its end a quintic of least jerk is 10 H s^3 above where it ends, H its height and s the part
     of its time that is left.
-
-    Args:
-        depth: where it aims, below the ground [m].
-        fall: of the apex over the ground [m].
     """
     if depth <= 0.0:
         return 0.0

@@ -17,7 +17,7 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._support import two_soles
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
-from poise.locomotion._walking._swing import SwingFoot
+from poise.locomotion._walking._swing import HeldSwing, SwingFoot
 from poise.robots import Robot
 from poise.stack import (
     LINEAR_SPEED,
@@ -51,12 +51,6 @@ class CarriedTarget:
         world_R = R_z(psi) R
 
     where o is the point at which the body began.
-
-    Args:
-        task: of a frame that goes along.
-        position: of the frame at the beginning [m].
-        rotation: world_R_frame at the beginning.
-        origin: o [m].
     """
 
     def __init__(
@@ -86,18 +80,7 @@ class CarriedTarget:
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
     ) -> None:
-        """Moves the target, as if the robot had not walked; what is not given stays as it is.
-
-        Args:
-            position: as for `FrameTask.set_target`, and so are the others [m].
-            rotation: world_R_frame.
-            velocity: linear then angular [m/s, rad/s]; zero when None.
-            acceleration: linear then angular [m/s^2, rad/s^2]; zero when None.
-
-        Raises:
-            TargetError: wrong shape, NaN, not a rotation, or a rotation beside a pose; the target
-                stays as it was.
-        """
+        """Moves the target, as if the robot had not walked; what is not given stays as it is."""
         self._target.set(position, rotation, velocity, acceleration)
         numbers = self._target.memory
         np.subtract(numbers[:3], self._origin, out=self._offset[0])
@@ -109,13 +92,7 @@ class CarriedTarget:
     def write(
         self, displacement: Float64[np.ndarray, "3 4"], turn: Float64[np.ndarray, "3 3"]
     ) -> None:
-        """Sets the task's target.
-
-        Args:
-            displacement: of the body since the beginning, x, y, z [m] and psi [rad], and its first
-                and second rates, a row each.
-            turn: R_z(psi).
-        """
+        """Sets the task's target."""
         angle, rate, second = displacement[:, 3].tolist()
         still = rate == 0.0 and second == 0.0
         # A target that neither turns nor has turned since it was written last stays as it is.
@@ -183,14 +160,8 @@ class WalkTasks:
     contacts: tuple[Contact, Contact]
     carried: dict[str, CarriedTarget]
 
-    def lead_foot(self, sense: WalkSense, foot: int, swing: SwingFoot) -> None:
-        """Leads a foot in the air along its way, by the lower edge of a sole that leans.
-
-        Args:
-            sense: how the sole is tilted.
-            foot: 0 for the left one, 1 for the right one.
-            swing: its way.
-        """
+    def lead_foot(self, sense: WalkSense, foot: int, swing: SwingFoot | HeldSwing) -> None:
+        """Leads a foot in the air along its way, by the lower edge of a sole that leans."""
         position, velocity = swing.position.copy(), swing.velocity.copy()
         drop, rate = sense.edge_drop(foot)
         position[2] += drop
@@ -203,13 +174,7 @@ class WalkTasks:
         com: Float64[np.ndarray, "3 3"],
         horizontal: Float64[np.ndarray, "2"],
     ) -> None:
-        """Height by the task's own gains, the rest as feedback says.
-
-        Args:
-            sense: the measured COM.
-            com: position [m], velocity [m/s] and acceleration [m/s^2] of its reference, a row each.
-            horizontal: acceleration along x and y [m/s^2].
-        """
+        """Height by the task's own gains, the rest as feedback says."""
         task, (x, y) = self.com, horizontal.tolist()
         height, speed = com[0, 2] - sense.com[2], com[1, 2] - sense.com_velocity[2]
         z = com[2, 2] + task.kp[2] * height + task.kd[2] * speed
@@ -220,18 +185,7 @@ class WalkTasks:
 def find_walk_tasks(
     robot: Robot, stand: Stand, stack: Stack, carry: Sequence[str] | None
 ) -> WalkTasks:
-    """Looks for everything that a walk needs.
-
-    Args:
-        robot: the robot.
-        stand: how it stands at the beginning.
-        stack: bound to the robot.
-        carry: names of frame tasks that go along; all that are on no sole when None.
-
-    Raises:
-        ConfigurationError: the stack lacks a task or a contact.
-        UnknownNameError: no such frame task.
-    """
+    """Looks for everything that a walk needs."""
     left, right = stand.soles
     return WalkTasks(
         com=_com_task(stack),
@@ -322,12 +276,6 @@ def swing_braking(robot: Robot) -> dict[str, float]:
 
     Arms, neck and waist stop as gently as in other stacks: nobody waits for them, and an arm that
     goes along to its stop would shake the robot that carries it.
-
-    Args:
-        robot: on its soles.
-
-    Returns:
-        The decelerations by joint name [rad/s^2].
     """
     return {
         robot.model.names[joint]: _SWING_BRAKING

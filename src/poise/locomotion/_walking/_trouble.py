@@ -14,7 +14,7 @@ import pinocchio as pin
 from poise.dynamics import RobotState
 from poise.locomotion._support import Point
 from poise.locomotion._walking._body import BodyMotion
-from poise.locomotion._walking._flight import Flight
+from poise.locomotion._walking._flight import Flight, HeldFlight
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import WalkTasks
@@ -92,13 +92,7 @@ class _Sign:
 
 
 class TroubleWatch:
-    """Looks for trouble in every tick.
-
-    Args:
-        sense: of the robot.
-        settings: of the walk.
-        height: of the COM over the soles [m].
-    """
+    """Looks for trouble in every tick."""
 
     def __init__(self, sense: WalkSense, settings: WalkSettings, height: float) -> None:
         self._sense, self._settings, self._height = sense, settings, height
@@ -109,16 +103,9 @@ class TroubleWatch:
         self._signs = {status: _Sign(status) for status in RESPONSES}
 
     def look(
-        self, state: RobotState, flight: Flight | None, error: float, dt: float
+        self, state: RobotState, flight: Flight | HeldFlight | None, error: float, dt: float
     ) -> WalkStatus | None:
-        """The worst trouble there is; None for none.
-
-        Args:
-            state: of the robot.
-            flight: of the foot in the air; None where both stand.
-            error: of the divergent component [m].
-            dt: of the tick [s].
-        """
+        """The worst trouble there is; None for none."""
         sense, settings = self._sense, self._settings
         lowest = min(float(sense.sole(foot)[0][2]) for foot in (0, 1))
         flying = None if flight is None else flight.foot
@@ -138,7 +125,7 @@ class TroubleWatch:
             sign.update(seen[status], dt)
         return next((status for status, sign in self._signs.items() if sign.there), None)
 
-    def _is_caught(self, flight: Flight) -> bool:
+    def _is_caught(self, flight: Flight | HeldFlight) -> bool:
         x, y, _ = (self._sense.sole(flight.foot)[0] - flight.swing.position).tolist()
         return x * x + y * y > _CAUGHT * _CAUGHT
 
@@ -167,10 +154,6 @@ class HangWatch:
 
     What its contact is asked to carry moves nothing but its leg, which flies off.
 
-    Args:
-        sense: says what feet carry.
-        contacts: of the left and of the right sole.
-
     Attributes:
         foot: which hangs, 0 for the left one; None for none.
     """
@@ -185,12 +168,7 @@ class HangWatch:
         self.foot: int | None = None
 
     def update(self, state: RobotState, dt: float) -> None:
-        """Takes in what the feet carry.
-
-        Args:
-            state: of the robot.
-            dt: since the last one [s].
-        """
+        """Takes in what the feet carry."""
         for foot, contact in enumerate(self._contacts):
             idle = contact.active and self._sense.load(state, foot) < _IDLE
             change = dt if idle else -_NOISE * dt
@@ -202,13 +180,7 @@ class HangWatch:
 
 
 class Hanging:
-    """What is asked of a robot that no foot carries: to stay as it is, wherever it is taken.
-
-    Args:
-        state: in which it was lost.
-        sense: of that state.
-        tasks: of the walk; its contacts bear nothing from now on.
-    """
+    """What is asked of a robot that no foot carries: to stay as it is, wherever it is taken."""
 
     def __init__(self, state: RobotState, sense: WalkSense, tasks: WalkTasks) -> None:
         base = pin.XYZQUATToSE3(state.q[:7])
@@ -219,13 +191,7 @@ class Hanging:
             contact.release(0.0)
 
     def follow(self, state: RobotState, body: BodyMotion, mass: Point) -> None:
-        """Takes all targets to where the robot has been taken.
-
-        Args:
-            state: of the robot.
-            body: whose references begin anew there.
-            mass: where C is, see `LegMomentum` [m].
-        """
+        """Takes all targets to where the robot has been taken."""
         base = pin.XYZQUATToSE3(state.q[:7])
         for task, base_M_sole in zip(self._tasks.feet, self._base_M_soles, strict=True):
             pose = base.act(base_M_sole)

@@ -1,17 +1,6 @@
-"""What leads body and feet where torques are commanded."""
+"""Step teleoperation where torques are commanded."""
 
-from poise.locomotion._stepping._by_torque._com_feedback import ComFeedback
-from poise.locomotion._stepping._by_torque._own_steps import OwnSteps
-from poise.locomotion._stepping._by_torque._torque_tasks import (
-    FOOT_TURNS,
-    POSTURE_WEIGHT,
-    TorqueTasks,
-)
+from poise.locomotion._stepping._by_torque._torque_level import TorqueLevel
+from poise.locomotion._stepping._by_torque._torque_tasks import POSTURE_WEIGHT
 
-__all__ = [
-    "FOOT_TURNS",
-    "POSTURE_WEIGHT",
-    "ComFeedback",
-    "OwnSteps",
-    "TorqueTasks",
-]
+__all__ = ["POSTURE_WEIGHT", "TorqueLevel"]

@@ -21,11 +21,6 @@ class AnkleStops:
     stop. With one sole so on a bump G1, on both feet, was thrown about for four seconds without any
     push, until its trunk leaned by 0.6 rad. Where the limit does not hold the body moves as over an
     ankle that turns on, while in truth the sole turns on its edge: the joint's own stop turns it.
-
-    Args:
-        robot: the robot.
-        contacts: of the left and of the right sole.
-        limit: bound to the robot.
     """
 
     def __init__(self, robot: Robot, contacts: list[SurfaceContact], limit: JointLimit) -> None:
@@ -43,11 +38,7 @@ class AnkleStops:
                 self._leave(ankle, False, False)
 
     def update(self, footing: Footing) -> None:
-        """One tick.
-
-        Args:
-            footing: of the tick.
-        """
+        """One tick."""
         for foot, contact in enumerate(self._contacts):
             _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
             up_x, up_y, _ = rotation[2].tolist()

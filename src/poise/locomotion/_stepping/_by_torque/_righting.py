@@ -24,10 +24,6 @@ class SoleRighting:
     A foot that comes down on an edge is set spinning by it, and a contact only damps that: with
     10 rad/s it turns by half a radian, up to the limit of its ankle, and stands on that edge.
     Nothing turns a sole that carries: what that takes is nothing beside what the ground gives.
-
-    Args:
-        contacts: of the left and of the right sole.
-        weight: of the robot [N].
     """
 
     def __init__(self, contacts: list[SurfaceContact], weight: float) -> None:
@@ -40,11 +36,7 @@ class SoleRighting:
             self._turn(foot, 0.0, 0.0)
 
     def update(self, footing: Footing) -> None:
-        """One tick.
-
-        Args:
-            footing: of the tick.
-        """
+        """One tick."""
         for foot, contact in enumerate(self._contacts):
             load = float(footing.sensor.loads[foot]) / self._weight
             share = min(max((_FIRM - load) / (_FIRM - _LIGHT), 0.0), 1.0)

@@ -16,11 +16,9 @@ from poise.locomotion._stepping._by_torque._twist import twist_ranges
 from poise.locomotion._stepping._by_torque._waist import waist_ranges
 from poise.locomotion._stepping._stance import (
     Biped,
-    DesiredMotion,
     Footing,
     TrunkPose,
     mean_angle,
-    wrapped,
 )
 from poise.locomotion._walking import swing_braking
 from poise.stack import (
@@ -36,7 +34,7 @@ from poise.stack import (
     TorqueLimit,
 )
 
-_LEVEL, _STILL = np.eye(3), np.zeros(3)
+_STILL = np.zeros(3)
 
 _KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0
 """Stiffness of the COM's height, of the foot in the air, of pelvis and torso [1/s^2]."""
@@ -61,21 +59,17 @@ for 80 rad/s^2 at once, and the COM got 2 m/s^2 less than it needs; weighed so l
 not, it leaned by half a radian for seconds, while each step was made for a robot that is upright.
 """
 
+_HELD_FOOT = 1e3
+"""Weight of a swing foot that the operator leads: far below the CoM's, so that it lags where the
+balance needs its momentum, and far above trunk's and arms', so that these are spent first. As
+light as the trunk, a leg is thrown up by half a metre in a push, and cannot be put down then."""
+
 _CAUGHT_FOOT = (1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
-"""Weight of the feet meanwhile: a foot that is late, or stumbles, costs the balance, too. Weighed
-as in a walk, 0.3, one that was to be lifted by 7 cm in a tenth of a second came 3 cm high, met
-ground early, and stood up to 8 cm short of its foothold: of 34 pushes that make G1 step twice it
-fell after 10, and weighed so after 2 of 48."""
+"""Weight of the feet meanwhile: a foot that is late, or stumbles, costs the balance, too."""
 
 _EASED = 0.3
 """In what time the balance comes to weigh that much after them [s]: all at once, it throws over a
 robot one of whose soles carries less than it is taken to."""
-
-_THROWN, _AWAY, _HIGH = 1e3, 0.15, 0.1
-"""Weight of a foot in the air that is twice so far from where it is sent [m], beside a narrow one;
-so far above the ground [m] it is not too high for landing. A leg helps to balance a push by its
-angular momentum, but it would be thrown up by a metre, and then not be there to be put down: from
-there on trunk and arms have to do it. Heavier all the time it costs more balance than that."""
 
 _URGENT = 10.0
 """Weight of the trunk while the operator asks for an upright torso."""
@@ -83,18 +77,6 @@ _URGENT = 10.0
 _FACING = 10.0
 """Weight of where the trunk faces, at least, while the operator leads: turning about the vertical
 balances nothing, but the leg and the arms that do would spin a light torso by two radians."""
-
-_FOLLOWED = 5.0
-"""How fast the reference of the COM's height leaks into what is measured [1/s]."""
-
-_FARTHEST = 0.03
-"""How far the reference of the foot in the air may be from the foot [m]."""
-
-_TURN_RATE, _CLEAR = 1.0, 0.02
-"""How fast a foot turns in the air [rad/s], and how high it has to be for that [m]."""
-
-FOOT_TURNS = (0.12, 0.6)
-"""How far a foot may be turned inwards and outwards against the other one [rad]."""
 
 _FRICTION = 0.45
 """Of the soles, as contacts assume it. More buys a swing of legs and arms about the vertical, which
@@ -107,9 +89,6 @@ the robot steps by itself [m]. Three millimetres of a narrow sole are what it la
 pushed outwards on one foot; where the robot steps, it leaned more with them (0.75 rad in place of
 less than 0.6)."""
 
-_UNLOAD, _LOAD = 0.03, 0.08
-"""How long a foot takes to give up its load, and to take it [s]."""
-
 
 class TorqueTasks:
     """The references of the step teleoperator as accelerations.
@@ -119,12 +98,6 @@ class TorqueTasks:
     it lags. Feet on the ground are contacts: nothing levels them, so they lie as the ground does.
     One that has just landed may be pressed at a corner, where friction holds no yaw moment: their
     cones are exact.
-
-    Args:
-        biped: the robot.
-        dt: length of a tick [s].
-        limbs: of the joints of arms and neck, which somebody else leads.
-        solved_by: name of the controller that solves the stack.
 
     Attributes:
         stack: to be solved for torques.
@@ -174,93 +147,50 @@ class TorqueTasks:
         self._righting.reset()
         self._stops.reset()
         self._keep_inside(_MARGIN)
-        self._yaws = [0.0, 0.0]
-        self._swing: int | None = None
-        self._height: float | None = None
         self._eased = 1.0
-        self._place: Float64[np.ndarray, "3"] = np.zeros(3)
         for contact in self._contacts:
             contact.engage(0.0)
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
-        """Solves the stack for torques.
-
-        Args:
-            dynamics: of the estimated state.
-            time_limit: cap of one solve, None for none [s].
-
-        Raises:
-            ConfigurationError: the controller takes none.
-        """
+        """Solves the stack for torques."""
         plan = ControllerPlan(name=self._solved_by, time_limit=time_limit)
         return make_controller(self._robot, self.stack, plan, dynamics=dynamics)
 
-    def ask(self, footing: Footing, desired: DesiredMotion, *, upright: bool) -> None:
-        """Sets contacts and references for a tick.
-
-        Args:
-            footing: of the tick.
-            desired: of body and feet.
-            upright: whether the operator asks for an upright torso.
-        """
+    def lead(self, footing: Footing, torso: tuple[float, float, float], *, upright: bool) -> None:
+        """Set trunk and contacts for a tick in which the operator leads the feet."""
         self._keep_inside(_MARGIN)
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
         self._com.set_weight(_eased_balance(self._eased))
+        for foot in self._feet:
+            foot.set_weight(_HELD_FOOT)
         self.stack.self_collision_limit.let_legs_pass(False)
-        self._announce(footing)
-        self._stand(footing)
-        self._righting.update(footing)
-        self._stops.update(footing)
-        # Where soles have turned on the ground hips at their limits would hold no balance.
-        for foot in (0, 1):
-            if foot != self._swing:
-                self._yaws[foot] = footing.yaw(foot)
-        self._move_com(footing, desired)
-        if self._swing is not None:
-            self._turn_foot(self._swing, footing, desired.turns[self._swing])
-            self._move_foot(self._swing, footing, desired)
-        torso = (0.0, 0.0, 0.0) if upright else desired.torso
         weight = _URGENT if upright else 1.0
-        # A trunk that makes up for what a foot does not give is not held off by anything.
-        learns = footing.borrowed == 0.0
-        self._turn_trunk(footing, torso, weight=(weight, weight, _FACING), learns=learns)
+        torso = (0.0, 0.0, 0.0) if upright else torso
+        self._update(footing)
+        self._turn_trunk(footing, torso, weight=(weight, weight, _FACING), learns=True)
 
     def accompany(self, footing: Footing, *, walks: bool) -> None:
-        """Keeps the trunk upright while somebody else leads COM and feet.
-
-        Args:
-            footing: of the tick.
-            walks: whether they walk, and not only catch the robot.
-        """
+        """Keep the trunk upright in a tick in which the robot steps by itself."""
         self._keep_inside(_CAUGHT_MARGIN)
-        self._righting.update(footing)
-        self._stops.update(footing)
-        self._yaws = [footing.yaw(foot) for foot in (0, 1)]
-        self._swing, self._height, self._eased = None, None, 0.0
+        self._eased = 0.0
         self._com.set_weight(_CATCHING)
         for foot in self._feet:
             foot.set_weight(_CAUGHT_FOOT)
         self.stack.self_collision_limit.let_legs_pass(True)
+        self._update(footing)
         self._turn_trunk(
             footing, (0.0, 0.0, 0.0), weight=_CAUGHT_TRUNK, learns=walks, most=_RIGHTED
         )
+
+    def _update(self, footing: Footing) -> None:
+        self._righting.update(footing)
+        self._stops.update(footing)
 
     def _keep_inside(self, margin: float) -> None:
         """How far the pressure stays inside the edges of both soles [m]."""
         if margin != self._contacts[0].margin:
             for contact in self._contacts:
                 contact.set_margin(margin)
-
-    def _announce(self, footing: Footing) -> None:
-        """Where the foot in the air would catch the robot that stands on a narrow one.
-
-        There the ZMP rests nearer to the inner edge than balance on one foot would let it.
-        """
-        caught, stance = None, footing.stance
-        if footing.mode.single:
-            caught = footing.one_foot.caught(stance, footing.biped.sizes[stance])
-        place = footing.dynamics.placement(footing.biped.frames[stance])
-        self.stack.balance_limit.expect_step(caught and caught.corners(*place, 0.0))
 
     def _turn_trunk(
         self,
@@ -272,7 +202,8 @@ class TorqueTasks:
         most: float = math.inf,
     ) -> None:
         """Pelvis and torso, facing as the feet do, led at most so far from where they are [rad]."""
-        rotations = self._pose.rotations(footing, mean_angle(*self._yaws), torso)
+        facing = mean_angle(footing.yaw(0), footing.yaw(1))
+        rotations = self._pose.rotations(footing, facing, torso)
         frames = footing.biped.pelvis, footing.biped.torso
         # Not every torso can be bent, so a trunk that is bent may be off for ever.
         learns = learns and self._pose.upright
@@ -288,53 +219,6 @@ class TorqueTasks:
             self._trunk[k].set_target(rotation=goal, acceleration=acceleration)
             self._trunk[k].set_weight(weight)
 
-    def _stand(self, footing: Footing) -> None:
-        """A foot that is to be lifted gives up its load; one that has landed takes it."""
-        swing = footing.other if footing.mode.single else None
-        if swing == self._swing:
-            return
-        if self._swing is not None:
-            self._contacts[self._swing].engage(_LOAD)
-        if swing is not None:
-            self._contacts[swing].release(_UNLOAD)
-            self._place = footing.sole(swing).copy()
-        self._swing = swing
-
-    def _move_com(self, footing: Footing, desired: DesiredMotion) -> None:
-        """Along the ground the acceleration of the COM shifter, upwards a height of its own."""
-        x, y, height = footing.dynamics.com.tolist()
-        along, aside, upwards = footing.dynamics.com_velocity.tolist()
-        speed = float(desired.com[2])
-        before = height if self._height is None else self._height
-        self._height = before + self._dt * (speed + _FOLLOWED * (height - before))
-        lift = _KP_COM * (self._height - height)
-        lift += 2.0 * _KP_COM**0.5 * (speed - upwards)
-        # The target is for reports: feedback is in the acceleration.
-        self._com.set_target(np.array([x, y, self._height]), np.array([along, aside, speed]))
-        self._com.set_acceleration(np.array([*desired.com_acceleration.tolist(), lift]))
-
-    def _turn_foot(self, foot: int, footing: Footing, turn: float) -> None:
-        """Turns a foot that is clear of the ground, as far as it may be against the other one."""
-        if float(footing.sole(foot)[2]) - footing.ground_below < _CLEAR:
-            return
-        other, (inwards, outwards) = self._yaws[1 - foot], FOOT_TURNS
-        least, most = (-inwards, outwards) if foot == 0 else (-outwards, inwards)
-        goal = other + min(max(wrapped(turn - other), least), most)
-        change, step = wrapped(goal - self._yaws[foot]), self._dt * _TURN_RATE
-        self._yaws[foot] += max(-step, min(step, change))
-
-    def _move_foot(self, foot: int, footing: Footing, desired: DesiredMotion) -> None:
-        """Where the foot's velocity leads, never far ahead of a foot that cannot follow."""
-        here, velocity = footing.sole(foot), desired.foot
-        place = self._place + self._dt * velocity
-        gap = place - here
-        far = math.sqrt(gap.dot(gap))
-        self._place = here + gap * (_FARTHEST / far) if far > _FARTHEST else place
-        self._feet[foot].set_weight(_foot_weight(footing, here, desired.foot_place))
-        yaw = self._yaws[foot]
-        turn = pin.exp3(np.array([0.0, 0.0, yaw])) if yaw else _LEVEL
-        self._feet[foot].set_target(self._place, turn, np.concatenate((velocity, _STILL)))
-
 
 def _eased_balance(eased: float) -> tuple[float, float, float]:
     """Weight of the COM, from what it is while the robot steps by itself, 0, to the usual, 1."""
@@ -346,18 +230,6 @@ def _eased_balance(eased: float) -> tuple[float, float, float]:
         _CATCHING * (y / _CATCHING) ** eased,
         _CATCHING * (z / _CATCHING) ** eased,
     )
-
-
-def _foot_weight(
-    footing: Footing, here: Float64[np.ndarray, "3"], sent: Float64[np.ndarray, "3"]
-) -> float:
-    """Of the foot in the air, by how far it has been thrown from where it is sent."""
-    if not footing.one_foot.narrow:
-        return 1.0
-    (x, y, z), (to_x, to_y, to_z) = here.tolist(), sent.tolist()
-    up = max(z - max(to_z, footing.highest_ground + _HIGH), 0.0)
-    away = math.hypot(x - to_x, y - to_y, up) / _AWAY
-    return _THROWN ** min(max(away - 1.0, 0.0), 1.0)
 
 
 def _towards(

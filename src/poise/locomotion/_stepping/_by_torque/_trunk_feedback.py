@@ -27,9 +27,6 @@ class TrunkFeedback:
 
     What has been learned is kept while nothing is learned: where the trunk balances a push, or
     cannot be as it is asked to, its error says nothing of that moment.
-
-    Args:
-        dt: length of a tick [s].
     """
 
     def __init__(self, dt: float) -> None:
@@ -43,16 +40,7 @@ class TrunkFeedback:
     def acceleration(
         self, goal: Float64[np.ndarray, "3 3"], here: Float64[np.ndarray, "3 3"], *, learns: bool
     ) -> Float64[np.ndarray, "3"]:
-        """One tick.
-
-        Args:
-            goal: how the frame shall be turned, world_R_frame.
-            here: how it is turned, world_R_frame.
-            learns: whether what is missing to the goal lasts, as far as anybody knows.
-
-        Returns:
-            Angular acceleration to be added to the task's, along the world's axes [rad/s^2].
-        """
+        """One tick."""
         if learns:
             roll, pitch, _ = pin.log3(here.T.dot(goal)).tolist()
             if math.hypot(roll, pitch) < _THROWN:

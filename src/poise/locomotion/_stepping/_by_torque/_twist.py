@@ -18,11 +18,7 @@ _UPRIGHT = 0.7
 
 
 def twist_ranges(biped: Biped) -> Mapping[str, tuple[float, float]]:
-    """Lower and upper angle of each joint about the vertical between feet and torso [rad].
-
-    Args:
-        biped: the robot.
-    """
+    """Lower and upper angle of each joint about the vertical between feet and torso [rad]."""
     robot = biped.robot
     dynamics = Dynamics(robot)
     dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))

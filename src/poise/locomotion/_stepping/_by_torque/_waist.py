@@ -14,9 +14,6 @@ def waist_ranges(biped: Biped) -> Float64[np.ndarray, "3 2"]:
     """Least and largest roll, pitch and yaw of the torso against the pelvis, from home [rad].
 
     Zero about axes for which the waist has no joint: there only the pelvis turns the torso.
-
-    Args:
-        biped: the robot.
     """
     robot = biped.robot
     dynamics = Dynamics(robot)

@@ -10,10 +10,6 @@ from poise.locomotion._stepping._stance import Footing, TeleopParameters
 class BodyMomentum:
     """Eqs (39a) and (39b): integrated in single support, with a leak; zero otherwise.
 
-    Args:
-        rotator: None where it shall not act.
-        parameters: length of a tick and leak.
-
     Attributes:
         reference: about the COM, x and y [kg m^2/s].
     """
@@ -29,12 +25,7 @@ class BodyMomentum:
         self.reference: Float64[np.ndarray, "2"] = np.zeros(2)
 
     def turn(self, footing: Footing, cart_table_zmp: Float64[np.ndarray, "2"]) -> None:
-        """One tick.
-
-        Args:
-            footing: of the tick.
-            cart_table_zmp: CT-ZMP [m].
-        """
+        """One tick."""
         if self._rotator is None or not footing.mode.single:
             self.restart()
             return

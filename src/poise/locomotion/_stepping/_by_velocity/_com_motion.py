@@ -33,17 +33,7 @@ class ComDriver(Protocol):
         velocity: Float64[np.ndarray, "2"],
         dt: float,
     ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
-        """One tick.
-
-        Args:
-            reference: of the ZMP; may jump [m].
-            position: of the COM, estimated [m].
-            velocity: of the COM, commanded in the last tick [m/s].
-            dt: length of a tick [s].
-
-        Returns:
-            The next velocity [m/s] and its acceleration [m/s^2].
-        """
+        """One tick."""
         ...
 
     def restart(
@@ -54,11 +44,7 @@ class ComDriver(Protocol):
 
 
 class ShifterDriver:
-    """The COM shifter (37), its acceleration integrated.
-
-    Args:
-        shifter: the feedback.
-    """
+    """The COM shifter (37), its acceleration integrated."""
 
     def __init__(self, shifter: ComShifter) -> None:
         self.shifter, self.omega = shifter, shifter.omega
@@ -85,20 +71,15 @@ class ShifterDriver:
 class ComMotion:
     """Integrates the driver's reference, within what the soles can support.
 
-    Args:
-        driver: COM shifter or preview control.
-        parameters: length of a tick and leak.
-
     Attributes:
         omega: sqrt(g / H) [1/s].
         velocity: commanded in the last tick [m/s].
         acceleration: commanded in the last tick [m/s^2].
         observed: velocity as measured, with what was commanded made smooth [m/s].
-        borrowed: zero: nothing is asked for that the soles do not give.
     """
 
     def __init__(self, driver: ComDriver, parameters: TeleopParameters) -> None:
-        self.omega, self.borrowed = driver.omega, 0.0
+        self.omega = driver.omega
         self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
         self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
         self.observed: Float64[np.ndarray, "2"] = np.zeros(2)
@@ -109,9 +90,6 @@ class ComMotion:
 
         Joint velocities and the gyroscope are noisy, and at the moment of a landing they are those
         of a shock: what begins anew from them alone begins with a jump, which robot and ZMP follow.
-
-        Args:
-            measured: velocity of the COM [m/s].
         """
         dt = self._parameters.dt
         expected = self.observed + dt * self.acceleration
@@ -123,19 +101,11 @@ class ComMotion:
         self.velocity = self._driver.restart(self.velocity, self.observed.copy())
 
     def cart_table_zmp(self, com: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "2"]:
-        """CT-ZMP, eq. (26), of the commanded acceleration [m].
-
-        Args:
-            com: x and y [m].
-        """
+        """CT-ZMP, eq. (26), of the commanded acceleration [m]."""
         return com - self.acceleration / self.omega**2
 
     def drive(self, footing: Footing) -> None:
-        """One tick.
-
-        Args:
-            footing: of the tick.
-        """
+        """One tick."""
         p, dynamics, before = self._parameters, footing.dynamics, self.velocity
         com, reference = dynamics.com[:2], footing.zmp_reference
         # While a sole rocks on its edge the COM moves by itself, which an integral does not notice.

@@ -35,9 +35,6 @@ class SoleGrounds:
     no more than the sole does. Likewise at the heel, and at either side. Under a foot that has not
     lain flat since it landed nobody knows the ground: it is where the sole gets flat that is turned
     with its free edge down. Turns about the forward and the side axis are told apart.
-
-    Args:
-        parameters: length of a tick.
     """
 
     def __init__(self, parameters: TeleopParameters) -> None:
@@ -50,11 +47,7 @@ class SoleGrounds:
         self._known = [[False, False], [False, False]]
 
     def update(self, footing: Footing) -> None:
-        """Takes one tick.
-
-        Args:
-            footing: of the tick.
-        """
+        """Takes one tick."""
         for foot in (0, 1):
             if footing.mode.single and foot == footing.other:
                 # It will land on what the other stands on, for all that is known.
@@ -69,14 +62,7 @@ class SoleGrounds:
                 self._tilts[foot][axis] += self._believed(foot, axis, float(off[axis]), part)
 
     def _believed(self, foot: int, axis: int, off: float, pressed: float) -> float:
-        """How much of a difference of tilts about an axis is the ground's [rad].
-
-        Args:
-            foot: whose.
-            axis: about which.
-            off: sole less ground [rad].
-            pressed: how far the centre of pressure is on the edge that such a turn lowers.
-        """
+        """How much of a difference of tilts about an axis is the ground's [rad]."""
         if not self._known[foot][axis]:
             self._known[foot][axis] = abs(pressed) < _ON_EDGE
             return off
@@ -86,23 +72,11 @@ class SoleGrounds:
         return (self._follow * (1.0 - edge) + self._correct * impossible) * off
 
     def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
-        """How the ground under a foot is turned, world_R_ground.
-
-        Args:
-            foot: 0 left, 1 right.
-        """
+        """How the ground under a foot is turned, world_R_ground."""
         return pin.exp3(self._tilts[foot])
 
     def seeking(self, footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
-        """Angular velocity of a sole on an edge whose ground is not known, its free edge down.
-
-        Args:
-            footing: of the tick.
-            foot: 0 left, 1 right.
-
-        Returns:
-            The angular velocity, horizontal [rad/s].
-        """
+        """Angular velocity of a sole on an edge whose ground is not known, its free edge down."""
         rate, pressed = np.zeros(3), _pressed(footing, foot)
         if pressed is not None:
             for axis, part in enumerate(pressed):
@@ -111,16 +85,7 @@ class SoleGrounds:
         return rate
 
     def righting(self, footing: Footing, foot: int, gain: float) -> Float64[np.ndarray, "3"]:
-        """Angular velocity with which a sole that carries is turned onto its ground.
-
-        Args:
-            footing: of the tick.
-            foot: 0 left, 1 right.
-            gain: of the turn [1/s].
-
-        Returns:
-            The angular velocity, horizontal [rad/s].
-        """
+        """Angular velocity with which a sole that carries is turned onto its ground."""
         lift = _sole_tilt(footing, foot) - self._tilts[foot]
         return self.seeking(footing, foot) - gain * lift
 
@@ -171,20 +136,13 @@ class SoleYield:
     - it is lifted or lowered until it carries what the ZMP between the feet asks for: the measured
       one at rest, the commanded one in a shift, where joints that sag would leave the weight, and
       so the ZMP, where they were.
-
-    Args:
-        dt: length of a tick [s].
     """
 
     def __init__(self, dt: float) -> None:
         self._settle = dt * _SETTLE
 
     def turn(self, footing: Footing) -> Float64[np.ndarray, "2"] | None:
-        """Angular velocity of the other sole, x and y; None while it carries nothing [rad/s].
-
-        Args:
-            footing: of the tick, on both feet.
-        """
+        """Angular velocity of the other sole, x and y; None while it carries nothing [rad/s]."""
         sensor, other = footing.sensor, footing.other
         here, there = sensor.centres[other], sensor.centres[footing.stance]
         if here is None or there is None:
@@ -203,13 +161,7 @@ class SoleYield:
         velocity: Float64[np.ndarray, "3"],
         zmp: Float64[np.ndarray, "2"],
     ) -> Float64[np.ndarray, "3"]:
-        """Velocity of the other foot; its anchor settles where it stands [m/s].
-
-        Args:
-            footing: of the tick, on both feet.
-            velocity: that holds it at its anchor [m/s].
-            zmp: that the load shall follow [m].
-        """
+        """Velocity of the other foot; its anchor settles where it stands [m/s]."""
         sensor, other = footing.sensor, footing.other
         total, weight = float(sensor.loads.sum()), footing.biped.weight
         if sensor.centres[other] is None or total < _LEAST_LOAD * weight:

@@ -26,15 +26,6 @@ def sway_stiffness(
     A force F on the COM asks each joint j of the leg that stands for the torque G_j F, with G the
     COM's Jacobian while the sole rests; joints give way one after the other, so
     1 / K = sum G_j^2 / k_j.
-
-    Args:
-        biped: the robot.
-        dynamics: where it stands.
-        foot: that carries it, 0 left, 1 right.
-        stiffness: of a joint's servo over its torque limit [1/rad].
-
-    Returns:
-        K along x and y [N/m], and the joint that gives way most along each.
     """
     robot = biped.robot
     joints = np.array(leg_joints(robot, biped.soles[foot]))
@@ -59,11 +50,6 @@ def sway_growth(stiffness: float, shifter: ComShifter, parameters: TeleopParamet
         V'  = -k_p p - k_d V + lambda (p' - V)
 
     Soft servos are late, and a shifter that brakes late overshoots.
-
-    Args:
-        stiffness: k / m, K of `sway_stiffness` over the mass [1/s^2].
-        shifter: its gains.
-        parameters: leak, and gains of the servos.
     """
     p = parameters
     damping = stiffness * p.servo_damping / p.servo_stiffness
@@ -80,17 +66,7 @@ def sway_growth(stiffness: float, shifter: ComShifter, parameters: TeleopParamet
 def check_sway(
     biped: Biped, dynamics: Dynamics, shifter: ComShifter, parameters: TeleopParameters
 ) -> None:
-    """Refuses a robot that the COM shifter would throw over through servos that are too soft.
-
-    Args:
-        biped: the robot.
-        dynamics: where it starts.
-        shifter: that is to move the COM.
-        parameters: leak, and gains of the servos.
-
-    Raises:
-        ConfigurationError: sway on one foot grows.
-    """
+    """Refuses a robot that the COM shifter would throw over through servos that are too soft."""
     p, robot = parameters, biped.robot
     for foot, sole in enumerate(biped.soles):
         stiffnesses, weakest = sway_stiffness(biped, dynamics, foot, p.servo_stiffness)

@@ -21,10 +21,10 @@ from poise.locomotion._stepping._stance import (
     Biped,
     DesiredMotion,
     Footing,
-    Mode,
     TeleopParameters,
     TrunkLean,
 )
+from poise.locomotion._walking import Mode
 from poise.stack import (
     ComTask,
     FrameTask,
@@ -66,23 +66,13 @@ class WA(NamedTuple):
 
 
 class TaskWeights:
-    """In place of (39c) and (39d): constant where those chatter with the measured ZMP.
-
-    Args:
-        parameters: weights.
-        rotator: whether the body rotator acts.
-    """
+    """In place of (39c) and (39d): constant where those chatter with the measured ZMP."""
 
     def __init__(self, parameters: TeleopParameters, *, rotator: bool) -> None:
         self._parameters, self._rotator = parameters, rotator
 
     def at(self, footing: Footing, *, upright: bool) -> WA:
-        """The weights.
-
-        Args:
-            footing: of the tick.
-            upright: whether the operator asks for an upright torso.
-        """
+        """The weights."""
         p = self._parameters
         if not footing.mode.single:
             return WA(p.epsilon, p.w_B, p.w_S2)
@@ -104,12 +94,6 @@ class VelocityTasks:
     only active contact: tasks on it are suspended, and the other sole, on the ground or in the air,
     is led by its tasks. Arms and neck move as their own tasks say; the legs make up for what that
     does to COM and angular momentum.
-
-    Args:
-        biped: the robot.
-        parameters: gains and limits.
-        limbs: of the joints of arms and neck, which somebody else leads.
-        rotator: whether the body rotator acts.
 
     Attributes:
         stack: to be solved for joint velocities.
@@ -154,15 +138,7 @@ class VelocityTasks:
         self._grounds.reset()
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
-        """Solves the stack, (19) to (23).
-
-        Args:
-            dynamics: of the estimated state, which need not be computed again.
-            time_limit: None, as one solve is one factorization.
-
-        Raises:
-            ConfigurationError: a time limit.
-        """
+        """Solves the stack, (19) to (23)."""
         refuse_solver_settings(ControllerPlan(name="differential_ik", time_limit=time_limit))
         return DifferentialIK(
             self._biped.robot,
@@ -175,13 +151,7 @@ class VelocityTasks:
         )
 
     def ask(self, footing: Footing, desired: DesiredMotion, *, upright: bool) -> None:
-        """Sets contacts, velocities and weights for a tick.
-
-        Args:
-            footing: of the tick.
-            desired: of body and feet.
-            upright: whether the operator asks for an upright torso.
-        """
+        """Sets contacts, velocities and weights for a tick."""
         weights = self._weights.at(footing, upright=upright)
         biped, dynamics, other = self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
@@ -249,10 +219,6 @@ class _Turn:
     A controller takes the stance to be at rest. A sole that is off its ground is turned back
     slowly, or a robot on the edge of a sole would stay there; what body and feet do by that alone
     comes off what they are asked for.
-
-    Args:
-        footing: of the tick.
-        rate: angular velocity of the stance sole, horizontal [rad/s].
 
     Attributes:
         rate: angular velocity of the robot, horizontal [rad/s].

@@ -30,11 +30,7 @@ _PITCH, _ROLL = 1, 0
 
 
 def leg_joints(robot: Robot, sole: str) -> list[int]:
-    """Joints from the hip to a sole, as indices among the robot's joints; a waist is no part.
-
-    Raises:
-        ConfigurationError: fewer than six joints: the foot cannot be placed and turned freely.
-    """
+    """Joints from the hip to a sole, as indices among the robot's joints; a waist is no part."""
     # Joint 0 is the world, joint 1 the floating base.
     joints = [j - 2 for j in robot.leg_joints(sole)]
     if len(joints) < 6:
@@ -79,16 +75,7 @@ class LegGeometry:
 
 
 def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
-    """Measures a leg, with its knee as straight as it may be and the others near to zero.
-
-    Args:
-        robot: a biped.
-        sole: of the leg.
-        knee_min: least bend of the knee, from where hip, knee and ankle lie in line [rad].
-
-    Raises:
-        ConfigurationError: the leg has too few joints.
-    """
+    """Measures a leg, with its knee as straight as it may be and the others near to zero."""
     joints = leg_joints(robot, sole)
     lower, upper = robot.q_min[joints].copy(), robot.q_max[joints].copy()
     dynamics = Dynamics(robot)
@@ -262,15 +249,7 @@ class Biped:
 
 
 def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
-    """Looks up what a robot walks with.
-
-    Args:
-        robot: a biped.
-        parameters: for the robot.
-
-    Raises:
-        ConfigurationError: soles too small for `r_lift`, or legs of too few joints.
-    """
+    """Looks up what a robot walks with."""
     left, right = soles = two_soles(robot)
     _check_soles(robot, soles, parameters.r_lift)
     left_leg, right_leg = (

@@ -45,13 +45,6 @@ class ZmpSensor:
     A wrench [f; m] at a sole's centre presses at (-m_y, m_x) / f_z in the sole's plane, which is
     what cells at its four corners measure. While nothing presses, the last value holds.
 
-    Args:
-        frames: frames of the left and the right sole.
-        names: their names in the measured contacts.
-        weight: of the robot [N].
-        time_constant: of the smoothing [s].
-        dt: length of a tick [s].
-
     Attributes:
         zmp: x and y [m].
         loads: normal forces, left and right [N].
@@ -77,12 +70,7 @@ class ZmpSensor:
         self._fresh = True
 
     def update(self, state: RobotState, dynamics: Dynamics) -> None:
-        """Reads one measurement.
-
-        Args:
-            state: with the soles' wrenches.
-            dynamics: of the estimated state, which says where the soles are.
-        """
+        """Reads one measurement."""
         pressed_x = pressed_y = total = 0.0
         for i, (frame_id, name) in enumerate(zip(self._frames, self._names, strict=True)):
             wrench = state.wrench(name)
@@ -117,13 +105,6 @@ class StanceEstimator:
     pushed, that sole rocks on its edge, and the velocity would be wrong by as much. So an inertial
     one is that of a `StateEstimator` as long as the state has readings of an inertial unit: those
     notice what the sole does.
-
-    Args:
-        robot: a biped.
-        soles: names of the left and the right sole.
-        q_start: configuration at the start, whose feet stand on the ground.
-        inertial: whether the velocity comes from the inertial unit, too, the state has the payload
-            that the soles' wrenches say, and the attitude is less the error that they say.
 
     Attributes:
         dynamics: of the estimated state.
@@ -167,9 +148,6 @@ class StanceEstimator:
         """The state with the base's position and velocity estimated; `dynamics` follows.
 
         Never raises: a state that cannot be used comes back as it is, for the controller to refuse.
-
-        Args:
-            state: as measured.
         """
         known = _without_base_motion(state)
         if known is None or not is_usable(known, self._robot):
@@ -206,12 +184,7 @@ class StanceEstimator:
         return now
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
-        """Takes in what the robot was commanded, once a tick; without it states stay late.
-
-        Args:
-            acceleration: as `Command.acceleration` [m/s^2, rad/s^2].
-            time: by the clock that stamps states, when the command began to act [s].
-        """
+        """Takes in what the robot was commanded, once a tick; without it states stay late."""
         if self._now is not None:
             self._now.command(acceleration, time)
 

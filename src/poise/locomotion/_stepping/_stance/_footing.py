@@ -6,18 +6,19 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise.dynamics import Dynamics
+from poise.locomotion._single_support import SingleSupportRegion
 from poise.locomotion._stepping._stance._biped import Biped
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._stepping._stance._modes import Mode
-from poise.locomotion._stepping._stance._one_foot import WIDE, OneFoot, inner_side
 from poise.locomotion._stepping._stance._parameters import TeleopParameters
-from poise.locomotion._support import SolePart, SupportPolygon, both_soles, sole_rectangle
+from poise.locomotion._support import SolePart, SupportPolygon, both_soles
+from poise.locomotion._walking import Mode
 
 _LOAD_RATIO = 1.2
 """In double support a foot becomes the stance that carries this many times the other's load."""
@@ -25,12 +26,6 @@ _LOAD_RATIO = 1.2
 
 class StanceChoice:
     """Keeps the estimator's stance and the feet's places up to date.
-
-    Args:
-        estimator: whose.
-        sensor: says what the feet carry.
-        parameters: loads and speeds.
-        weight: of the robot [N].
 
     Attributes:
         pressed: how far below its place the foot is sent that carries nothing [m].
@@ -49,12 +44,7 @@ class StanceChoice:
         self._pressing, self.pressed = False, 0.0
 
     def begin(self, before: Mode, mode: Mode) -> None:
-        """A mode has begun: a foot that has landed has a new place, one that is lifted no weight.
-
-        Args:
-            before: the mode that has ended.
-            mode: the one that has begun.
-        """
+        """Place a foot that has landed, and stand on the other of one that is lifted."""
         estimator = self._estimator
         if mode is Mode.D and before.single:
             estimator.put_down(1 - estimator.stance)
@@ -62,11 +52,7 @@ class StanceChoice:
             estimator.stand_on(mode.support)
 
     def follow(self, mode: Mode) -> None:
-        """Each tick with both feet on the ground: the one that carries more is the stance.
-
-        Args:
-            mode: now.
-        """
+        """Each tick with both feet on the ground: the one that carries more is the stance."""
         if mode.single:
             return
         estimator, loads = self._estimator, self._sensor.loads
@@ -98,36 +84,23 @@ class StanceChoice:
             anchor[2], self._pressing, self.pressed = height, False, 0.0
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False)
 class Footing:
-    """Estimated state, mode and stance of a tick, and what follows from them, computed once.
+    """Estimated state, mode and stance of a tick; what follows from them is computed once.
 
     Attributes:
         biped: the robot.
         dynamics: of the estimated state.
-        mode: which feet carry the robot.
-        stance: the foot that is taken to be at rest; the support foot in single support.
+        mode: feet that carry the robot.
+        stance: foot that is taken to be at rest; the stance foot in single support.
         anchors: where each sole was last put down, left then right [m].
         omega: sqrt(g / H) [1/s].
-        margin: how far from the soles' edge support ends [m].
-        sensor: what the soles carry, and where.
-        one_foot: where the robot balances on a foot that carries alone.
-        pressed: how far below its place the other foot is sent, both feet on the ground [m].
-        parts: what of each sole carries where both feet stand, left then right; None for all.
-        borrowed: see `ComFeedback`.
-        com_velocity: of the COM, observed, x and y; that of `dynamics` when None [m/s].
-        has_left: whether the foot in the air has left the ground.
-        zmp_reference: eq. (15a): between the feet, or where the foot that shall carry was put
-            down, as `one_foot` says [m].
-        heading: where the pelvis faces, along the ground: legs cross or not as it is turned.
-        tilt: angle of the torso against upright [rad].
-        support: of the soles on the ground, with a margin. In double support that is both, whatever
-            their load: a foot that happens to carry nothing carries as soon as the ZMP moves
-            towards it.
-        asked: where the CT-ZMP may be asked for: a little beyond the only sole that carries, where
-            the trunk's angular momentum makes up for a while for what that does not give.
-        capture_depth: how far the divergent component p + pdot / omega is inside the support, or
-            inside what `one_foot` holds [m].
+        region: of the ZMP and the DCM in single support.
+        sensor: loads and centres of pressure of the soles.
+        pressed: how far below its place the other foot is sent in double support [m].
+        parts: loaded area of each sole in double support, left then right; None for all.
+        com_velocity: of the CoM, observed, x and y; that of `dynamics` when None [m/s].
+        has_left: whether the swing foot has left the ground.
     """
 
     biped: Biped
@@ -136,69 +109,57 @@ class Footing:
     stance: int
     anchors: list[Float64[np.ndarray, "3"]]
     omega: float
-    margin: float
+    region: SingleSupportRegion
     sensor: ZmpSensor
-    one_foot: OneFoot = WIDE
     pressed: float = 0.0
     parts: Sequence[SolePart | None] = (None, None)
-    borrowed: float = 0.0
     com_velocity: Float64[np.ndarray, "2"] | None = None
     has_left: bool = True
 
-    zmp_reference: Float64[np.ndarray, "2"] = field(init=False)
-    heading: Float64[np.ndarray, "2"] = field(init=False)
-    tilt: float = field(init=False)
-    support: SupportPolygon = field(init=False)
-    asked: SupportPolygon = field(init=False)
-    capture_depth: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        dynamics = self.dynamics
-        _, torso = dynamics.placement(self.biped.torso)
-        self.zmp_reference = self._zmp_reference(torso)
-        _, pelvis = dynamics.placement(self.biped.pelvis)
-        (x, _, _), (y, _, _), _ = pelvis.tolist()
-        length = math.hypot(x, y)
-        self.heading = np.array([x / length, y / length])
-        self.tilt = math.acos(max(-1.0, min(1.0, float(torso[2, 2]))))
-        self.support, self.asked, held = self._support()
-        velocity = dynamics.com_velocity[:2] if self.com_velocity is None else self.com_velocity
-        (x, y, _), (speed_x, speed_y) = dynamics.com.tolist(), velocity.tolist()
-        self.capture_depth = held.depth((x + speed_x / self.omega, y + speed_y / self.omega))
-
-    def _zmp_reference(self, torso: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "2"]:
-        """Where the ZMP should be, by how the torso leans, world_R_torso [m]."""
+    @cached_property
+    def zmp_reference(self) -> Float64[np.ndarray, "2"]:
+        """Eq. (15a): between the feet, or on the foot that shall carry [m]."""
         carries = self.mode.support
         if carries is None:
             (x, y, _), (other_x, other_y, _) = self.sole(0).tolist(), self.sole(1).tolist()
             return np.array([0.5 * (x + other_x), 0.5 * (y + other_y)])
-        place, frames = self.anchors[carries], self.biped.frames
-        _, rotation = self.dynamics.placement(frames[carries])
-        if not self.mode.single:
-            return self.one_foot.arriving(carries, place, rotation)
-        (up_x, up_y, _), (left_x, left_y, _) = torso[:, 2].tolist(), rotation[:, 1].tolist()
-        leaning = (up_x * left_x + up_y * left_y) * inner_side(carries)
-        return self.one_foot.zmp(carries, place, rotation, leaning, self.borrowed)
+        _, rotation = self.dynamics.placement(self.biped.frames[carries])
+        return np.array(self.region.rest(carries, self.anchors[carries], rotation))
 
-    def _support(self) -> tuple[SupportPolygon, SupportPolygon, SupportPolygon]:
-        """That of the soles, what may be asked for, and where the divergent component is held."""
+    @cached_property
+    def heading(self) -> Float64[np.ndarray, "2"]:
+        """Unit vector where the pelvis faces, along the ground: legs cross or not as it turns."""
+        _, pelvis = self.dynamics.placement(self.biped.pelvis)
+        (x, _, _), (y, _, _), _ = pelvis.tolist()
+        length = math.hypot(x, y)
+        return np.array([x / length, y / length])
+
+    @cached_property
+    def tilt(self) -> float:
+        """Angle of the torso against upright [rad]."""
+        _, torso = self.dynamics.placement(self.biped.torso)
+        return math.acos(max(-1.0, min(1.0, float(torso[2, 2]))))
+
+    @cached_property
+    def support(self) -> SupportPolygon:
+        """Support of the soles on the ground, with a margin.
+
+        In double support that is both, whatever their load: a foot that happens to carry nothing
+        carries as soon as the ZMP moves towards it.
+        """
         biped, placement = self.biped, self.dynamics.placement
         if self.mode.single:
-            stance = self.stance
-            place, size = placement(biped.frames[stance]), biped.sizes[stance]
-            sole = SupportPolygon(sole_rectangle(*place, size), self.margin)
-            if not self.one_foot.narrow:
-                return sole, sole.grown(self.margin + self.one_foot.momentum), sole
-            asked, held = self.one_foot.asks(stance, size), self.one_foot.holds(stance, size)
-            return (
-                sole,
-                SupportPolygon(asked.corners(*place, 0.0), 0.0),
-                SupportPolygon(held.corners(*place, 0.0), self.margin),
-            )
-        soles = both_soles(
-            [placement(frame) for frame in biped.frames], biped.sizes, self.margin, self.parts
-        )
-        return soles, soles, soles
+            return self.region.support(self.stance, *placement(biped.frames[self.stance]))
+        placements = [placement(frame) for frame in biped.frames]
+        return both_soles(placements, biped.sizes, self.region.margin, self.parts)
+
+    @cached_property
+    def capture_depth(self) -> float:
+        """Depth of the DCM p + pdot / omega inside the support [m]."""
+        dynamics = self.dynamics
+        velocity = dynamics.com_velocity[:2] if self.com_velocity is None else self.com_velocity
+        (x, y, _), (speed_x, speed_y) = dynamics.com.tolist(), velocity.tolist()
+        return self.support.depth((x + speed_x / self.omega, y + speed_y / self.omega))
 
     @property
     def other(self) -> int:
@@ -240,12 +201,7 @@ class Footing:
         return self.lowest_ground if self.has_left else float(self.anchors[self.other][2])
 
     def clearance(self, ground: float, clear: float) -> float:
-        """How clear of a ground the foot that is not the stance is, from 0 on it to 1 [].
-
-        Args:
-            ground: its height [m].
-            clear: height above it from which on the foot is clear [m].
-        """
+        """How clear of a ground the foot that is not the stance is, from 0 on it to 1 []."""
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
 
 

@@ -23,12 +23,7 @@ _LEVEL = np.eye(3)
 
 
 class TrunkLean:
-    """Upright, or leaning over the foot that carries where its hip needs that.
-
-    Args:
-        relief: how far over the left and over the right foot, see `Biped` [rad].
-        dt: length of a tick [s].
-    """
+    """Upright, or leaning over the foot that carries where its hip needs that."""
 
     def __init__(self, relief: tuple[float, float], dt: float) -> None:
         self._goals = (-relief[0], relief[1])
@@ -40,11 +35,7 @@ class TrunkLean:
         self._angle = 0.0
 
     def rotation(self, footing: Footing) -> Float64[np.ndarray, "3 3"]:
-        """How the trunk shall be turned in this tick, world_R_trunk.
-
-        Args:
-            footing: of the tick.
-        """
+        """How the trunk shall be turned in this tick, world_R_trunk."""
         carries = footing.mode.support
         goal = 0.0 if carries is None else self._goals[carries]
         self._angle += max(-self._step, min(self._step, goal - self._angle))
@@ -55,13 +46,7 @@ class TrunkLean:
 
 
 class TrunkPose:
-    """References of pelvis and torso, where both can be turned.
-
-    Args:
-        relief: how far it leans over the left and over the right foot, see `Biped` [rad].
-        dt: length of a tick [s].
-        waist: least and largest roll, pitch and yaw of the torso against the pelvis [rad].
-    """
+    """References of pelvis and torso, where both can be turned."""
 
     def __init__(
         self, relief: tuple[float, float], dt: float, waist: Float64[np.ndarray, "3 2"]
@@ -84,13 +69,7 @@ class TrunkPose:
     def rotations(
         self, footing: Footing, facing: float, torso: tuple[float, float, float]
     ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, "3 3"]]:
-        """World_R_pelvis and world_R_torso in this tick.
-
-        Args:
-            footing: of the tick.
-            facing: where the feet face, to the left of the world's x axis [rad].
-            torso: commanded roll, pitch and yaw of the torso against that [rad].
-        """
+        """World_R_pelvis and world_R_torso in this tick."""
         before = facing if self._facing is None else self._facing
         most = _TURN_RATE * self._dt
         # The shorter way, also where angles pass from pi to -pi.

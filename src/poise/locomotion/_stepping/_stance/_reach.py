@@ -41,11 +41,6 @@ class FootRange:
     so that legs never cross, nor than turned soles take, and by no more than `step_max`, which also
     holds along the heading, nor than the ankles' roll allows. It goes no higher than `lift_max`
     above the support foot.
-
-    Args:
-        robot: a biped.
-        soles: names of the left and the right sole.
-        parameters: margins.
     """
 
     def __init__(self, robot: Robot, soles: tuple[str, str], parameters: TeleopParameters) -> None:
@@ -71,22 +66,12 @@ class FootRange:
         self._aside_max = max(self._apart, min(parameters.step_max, *sides))
 
     def hip(self, foot: int, dynamics: Dynamics) -> Float64[np.ndarray, "3"]:
-        """Where the hip of a foot's leg is [m].
-
-        Args:
-            foot: 0 left, 1 right.
-            dynamics: of the estimated state.
-        """
+        """Where the hip of a foot's leg is [m]."""
         position, rotation = dynamics.placement(self._pelvis)
         return position + rotation.dot(self._legs[foot].hip)
 
     def below_hip(self, foot: int, dynamics: Dynamics) -> tuple[float, float]:
-        """Where a level sole is whose ankle is below the hip of its leg, x and y [m].
-
-        Args:
-            foot: 0 left, 1 right.
-            dynamics: of the estimated state.
-        """
+        """Where a level sole is whose ankle is below the hip of its leg, x and y [m]."""
         (x, y, _), (arm_x, arm_y, _) = self.hip(foot, dynamics).tolist(), self._ankles[foot]
         return x - arm_x, y - arm_y
 
@@ -101,17 +86,7 @@ class FootRange:
         lower: float = 0.0,
         turns: tuple[float, float] = (0.0, 0.0),
     ) -> Float64[np.ndarray, "3"]:
-        """The nearest position that the foot can be sent to.
-
-        Args:
-            foot: 0 left, 1 right.
-            target: commanded [m].
-            support: centre of the other sole [m].
-            hip: of the foot's leg, see `hip` [m].
-            heading: unit vector forward, x and y.
-            lower: how far the body may still come down for it [m].
-            turns: how the left and the right sole are turned, to the left of the heading [rad].
-        """
+        """The nearest position that the foot can be sent to."""
         (x, y, z), (support_x, support_y, support_z) = target.tolist(), support.tolist()
         forward_x, forward_y = heading.tolist()
         across_x, across_y = (-forward_y, forward_x) if foot == 0 else (forward_y, -forward_x)
@@ -139,11 +114,6 @@ class FootRange:
         """How far aside the centre of a turned sole has to be for its edges to be clear [m].
 
         Where two convex shapes touch, an edge of one of them lies between them.
-
-        Args:
-            foot: 0 left, 1 right.
-            ahead: of the other sole's centre [m].
-            turns: of both soles [rad].
         """
         out = 1.0 if foot == 0 else -1.0
         needed = math.inf
@@ -163,13 +133,7 @@ class FootRange:
         right: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
     ) -> bool:
-        """Whether feet stand no farther apart than they may be led, or little more.
-
-        Args:
-            left: centre of the left sole [m].
-            right: of the right one [m].
-            heading: unit vector forward, x and y.
-        """
+        """Whether feet stand no farther apart than they may be led, or little more."""
         x, y, _ = (left - right).tolist()
         forward_x, forward_y = heading.tolist()
         aside, ahead = y * forward_x - x * forward_y, x * forward_x + y * forward_y
@@ -182,14 +146,7 @@ class FootRange:
         hip: Float64[np.ndarray, "3"],
         shift: Point,
     ) -> float:
-        """How far the hip is too high for the foot to be at a place; negative for room left [m].
-
-        Args:
-            foot: 0 left, 1 right.
-            place: of the sole [m].
-            hip: of the foot's leg [m].
-            shift: how far the hip will have gone along the ground [m].
-        """
+        """How far the hip is too high for the foot to be at a place; negative for room left [m]."""
         (x, y, z), (arm_x, arm_y, arm_z) = place.tolist(), self._ankles[foot]
         (hip_x, hip_y, hip_z), (shift_x, shift_y) = hip.tolist(), shift
         across = (x + arm_x - hip_x - shift_x) ** 2 + (y + arm_y - hip_y - shift_y) ** 2
@@ -209,13 +166,6 @@ class FootRange:
         Its ankle keeps the sole level: a leg that bends leans its shank forward, the more so the
         further the hip is ahead. So its knee comes ahead of the weight, no farther than its torque
         holds that. And it folds no deeper than it may.
-
-        Args:
-            foot: 0 left, 1 right.
-            place: of the sole [m].
-            hip: of the foot's leg [m].
-            heading: unit vector forward, x and y.
-            alone: whether it is to carry all of the weight.
         """
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
         lean = min(_LEAN_RATIO * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
@@ -229,17 +179,7 @@ class FootRange:
         hip: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
     ) -> float:
-        """How far the hip is too low for the knee of a leg that carries alone; negative for room.
-
-        Args:
-            foot: 0 left, 1 right.
-            place: of the sole [m].
-            hip: of the foot's leg [m].
-            heading: unit vector forward, x and y.
-
-        Returns:
-            The distance [m].
-        """
+        """Return how far the hip is too low for the knee of a stance leg; negative for room."""
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
         return self._level(foot, ahead, aside, self._strong[foot][0]) - z
 
@@ -258,14 +198,7 @@ class FootRange:
         return x * forward_x + y * forward_y, y * forward_x - x * forward_y, z
 
     def _level(self, foot: int, ahead: float, aside: float, lean: float) -> float:
-        """Height of the hip over the ankle with the shank so far forward [m].
-
-        Args:
-            foot: 0 left, 1 right.
-            ahead: how far the hip is ahead of the ankle [m].
-            aside: and how far to its left [m].
-            lean: of the shank [rad].
-        """
+        """Height of the hip over the ankle with the shank so far forward [m]."""
         leg = self._legs[foot]
         # From the knee to the hip.
         thigh = leg.thigh**2 - (ahead - leg.shank * math.sin(lean)) ** 2 - aside * aside
@@ -282,10 +215,6 @@ def _strong_lean(leg: LegGeometry, share: float) -> float:
     """How far forward a shank may lean for its knee to hold a part of the weight [rad].
 
     The weight rests on the middle of the sole.
-
-    Args:
-        leg: whose shank.
-        share: the part.
     """
     ahead = leg.knee_lever / share - float(leg.ankle[0])
     return math.asin(min(max(ahead / leg.shank, 0.0), 1.0))

@@ -1,4 +1,4 @@
-"""The five modes of step teleoperation and the events that lead from one to another."""
+"""`StepMachine`: double support, weight shift and single support, for whoever leads the feet."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -7,11 +7,11 @@ from poise.errors import ConfigurationError
 
 
 class Mode(Enum):
-    """Which feet carry the robot (Zhang and Kikuuwe, section 3.2).
+    """Feet that carry the robot (Zhang and Kikuuwe, section 3.2).
 
     Attributes:
-        support: the foot that carries or shall carry the robot: 0 left, 1 right, None for both.
-        single: whether one foot is in the air.
+        support: stance foot, also of the coming single support: 0 left, 1 right, None for both.
+        single: whether it is single support.
     """
 
     support: int | None
@@ -24,24 +24,30 @@ class Mode(Enum):
     SR = "standing on the right foot", 1, True
 
     def __new__(cls, text: str, support: int | None, single: bool) -> "Mode":
-        """Its value is the text; a tick asks some thirty times for the rest."""
         mode = object.__new__(cls)
         mode._value_, mode.support, mode.single = text, support, single
         return mode
 
 
 class ModeEvent(Enum):
-    """What leads from one mode to another, eq. (14)."""
+    """Event that leads from one mode to another, eq. (14)."""
 
-    LIFT_RIGHT = "the right device was lifted"
-    LIFT_LEFT = "the left device was lifted"
-    SHIFTED = "the ZMP is in the foot that shall carry"
-    LANDED = "the foot in the air has landed"
-    CANCEL = "the device was lowered before the foot left the ground"
+    LIFT_RIGHT = "the right foot is to be lifted"
+    LIFT_LEFT = "the left foot is to be lifted"
+    SHIFTED = "the weight is on the stance foot"
+    LANDED = "touchdown of the swing foot"
+    CANCEL = "the foot stays on the ground"
+    CATCH_RIGHT = "the right foot hangs in the air"
+    CATCH_LEFT = "the left foot hangs in the air"
+
+
+LIFT = (ModeEvent.LIFT_LEFT, ModeEvent.LIFT_RIGHT)
+CATCH = (ModeEvent.CATCH_LEFT, ModeEvent.CATCH_RIGHT)
+"""Events by foot, 0 for the left one."""
 
 
 class StepEnd(Enum):
-    """How a step, or the attempt at one, ended."""
+    """End of a step, or of the attempt at one."""
 
     LANDED = "the foot has landed"
     LOWERED = "lowered before the foot had left the ground"
@@ -61,15 +67,17 @@ TRANSITIONS: dict[tuple[Mode, ModeEvent], Mode] = {
     (Mode.SR, ModeEvent.LANDED): Mode.D,
     (Mode.TL, ModeEvent.CANCEL): Mode.D,
     (Mode.TR, ModeEvent.CANCEL): Mode.D,
+    (Mode.TL, ModeEvent.LIFT_LEFT): Mode.TR,
+    (Mode.TR, ModeEvent.LIFT_RIGHT): Mode.TL,
+    **{(mode, ModeEvent.CATCH_RIGHT): Mode.SL for mode in (Mode.D, Mode.TL, Mode.TR)},
+    **{(mode, ModeEvent.CATCH_LEFT): Mode.SR for mode in (Mode.D, Mode.TL, Mode.TR)},
 }
-"""The whole diagram: where each event leads; an event that is not here changes nothing.
-
-`CANCEL` is not in the paper: with it an operator who thinks better of a step keeps both feet."""
+"""The whole diagram; an event that is not here changes nothing. The first six are the paper's."""
 
 
 @dataclass(slots=True)
-class ModeMachine:
-    """Keeps the mode.
+class StepMachine:
+    """The mode, and since when.
 
     Attributes:
         mode: the mode now.
@@ -80,31 +88,20 @@ class ModeMachine:
     since: float = 0.0
 
     def advance(self, event: ModeEvent, time: float) -> bool:
-        """Takes an event.
-
-        Args:
-            event: what happened.
-            time: when [s].
-
-        Returns:
-            Whether the mode changed.
-        """
+        """Take an event; return whether the mode changed."""
         after = TRANSITIONS.get((self.mode, event))
         if after is None:
             return False
         self.mode, self.since = after, time
         return True
 
+    def stand(self, time: float) -> None:
+        """Begin double support, whatever the mode."""
+        self.mode, self.since = Mode.D, time
+
 
 def draw_modes(fmt: str = "mermaid") -> str:
-    """The diagram as text that documentation tools draw.
-
-    Args:
-        fmt: "mermaid" or "dot".
-
-    Raises:
-        ConfigurationError: another format.
-    """
+    """The diagram as text that documentation tools draw."""
     edges = [(a.name, b.name, event.value) for (a, event), b in TRANSITIONS.items()]
     if fmt == "mermaid":
         return "\n".join(["stateDiagram-v2", *(f"    {a} --> {b}: {e}" for a, b, e in edges)])

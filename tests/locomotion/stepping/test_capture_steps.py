@@ -1,11 +1,11 @@
 """Pushed, the robot steps by itself where the feet as they are led cannot hold it."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from made_up import MadeUp
 from slow import slow
 from walker import hands, sample
 
@@ -14,12 +14,11 @@ from poise.dynamics import RobotState
 from poise.locomotion import (
     DeviceStatus,
     Mode,
-    ScriptedDevice,
     StepTeleoperator,
     WayPoint,
 )
 from poise.locomotion._stepping._stance._reach import FootRange
-from poise.locomotion._walking._step_cycle import StepCycle
+from poise.locomotion._walking._phases import StepPhases
 
 STATUSES, MODES = list(DeviceStatus), list(Mode)
 
@@ -130,7 +129,7 @@ def test_feet_that_cannot_be_brought_together_are_the_operators_all_the_same(
 ):
     """The walker never finds them side by side, and steps on the spot until it is told to stop."""
     monkeypatch.setattr(FootRange, "spans", lambda *feet: False)
-    monkeypatch.setattr(StepCycle, "is_closed", property(lambda _: False))
+    monkeypatch.setattr(StepPhases, "is_closed", property(lambda _: False))
     run = pushed(get_robot("g1"), 0.45, 0, [], 11.0)
     own = overruled(run.log)
     assert not run.fell
@@ -142,65 +141,48 @@ def test_feet_that_cannot_be_brought_together_are_the_operators_all_the_same(
 
 def test_a_foot_that_stands_and_hangs_is_put_down(get_robot):
     """Both feet on the ground by their mode; states are made up."""
-    robot = get_robot("g1")
-    teleoperator = StepTeleoperator(robot, actuation="torque")
-    overruled = []
+    made, overruled = MadeUp(get_robot("g1")), []
     for tick in range(75):
-        time = 0.002 * tick
-        left = 0.5 if time < 0.04 else 0.0
-        contacts = {
-            sole: np.array([0.0, 0.0, part * robot.weight, 0.0, 0.0, 0.0])
-            for sole, part in zip(teleoperator.soles, (left, 1.0 - left), strict=True)
-        }
-        measured = RobotState(robot.q_home, np.zeros(robot.nv), contacts, time)
-        teleoperator.lead(teleoperator.estimator.update(measured))
-        overruled.append(teleoperator.status.device is DeviceStatus.OVERRULED)
-    assert not any(overruled[: round(0.09 / 0.002)])
+        made.loads = (0.5, 0.5) if tick < 20 else (0.0, 1.0)
+        made.up = None
+        made.tick()
+        overruled.append(made.overruled)
+    # Not in less than 50 ms.
+    assert not any(overruled[: round(0.088 / 0.002)])
     assert all(overruled[round(0.1 / 0.002) :])
-    assert teleoperator.mode is Mode.SR
+    assert made.mode is Mode.SR
 
 
-@pytest.mark.parametrize(("turn", "acts"), [(0.08, False), (0.12, True)])
-def test_where_the_only_sole_that_carries_tips_it_acts_though_it_holds_the_robot(
-    get_robot, turn, acts
-):
-    robot = get_robot("g1")
-    teleoperator = StepTeleoperator(robot, actuation="torque")
-    dynamics, own = teleoperator.estimator.dynamics, teleoperator._own
-
-    def takes_over(angle):
-        q = robot.q_home.copy()
-        q[7 + robot.joint_index("left_ankle_pitch_joint")] += angle
-        state = RobotState(q, np.zeros(robot.nv))
-        dynamics.update(state)
-        footing = replace(teleoperator._footing(), mode=Mode.SL, stance=0)
-        footing.capture_depth = 0.01
-        return own.takes_over(footing, state, footing.dynamics.com[:2])
-
-    assert not takes_over(0.0)
-    assert takes_over(turn) == acts == own.acting
+@pytest.fixture
+def hung(get_robot):
+    """Make a g1 that steps because its left foot hangs; states are made up."""
+    made = MadeUp(get_robot("g1"))
+    made.until(0.02)
+    made.loads = (0.0, 1.0)
+    made.until(0.15)
+    assert made.overruled
+    return made
 
 
 def test_the_balance_outweighs_the_trunk_while_the_robot_steps_by_itself(get_robot):
     """And the operator's trunk and feet weigh what they did, once they are the operator's again."""
-    teleoperator = StepTeleoperator(get_robot("g1"), actuation="torque")
-    state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
-    teleoperator.lead(state)
-    tasks = {task.name: task for level in teleoperator.stack.levels for task in level}
+    made = MadeUp(get_robot("g1"))
+    tasks = {task.name: task for level in made.teleoperator.stack.levels for task in level}
+    made.tick()
     before = {name: task.weight.copy() for name, task in tasks.items()}
-    teleoperator._tasks.accompany(teleoperator._footing(), walks=False)
+    made.loads = (0.0, 1.0)
+    made.until(0.15)
+    assert made.overruled
     least = tasks["com"].weight.min()
     for name in ("pelvis orientation", "torso orientation"):
         assert tasks[name].weight.max() <= 0.3 * least
     # A foot that is late costs the balance, too.
-    for sole in teleoperator.soles:
+    for sole in made.teleoperator.soles:
         np.testing.assert_allclose(tasks[f"{sole} foot"].weight[:3], least)
-    teleoperator.device = ScriptedDevice(
-        [WayPoint(at=0.0, left=(0.0, 0.0, 0.0))], *teleoperator.estimator.anchors
-    )
-    weights = []
-    for tick in range(1, 160):
-        teleoperator.lead(replace(state, time=0.002 * tick))
+    made.stand_again()
+    weights = [tasks["com"].weight[0]]
+    for _ in range(160):
+        made.tick()
         weights.append(tasks["com"].weight[0])
     # What is before everything again does not begin to be so with a jump.
     assert weights[0] < 1.1 * least
@@ -209,39 +191,34 @@ def test_the_balance_outweighs_the_trunk_while_the_robot_steps_by_itself(get_rob
         np.testing.assert_allclose(tasks[name].weight, before[name])
 
 
-def test_the_pressure_stays_farther_from_the_edges_while_the_robot_steps_by_itself(get_robot):
-    teleoperator = StepTeleoperator(get_robot("g1"), actuation="torque")
-    state = teleoperator.estimator.update(teleoperator.estimator.dynamics.state)
-    contacts, tasks = teleoperator.stack.contacts, teleoperator._tasks
-    sole = teleoperator.robot.soles[contacts[0].frame]
+def test_the_pressure_stays_farther_from_the_edges_while_the_robot_steps_by_itself(hung):
+    contacts = hung.teleoperator.stack.contacts
+    sole = hung.robot.soles[contacts[0].frame]
 
     def margins():
         return [sole.width / 2.0 - c.pressure_reach[1] for c in contacts]
 
-    teleoperator.lead(state)
-    np.testing.assert_allclose(margins(), 0.002)
-    tasks.accompany(teleoperator._footing(), walks=False)
     np.testing.assert_allclose(margins(), 0.005)
-    teleoperator.lead(replace(state, time=0.002))
+    hung.stand_again()
+    hung.tick()
     np.testing.assert_allclose(margins(), 0.002)
-    tasks.accompany(teleoperator._footing(), walks=False)
-    teleoperator.reset()
+    hung.loads = (0.0, 1.0)
+    hung.until(hung.time + 0.15)
+    np.testing.assert_allclose(margins(), 0.005)
+    hung.teleoperator.reset()
     np.testing.assert_allclose(margins(), 0.002)
 
 
 @pytest.mark.parametrize("lean", [0.1, 0.6, -2.0])
-def test_a_trunk_that_was_thrown_over_is_led_back_little_by_little(get_robot, lean):
-    """All the way at once, it would be asked for more than the balance can spare."""
-    robot = get_robot("g1")
-    teleoperator = StepTeleoperator(robot, actuation="torque")
-    dynamics, tasks = teleoperator.estimator.dynamics, teleoperator._tasks
-    q = robot.q_home.copy()
-    q[3:7] = [math.sin(lean / 2.0), 0.0, 0.0, math.cos(lean / 2.0)]
-    dynamics.update(RobotState(q, np.zeros(robot.nv)))
-    tasks.accompany(teleoperator._footing(), walks=False)
-    named = {task.name: task for level in tasks.stack.levels for task in level}
+def test_a_trunk_that_was_thrown_over_is_led_back_little_by_little(hung, lean):
+    """All the way, it would be asked for more than the balance can spare."""
+    robot, teleoperator = hung.robot, hung.teleoperator
+    hung.q[3:7] = [math.sin(lean / 2.0), 0.0, 0.0, math.cos(lean / 2.0)]
+    hung.tick()
+    assert hung.overruled
+    named = {task.name: task for level in teleoperator.stack.levels for task in level}
     for frame in (robot.pelvis, robot.torso):
-        _, here = dynamics.placement(robot.frame_id(frame))
+        _, here = teleoperator.estimator.dynamics.placement(robot.frame_id(frame))
         step = pin.log3(here.T @ named[f"{frame} orientation"].target_rotation)
         back = pin.log3(here.T)
         far = min(np.linalg.norm(back), 0.2)
@@ -295,10 +272,11 @@ def test_walking_by_velocity_and_stepping_by_hand_change_over(get_robot, height)
     assert log.tilt.max() < 0.3
 
 
-def test_what_was_learned_in_own_steps_is_forgotten_by_a_reset(get_robot):
+def test_what_was_learned_of_the_soles_is_forgotten_by_a_reset(get_robot):
     robot = get_robot("g1")
     teleoperator = StepTeleoperator(robot, actuation="torque")
-    told = []
+    whole = [contact.cone.copy() for contact in teleoperator.stack.contacts]
+    changed = []
     for run in range(2):
         for tick in range(120):
             time = 0.002 * tick
@@ -310,14 +288,15 @@ def test_what_was_learned_in_own_steps_is_forgotten_by_a_reset(get_robot):
             v[6 + robot.joint_index("left_ankle_roll_joint")] = -1.0
             measured = RobotState(robot.q_home, v if run == 0 else 0.0 * v, contacts, time)
             teleoperator.lead(teleoperator.estimator.update(measured))
-        told.append(teleoperator._own.parts[0])
+        changed.append(np.abs(teleoperator.stack.contacts[0].cone - whole[0]).max())
         teleoperator.reset()
-        assert tuple(teleoperator._own.parts) == (None, None)
-    assert told[0] is not None
-    assert told[1] is None
+        for contact, cone in zip(teleoperator.stack.contacts, whole, strict=True):
+            np.testing.assert_allclose(contact.cone, cone, atol=1e-12)
+    assert changed[0] > 0.001
+    assert changed[1] < 1e-12
 
 
-def test_where_the_zmp_should_be_is_told_while_the_robot_steps_by_itself(get_robot):
+def test_where_the_zmp_should_be_is_known_while_the_robot_steps_by_itself(get_robot):
     run = pushed(get_robot("g1"), 0.45, 0, [], 0.8, at=0.4)
     own = overruled(run.log)
     assert own.sum() > 50

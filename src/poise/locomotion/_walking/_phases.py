@@ -1,30 +1,31 @@
-"""`StepCycle`: what the feet do, tick by tick: both stand, one is about to be lifted, one flies."""
+"""`StepPhases`: double support, weight shift, swing, landing and capture step."""
 
 import math
-from enum import Enum
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float64
 
 from poise.dynamics import RobotState
+from poise.locomotion._support import Point, SupportPolygon
 from poise.locomotion._walking._commands import Foothold
 from poise.locomotion._walking._dcm_plan import REST_TIME, DcmMotion, hermite_step
-from poise.locomotion._walking._flight import Flight
+from poise.locomotion._walking._flight import Flight, HeldFlight
 from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._modes import (
+    CATCH,
+    LIFT,
+    Mode,
+    ModeEvent,
+    StepEnd,
+    StepMachine,
+)
 from poise.locomotion._walking._parts import WalkParts
 from poise.locomotion._walking._sense import ENGAGE, RELEASE, expect_step
 from poise.locomotion._walking._step_planner import AHEAD, QUICK, Lifted
 from poise.locomotion._walking._swing_shape import led_swing
 from poise.stack import BalanceLimit
-
-
-class Phase(Enum):
-    """What the feet do."""
-
-    STAND = "stand"
-    """Both carry the robot, and stay."""
-    SHIFT = "shift"
-    """Both carry it, and one is about to be lifted."""
-    SWING = "swing"
-    """One is in the air."""
-
 
 _WORTH = 0.5
 """A foot stays where it is while both hold the robot and its step would cost more than this."""
@@ -36,59 +37,103 @@ ankles do not let the robot come nearer to the other one, and it steps from wher
 _CALM = 0.01
 """The divergent component has to be this far inside what holds it for the feet to stay [m]."""
 
+_TIPPED = math.cos(0.1)
+"""A stance sole that has turned by more than 0.1 rad since lift-off stands on an edge; one that
+lies turns by less than 0.01 rad."""
+
 _HOVERING, _BOUNCES = 0.01, 0.15
 """A foot that carries less than this part of the weight for the bounce time of the settings, not
 later than this after it landed [s], has not landed."""
 
 
-class StepCycle:
-    """Lifts, leads and puts down the feet, and leads the divergent component meanwhile.
+_Rest = Callable[[int, Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]], Point]
+_Region = Callable[[int, Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]], SupportPolygon]
 
-    Args:
-        parts: of the walk.
+
+class FootMotion(Protocol):
+    """Intent of somebody who holds the swing foot: two foot devices, or a policy."""
+
+    def lifted(self) -> int | None:
+        """Return the foot to lift in this tick of double support, 0 left, 1 right."""
+        ...
+
+    def end_of_shift(self, foot: int, since: float) -> StepEnd | None:
+        """Return why a foot that is about to be lifted stays on the ground; None to go on."""
+        ...
+
+    def take_off(self, foot: int) -> None:
+        """Begin to hold a foot, 0 left, 1 right."""
+        ...
+
+    def end_of_swing(self, foot: int, load: float) -> StepEnd | None:
+        """Return how the swing has ended; None while it goes on."""
+        ...
+
+    def move(self, flight: HeldFlight, dt: float) -> None:
+        """Move the swing foot, by `HeldFlight.move`."""
+        ...
+
+
+class StepPhases:
+    """Lift, lead and put down the feet, and move the DCM reference with them.
+
+    A step is timed, along footholds of `StepCommands`, or held by a `FootMotion`. Whoever leads,
+    once the feet do not hold the DCM the swing foot, or the better one of two, makes a capture
+    step, and timed steps go on until both feet hold it again.
 
     Attributes:
-        phase: what the feet do.
-        foot: the one that is lifted next, in the air, or was last; 0 for the left one.
-        flight: of the foot in the air; None where both stand.
-        dcm: where C should be, see `LegMomentum`, by its divergent component and that one's
-            velocity along x and y [m, m/s].
-        steps_made: how many steps are behind.
+        foot: swing foot, now, next or last; 0 for the left one.
+        flight: of the swing foot; None in double support.
+        dcm: reference of C, see `LegMomentum`, by its DCM and that one's velocity along x and y
+            [m, m/s].
+        steps_made: number of touchdowns.
+        motion: holds the feet; None for nobody.
+        held: whether it holds the step under way.
+        ended: end of the last step that was held; None while one goes on, and before the first.
     """
 
     def __init__(self, parts: WalkParts) -> None:
         self._parts, self._commands, self._tasks = parts, parts.commands, parts.tasks
         self._sense, self._stance, self._planner = parts.sense, parts.stance, parts.planner
-        self._pendulum, self._gait = parts.pendulum, parts.gait
-        self.phase, self.foot, self.steps_made = Phase.STAND, 0, 0
-        self.flight: Flight | None = None
+        self._pendulum, self._gait, self._region = parts.pendulum, parts.gait, parts.region
+        self._machine, self._time = StepMachine(), 0.0
+        self.foot, self.steps_made = 0, 0
+        self.flight: Flight | HeldFlight | None = None
         self.dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
+        self.motion: FootMotion | None = None
+        self.held = False
+        self.ended: StepEnd | None = None
         self._landed: Flight | None = None
         self._made: Foothold | None = None
         self._hovering = self._stood = 0.0
         self._released = self._hurried = self._given = False
         self._left = self._waited = 0.0
+        self._flat: Float64[np.ndarray, "3"] = np.zeros(3)
+
+    @property
+    def mode(self) -> Mode:
+        """Feet that carry the robot."""
+        return self._machine.mode
 
     # Beginnings -----------------------------------------------------------------------------------
 
     def stand(self) -> None:
-        """Both feet stand from now on, wherever they are."""
-        self.phase, self.flight, self._landed = Phase.STAND, None, None
-        self._hurried = False
+        """Stand on both feet from now on, wherever they are."""
+        self._machine.stand(self._time)
+        self.flight, self._landed = None, None
+        self._hurried = self.held = False
 
     def begin(self) -> None:
-        """The divergent component begins where it is."""
+        """Begin the DCM reference where the robot is."""
         self._stance.stand_on((0, 1), self._sense.placement(0).yaw)
         mass, _ = self._pendulum.mass(self.flight)
         self.dcm = ((mass[0], 0.0), (mass[1], 0.0))
         self._left = self._gait.shift_time
 
     def put_down(self, foot: int) -> None:
-        """A foot in the air, whoever lifted it, comes down where that helps.
-
-        Args:
-            foot: 0 for the left one, 1 for the right one.
-        """
+        """Make a capture step with a foot in the air, whoever lifted it."""
+        if self.held:
+            self.held, self.ended = False, StepEnd.OVERRULED
         # On its way to be side by side it would cost time, and its leg momentum.
         self._commands.insert(Foothold(foot, self._sense.placement(foot)))
         self._tasks.contacts[foot].release(0.0)
@@ -96,14 +141,16 @@ class StepCycle:
         self.foot, self._hurried = foot, True
         self._lift(foot, airborne=True)
 
-    def catch(self, foot: int) -> None:
-        """A foot that should stand, and hangs, is one in the air, unless it is about to be lifted.
+    def let_go(self) -> None:
+        """End the step that is held: the swing foot makes a capture step, both others stay."""
+        if self.mode.single:
+            self.put_down(self.foot)
+        elif not self._released:
+            self._give_back(StepEnd.OVERRULED)
 
-        Args:
-            foot: 0 for the left one, 1 for the right one.
-        """
-        lifted = self.foot if self.phase is Phase.SHIFT and self._released else None
-        if foot == lifted or self.phase is Phase.SWING:
+    def catch(self, foot: int) -> None:
+        """Make a capture step with a foot that should stand, and hangs, unless it is lifted now."""
+        if self.mode.single or (self._released and foot == self.foot and self.mode is not Mode.D):
             return
         self._landed = None
         self._tasks.contacts[1 - foot].engage(0.0)
@@ -112,28 +159,27 @@ class StepCycle:
     # A tick ---------------------------------------------------------------------------------------
 
     def advance(self, state: RobotState, dt: float) -> None:
-        """Goes on by a tick.
-
-        Args:
-            state: of the robot.
-            dt: of the tick [s].
-        """
-        if self.phase is Phase.STAND:
+        """Go on by a tick."""
+        self._time = state.time
+        if self.mode is Mode.D:
             self._stand(dt)
-        elif self.phase is Phase.SHIFT:
+        elif not self.mode.single:
             self._shift(dt)
+        elif isinstance(self.flight, HeldFlight):
+            self._follow(self.flight, state, dt)
         elif self.flight is not None:
             self._fly(self.flight, state, dt)
         if self._landed is not None:
             self._confirm(self._landed, state, dt)
 
     def announce(self, limit: BalanceLimit) -> None:
-        """Tells a balance limit where the next step catches the robot.
-
-        Args:
-            limit: of the stack.
-        """
-        if self.phase is Phase.STAND:
+        """Announce the next foothold to a balance limit."""
+        if self.held:
+            stance = 1 - self.foot
+            caught = self._region.caught(stance, *self._sense.sole(stance))
+            limit.expect_step(caught if self.mode.single else None)
+            return
+        if self.mode is Mode.D:
             # The last foot of a plan does not carry at once: it is still the one that catches.
             if self._landed is None or self._commands.closes:
                 limit.expect_step(None)
@@ -153,12 +199,20 @@ class StepCycle:
         self._stance.follow(self._parts.body.heading[0])
         x, y = self._parts.stand.rest(self._stance.feet)
         self._lead_dcm(((x, 0.0), (y, 0.0)), self._left, dt)
-        if not self.is_held(_CALM if commands.closes else 0.0):
+        if not self.is_held(_CALM if self._closes else 0.0):
             self._hurry()
+        elif self.motion is not None and (lifted := self.motion.lifted()) is not None:
+            self.held, self.ended = True, None
+            self._go(lifted, self._gait.shift_time)
         elif commands.moving:
             self._go(commands.first_foot(), self._gait.shift_time)
-        elif commands.closes and not self.is_closed and self._left == 0.0:
+        elif self._closes and not self.is_closed and self._left == 0.0:
             self._go(0, self._gait.shift_time)
+
+    @property
+    def _closes(self) -> bool:
+        """Whether feet at rest come side by side; those that somebody holds stay."""
+        return self._commands.closes and self.motion is None
 
     @property
     def is_closed(self) -> bool:
@@ -166,24 +220,33 @@ class StepCycle:
         return self._stance.closed(self._parts.room.width)
 
     def is_held(self, margin: float = 0.0) -> bool:
-        """Whether the feet as they stand can bring the divergent component to rest.
+        """Return whether the feet as they stand can bring the DCM to rest."""
+        return self._pendulum.depth(self.flight, self._holding(self._region.held)) >= margin
 
-        Args:
-            margin: how far inside the soles' edges, and the margin of the ZMP, it has to be [m].
-        """
-        return self._pendulum.depth(self.flight) >= margin
+    @property
+    def asked(self) -> SupportPolygon:
+        """Where the ZMP may be asked for."""
+        return self._holding(self._region.asked)
+
+    def _holding(self, region: _Region) -> SupportPolygon:
+        """Region of a foot that carries alone for as long as somebody holds the other one."""
+        if not (self.held and self.mode.single):
+            return self._stance.support
+        stance = 1 - self.foot
+        return region(stance, *self._sense.sole(stance))
 
     def _stand_on(self, *feet: int) -> None:
-        """These feet carry the robot from now on."""
         self._stance.stand_on(feet, self._parts.body.heading[0])
 
     def _go(self, foot: int, time: float) -> None:
-        """A foot is to be lifted in a while [s]."""
-        self.phase, self.foot, self._left, self._released = Phase.SHIFT, foot, time, False
-        self._waited = 0.0
+        """Lift a foot in a while [s]."""
+        self._machine.advance(LIFT[foot], self._time)
+        self.foot, self._left, self._released, self._waited = foot, time, False, 0.0
 
     def _hurry(self) -> None:
-        """A foot is to be lifted at once, so that the robot does not fall."""
+        """Make a capture step with the better foot."""
+        if self.held:
+            self.held, self.ended = False, StepEnd.OVERRULED
         stance = self._stance
         bearings = [stance.bearing(foot) for foot in (0, 1)]
         xi = self._pendulum.xi(self.flight)
@@ -193,18 +256,27 @@ class StepCycle:
         self._stand_on(1 - self.foot)
 
     def _shift(self, dt: float) -> None:
-        """Takes the load off a foot, and lifts it when it is due."""
+        """Take the load off a foot, and lift it when it is due."""
         self._left -= dt
-        if self._left > QUICK and not self._released and not self.is_held():
+        quick = not self.held and self._left <= QUICK
+        if not quick and not self._released and not self.is_held():
             self._hurry()
         foot, contact = self.foot, self._tasks.contacts[self.foot]
-        if not self._hurried:
+        if self.held and self.motion is not None:
+            self._left = max(self._left, 0.0)
+            if not self._released and self._stays(self.motion):
+                return
+            self._lead_dcm(self._over(1 - foot, self._region.arriving), self._left, dt)
+        elif not self._hurried:
             planner = self._planner
             lift_off = planner.on_the_way(planner.plan(self._next_foot()), planner.times.swing)
             self._lead_dcm(lift_off, self._left, dt)
         ramp = min(RELEASE * self._gait.double_support, QUICK)
         if not self._released and self._left <= ramp:
-            if self._waited < _PATIENCE and self._can_wait():
+            if self.held:
+                if not self._has_shifted():
+                    return
+            elif self._waited < _PATIENCE and self._can_wait():
                 self._left, self._waited = ramp, self._waited + dt
                 self._calm_down()
                 return
@@ -213,7 +285,67 @@ class StepCycle:
             # The tick that finds the contact gone comes before the next state: it holds the foot.
             self._tasks.feet[foot].set_target(*self._sense.sole(foot))
         if self._left <= 0.0 and not contact.active:
-            self._lift(foot)
+            if self.held and self.motion is not None:
+                self._take_off(foot, self.motion)
+            else:
+                self._lift(foot)
+
+    # A foot that somebody holds -------------------------------------------------------------------
+
+    def _stays(self, motion: FootMotion) -> bool:
+        """Give both feet back where the lift is called off."""
+        ended = motion.end_of_shift(self.foot, self._time - self._machine.since)
+        if ended is None:
+            return False
+        self._give_back(ended)
+        return True
+
+    def _give_back(self, ended: StepEnd) -> None:
+        """Stand on both feet again."""
+        self._machine.advance(ModeEvent.CANCEL, self._time)
+        self.held, self.ended, self._left = False, ended, self._gait.settle_time
+
+    def _has_shifted(self) -> bool:
+        """Return whether the DCM rests over the foot that shall carry."""
+        (x, _), (y, _) = self._over(1 - self.foot, self._region.arriving)
+        return math.dist(self._pendulum.xi(None), (x, y)) < self._region.arrived
+
+    def _over(self, stance: int, rest: _Rest) -> tuple[DcmMotion, DcmMotion]:
+        """Reference of the DCM at rest over a foot."""
+        feet, _, _ = self._pendulum.feet(self.flight)
+        x, y = self._parts.legs.joined(rest(stance, *self._sense.sole(stance)), feet)
+        return (x, 0.0), (y, 0.0)
+
+    def _take_off(self, foot: int, motion: FootMotion) -> None:
+        self._landed = None
+        self._stand_on(1 - foot)
+        self._flat = self._sense.sole(1 - foot)[1][:, 2].copy()
+        self._machine.advance(ModeEvent.SHIFTED, self._time)
+        self.flight = HeldFlight(foot, self._sense)
+        motion.take_off(foot)
+
+    def _follow(self, flight: HeldFlight, state: RobotState, dt: float) -> None:
+        """Follow whoever holds the swing foot, until touchdown or a capture step."""
+        foot, motion = flight.foot, self.motion
+        if motion is None or not self.is_held() or self._tips(1 - foot):
+            self.put_down(foot)
+            return
+        motion.move(flight, dt)
+        ended = motion.end_of_swing(foot, self._sense.load(state, foot))
+        if ended is not None:
+            self._machine.advance(ModeEvent.LANDED, self._time)
+            self._tasks.contacts[foot].engage(ENGAGE * self._gait.double_support)
+            self.flight, self.held, self.ended = None, False, ended
+            self.steps_made += 1
+            self._stand_on(0, 1)
+            self._left = self._gait.settle_time
+            return
+        self._tasks.lead_foot(self._sense, foot, flight.swing)
+        self._lead_dcm(self._over(1 - foot, self._region.rest), self._gait.double_support, dt)
+
+    def _tips(self, stance: int) -> bool:
+        """Return whether the stance sole has turned over an edge since lift-off."""
+        return float(self._flat @ self._sense.sole(stance)[1][:, 2]) < _TIPPED
 
     def _can_wait(self) -> bool:
         """Whether both feet hold the robot, and a step now would cost it much."""
@@ -232,7 +364,7 @@ class StepCycle:
         x, y, _ = self._stance.feet[self.foot].position
         elapsed = 0.0
         if self.flight is not None:
-            elapsed = self.flight.elapsed
+            elapsed = self.flight.elapsed if isinstance(self.flight, Flight) else 0.0
             x, y, _ = self.flight.swing.position.tolist()
         return Lifted(
             self.foot,
@@ -277,7 +409,7 @@ class StepCycle:
             parts.settings,
             swung,
         )
-        self.phase = Phase.SWING
+        self._machine.advance(CATCH[foot] if airborne else ModeEvent.SHIFTED, self._time)
         if self._hurried:
             self._aim(self.flight, math.inf)
         self._hurried = False
@@ -313,6 +445,7 @@ class StepCycle:
 
     def _land(self, flight: Flight) -> None:
         foot, commands = flight.foot, self._commands
+        self._machine.advance(ModeEvent.LANDED, self._time)
         # What came down in a hurry has to carry as soon.
         hurry = min(max(flight.elapsed / self._planner.times.swing, 0.0), 1.0)
         self._tasks.contacts[foot].engage(hurry * ENGAGE * self._gait.double_support)
@@ -332,7 +465,6 @@ class StepCycle:
             # The divergent component goes over to where it rests as it was planned to, or in peace.
             planned = not commands.closes
             self._left = REST_TIME if planned else self._gait.settle_time
-            self.phase = Phase.STAND
 
     def _confirm(self, flight: Flight, state: RobotState, dt: float) -> None:
         """A foot that has bounced off what it met looks for the ground again."""
@@ -347,7 +479,8 @@ class StepCycle:
         self._tasks.contacts[flight.foot].release(0.0)
         self._tasks.contacts[1 - flight.foot].engage(0.0)
         self.foot, self.flight, self._landed = flight.foot, flight, None
-        self.phase, self._released, self._hurried = Phase.SWING, False, False
+        self._machine.advance(CATCH[flight.foot], self._time)
+        self._released = self._hurried = self.held = False
         flight.swing.search_again()
         self.steps_made -= 1
         self._given = self._made is not None

@@ -1,0 +1,210 @@
+"""`TorqueLevel`: step teleoperation where torques are commanded, by the stepping engine."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.control import Controller
+from poise.dynamics import Dynamics, RobotState
+from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
+from poise.locomotion._stepping._foot_devices import FootDevices
+from poise.locomotion._stepping._level import Level, LevelTick, OperatorTick
+from poise.locomotion._stepping._operator import DeviceStatus
+from poise.locomotion._stepping._stance import (
+    Biped,
+    Footing,
+    FootRange,
+    StanceChoice,
+    StanceEstimator,
+    TeleopParameters,
+    ZmpSensor,
+)
+from poise.locomotion._walking import (
+    Mode,
+    SteppingEngine,
+    VelocityLimits,
+    WalkSettings,
+    level_floor,
+    make_parts,
+    stand_of,
+    usual_gait,
+)
+from poise.stack import JointTask, Stack
+
+_REST = 0.3
+"""Time at rest after which the operator may lead the feet again [s]."""
+
+_STILL, _ROCKING = 0.1, 2.0
+"""A CoM that is faster does not rest [m/s], and for how long at most that counts [s]: on an edge a
+robot may rock for ever."""
+
+_CLOSING = 6.0
+"""For so long at most the robot goes on stepping only to have its feet nearer together [s]."""
+
+_CAUGHT_MARGIN = 0.005
+"""Distance of the ZMP from the soles' edges while the robot steps [m]."""
+
+_APART = 0.03
+"""Least distance of the soles' edges: feet that touch each other do not come down [m]."""
+
+_BOUNCE_TIME = 0.03
+"""For how long a foot that has just landed carries nothing when it has bounced off [s]: load cells
+have noise of as much as counts here, and a sole that came down on an edge turns over it."""
+
+_HIGHER = 1.6
+"""Swing height over that of a walk: what stumbles over a bump catches nobody."""
+
+
+class TorqueLevel(Level):
+    """Feet by the operator's devices, or by the engine where it walks or catches the robot."""
+
+    def __init__(
+        self,
+        biped: Biped,
+        parameters: TeleopParameters,
+        reach: FootRange,
+        estimator: StanceEstimator,
+        limbs: Sequence[JointTask],
+        solved_by: str,
+        q_start: Float64[np.ndarray, " nq"],
+    ) -> None:
+        self._biped, self._parameters, self._reach = biped, parameters, reach
+        self._estimator = estimator
+        self._tasks = TorqueTasks(biped, parameters.dt, limbs, solved_by)
+        stand = stand_of(biped.robot, q_start)
+        gait = usual_gait(stand.com[2] - stand.middle[2])
+        gait = replace(gait, swing_height=_HIGHER * gait.swing_height)
+        settings = WalkSettings(
+            zmp_margin=_CAUGHT_MARGIN, clearance=_APART, bounce_time=_BOUNCE_TIME
+        )
+        self._crouch = gait.crouch
+        self._engine = SteppingEngine(
+            self._tasks.stack,
+            # Trunk and arms stay whose they are.
+            lambda: make_parts(
+                biped.robot,
+                self._tasks.stack,
+                stand,
+                gait,
+                settings,
+                VelocityLimits(),
+                level_floor(stand.start),
+                (),
+            ),
+        )
+        self._engine.lowest = 1.0 - parameters.stoop_max
+        self._devices = FootDevices(reach, parameters)
+
+    @property
+    def stack(self) -> Stack:
+        """Solved for torques."""
+        return self._tasks.stack
+
+    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
+        """Return the controller of the stack."""
+        return self._tasks.controller(dynamics, time_limit)
+
+    def reset(self, sensor: ZmpSensor) -> None:
+        """Stand on both feet as at the start."""
+        self._sensor = sensor
+        self._engine.reset()
+        self._tasks.reset()
+        self._devices = FootDevices(self._reach, self._parameters)
+        self._stance = StanceChoice(self._estimator, sensor, self._parameters, self._biped.weight)
+        self._seen, self._overruled, self._driven = Mode.D, False, False
+        self._rested, self._held = 0.0, 0.0
+        self._closing: float | None = None
+
+    def lead(self, state: RobotState, operator: OperatorTick) -> LevelTick:
+        """Set the stack for a tick."""
+        engine, devices, guard = self._engine, self._devices, operator.guard
+        devices.update(operator.command, guard.held, self._footing())
+        devices.turns = operator.turns
+        height = operator.body.height
+        engine.rise = self._crouch + height
+        devices.room_below = self._parameters.stoop_max * engine.parts.height
+        self._drive(guard.velocity)
+        engine.hold(None if self._overruled else devices)
+        engine.lead(state)
+        if engine.overrules and not self._overruled:
+            self._overruled, self._rested, self._held, self._closing = True, 0.0, 0.0, None
+        if engine.mode is not self._seen:
+            self._stance.begin(self._seen, engine.mode)
+            self._seen = engine.mode
+            if engine.mode is Mode.D:
+                devices.update(operator.command, guard.held, self._footing())
+                devices.stand()
+        self._stance.follow(engine.mode)
+        footing, turned = self._footing(), False
+        footing.zmp_reference = engine.zmp
+        if self._overruled:
+            guard.let_go(DeviceStatus.WALKING if self._driven else DeviceStatus.OVERRULED)
+            self._tasks.accompany(footing, walks=self._driven)
+            turned = self._settle(footing, any(guard.velocity))
+        else:
+            self._tasks.lead(footing, operator.torso, upright=operator.upright)
+        return LevelTick(footing, self._target, engine.zmp, engine.steps.ended, turned)
+
+    @property
+    def _target(self) -> Float64[np.ndarray, "3"]:
+        """Where the swing foot is sent; not a number in double support [m]."""
+        steps = self._engine.steps
+        if steps.held:
+            return self._devices.sent
+        return np.full(3, np.nan) if steps.flight is None else np.array(steps.flight.goal.position)
+
+    def _drive(self, velocity: tuple[float, float, float]) -> None:
+        """Walk with a velocity; zero brings the feet side by side."""
+        commands = self._engine.commands
+        if any(velocity) or self._driven:
+            commands.set_velocity(*velocity)
+            self._driven = True
+        else:
+            commands.closes = False
+        if any(velocity):
+            self._closing = None
+        elif self._closing is not None:
+            # Each step is another chance to stumble: near enough is enough.
+            commands.closes = self._closing <= _CLOSING
+
+    def _settle(self, footing: Footing, walks: bool) -> bool:
+        """Let the operator lead again once the robot rests; return whether it has walked."""
+        p = self._parameters
+        rests = self._engine.at_rest and not walks
+        self._held = self._held + p.dt if rests else 0.0
+        x, y, z = footing.dynamics.com_velocity.tolist()
+        still = x * x + y * y + z * z < _STILL * _STILL or self._held > _ROCKING
+        self._rested = self._rested + p.dt if rests and still else 0.0
+        fits = self._reach.spans(footing.sole(0), footing.sole(1), footing.heading)
+        if self._closing is not None:
+            self._closing = _CLOSING + p.dt if fits else self._closing + p.dt
+        if self._rested <= _REST:
+            return False
+        if not fits and self._closing is None:
+            self._closing = 0.0
+            return False
+        if not fits and (self._closing or 0.0) <= _CLOSING:
+            return False
+        walked = self._driven
+        self._overruled = self._driven = False
+        self._closing = None
+        self._devices.stand()
+        return walked
+
+    def _footing(self) -> Footing:
+        estimator, parts = self._estimator, self._engine.sole_parts
+        return Footing(
+            biped=self._biped,
+            dynamics=estimator.dynamics,
+            mode=self._engine.mode,
+            stance=estimator.stance,
+            anchors=estimator.anchors,
+            omega=self._engine.parts.legs.omega,
+            region=self._engine.parts.region,
+            sensor=self._sensor,
+            pressed=self._stance.pressed,
+            parts=parts,
+            has_left=self._devices.foot_has_left,
+        )

@@ -1,0 +1,133 @@
+"""`VelocityLevel`: step teleoperation where velocities are commanded, as the paper has it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from poise.control import Controller
+from poise.dynamics import Dynamics, RobotState
+from poise.locomotion._pendulum import BodyRotator
+from poise.locomotion._single_support import SingleSupportRegion
+from poise.locomotion._stepping._by_velocity._body_momentum import BodyMomentum
+from poise.locomotion._stepping._by_velocity._com_motion import ComDriver, ComMotion
+from poise.locomotion._stepping._by_velocity._paper_events import PaperEvents
+from poise.locomotion._stepping._by_velocity._velocity_tasks import VelocityTasks
+from poise.locomotion._stepping._com_height import ComHeight
+from poise.locomotion._stepping._foot import FootTarget, FootVelocity
+from poise.locomotion._stepping._level import Level, LevelTick, OperatorTick
+from poise.locomotion._stepping._stance import (
+    Biped,
+    DesiredMotion,
+    Footing,
+    FootRange,
+    StanceChoice,
+    StanceEstimator,
+    TeleopParameters,
+    ZmpSensor,
+)
+from poise.stack import JointTask, Stack
+
+
+class VelocityLevel(Level):
+    """Events (14), references (15), CoM shifter (37), body rotator (39) and P controllers (17)."""
+
+    def __init__(
+        self,
+        biped: Biped,
+        parameters: TeleopParameters,
+        reach: FootRange,
+        estimator: StanceEstimator,
+        limbs: Sequence[JointTask],
+        driver: ComDriver,
+        height: float,
+        *,
+        rotator: bool,
+    ) -> None:
+        self._biped, self._parameters, self._reach = biped, parameters, reach
+        self._estimator, self._driver, self._com_height = estimator, driver, height
+        self._rotates = rotator
+        self._region = SingleSupportRegion(
+            sizes=biped.sizes, margin=parameters.support_margin, arrived=parameters.capture_max
+        )
+        self._tasks = VelocityTasks(biped, parameters, limbs, rotator=rotator)
+
+    @property
+    def stack(self) -> Stack:
+        """Solved for velocities of the legs' joints."""
+        return self._tasks.stack
+
+    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
+        """Return the controller of the stack."""
+        return self._tasks.controller(dynamics, time_limit)
+
+    def reset(self, sensor: ZmpSensor) -> None:
+        """Stand on both feet as at the start."""
+        biped, p = self._biped, self._parameters
+        self._sensor = sensor
+        self._tasks.reset()
+        self._com = ComMotion(self._driver, p)
+        self._events = PaperEvents(p)
+        self._stance = StanceChoice(self._estimator, sensor, p, biped.weight)
+        self._momentum = BodyMomentum(BodyRotator(biped.weight) if self._rotates else None, p)
+        self._target, self._foot = FootTarget(self._reach, p), FootVelocity(p)
+        self._height = ComHeight(self._com_height, self._reach, p)
+
+    def lead(self, state: RobotState, operator: OperatorTick) -> LevelTick:
+        """Set the stack for a tick."""
+        dynamics, com = self._estimator.dynamics, self._com
+        com.observe(dynamics.com_velocity[:2])
+        self._move_mode(operator, state.time)
+        footing = self._footing()
+        self._height.offset = operator.body.height
+        com.drive(footing)
+        cart_table_zmp = com.cart_table_zmp(dynamics.com[:2])
+        self._momentum.turn(footing, cart_table_zmp)
+        below, gives_way = self._height.room(footing)
+        falling = gives_way or (footing.mode.single and footing.capture_depth < 0.0)
+        target = self._target.place(footing, operator.command, room_below=below, falling=falling)
+        foot = self._foot.towards(footing, target, self._target.rate, hurry=self._target.rescuing)
+        desired = DesiredMotion(
+            com=np.array([*com.velocity.tolist(), self._height.velocity(footing, target)]),
+            com_acceleration=com.acceleration,
+            momentum=self._momentum.reference,
+            foot=foot,
+        )
+        self._tasks.ask(footing, desired, upright=operator.upright)
+        return LevelTick(footing, target, cart_table_zmp, self._events.ended)
+
+    def _move_mode(self, operator: OperatorTick, time: float) -> None:
+        events, before = self._events, self._events.mode
+        if events.advance(
+            operator.command,
+            operator.guard.held,
+            self._footing(),
+            self._com,
+            time,
+            rescuing=self._target.rescuing,
+        ):
+            self._stance.begin(before, events.mode)
+            if before.single or events.mode.single:
+                # Not at every change of mode: an operator who cannot decide makes many, and each
+                # restart takes in noise.
+                self._com.restart()
+            events.begin()
+            self._momentum.restart()
+            self._target.restart()
+            self._foot.restart()
+        self._stance.follow(events.mode)
+
+    def _footing(self) -> Footing:
+        estimator = self._estimator
+        return Footing(
+            biped=self._biped,
+            dynamics=estimator.dynamics,
+            mode=self._events.mode,
+            stance=estimator.stance,
+            anchors=estimator.anchors,
+            omega=self._driver.omega,
+            region=self._region,
+            sensor=self._sensor,
+            pressed=self._stance.pressed,
+            com_velocity=self._com.observed,
+            has_left=self._events.foot_has_left,
+        )

@@ -1,0 +1,218 @@
+"""`SteppingEngine`: steps of a plan, of a velocity or of held feet, and the balance meanwhile."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import all_finite, is_time
+from poise.dynamics import RobotState
+from poise.locomotion._support import SolePart
+from poise.locomotion._walking._body_height import LOWEST
+from poise.locomotion._walking._feedback import DcmFeedback
+from poise.locomotion._walking._footsteps import FootstepPlan
+from poise.locomotion._walking._leg_momentum import JoinedSupport
+from poise.locomotion._walking._modes import Mode
+from poise.locomotion._walking._parts import WalkParts
+from poise.locomotion._walking._phases import FootMotion, StepPhases
+from poise.locomotion._walking._sense import LONGEST_TICK
+from poise.locomotion._walking._settings import WalkStatus
+from poise.locomotion._walking._trouble import RESPONSES, Hanging, HangWatch, Response, TroubleWatch
+from poise.stack import Stack
+
+_MISPLACED = 0.03
+"""Distance of a sole from where a plan begins beyond which nothing moves [m]."""
+
+
+class SteppingEngine:
+    """Set CoM, feet and contacts of a stack, tick by tick, whoever wants the steps.
+
+    Footholds come from `commands`, of a plan or a velocity, and a swing foot that somebody holds
+    from a `FootMotion`. The engine keeps the mode, moves the DCM reference with it, corrects it by
+    one feedback, and makes capture steps once the feet do not hold the DCM.
+
+    Attributes:
+        commands: footholds and velocities that are asked for.
+        status: state of the walk.
+        rise: height asked of the CoM over that of the walk, while feet are held [m].
+        lowest: least height of the CoM meanwhile, over that of the walk.
+    """
+
+    def __init__(self, stack: Stack, make: Callable[[], WalkParts]) -> None:
+        self._stack, self._make = stack, make
+        self.rise, self.lowest = 0.0, LOWEST
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew at the next state: both feet stand, and nothing is known of the ground."""
+        parts = self.parts = self._make()
+        self.commands, self.status = parts.commands, WalkStatus.READY
+        for area in parts.areas:
+            area.forget()
+        self._steps = StepPhases(parts)
+        self._feedback = DcmFeedback(parts.legs.omega, parts.settings.dcm_gain)
+        self._hang_watch = HangWatch(parts.sense, parts.tasks.contacts)
+        self._watch = TroubleWatch(parts.sense, parts.settings, parts.height)
+        self._hanging: Hanging | None = None
+        self._time: float | None = None
+
+    # Intent ---------------------------------------------------------------------------------------
+
+    def hold(self, motion: FootMotion | None) -> None:
+        """Let somebody lift and hold feet, or nobody: a foot that is held makes a capture step."""
+        self._steps.motion = motion
+
+    # State ----------------------------------------------------------------------------------------
+
+    @property
+    def steps(self) -> StepPhases:
+        """Phases of the steps."""
+        return self._steps
+
+    @property
+    def mode(self) -> Mode:
+        """Feet that carry the robot."""
+        return self._steps.mode
+
+    @property
+    def overrules(self) -> bool:
+        """Whether the engine leads the feet by itself: it steps, or no foot carries the robot."""
+        return self._hanging is not None or (self.mode is not Mode.D and not self._steps.held)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether both feet stand and hold the DCM, and nothing is wrong."""
+        return self.status.ok and self.mode is Mode.D and self._steps.is_held()
+
+    @property
+    def sole_parts(self) -> list[SolePart | None]:
+        """Loaded area of each sole, left then right; None for all of it."""
+        return self.parts.stance.parts
+
+    @property
+    def dcm_error(self) -> Float64[np.ndarray, "2"]:
+        """Deviation of the DCM from its reference [m]."""
+        return self._feedback.error
+
+    @property
+    def zmp(self) -> Float64[np.ndarray, "2"]:
+        """Reference of the ZMP, feedback included [m]."""
+        feet, _, _ = self.parts.pendulum.feet(self._steps.flight)
+        x, y = self._feedback.zmp.tolist()
+        return np.array(self.parts.legs.parted((x, y), feet))
+
+    # A tick ---------------------------------------------------------------------------------------
+
+    def lead(self, state: RobotState) -> None:
+        """Set what the next tick should do; a state that is not finite is passed over."""
+        if not _is_finite(state):
+            return
+        parts, steps = self.parts, self._steps
+        dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
+        self._time = state.time
+        parts.sense.update(state)
+        holds = steps.motion is not None and not self.overrules
+        for area in parts.areas:
+            area.update(state, dt, settled=holds)
+        parts.stance.refresh()
+        self._hang_watch.update(state, dt)
+        if self.status is WalkStatus.READY:
+            self._begin()
+        if self.status is WalkStatus.MISPLACED or self._is_stopped_by_trouble(state, dt):
+            return
+        self.commands.advance(dt)
+        if self._hang_watch.foot is not None:
+            steps.catch(self._hang_watch.foot)
+        if steps.held and self.commands.moving:
+            steps.let_go()
+            self._feedback.continue_from(self._feedback.zmp)
+        steps.advance(state, dt)
+        self._keep_balance(dt, holds=holds)
+        if self.status.ok:
+            self.status = self._plain_status
+        self._announce_step()
+
+    def _is_stopped_by_trouble(self, state: RobotState, dt: float) -> bool:
+        """Respond as `RESPONSES` lists."""
+        error = math.hypot(*self._feedback.error)
+        flight = self._steps.flight
+        trouble = self._watch.look(state, flight, error, dt)
+        self.status = trouble or self._plain_status
+        response = Response() if trouble is None else RESPONSES[trouble]
+        self.commands.pace = response.pace
+        if response.lands and flight is not None:
+            flight.land()
+        if response.hangs:
+            self._hang(state)
+        elif self._hanging is not None:
+            self._hanging.end()
+            self._hanging = None
+            self._begin()
+        return response.hangs
+
+    @property
+    def _plain_status(self) -> WalkStatus:
+        return WalkStatus.STANDING if self.mode is Mode.D else WalkStatus.WALKING
+
+    def _hang(self, state: RobotState) -> None:
+        """Keep the posture, wherever the robot is taken."""
+        parts = self.parts
+        if self._hanging is None:
+            self._hanging = Hanging(state, parts.sense, parts.tasks)
+            self._steps.stand()
+            # Put down again, it stands until somebody commands something else.
+            self.commands.stop()
+        mass, _ = parts.pendulum.mass(self._steps.flight)
+        self._hanging.follow(state, parts.body, mass)
+        self._announce_step()
+
+    def _announce_step(self) -> None:
+        limit = self._stack.balance_limit
+        if limit.enabled:
+            self._steps.announce(limit)
+
+    def _begin(self) -> None:
+        parts = self.parts
+        if self.status is WalkStatus.READY and isinstance(parts.stand, FootstepPlan):
+            for foot, place in enumerate(parts.stand.start):
+                if math.dist(parts.sense.sole(foot)[0].tolist(), place.position) > _MISPLACED:
+                    self.status = WalkStatus.MISPLACED
+                    return
+        self.status = WalkStatus.STANDING
+        self._feedback.begin()
+        self._steps.begin()
+        mass, _ = parts.pendulum.mass(self._steps.flight)
+        parts.body.begin(mass, float(parts.sense.com[2]), parts.stance.heading)
+
+    def _keep_balance(self, dt: float, *, holds: bool) -> None:
+        """Lead the CoM, and what goes along with it, along the DCM reference."""
+        parts, steps = self.parts, self._steps
+        goal = parts.rise.goal(
+            parts.stance,
+            steps.flight,
+            parts.body.rise[0],
+            slow=holds or steps.steps_made == 0,
+            offset=self.rise if holds else 0.0,
+            lowest=self.lowest if holds else LOWEST,
+        )
+        parts.body.move(*goal, dt)
+        com = parts.body.follow(steps.dcm, dt)
+        feet, velocities, accelerations = parts.pendulum.feet(steps.flight)
+        joined, velocity = parts.pendulum.mass(steps.flight)
+        x, y = self._feedback.acceleration(
+            np.array(joined),
+            np.array(velocity),
+            com,
+            JoinedSupport(parts.legs, steps.asked, feet),
+            dt,
+        ).tolist()
+        rows = zip(com.tolist(), (feet, velocities, accelerations), parts.body.rise, strict=True)
+        com = np.array([(*parts.legs.parted((a, b), f), z) for (a, b), f, z in rows])
+        asked = parts.legs.parted((x, y), accelerations)
+        parts.tasks.lead_com(parts.sense, com, np.array(asked))
+        parts.body.carry(com)
+
+
+def _is_finite(state: RobotState) -> bool:
+    return is_time(state.time) and all_finite(state.q) and all_finite(state.v)
