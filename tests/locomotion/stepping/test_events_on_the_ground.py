@@ -114,7 +114,7 @@ def test_a_device_that_is_lost_alone_gives_its_foot_back_and_says_so(get_robot):
 
 def test_a_foot_that_is_put_down_so_that_nobody_falls_says_so(get_robot):
     """The DCM is between the feet, and beyond the sole that carries alone."""
-    bench = Bench(get_robot("biped20"), width=0.1)
+    bench = Bench(get_robot("biped20"), width=0.16)
     bench.lift()
     assert bench.tick(UP, 610.0, 30.0) is Mode.D
     assert bench.ended is StepEnd.RESCUED
