@@ -98,7 +98,7 @@ def test_packages_are_reached_through_their_faces(path):
         assert own[: len(package)] == package, name
 
 
-STEPPING = ({"_operator", "_stance"}, {"_upper_body", "_by_velocity", "_by_torque"})
+STEPPING = ({"_operator", "_stance"}, {"_feet"}, {"_upper_body", "_by_velocity", "_by_torque"})
 """The floors within step teleoperation, below the modules that put them together."""
 
 

@@ -8,7 +8,7 @@ from standing import PARAMETERS, biped, footing
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, StepTeleoperator
-from poise.locomotion._stepping._com_height import ComHeight
+from poise.locomotion._stepping._by_velocity._com_height import ComHeight
 from poise.locomotion._stepping._stance._reach import FootRange
 from poise.locomotion._support import SolePart
 

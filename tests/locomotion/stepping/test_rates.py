@@ -16,7 +16,7 @@ from poise.apps.teleoperation import (
     write_recording,
 )
 from poise.locomotion import Mode, OperatorGuard, OperatorSample, TrackedPose
-from poise.locomotion._stepping._foot import FootTarget, FootVelocity
+from poise.locomotion._stepping._feet._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._operator._tracking import Tracker, VelocityCheck
 from poise.locomotion._stepping._stance._reach import FootRange
 from poise.locomotion._stepping._upper_body._arms import ArmMotion

@@ -9,7 +9,7 @@ from walker import sample
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode
-from poise.locomotion._stepping._foot import FootTarget, FootVelocity
+from poise.locomotion._stepping._feet._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._stance._reach import FootRange
 
 AT_ONCE = replace(PARAMETERS, swing_time=1e-12)

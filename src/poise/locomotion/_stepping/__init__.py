@@ -1,7 +1,7 @@
 """A person leads the robot's feet: step-by-step teleoperation of bipeds."""
 
 from poise.locomotion._stepping._by_velocity import ComDriver, ShifterDriver
-from poise.locomotion._stepping._foot_devices import FOOT_TURNS
+from poise.locomotion._stepping._feet import FOOT_TURNS
 from poise.locomotion._stepping._operator import (
     LATE,
     LOST_AFTER,

@@ -17,7 +17,7 @@ from poise.locomotion._stepping._by_velocity import (
     VelocityLevel,
     check_sway,
 )
-from poise.locomotion._stepping._level import Level, LevelTick, OperatorTick
+from poise.locomotion._stepping._feet import Level, LevelTick, OperatorTick
 from poise.locomotion._stepping._operator import (
     BodyCommand,
     Device,

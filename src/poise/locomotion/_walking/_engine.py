@@ -37,19 +37,22 @@ class SteppingEngine:
         status: state of the walk.
         rise: height asked of the CoM over that of the walk, while feet are held [m].
         lowest: least height of the CoM meanwhile, over that of the walk.
+        held_gain: of the DCM feedback meanwhile [1/s]; that of the walk when None.
     """
 
     def __init__(self, stack: Stack, make: Callable[[], WalkParts]) -> None:
         self._stack, self._make = stack, make
         self.rise, self.lowest = 0.0, LOWEST
+        self.held_gain: float | None = None
+        self.parts = make()
         self.reset()
 
     def reset(self) -> None:
         """Begin anew at the next state: both feet stand, and nothing is known of the ground."""
+        for area in self.parts.areas:
+            area.forget()
         parts = self.parts = self._make()
         self.commands, self.status = parts.commands, WalkStatus.READY
-        for area in parts.areas:
-            area.forget()
         self._steps = StepPhases(parts)
         self._feedback = DcmFeedback(parts.legs.omega, parts.settings.dcm_gain)
         self._hang_watch = HangWatch(parts.sense, parts.tasks.contacts)
@@ -206,6 +209,7 @@ class SteppingEngine:
             com,
             JoinedSupport(parts.legs, steps.asked, feet),
             dt,
+            self.held_gain if holds else None,
         ).tolist()
         rows = zip(com.tolist(), (feet, velocities, accelerations), parts.body.rise, strict=True)
         com = np.array([(*parts.legs.parted((a, b), f), z) for (a, b), f, z in rows])

@@ -45,7 +45,7 @@ class DcmFeedback:
     """
 
     def __init__(self, omega: float, gain: float) -> None:
-        self.omega, self._gain = omega, 1.0 + gain / omega
+        self.omega, self._gain = omega, gain
         self.error: Vector2 = np.zeros(2)
         self.zmp: Vector2 = np.zeros(2)
         self._continues_from: Vector2 | None = None
@@ -66,15 +66,15 @@ class DcmFeedback:
         reference: Float64[np.ndarray, "3 2"],
         support: ZmpRegion,
         dt: float = 0.0,
+        gain: float | None = None,
     ) -> Vector2:
         """The COM's horizontal acceleration [m/s^2]."""
         w = self.omega
+        factor = 1.0 + (self._gain if gain is None else gain) / w
         (px, py), (rx, ry), (sx, sy) = reference.tolist()
         (cx, cy), (vx, vy) = com.tolist(), velocity.tolist()
         ex, ey = cx - px + (vx - rx) / w, cy - py + (vy - ry) / w
-        x, y = support.nearest(
-            (px - sx / (w * w) + self._gain * ex, py - sy / (w * w) + self._gain * ey)
-        )
+        x, y = support.nearest((px - sx / (w * w) + factor * ex, py - sy / (w * w) + factor * ey))
         if self._continues_from is not None:
             from_x, from_y = self._continues_from.tolist()
             self._continues_from, self._offset = None, (from_x - x, from_y - y)

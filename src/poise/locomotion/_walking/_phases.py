@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
@@ -50,6 +50,7 @@ _Rest = Callable[[int, Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]], Po
 _Region = Callable[[int, Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]], SupportPolygon]
 
 
+@runtime_checkable
 class FootMotion(Protocol):
     """Intent of somebody who holds the swing foot: two foot devices, or a policy."""
 
@@ -307,8 +308,11 @@ class StepPhases:
 
     def _has_shifted(self) -> bool:
         """Return whether the DCM rests over the foot that shall carry."""
-        (x, _), (y, _) = self._over(1 - self.foot, self._region.arriving)
-        return math.dist(self._pendulum.xi(None), (x, y)) < self._region.arrived
+        stance = 1 - self.foot
+        goal = self._region.arriving(stance, *self._sense.sole(stance))
+        feet, _, _ = self._pendulum.feet(None)
+        xi = self._parts.legs.parted(self._pendulum.xi(None), feet)
+        return math.dist(xi, goal) < self._region.arrived
 
     def _over(self, stance: int, rest: _Rest) -> tuple[DcmMotion, DcmMotion]:
         """Reference of the DCM at rest over a foot."""
@@ -341,7 +345,7 @@ class StepPhases:
             self._left = self._gait.settle_time
             return
         self._tasks.lead_foot(self._sense, foot, flight.swing)
-        self._lead_dcm(self._over(1 - foot, self._region.rest), self._gait.double_support, dt)
+        self._lead_dcm(self._over(1 - foot, self._region.rest), self._gait.step_time, dt)
 
     def _tips(self, stance: int) -> bool:
         """Return whether the stance sole has turned over an edge since lift-off."""

@@ -9,8 +9,7 @@ from jaxtyping import Float64
 from poise.control import Controller
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
-from poise.locomotion._stepping._foot_devices import FootDevices
-from poise.locomotion._stepping._level import Level, LevelTick, OperatorTick
+from poise.locomotion._stepping._feet import FootDevices, Level, LevelTick, OperatorTick
 from poise.locomotion._stepping._operator import DeviceStatus
 from poise.locomotion._stepping._stance import (
     Biped,
@@ -57,6 +56,10 @@ _HIGHER = 1.6
 """Swing height over that of a walk: what stumbles over a bump catches nobody."""
 
 
+_GIVES = 0.01
+"""How far below where a knee holds the hip may be before the swing foot is put down [m]."""
+
+
 class TorqueLevel(Level):
     """Feet by the operator's devices, or by the engine where it walks or catches the robot."""
 
@@ -94,7 +97,8 @@ class TorqueLevel(Level):
                 (),
             ),
         )
-        self._engine.lowest = 1.0 - parameters.stoop_max
+        # The CoM shifter's k_p under its gain rule: one setting of the DCM feedback.
+        self._engine.held_gain = parameters.kp / self._engine.parts.legs.omega
         self._devices = FootDevices(reach, parameters)
 
     @property
@@ -120,11 +124,11 @@ class TorqueLevel(Level):
     def lead(self, state: RobotState, operator: OperatorTick) -> LevelTick:
         """Set the stack for a tick."""
         engine, devices, guard = self._engine, self._devices, operator.guard
-        devices.update(operator.command, guard.held, self._footing())
+        footing = self._footing()
+        devices.update(operator.command, guard.held, footing)
         devices.turns = operator.turns
-        height = operator.body.height
-        engine.rise = self._crouch + height
-        devices.room_below = self._parameters.stoop_max * engine.parts.height
+        engine.rise = self._crouch + operator.body.height
+        self._limit_stoop(footing)
         self._drive(guard.velocity)
         engine.hold(None if self._overruled else devices)
         engine.lead(state)
@@ -154,6 +158,20 @@ class TorqueLevel(Level):
         if steps.held:
             return self._devices.sent
         return np.full(3, np.nan) if steps.flight is None else np.array(steps.flight.goal.position)
+
+    def _limit_stoop(self, footing: Footing) -> None:
+        """Let the body come down no lower than the knee of a stance leg holds it."""
+        reach, engine, dynamics = self._reach, self._engine, footing.dynamics
+        usual, stance = engine.parts.height, footing.stance
+        hip = reach.hip(stance, dynamics)
+        too_weak = reach.too_weak(stance, footing.anchors[stance], hip, footing.heading)
+        height = float(dynamics.com[2]) - footing.ground
+        lowest = (1.0 - self._parameters.stoop_max) * usual
+        if footing.mode.support is not None:
+            lowest = max(lowest, height + too_weak)
+        engine.lowest = lowest / usual
+        self._devices.room_below = max(height - lowest, 0.0)
+        self._devices.falling = footing.mode.single and too_weak > _GIVES
 
     def _drive(self, velocity: tuple[float, float, float]) -> None:
         """Walk with a velocity; zero brings the feet side by side."""

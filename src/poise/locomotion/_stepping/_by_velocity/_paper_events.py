@@ -3,7 +3,7 @@
 import numpy as np
 
 from poise.locomotion._stepping._by_velocity._com_motion import ComMotion
-from poise.locomotion._stepping._foot_devices import DeviceEvents
+from poise.locomotion._stepping._feet import DeviceEvents
 from poise.locomotion._stepping._operator import OperatorSample
 from poise.locomotion._stepping._stance import Footing, TeleopParameters
 from poise.locomotion._walking import LIFT, Mode, ModeEvent, StepEnd, StepMachine

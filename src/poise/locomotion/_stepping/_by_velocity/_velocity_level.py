@@ -9,12 +9,17 @@ from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._pendulum import BodyRotator
 from poise.locomotion._single_support import SingleSupportRegion
 from poise.locomotion._stepping._by_velocity._body_momentum import BodyMomentum
+from poise.locomotion._stepping._by_velocity._com_height import ComHeight
 from poise.locomotion._stepping._by_velocity._com_motion import ComDriver, ComMotion
 from poise.locomotion._stepping._by_velocity._paper_events import PaperEvents
 from poise.locomotion._stepping._by_velocity._velocity_tasks import VelocityTasks
-from poise.locomotion._stepping._com_height import ComHeight
-from poise.locomotion._stepping._foot import FootTarget, FootVelocity
-from poise.locomotion._stepping._level import Level, LevelTick, OperatorTick
+from poise.locomotion._stepping._feet import (
+    FootTarget,
+    FootVelocity,
+    Level,
+    LevelTick,
+    OperatorTick,
+)
 from poise.locomotion._stepping._stance import (
     Biped,
     DesiredMotion,

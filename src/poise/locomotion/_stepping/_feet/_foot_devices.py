@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._foot import FootTarget, FootVelocity
+from poise.locomotion._stepping._feet._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._operator import OperatorSample
 from poise.locomotion._stepping._stance import Footing, FootRange, TeleopParameters, wrapped
 from poise.locomotion._walking import HeldFlight, StepEnd
@@ -177,6 +177,7 @@ class FootDevices(DeviceEvents):
         sent: where the swing foot is sent [m].
         turns: commanded yaw of the left and of the right foot [rad].
         room_below: how far the body may still come down for a foot [m].
+        falling: whether the stance leg does not hold the robot, so that the foot is put down.
     """
 
     def __init__(self, reach: FootRange, parameters: TeleopParameters) -> None:
@@ -184,6 +185,7 @@ class FootDevices(DeviceEvents):
         self._target, self._velocity = FootTarget(reach, parameters), FootVelocity(parameters)
         self.sent: Float64[np.ndarray, "3"] = np.full(3, np.nan)
         self.turns, self.room_below, self._yaw = (0.0, 0.0), 0.0, 0.0
+        self.falling = False
 
     def take_off(self, foot: int) -> None:
         """Begin the swing of a foot, 0 left, 1 right."""
@@ -193,14 +195,27 @@ class FootDevices(DeviceEvents):
         if self._footing is not None:
             self._yaw = self._footing.yaw(foot)
 
+    def end_of_swing(self, foot: int, load: float, *, rescuing: bool = False) -> StepEnd | None:
+        """Return how the swing has ended; None while it goes on.
+
+        Args:
+            foot: 0 left, 1 right.
+            load: on the foot, over the weight.
+            rescuing: whether the foot is put down whatever the operator commands.
+        """
+        return super().end_of_swing(foot, load, rescuing=rescuing or self._target.rescuing)
+
     def move(self, flight: HeldFlight, dt: float) -> None:
         """Move the swing foot to where its device is, never far ahead of one that cannot follow."""
         footing, foot = self._footing, flight.foot
         if footing is None or footing.mode.support != 1 - foot or not footing.mode.single:
             # The tick of lift-off.
             return
-        self.sent = self._target.place(footing, self._command, room_below=self.room_below)
-        velocity = self._velocity.towards(footing, self.sent, self._target.rate)
+        target = self._target
+        self.sent = target.place(
+            footing, self._command, room_below=self.room_below, falling=self.falling
+        )
+        velocity = self._velocity.towards(footing, self.sent, target.rate, hurry=target.rescuing)
         here = footing.sole(foot)
         place = flight.swing.position + dt * velocity
         gap = place - here
