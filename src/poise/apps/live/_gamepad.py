@@ -30,7 +30,7 @@ def sample_from(
     buttons: Sequence[bool | int], axes: Sequence[float | int], hat: tuple[int, int] = (0, 0)
 ) -> OperatorSample:
     """Return the sample of a gamepad of the usual layout; the page maps its own the same way."""
-    left, up = -hat[0], hat[1]
+    left, up = float(-hat[0]), float(hat[1])
 
     def deflection(axis: int) -> float:
         value = float(axes[axis]) if axis < len(axes) else 0.0

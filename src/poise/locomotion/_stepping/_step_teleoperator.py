@@ -215,7 +215,7 @@ class StepTeleoperator:
     @property
     def mode(self) -> Mode:
         """Which feet carry the robot."""
-        return Mode.D if self._status is None else self._status.mode
+        return self._level.mode
 
     @property
     def ahead(self) -> float:

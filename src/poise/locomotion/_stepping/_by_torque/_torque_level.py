@@ -106,6 +106,11 @@ class TorqueLevel(Level):
         """Solved for torques."""
         return self._tasks.stack
 
+    @property
+    def mode(self) -> Mode:
+        """Feet that carry the robot."""
+        return self._engine.mode
+
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
         """Return the controller of the stack."""
         return self._tasks.controller(dynamics, time_limit)
@@ -148,7 +153,7 @@ class TorqueLevel(Level):
             self._tasks.accompany(footing, walks=self._driven)
             turned = self._settle(footing, any(guard.velocity))
         else:
-            self._tasks.lead(footing, operator.torso, upright=operator.upright)
+            self._tasks.lead(footing, operator.torso, self._devices.sent, upright=operator.upright)
         return LevelTick(footing, self._target, engine.zmp, engine.steps.ended, turned)
 
     @property
@@ -170,7 +175,7 @@ class TorqueLevel(Level):
         if footing.mode.support is not None:
             lowest = max(lowest, height + too_weak)
         engine.lowest = lowest / usual
-        self._devices.room_below = max(height - lowest, 0.0)
+        self._devices.room_below = max(min(height - lowest, -too_weak), 0.0)
         self._devices.falling = footing.mode.single and too_weak > _GIVES
 
     def _drive(self, velocity: tuple[float, float, float]) -> None:

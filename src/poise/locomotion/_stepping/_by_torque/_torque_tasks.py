@@ -59,10 +59,12 @@ for 80 rad/s^2 at once, and the COM got 2 m/s^2 less than it needs; weighed so l
 not, it leaned by half a radian for seconds, while each step was made for a robot that is upright.
 """
 
-_HELD_FOOT = 1e3
-"""Weight of a swing foot that the operator leads: far below the CoM's, so that it lags where the
-balance needs its momentum, and far above trunk's and arms', so that these are spent first. As
-light as the trunk, a leg is thrown up by half a metre in a push, and cannot be put down then."""
+_THROWN, _AWAY, _HIGH = 1e3, 0.15, 0.1
+"""Weight of a swing foot that is twice so far from where it is sent [m], beside a narrow sole; so
+far above the ground [m] it is not too high for landing. A leg helps to balance a push by its
+angular momentum, but it would be thrown up by half a metre, and then not be there to be put down:
+from there on trunk and arms have to do it. As heavy all the time, a foot that the other leg is in
+the way of takes trunk and height of the CoM with it."""
 
 _CAUGHT_FOOT = (1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
 """Weight of the feet meanwhile: a foot that is late, or stumbles, costs the balance, too."""
@@ -156,13 +158,20 @@ class TorqueTasks:
         plan = ControllerPlan(name=self._solved_by, time_limit=time_limit)
         return make_controller(self._robot, self.stack, plan, dynamics=dynamics)
 
-    def lead(self, footing: Footing, torso: tuple[float, float, float], *, upright: bool) -> None:
+    def lead(
+        self,
+        footing: Footing,
+        torso: tuple[float, float, float],
+        sent: Float64[np.ndarray, "3"],
+        *,
+        upright: bool,
+    ) -> None:
         """Set trunk and contacts for a tick in which the operator leads the feet."""
         self._keep_inside(_MARGIN)
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
         self._com.set_weight(_eased_balance(self._eased))
         for foot in self._feet:
-            foot.set_weight(_HELD_FOOT)
+            foot.set_weight(_foot_weight(footing, sent))
         self.stack.self_collision_limit.let_legs_pass(False)
         weight = _URGENT if upright else 1.0
         torso = (0.0, 0.0, 0.0) if upright else torso
@@ -230,6 +239,16 @@ def _eased_balance(eased: float) -> tuple[float, float, float]:
         _CATCHING * (y / _CATCHING) ** eased,
         _CATCHING * (z / _CATCHING) ** eased,
     )
+
+
+def _foot_weight(footing: Footing, sent: Float64[np.ndarray, "3"]) -> float:
+    """Weight of the swing foot, by how far it has been thrown from where it is sent."""
+    if not (footing.region.narrow and footing.mode.single):
+        return 1.0
+    (x, y, z), (to_x, to_y, to_z) = footing.sole(footing.other).tolist(), sent.tolist()
+    up = max(z - max(to_z, footing.highest_ground + _HIGH), 0.0)
+    away = math.hypot(x - to_x, y - to_y, up) / _AWAY
+    return _THROWN ** min(max(away - 1.0, 0.0), 1.0)
 
 
 def _towards(

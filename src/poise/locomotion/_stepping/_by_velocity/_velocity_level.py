@@ -30,6 +30,7 @@ from poise.locomotion._stepping._stance import (
     TeleopParameters,
     ZmpSensor,
 )
+from poise.locomotion._walking import Mode
 from poise.stack import JointTask, Stack
 
 
@@ -60,6 +61,11 @@ class VelocityLevel(Level):
     def stack(self) -> Stack:
         """Solved for velocities of the legs' joints."""
         return self._tasks.stack
+
+    @property
+    def mode(self) -> Mode:
+        """Feet that carry the robot."""
+        return self._events.mode
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
         """Return the controller of the stack."""

@@ -193,7 +193,7 @@ class FootDevices(DeviceEvents):
         self._target.restart()
         self._velocity.restart()
         if self._footing is not None:
-            self._yaw = self._footing.yaw(foot)
+            self._yaw, self.sent = self._footing.yaw(foot), self._footing.sole(foot).copy()
 
     def end_of_swing(self, foot: int, load: float, *, rescuing: bool = False) -> StepEnd | None:
         """Return how the swing has ended; None while it goes on.

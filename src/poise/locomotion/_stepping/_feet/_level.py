@@ -10,7 +10,7 @@ from poise.control import Controller
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._stepping._operator import BodyCommand, OperatorGuard, OperatorSample
 from poise.locomotion._stepping._stance import Footing, ZmpSensor
-from poise.locomotion._walking import StepEnd
+from poise.locomotion._walking import Mode, StepEnd
 from poise.stack import Stack
 
 
@@ -60,6 +60,11 @@ class Level(Protocol):
     @property
     def stack(self) -> Stack:
         """Stack that is led."""
+        ...
+
+    @property
+    def mode(self) -> Mode:
+        """Feet that carry the robot."""
         ...
 
     def reset(self, sensor: ZmpSensor) -> None:
