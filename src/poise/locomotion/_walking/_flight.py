@@ -151,7 +151,11 @@ class Flight:
 
 
 class HeldFlight:
-    """From lift-off to touchdown of a foot that follows somebody's motion.
+    """Swing foot that a `FootMotion` leads, from lift-off to touchdown.
+
+    Args:
+        foot: 0 for the left one, 1 for the right one.
+        sense: of the robot.
 
     Attributes:
         foot: which.
@@ -167,7 +171,14 @@ class HeldFlight:
         self.goal = sense.placement(foot)
 
     def move(self, position: Vector3, velocity: Vector3, rotation: Rotation, yaw: float) -> None:
-        """Set the pose."""
+        """Set the pose of a tick.
+
+        Args:
+            position: of the sole in the world [m].
+            velocity: of the sole in the world [m/s].
+            rotation: world_R_sole.
+            yaw: heading of the sole in the world [rad].
+        """
         self.swing.position, self.swing.rotation = position, rotation
         self.swing.velocity[:3] = velocity
         x, y, z = position.tolist()

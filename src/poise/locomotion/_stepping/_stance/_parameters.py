@@ -18,8 +18,8 @@ class TeleopParameters:
 
     Attributes:
         dt: T, length of a tick [s].
-        kp: k_p of the COM shifter [1/s^2].
-        acceleration_max: a_lim [m/s^2].
+        kp: k_p of the COM shifter; by torques, the gain kp / omega of the DCM feedback [1/s^2].
+        acceleration_max: a_lim, where velocities are commanded [m/s^2].
         r_lift: distance of ZMP and reference at which a foot may leave the ground [m].
         k_v: gain of the linear velocities [1/s].
         k_omega: gain of the angular velocities [1/s].
