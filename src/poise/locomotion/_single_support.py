@@ -17,7 +17,7 @@ _STRAY = 0.013
 
 _OUTER, _ASKED = 0.0275, 0.0525
 """Distance beyond a narrow sole's outer edge up to which angular momentum holds the DCM, and the
-distance beyond it at which the CT-ZMP is asked for then [m]."""
+distance beyond it of the CT-ZMP commanded then [m]."""
 
 _MOMENTUM = 0.01
 """The latter for any other sole [m]."""

@@ -153,7 +153,7 @@ def both_soles(
     margin: float,
     parts: Sequence[SolePart | None] = (None, None),
 ) -> SupportPolygon:
-    """Where the ZMP can be on two feet."""
+    """Return the support polygon of two feet."""
     if all(part is None for part in parts):
         rows = zip(placements, sizes, strict=True)
         return SupportPolygon([c for p, size in rows for c in sole_rectangle(*p, size)], margin)

@@ -50,7 +50,7 @@ def check_straight(ahead: float) -> None:
 
 
 def checked_actuation(actuation: str, driver: ComDriver | None = None) -> str:
-    """What is commanded, by a name that there is, and with a driver that goes with it."""
+    """Return a known actuation whose driver goes with it."""
     if actuation not in _ACTUATIONS:
         raise UnknownNameError(
             "no such actuation of step teleoperation", got=actuation, choices=_ACTUATIONS

@@ -134,6 +134,6 @@ def rest_place(teleoperator: StepTeleoperator, foot: int) -> Vector:
 
 
 def along_ahead(vector: Sequence[float], ahead: float) -> Float64[np.ndarray, "3"]:
-    """What is forward, left and up of a robot, along the world's axes."""
+    """Return a vector given forward, left and up of a robot along the world's axes."""
     (forward, left, up), c, s = vector, math.cos(ahead), math.sin(ahead)
     return np.array([c * forward - s * left, s * forward + c * left, up])

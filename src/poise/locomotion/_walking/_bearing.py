@@ -44,12 +44,12 @@ class Bearing(NamedTuple):
         return 0.5 * self.length - abs(x - self.x), 0.5 * self.width - abs(y - self.y)
 
     def rest_at(self, position: Point, yaw: float) -> Point:
-        """Where the ZMP rests in the world, on a sole that lies there [m]."""
+        """Return the rest of the ZMP in the world, on a sole that lies there [m]."""
         (ahead, left), c, s = self.rest, math.cos(yaw), math.sin(yaw)
         return position[0] + c * ahead - s * left, position[1] + s * ahead + c * left
 
     def within(self, lower: Point, upper: Point) -> "Bearing":
-        """What of it lies in another rectangle; the nearest edge or corner where nothing does."""
+        """Return its part in another rectangle; the nearest edge or corner where there is none."""
         (x, length), (y, width) = (
             _common(middle, size, *ends)
             for middle, size, *ends in (

@@ -41,7 +41,7 @@ class BodyGoal(NamedTuple):
 
 
 class BodyHeight:
-    """What the next stand asks of the body."""
+    """Height and heading of the body that the next stand needs."""
 
     def __init__(
         self, sense: WalkSense, stand: Stand, span: LegSpan, gait: Gait, height: float

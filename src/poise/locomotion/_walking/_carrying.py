@@ -68,13 +68,13 @@ class CarryingArea:
         return _whole(a, -x), _whole(b, -y), _whole(c, x), _whole(d, y)
 
     def bearing(self, whole: Bearing) -> Bearing:
-        """Where the ZMP can be while this foot alone carries the robot."""
+        """Return the region of the ZMP in single support on this foot."""
         if self._settled is None:
             return whole
         return whole.within(*self._open(*self._average))
 
     def part(self, size: Point) -> SolePart | None:
-        """What of the sole carries, as far as is known; None for all of it."""
+        """Return the loaded area of the sole as estimated; None for all of it."""
         edges, ends = self._average, list[Point]()
         if edges == self._all_of_it:
             return None
@@ -97,7 +97,7 @@ class CarryingArea:
     def update(self, state: RobotState, dt: float, *, settled: bool = False) -> None:
         """Update the estimate, and the contact's area.
 
-        While somebody holds feet the contact has the average: a sole that rocks has another area in
+        While feet are held the contact has the average: a sole that rocks has another area in
         every tick, and one that stands on an edge tips over where all of it is taken to carry.
         """
         self._learn_from(state, dt)

@@ -84,7 +84,7 @@ class LegRoom(NamedTuple):
         )
 
     def bounds(self, yaw: float, *, far: bool = False) -> StepBounds:
-        """Where a foot may come down."""
+        """Return the region of a foothold."""
         ahead = self.far if far else self.ahead
         near = min(self.near(yaw), self.width)
         return StepBounds(-ahead, ahead, near, self.wide, ahead, self.width)
@@ -210,7 +210,7 @@ class StepCommands:
         return ahead, sideways, turn
 
     def advance(self, dt: float) -> None:
-        """Lets the velocity follow what is asked for."""
+        """Rate-limit the velocity towards the command."""
         followed = self._followed
         if self.velocity == followed:
             return
@@ -361,7 +361,7 @@ def _tamed(asked: Velocity) -> Velocity:
 
 
 def _share(outwards: float, inwards_most: float) -> float:
-    """What one step does of something that two do together."""
+    """Return the share of one step in a way of two."""
     inwards = min(abs(outwards), max(inwards_most, 0.0))
     return 2.0 * outwards - inwards if outwards > 0.0 else -inwards
 

@@ -33,7 +33,7 @@ class StepTimes(NamedTuple):
 
 
 def before_transfer(xi: Point, start: Point, end: Point, omega: float, time: float) -> Point:
-    """Where xi has to be so that it gets somewhere while the ZMP goes over, evenly."""
+    """Return xi before a linear transfer of the ZMP, from xi after it."""
     kept, ratio = math.exp(-omega * time), 1.0 / (omega * time)
     s_x, s_y = ratio * (end[0] - start[0]), ratio * (end[1] - start[1])
     return (

@@ -28,7 +28,7 @@ _MISPLACED = 0.03
 class SteppingEngine:
     """Set CoM, feet and contacts of a stack, tick by tick, whoever wants the steps.
 
-    Footholds come from `commands`, of a plan or a velocity, and a swing foot that somebody holds
+    Footholds come from `commands`, of a plan or a velocity, and a held swing foot
     from a `FootMotion`. The engine keeps the mode, moves the DCM reference with it, corrects it by
     one feedback, and makes capture steps once the feet do not hold the DCM.
 
@@ -63,7 +63,7 @@ class SteppingEngine:
     # Intent ---------------------------------------------------------------------------------------
 
     def hold(self, motion: FootMotion | None) -> None:
-        """Let somebody lift and hold feet, or nobody: a foot that is held makes a capture step."""
+        """Set the motion of feet; without one, a foot that is held makes a capture step."""
         self._steps.motion = motion
 
     # State ----------------------------------------------------------------------------------------
@@ -80,12 +80,12 @@ class SteppingEngine:
 
     @property
     def overrules(self) -> bool:
-        """Whether the engine leads the feet by itself: it steps, or no foot carries the robot."""
+        """True while the engine steps by itself, or no foot carries the robot."""
         return self._hanging is not None or (self.mode is not Mode.D and not self._steps.held)
 
     @property
     def at_rest(self) -> bool:
-        """Whether both feet stand and hold the DCM, and nothing is wrong."""
+        """True while both feet stand and hold the DCM, and nothing is wrong."""
         return self.status.ok and self.mode is Mode.D and self._steps.is_held()
 
     @property
@@ -164,7 +164,7 @@ class SteppingEngine:
         if self._hanging is None:
             self._hanging = Hanging(state, parts.sense, parts.tasks)
             self._steps.stand()
-            # Put down again, it stands until somebody commands something else.
+            # Put down again, it stands until another command.
             self.commands.stop()
         mass, _ = parts.pendulum.mass(self._steps.flight)
         self._hanging.follow(state, parts.body, mass)

@@ -1,6 +1,6 @@
 """`Flight`: swing foot whose place and time of touchdown are still open.
 
-`HeldFlight`: swing foot that somebody holds, for as long as they like.
+`HeldFlight`: swing foot that is held for any time.
 """
 
 import math

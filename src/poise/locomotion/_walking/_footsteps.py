@@ -199,7 +199,7 @@ class Stand:
 
 
 def stand_of(robot: Robot, q: Numbers | None = None) -> Stand:
-    """How a robot stands in a posture, in its home one when None."""
+    """Return how a robot stands in a posture, in its home one when None."""
     left, right = two_soles(robot)
     posture = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
     start, com = _standing_soles(robot, (left, right), posture)
@@ -391,7 +391,7 @@ _FLAT = 0.05
 def _standing_soles(
     robot: Robot, soles: tuple[str, str], q: Float64[np.ndarray, " nq"]
 ) -> tuple[tuple[Placement, Placement], tuple[float, float, float]]:
-    """Where the soles and the centre of mass are in a posture."""
+    """Return soles and centre of mass of a posture."""
     model, data = robot.model, robot.model.createData()
     pin.framesForwardKinematics(model, data, q)
     found: list[Placement] = []

@@ -30,7 +30,7 @@ class LastStep(NamedTuple):
     room: Point
 
     def move(self, xi: Point, foothold: Point, reached: Point) -> Point:
-        """How far the foothold has to move for both feet to hold the robot [m]."""
+        """Return the shift of the foothold with which both feet hold the robot [m]."""
         best, least = (0.0, 0.0), math.inf
         for share, (x, y) in self._misses(xi, foothold, reached):
             far = math.hypot(x, y)
@@ -41,7 +41,7 @@ class LastStep(NamedTuple):
         return best
 
     def off(self, xi: Point, foothold: Point, reached: Point) -> Point:
-        """How far the divergent component will be from what holds it [m]."""
+        """Return the distance of the DCM from where both feet hold it [m]."""
         misses = (miss for _, miss in self._misses(xi, foothold, reached))
         return min(misses, key=lambda miss: math.hypot(*miss))
 
@@ -56,5 +56,5 @@ class LastStep(NamedTuple):
 
 
 def beyond(miss: float, most: float) -> float:
-    """What of a miss is left when the ZMP has done what it can [m]."""
+    """Return a miss less what the ZMP makes up for [m]."""
     return math.copysign(max(abs(miss) - most, 0.0), miss)

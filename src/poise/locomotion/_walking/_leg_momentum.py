@@ -106,7 +106,7 @@ class LegMomentum:
 
 
 class JoinedSupport:
-    """Where Z can be: a support polygon, seen through `LegMomentum.joined`."""
+    """Region of Z: a support polygon, seen through `LegMomentum.joined`."""
 
     def __init__(self, legs: LegMomentum, support: SupportPolygon, feet: FeetAt) -> None:
         self._legs, self._support, self._feet = legs, support, feet

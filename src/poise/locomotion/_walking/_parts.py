@@ -55,7 +55,7 @@ class WalkParts:
         body: where the COM and what goes along with it should be.
         rise: how high the body goes.
         pendulum: as it is.
-        region: of one foot, while somebody holds the other one.
+        region: of one foot, while the other one is held.
     """
 
     stand: Stand

@@ -52,7 +52,7 @@ _Region = Callable[[int, Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]], 
 
 @runtime_checkable
 class FootMotion(Protocol):
-    """Intent of somebody who holds the swing foot: two foot devices, or a policy."""
+    """Intent that lifts, holds and puts down feet: two foot devices, or a policy."""
 
     def lifted(self) -> int | None:
         """Return the foot to lift in this tick of double support, 0 left, 1 right."""
@@ -212,7 +212,7 @@ class StepPhases:
 
     @property
     def _closes(self) -> bool:
-        """Whether feet at rest come side by side; those that somebody holds stay."""
+        """True where feet at rest come side by side; those of a `FootMotion` stay."""
         return self._commands.closes and self.motion is None
 
     @property
@@ -226,11 +226,11 @@ class StepPhases:
 
     @property
     def asked(self) -> SupportPolygon:
-        """Where the ZMP may be asked for."""
+        """Region of the commanded ZMP."""
         return self._holding(self._region.asked)
 
     def _holding(self, region: _Region) -> SupportPolygon:
-        """Region of a foot that carries alone for as long as somebody holds the other one."""
+        """Return the region of a foot that carries alone while the other one is held."""
         if not (self.held and self.mode.single):
             return self._stance.support
         stance = 1 - self.foot
@@ -291,7 +291,7 @@ class StepPhases:
             else:
                 self._lift(foot)
 
-    # A foot that somebody holds -------------------------------------------------------------------
+    # A held foot ----------------------------------------------------------------------------------
 
     def _stays(self, motion: FootMotion) -> bool:
         """Give both feet back where the lift is called off."""

@@ -32,11 +32,11 @@ class LegSpan(NamedTuple):
     hip: float
 
     def beside(self, height: float) -> float:
-        """How far beside its hip a foot stands at most [m]."""
+        """Return the largest distance of a foot beside its hip [m]."""
         return math.sqrt(max(self.length**2 - (height + self.hip) ** 2, 0.0))
 
     def highest(self, beside: float) -> float:
-        """How high the COM is above a foot at most [m]."""
+        """Return the largest height of the CoM above a foot [m]."""
         return math.sqrt(max(self.length**2 - beside**2, 0.0)) - self.hip
 
 
@@ -104,7 +104,7 @@ class LegReach:
     def _base_between(
         self, places: tuple[Placement, Placement], landed: int, way: float, height: float
     ) -> pin.SE3:
-        """Where the base is with the COM between two feet."""
+        """Return the base pose with the CoM between two feet."""
         behind, ahead = places[1 - landed].position, places[landed].position
         x, y = (a + way * (b - a) for a, b in zip(behind[:2], ahead[:2], strict=True))
         com = np.array((x, y, min(behind[2], ahead[2]) + height))

@@ -123,7 +123,7 @@ class WalkSense:
         margin: float,
         parts: Sequence[SolePart | None] = (None, None),
     ) -> SupportPolygon:
-        """Where the ZMP can be."""
+        """Return the support polygon."""
         foot, *others = feet
         if not others:
             bears = SolePart(*stand.bearings[foot])

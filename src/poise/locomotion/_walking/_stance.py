@@ -115,7 +115,7 @@ class Stance:
         return 0.5 * (self.feet[0].yaw + self.feet[1].yaw)
 
     def closed(self, width: float) -> bool:
-        """Whether the feet are side by side."""
+        """Return whether the feet are side by side."""
         left, right = self.feet
         yaw = self.heading
         dx, dy = (left.position[k] - right.position[k] for k in (0, 1))

@@ -92,7 +92,7 @@ class StepPlanner:
         return shortest - math.sqrt(_FALL * max(height, 0.0))
 
     def plan(self, lifted: Lifted, counts_as: Point | None = None) -> Pendulum:
-        """What the next footholds ask for, in the world."""
+        """Return the pendulum of the next footholds, in the world."""
         stance, legs = lifted.zmp, self._legs
         place = counts_as or lifted.place
         left = self._commands.left
@@ -134,7 +134,7 @@ class StepPlanner:
         )
 
     def on_the_way(self, pendulum: Pendulum, left: float) -> tuple[DcmMotion, DcmMotion]:
-        """Where the divergent component has to be in single support, a while before its goal."""
+        """Return the DCM reference in single support, a time before its goal."""
         start, end, omega = pendulum.zmp, pendulum.zmp_end, pendulum.omega
         now = pendulum.goal
         if left > 0.0:

@@ -1,4 +1,4 @@
-"""`SwingFoot`: trajectory of a swing foot. `HeldSwing`: pose of one that somebody holds."""
+"""`SwingFoot`: trajectory of a swing foot. `HeldSwing`: pose of one that is held."""
 
 import numpy as np
 import pinocchio as pin
@@ -138,7 +138,7 @@ class SwingFoot:
 
 
 class HeldSwing:
-    """Pose of a swing foot that somebody holds, with rates; set anew in each tick.
+    """Pose of a held swing foot, with rates; set anew in each tick.
 
     Attributes:
         position: of the sole [m].

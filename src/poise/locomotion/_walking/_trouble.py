@@ -180,7 +180,7 @@ class HangWatch:
 
 
 class Hanging:
-    """What is asked of a robot that no foot carries: to stay as it is, wherever it is taken."""
+    """Targets of a robot that no foot carries: its posture, wherever it is taken."""
 
     def __init__(self, state: RobotState, sense: WalkSense, tasks: WalkTasks) -> None:
         base = pin.XYZQUATToSE3(state.q[:7])

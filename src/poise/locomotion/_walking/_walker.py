@@ -137,7 +137,7 @@ class Walker:
         self.commands.add_foothold(Foothold(foot, place))
 
     def hold(self, motion: FootMotion | None) -> None:
-        """Let somebody lift, lead and put down feet in place of timed steps.
+        """Lift, lead and put down feet by a motion, in place of timed steps.
 
         The engine shifts the weight first, keeps the balance over the stance foot for as long as
         the other one is up, and takes the feet over while it has to catch the robot, or is given a

@@ -57,7 +57,7 @@ _HIGHER = 1.6
 
 
 _GIVES = 0.01
-"""How far below where a knee holds the hip may be before the swing foot is put down [m]."""
+"""Distance of the hip below where a knee holds it, beyond which the swing foot is put down [m]."""
 
 
 class TorqueLevel(Level):
@@ -158,7 +158,7 @@ class TorqueLevel(Level):
 
     @property
     def _target(self) -> Float64[np.ndarray, "3"]:
-        """Where the swing foot is sent; not a number in double support [m]."""
+        """Target of the swing foot; not a number in double support [m]."""
         steps = self._engine.steps
         if steps.held:
             return self._devices.sent

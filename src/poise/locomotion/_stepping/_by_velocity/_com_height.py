@@ -35,11 +35,11 @@ class ComHeight:
         self._velocity = self.offset = 0.0
 
     def restart(self, velocity: float) -> None:
-        """Somebody else has led the COM, and it moves as it does now."""
+        """Go on from the vertical velocity of the CoM [m/s]."""
         self._velocity = velocity
 
     def room(self, footing: Footing) -> tuple[float, bool]:
-        """What is left over the foot that carries."""
+        """Return how far the CoM may come down [m], and whether the stance leg gives way."""
         stance = footing.stance
         too_weak = self._too_weak(footing, stance, self._range.hip(stance, footing.dynamics))
         below = min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak)

@@ -28,7 +28,7 @@ class PaperEvents:
 
     @property
     def foot_has_left(self) -> bool:
-        """Whether the foot that is lifted has left the ground."""
+        """True once the swing foot has left the ground."""
         return self._devices.foot_has_left
 
     def advance(

@@ -62,7 +62,7 @@ class SoleGrounds:
                 self._tilts[foot][axis] += self._believed(foot, axis, float(off[axis]), part)
 
     def _believed(self, foot: int, axis: int, off: float, pressed: float) -> float:
-        """How much of a difference of tilts about an axis is the ground's [rad]."""
+        """Return the part of a difference of tilts about an axis that is the ground's [rad]."""
         if not self._known[foot][axis]:
             self._known[foot][axis] = abs(pressed) < _ON_EDGE
             return off
@@ -72,7 +72,7 @@ class SoleGrounds:
         return (self._follow * (1.0 - edge) + self._correct * impossible) * off
 
     def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
-        """How the ground under a foot is turned, world_R_ground."""
+        """Return world_R_ground under a foot."""
         return pin.exp3(self._tilts[foot])
 
     def seeking(self, footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:

@@ -98,7 +98,7 @@ class DeviceEvents:
 
     @property
     def foot_has_left(self) -> bool:
-        """Whether the foot that is lifted has left the ground."""
+        """True once the swing foot has left the ground."""
         return self._landing.armed
 
     def update(

@@ -59,7 +59,7 @@ class Level(Protocol):
 
     @property
     def stack(self) -> Stack:
-        """Stack that is led."""
+        """Stack whose targets it sets."""
         ...
 
     @property

@@ -201,7 +201,7 @@ class Footing:
         return self.lowest_ground if self.has_left else float(self.anchors[self.other][2])
 
     def clearance(self, ground: float, clear: float) -> float:
-        """How clear of a ground the foot that is not the stance is, from 0 on it to 1 []."""
+        """Return the clearance of the other foot over a ground, from 0 on it to 1."""
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
 
 

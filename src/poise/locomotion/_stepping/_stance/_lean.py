@@ -35,7 +35,7 @@ class TrunkLean:
         self._angle = 0.0
 
     def rotation(self, footing: Footing) -> Float64[np.ndarray, "3 3"]:
-        """How the trunk shall be turned in this tick, world_R_trunk."""
+        """Return world_R_trunk of this tick."""
         carries = footing.mode.support
         goal = 0.0 if carries is None else self._goals[carries]
         self._angle += max(-self._step, min(self._step, goal - self._angle))

@@ -66,12 +66,12 @@ class FootRange:
         self._aside_max = max(self._apart, min(parameters.step_max, *sides))
 
     def hip(self, foot: int, dynamics: Dynamics) -> Float64[np.ndarray, "3"]:
-        """Where the hip of a foot's leg is [m]."""
+        """Return the position of the hip of a foot's leg [m]."""
         position, rotation = dynamics.placement(self._pelvis)
         return position + rotation.dot(self._legs[foot].hip)
 
     def below_hip(self, foot: int, dynamics: Dynamics) -> tuple[float, float]:
-        """Where a level sole is whose ankle is below the hip of its leg, x and y [m]."""
+        """Return x and y of a level sole whose ankle is below the hip of its leg [m]."""
         (x, y, _), (arm_x, arm_y, _) = self.hip(foot, dynamics).tolist(), self._ankles[foot]
         return x - arm_x, y - arm_y
 
@@ -133,7 +133,7 @@ class FootRange:
         right: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
     ) -> bool:
-        """Whether feet stand no farther apart than they may be led, or little more."""
+        """Return whether feet stand no farther apart than commands may place them, or little more."""
         x, y, _ = (left - right).tolist()
         forward_x, forward_y = heading.tolist()
         aside, ahead = y * forward_x - x * forward_y, x * forward_x + y * forward_y
@@ -146,7 +146,7 @@ class FootRange:
         hip: Float64[np.ndarray, "3"],
         shift: Point,
     ) -> float:
-        """How far the hip is too high for the foot to be at a place; negative for room left [m]."""
+        """Return how far the hip is too high for the foot to be at a place; negative for room [m]."""
         (x, y, z), (arm_x, arm_y, arm_z) = place.tolist(), self._ankles[foot]
         (hip_x, hip_y, hip_z), (shift_x, shift_y) = hip.tolist(), shift
         across = (x + arm_x - hip_x - shift_x) ** 2 + (y + arm_y - hip_y - shift_y) ** 2
