@@ -133,7 +133,7 @@ class FootRange:
         right: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
     ) -> bool:
-        """Return whether feet stand no farther apart than commands may place them, or little more."""
+        """Return whether feet stand hardly farther apart than commands may place them."""
         x, y, _ = (left - right).tolist()
         forward_x, forward_y = heading.tolist()
         aside, ahead = y * forward_x - x * forward_y, x * forward_x + y * forward_y
@@ -146,7 +146,7 @@ class FootRange:
         hip: Float64[np.ndarray, "3"],
         shift: Point,
     ) -> float:
-        """Return how far the hip is too high for the foot to be at a place; negative for room [m]."""
+        """Return how far the hip is too high for a foot to reach a place [m]."""
         (x, y, z), (arm_x, arm_y, arm_z) = place.tolist(), self._ankles[foot]
         (hip_x, hip_y, hip_z), (shift_x, shift_y) = hip.tolist(), shift
         across = (x + arm_x - hip_x - shift_x) ** 2 + (y + arm_y - hip_y - shift_y) ** 2
