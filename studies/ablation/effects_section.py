@@ -16,7 +16,8 @@ _FEWEST, _MOST = 0.15, 0.3
 """Part of the runs that should end with a fall: there a run says most beside what it costs."""
 
 _HEADER = (
-    "mechanism | runs without it | falls in them [%] | falls in the others [%] | "
+    "mechanism | acts in runs with it [%] | "
+    "runs without it | falls in them [%] | falls in the others [%] | "
     "log odds without it | low | high | change of falls without it [%] | low | high | "
     "large torque steps without it over with it | verdict"
 )
@@ -53,8 +54,8 @@ def effects_section(options: StudyOptions, progress: Progress) -> Section:
         prose=(
             f"{len(outcomes)} runs. For each leader the log odds of a fall are a sum of an effect "
             "of each mechanism that is switched off, each robot, condition and operator, and the "
-            "size of pushes; no interactions. Intervals are 95% Wald intervals; a ridge of "
-            f"{RIDGE:g} keeps effects finite. Of {count} intervals about {0.05 * count:.0f} leave "
+            "logarithm of the size of pushes; no interactions. Intervals are 95% Wald intervals; "
+            f"a ridge of {RIDGE:g} keeps effects finite. Of {count} intervals about {0.05 * count:.0f} leave "
             "zero out by chance alone.",
         ),
         findings=(
@@ -110,6 +111,7 @@ def _effects(group: Sequence[AblationOutcome]) -> list[tuple[str | int | float |
         table.append(
             (
                 name,
+                _acting(name, group),
                 int(off.sum()),
                 100.0 * float(fell[off].mean()),
                 100.0 * float(fell[~off].mean()) if (~off).any() else None,
@@ -122,9 +124,15 @@ def _effects(group: Sequence[AblationOutcome]) -> list[tuple[str | int | float |
     return table
 
 
+def _acting(name: str, group: Sequence[AblationOutcome]) -> float | None:
+    """Part of the runs with a mechanism in which it acts [%]."""
+    acts = [o.acts[name] > 0 for o in group if name in o.acts]
+    return 100.0 * sum(acts) / len(acts) if acts else None
+
+
 def _settings(group: Sequence[AblationOutcome]) -> np.ndarray:
     """Columns of robot, condition and operator, the first of each left out, and of pushes."""
-    columns = [np.array([o.trial.push for o in group])]
+    columns = [np.log([o.trial.push for o in group])]
     columns[0] = columns[0] - columns[0].mean()
     for attribute in ("robot", "condition", "operator"):
         values = [getattr(o.trial, attribute) for o in group]

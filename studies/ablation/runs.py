@@ -1,9 +1,9 @@
-"""`draw`: a run of the design. `run`: makes it. `Rows`: the file of what became of runs."""
+"""`draw` and `pushed`: a run of the design. `run`: makes it. `Rows`: the file of outcomes."""
 
 import json
 import math
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from poise.apps.teleoperation import BadOperator
 from poise.locomotion import Device, StepTeleoperator
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, SensorConfig, rollout
-from studies.ablation.mechanisms import MECHANISMS, without
+from studies.ablation.mechanisms import MECHANISMS, Mechanism, counted, without
 from studies.bad_operator.conditions import MIXED, changed_plant, push
 from studies.locomotion.courses import Course, make_course
 from studies.locomotion.late_estimate import typical_sensors
@@ -52,14 +52,15 @@ TILES, OFF_CELLS, LATE = "tiles", "tiles, load cells off", "tiles, late and slip
 _COURSES = (TILES, OFF_CELLS, LATE)
 """Conditions of walking."""
 
-PUSHES: dict[tuple[str, str], tuple[float, float]] = {
-    (TELEOPERATION, "g1"): (0.2, 0.5),
-    (TELEOPERATION, "humanoid33"): (0.2, 0.5),
-    (WALKING, "g1"): (0.3, 0.8),
-    (WALKING, "humanoid33"): (0.3, 0.8),
-}
-"""Least and largest change of velocity by the pushes of a run [m/s]: hard enough that about a fifth
-of the runs ends with a fall."""
+_FIRST_PUSH = {TELEOPERATION: 0.35, WALKING: 0.55}
+"""Change of velocity by each push in the first run of a case [m/s]."""
+
+FALLS = 0.2
+"""Part of the runs of a case that shall end with a fall."""
+
+_HARDER = 0.05
+"""Pushes are larger by this part after a run without a fall: 14 of those double them, and 4 falls
+halve them."""
 
 _PUSH_EVERY = (2.0, 4.0)
 """From one push to the next [s]."""
@@ -100,6 +101,7 @@ class AblationOutcome:
         time: when the run ended [s].
         torque_steps: changes of a torque from tick to tick by more than half its limit.
         trace: height and velocities at the end; runs with another motion have another number.
+        acts: by mechanism that is on, the calls in which it acts.
         error: what went wrong in a run that has no outcome; "" for nothing.
     """
 
@@ -108,11 +110,12 @@ class AblationOutcome:
     time: float
     torque_steps: int
     trace: float
+    acts: dict[str, int] = field(default_factory=dict[str, int])
     error: str = ""
 
 
 def draw(seed: int, seconds: float = SECONDS) -> AblationTrial:
-    """The run of a seed: leader, robot, condition, pushes and switches, all at random.
+    """The run of a seed: leader, robot, condition and switches, all at random.
 
     Args:
         seed: a whole number >= 0.
@@ -131,21 +134,49 @@ def draw(seed: int, seconds: float = SECONDS) -> AblationTrial:
         robot=robot,
         condition=condition,
         operator=operator if leader == TELEOPERATION else "",
-        push=float(rng.uniform(*PUSHES[leader, robot])),
+        push=_FIRST_PUSH[leader],
         off=tuple(
             mechanism.name
             for mechanism, switched in zip(MECHANISMS, off.tolist(), strict=True)
-            if switched and (mechanism.walks or leader == TELEOPERATION)
+            if switched and has(leader, mechanism)
         ),
         seconds=seconds,
     )
 
 
+def pushed(trial: AblationTrial, before: Sequence[AblationOutcome]) -> AblationTrial:
+    """Choose the size of a run's pushes by former runs of the same leader, robot and condition.
+
+    A weighted staircase: larger by a factor after a run without a fall, and smaller by the power
+    (1 - p) / p of that factor after a fall, so that the part p = `FALLS` of the runs ends with one.
+    It depends on no switch of the run itself.
+
+    Args:
+        trial: the run as drawn.
+        before: outcomes of former runs, of any case.
+    """
+    case = trial.leader, trial.robot, trial.condition
+    fell = [
+        o.fell
+        for o in before
+        if not o.error and (o.trial.leader, o.trial.robot, o.trial.condition) == case
+    ]
+    steps = len(fell) - sum(fell) / FALLS
+    return replace(trial, push=trial.push * math.exp(_HARDER * steps))
+
+
+def has(leader: str, mechanism: Mechanism) -> bool:
+    """Test for a mechanism of a leader."""
+    return mechanism.walks or leader == TELEOPERATION
+
+
 def run(trial: AblationTrial) -> AblationOutcome:
     """Make a run with its mechanisms switched off."""
-    with without(trial.off):
+    on = [m.name for m in MECHANISMS if m.name not in trial.off and has(trial.leader, m)]
+    with without(trial.off), counted(on) as acts:
         try:
-            return _teleoperated(trial) if trial.leader == TELEOPERATION else _walked(trial)
+            made = _teleoperated(trial) if trial.leader == TELEOPERATION else _walked(trial)
+            return replace(made, acts=acts)
         except Exception as error:
             # A mechanism may be what keeps another one from an error: a row says so, and hours of
             # other runs go on.

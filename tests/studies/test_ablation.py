@@ -11,7 +11,7 @@ pytest.importorskip("mujoco")
 from poise.errors import ConfigurationError
 from studies.ablation.effects_section import effects_section
 from studies.ablation.logistic import fit_logistic
-from studies.ablation.mechanisms import BY_NAME, MECHANISMS, without
+from studies.ablation.mechanisms import BY_NAME, MECHANISMS, counted, without
 from studies.ablation.runs import (
     OFF,
     TELEOPERATION,
@@ -19,6 +19,7 @@ from studies.ablation.runs import (
     AblationOutcome,
     Rows,
     draw,
+    pushed,
     run,
 )
 from studies.plan import StudyOptions
@@ -48,6 +49,14 @@ def test_all_switches_together_are_put_back_after_an_error():
     assert [resolve_name(path) for path in paths] == before
 
 
+def test_functions_that_are_watched_are_put_back():
+    before = {m.name: resolve_name(m.watched) for m in MECHANISMS}
+    with counted(BY_NAME) as counts:
+        assert all(resolve_name(m.watched) is not before[m.name] for m in MECHANISMS)
+    assert {m.name: resolve_name(m.watched) for m in MECHANISMS} == before
+    assert counts == dict.fromkeys(BY_NAME, 0)
+
+
 def test_a_seed_decides_a_run_and_switches_are_independent():
     trials = [draw(seed) for seed in range(4000)]
     assert draw(7) == trials[7]
@@ -58,6 +67,17 @@ def test_a_seed_decides_a_run_and_switches_are_independent():
     assert np.abs(correlation).max() < 0.08
     walked = switched[~feet].any(axis=0)
     assert walked.tolist() == [m.walks for m in MECHANISMS]
+
+
+def test_pushes_are_as_large_as_it_takes_to_make_a_fifth_of_the_runs_fall():
+    rng, made = np.random.default_rng(1), list[AblationOutcome]()
+    for _ in range(400):
+        trial = pushed(draw(3), made)
+        fell = bool(rng.random() < 1.0 / (1.0 + np.exp(-6.0 * np.log(trial.push / 0.6))))
+        made.append(replace(outcome(3, fell=fell), trial=trial))
+    assert np.mean([o.fell for o in made[100:]]) == pytest.approx(0.2, abs=0.04)
+    other = next(s for s in range(100) if draw(s).condition != draw(3).condition)
+    assert pushed(draw(other), made) == draw(other)
 
 
 def outcome(seed, *, fell=False, off=(), leader=TELEOPERATION):
@@ -130,8 +150,8 @@ def test_the_section_tells_a_mechanism_that_prevents_falls_from_one_that_does_no
     table = {row[0]: row for row in section.tables[0].rows}
     assert set(table) == {"SoleTipping", "borrowed"}
     assert table["SoleTipping"][-1] == "prevents falls"
-    assert table["SoleTipping"][7] > 25.0
-    assert table["borrowed"][5] < 0.0 < table["borrowed"][6]
+    assert table["SoleTipping"][8] > 25.0
+    assert table["borrowed"][6] < 0.0 < table["borrowed"][7]
     rates = {f.name: f.ours for f in section.findings}
     assert rates["walking: runs that end with a fall"] == pytest.approx(20.0)
 
@@ -154,7 +174,10 @@ def test_a_run_without_a_mechanism_is_another_one_and_the_same_again(leader, sec
     whole, again = run(trial), run(trial)
     assert whole == again
     assert not whole.error
-    assert run(replace(trial, off=(name,))).trace != whole.trace
+    assert whole.acts[name] > 0
+    other = run(replace(trial, off=(name,)))
+    assert other.trace != whole.trace
+    assert set(whole.acts) - set(other.acts) == {name}
 
 
 def test_an_error_is_an_outcome():
