@@ -55,8 +55,8 @@ def effects_section(options: StudyOptions, progress: Progress) -> Section:
             f"{len(outcomes)} runs. For each leader the log odds of a fall are a sum of an effect "
             "of each mechanism that is switched off, each robot, condition and operator, and the "
             "logarithm of the size of pushes; no interactions. Intervals are 95% Wald intervals; "
-            f"a ridge of {RIDGE:g} keeps effects finite. Of {count} intervals about {0.05 * count:.0f} leave "
-            "zero out by chance alone.",
+            f"a ridge of {RIDGE:g} keeps effects finite. Of {count} intervals about "
+            f"{0.05 * count:.0f} leave zero out by chance alone.",
         ),
         findings=(
             *(_fall_rate(leader, group) for leader, group in groups.items()),
