@@ -99,9 +99,7 @@ def _effects(group: Sequence[AblationOutcome]) -> list[tuple[str | int | float |
     settings = _settings(group)
     fell = np.array([o.fell for o in group], float)
     design = np.hstack([switched, settings, np.ones((len(group), 1))])
-    ridge = np.full(design.shape[1], RIDGE)
-    ridge[-1] = 0.0
-    fit = fit_logistic(design, fell, ridge)
+    fit = fit_logistic(design, fell)
     steps = np.array([o.torque_steps / max(o.time, 1.0) for o in group])
     table = list[tuple[str | int | float | None, ...]]()
     for column, name in enumerate(names):

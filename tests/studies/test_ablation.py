@@ -10,7 +10,7 @@ pytest.importorskip("mujoco")
 
 from poise.errors import ConfigurationError
 from studies.ablation.effects_section import effects_section
-from studies.ablation.logistic import fit_logistic
+from studies.ablation.logistic import RIDGE, fit_logistic
 from studies.ablation.mechanisms import BY_NAME, MECHANISMS, counted, without
 from studies.ablation.runs import (
     OFF,
@@ -104,10 +104,9 @@ def test_the_fit_meets_its_optimality_condition_and_finds_known_effects():
     design = np.column_stack([rng.random((20000, 2)) < 0.25, np.ones(20000)]).astype(float)
     truth = np.array([0.8, 0.0, -1.5])
     fell = (rng.random(20000) < 1.0 / (1.0 + np.exp(-design @ truth))).astype(float)
-    ridge = np.array([0.1, 0.1, 0.0])
-    fit = fit_logistic(design, fell, ridge)
+    fit = fit_logistic(design, fell)
     p = 1.0 / (1.0 + np.exp(-design @ fit.coefficients))
-    assert design.T @ (fell - p) - ridge * fit.coefficients == pytest.approx(0.0, abs=1e-6)
+    assert design.T @ (fell - p) - RIDGE * fit.coefficients == pytest.approx(0.0, abs=1e-6)
     for column, value in enumerate(truth):
         found = fit.log_odds(column)
         assert found.low < value < found.high
@@ -125,14 +124,14 @@ def test_intervals_of_the_change_of_probability_are_as_wide_as_it_scatters():
     for _ in range(200):
         design = np.column_stack([rng.random(400) < 0.25, np.ones(400)]).astype(float)
         fell = (rng.random(400) < np.where(design[:, 0] > 0, 0.35, 0.2)).astype(float)
-        found.append(fit_logistic(design, fell, np.array([0.1, 0.0])).change(0))
+        found.append(fit_logistic(design, fell).change(0))
     held = np.mean([e.low < 0.15 < e.high for e in found])
     assert 0.9 < held < 0.99
 
 
 def test_outcomes_that_one_column_decides_have_a_finite_effect():
     design = np.column_stack([np.repeat([0.0, 1.0], 20), np.ones(40)])
-    fit = fit_logistic(design, design[:, 0], np.array([0.1, 0.0]))
+    fit = fit_logistic(design, design[:, 0])
     effect = fit.log_odds(0)
     assert 2.0 < effect.value < 20.0
     assert np.isfinite([effect.low, effect.high]).all()
