@@ -50,6 +50,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--dir", metavar="DIR", help="of `onboarding`: the folder with the models")
     parser.add_argument(
+        "--rows",
+        metavar="FILE",
+        type=Path,
+        help="of `ablation`: rows of runs, which are taken from there and appended "
+        "(default: rows.jsonl in the folder written into)",
+    )
+    parser.add_argument(
+        "--processes",
+        metavar="N",
+        type=_count,
+        help="of `ablation`: how many make runs (default: one a core)",
+    )
+    parser.add_argument(
         "--out", metavar="DIR", help="folder to write into (default: runs/study-NAME)"
     )
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
@@ -60,6 +73,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _seed(text: str) -> int:
     if not (text.isascii() and text.isdigit()):
         raise argparse.ArgumentTypeError(f"got {text!r}, wanted 0, 1, 2, ...")
+    return int(text)
+
+
+def _count(text: str) -> int:
+    if _seed(text) == 0:
+        raise argparse.ArgumentTypeError(f"got {text!r}, wanted 1, 2, ...")
     return int(text)
 
 
@@ -74,6 +93,8 @@ def _act(options: argparse.Namespace) -> int:
         directory=options.dir,
         seeds=options.seeds,
         folder=Path(options.out or f"runs/study-{plan.name}"),
+        rows=options.rows,
+        processes=options.processes,
     )
     folder = Path(options.out or f"runs/study-{plan.name}")
     folder.mkdir(parents=True, exist_ok=True)

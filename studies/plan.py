@@ -60,6 +60,8 @@ class StudyOptions:
             own number.
         folder: where outcomes of trials are kept, and taken from when the study is run again;
             None for nowhere.
+        rows: file with a row for each run, of studies that have one; in `folder` when None.
+        processes: how many make runs, in studies that ask; one a core when None.
     """
 
     quick: bool = False
@@ -67,6 +69,8 @@ class StudyOptions:
     directory: str | None = None
     seeds: int | None = None
     folder: Path | None = None
+    rows: Path | None = None
+    processes: int | None = None
 
     def __post_init__(self) -> None:
         if self.seed < 0:
@@ -262,6 +266,7 @@ _MODULES = {
     "onboarding": "studies.onboarding",
     "locomotion": "studies.locomotion",
     "quiet": "studies.quiet",
+    "ablation": "studies.ablation",
 }
 """Where each study's `PLAN` is."""
 

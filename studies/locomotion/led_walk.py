@@ -1,6 +1,7 @@
 """One robot that is led by velocities, on some course, and pushed, on the estimate of its base."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from poise.dynamics import RobotState
 from poise.estimation import EstimatorConfig
 from poise.locomotion import Walker, walking_stack
 from poise.robots import Robot, load_robot
-from poise.sim import Plant, PlantConfig, rollout
+from poise.sim import Plant, PlantConfig, SensorConfig, rollout
 from poise.stack import Stack, SurfaceContact, TorqueLimit
 from studies.locomotion.courses import Course, Velocity, make_course
 from studies.locomotion.late_estimate import PERIOD, LateEstimate, typical_sensors
@@ -57,6 +58,7 @@ class LedOutcome:
     Attributes:
         trial: the trial.
         fell: whether the robot fell.
+        seconds: when the walk ended [s].
         rested: whether it stood still in the end, feet side by side.
         reached: mean velocity from `_STEADY` s on, as it was asked for.
         steps: how many steps it made.
@@ -67,6 +69,7 @@ class LedOutcome:
 
     trial: LedTrial
     fell: bool
+    seconds: float
     rested: bool
     reached: Velocity
     steps: int
@@ -102,10 +105,28 @@ class _Leader:
 
 def run_led(trial: LedTrial) -> LedOutcome:
     """Walks."""
-    robot, course = load_robot(trial.robot), _course(trial)
+    pushes = [(trial.at, trial.push, trial.direction)] if trial.push > 0.0 else []
+    return walk_course(trial, _course(trial), pushes)
+
+
+def walk_course(
+    trial: LedTrial,
+    course: Course,
+    pushes: Sequence[tuple[float, float, float]],
+    sensors: SensorConfig | None = None,
+) -> LedOutcome:
+    """Walk a course with robot and seed of a trial, whose own course and push do not count.
+
+    Args:
+        trial: with robot, seed and whether torques are bounded.
+        course: to be walked.
+        pushes: when each begins [s], its change of velocity [m/s], and its direction [rad].
+        sensors: of the robot; the typical ones, as late as the course says, when None.
+    """
+    robot = load_robot(trial.robot)
     config = PlantConfig(
         control_dt=PERIOD,
-        sensors=typical_sensors(course.delay),
+        sensors=sensors or typical_sensors(course.delay),
         friction=course.friction,
         blocks=course.blocks,
         mass_scale=course.mass,
@@ -116,10 +137,10 @@ def run_led(trial: LedTrial) -> LedOutcome:
     plant.reset(q)
     stack = _stack(robot, course, trial.bounded)
     walker = Walker(robot, stack, q=q)
-    if trial.push > 0.0:
-        force = robot.mass * trial.push / PUSH_TIME
-        x, y = force * math.cos(trial.direction), force * math.sin(trial.direction)
-        plant.push(robot.torso, (x, y, 0.0), PUSH_TIME, trial.at)
+    for at, speed, direction in pushes:
+        force = robot.mass * speed / PUSH_TIME
+        x, y = force * math.cos(direction), force * math.sin(direction)
+        plant.push(robot.torso, (x, y, 0.0), PUSH_TIME, at)
     estimate = LateEstimate(
         robot,
         EstimatorConfig(ground=course.height),
@@ -146,6 +167,7 @@ def run_led(trial: LedTrial) -> LedOutcome:
     return LedOutcome(
         trial=trial,
         fell=plant.fallen,
+        seconds=plant.time,
         rested=walker.status.value == "standing",
         reached=_mean_velocity(np.array(poses)),
         steps=walker.steps_made,

@@ -87,6 +87,7 @@ def test_a_fault_that_does_not_exist_is_refused():
 WALKED = LedOutcome(
     trial=LedTrial(robot="g1", seed=0, seconds=1.0),
     fell=False,
+    seconds=1.0,
     rested=True,
     reached=(0.6, 0.26, 0.65),
     steps=9,

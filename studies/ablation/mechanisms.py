@@ -1,0 +1,287 @@
+"""`MECHANISMS`: parts of the stepping code, each with the values that switch it off.
+
+`without`: switches some of them off for a while. `counted`: counts when they act.
+"""
+
+import math
+from collections.abc import Callable, Generator, Iterable, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pkgutil import resolve_name
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from poise.locomotion import WalkSettings
+
+_STEPPING = "poise.locomotion._stepping"
+_BY_TORQUE, _STANCE = f"{_STEPPING}._by_torque", f"{_STEPPING}._stance"
+_TASKS, _OWN = f"{_BY_TORQUE}._torque_tasks", f"{_BY_TORQUE}._own_steps"
+_WALKING = "poise.locomotion._walking"
+_FLIGHT, _CARRYING = f"{_WALKING}._flight", f"{_WALKING}._carrying"
+
+_IMMEDIATE = 1e-9
+"""A time constant of nothing: those it stands in for are divided by [s]."""
+
+_EVERYTHING = 1e3
+"""A rate that reaches the edge of any sole within a tick [m/s]."""
+
+
+_NEAR, _LOW = 0.1, 0.02
+"""So near to the end of a joint [rad], or of the COM's way down [m], counts as an act."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mechanism:
+    """A mechanism, and how it is switched off.
+
+    Attributes:
+        name: in tables and rows.
+        off: for each attribute, by its dotted name, the value that it has while switched off.
+        watched: dotted name of a function of it.
+        acts: says from arguments and result of a call of that whether the mechanism acts.
+        walks: whether `Walker` has it by itself, too, and not only the step teleoperator.
+    """
+
+    name: str
+    off: Mapping[str, object]
+    watched: str
+    acts: Callable[[tuple[Any, ...], Any], bool]
+    walks: bool = False
+
+
+def _nothing(*_: object, **__: object) -> None:
+    """Do nothing, as a method."""
+
+
+def _never(*_: object, **__: object) -> bool:
+    return False
+
+
+def _no_correction(*_: object, **__: object) -> np.ndarray:
+    return np.zeros(3)
+
+
+def _same_state(_tare: object, state: object, *_: object) -> object:
+    return state
+
+
+def _no_ranges(*_: object) -> Mapping[str, tuple[float, float]]:
+    return {}
+
+
+def _strong_enough(*_: object) -> float:
+    return -math.inf
+
+
+def _always(*_: object) -> bool:
+    return True
+
+
+def _is_twisted(tasks: Any, footing: Any) -> bool:
+    """Test for a joint, but knees, near or beyond an end that the stack gives it."""
+    robot, limit = footing.biped.robot, tasks.stack.joint_limit
+    angles = footing.dynamics.q[robot.nq - robot.nj :]
+    below = np.where(limit.q_min > robot.q_min + _NEAR, angles - limit.q_min, math.inf)
+    above = np.where(limit.q_max < robot.q_max - _NEAR, limit.q_max - angles, math.inf)
+    knees = [robot.joint_index(name) for name in footing.biped.knees]
+    below[knees] = above[knees] = math.inf
+    return bool(min(below.min(), above.min()) < _NEAR)
+
+
+def _of_any_width(one_foot: Callable[..., Any]) -> Callable[..., Any]:
+    """The rules of one foot with the inward ZMP alone, whatever the sole's width."""
+    plain = resolve_name(f"{_STANCE}._one_foot.WIDE")
+    return lambda *arguments: plain._replace(inwards=one_foot(*arguments).inwards)
+
+
+_one_foot = _of_any_width(resolve_name(f"{_STANCE}._one_foot.one_foot"))
+_margin = resolve_name(f"{_TASKS}._CAUGHT_MARGIN")
+_settings = WalkSettings()
+
+MECHANISMS = (
+    Mechanism(
+        name="AnkleStops",
+        off={f"{_BY_TORQUE}._ankle_stops.AnkleStops.update": _nothing},
+        watched=f"{_BY_TORQUE}._ankle_stops.AnkleStops._leave",
+        acts=lambda call, _: call[2] or call[3],
+    ),
+    Mechanism(
+        name="twist_ranges",
+        off={f"{_TASKS}.twist_ranges": _no_ranges},
+        watched=f"{_TASKS}.TorqueTasks.ask",
+        acts=lambda call, _: _is_twisted(*call[:2]),
+    ),
+    Mechanism(
+        name="SoleTipping",
+        off={f"{_STANCE}._tipping.SoleTipping.update": _never},
+        watched=f"{_STANCE}._tipping.SoleTipping.update",
+        acts=lambda _, tips: tips,
+    ),
+    Mechanism(
+        name="SoleRighting",
+        off={f"{_BY_TORQUE}._righting.SoleRighting.update": _nothing},
+        watched=f"{_BY_TORQUE}._righting.SoleRighting._turn",
+        acts=lambda call, _: any(call[2:]),
+    ),
+    Mechanism(
+        name="TrunkFeedback",
+        off={f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.acceleration": _no_correction},
+        watched=f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.acceleration",
+        acts=lambda _, acceleration: bool(acceleration.any()),
+    ),
+    Mechanism(
+        name="LoadCellTare",
+        off={"poise.estimation._load_cells.LoadCellTare.update": _same_state},
+        watched="poise.estimation._load_cells.LoadCellTare.update",
+        acts=lambda call, state: state is not call[1],
+        walks=True,
+    ),
+    Mechanism(
+        name="OneFoot narrow",
+        off={
+            f"{_STEPPING}._step_teleoperator.one_foot": _one_foot,
+            f"{_STEPPING}._scaling.one_foot": _one_foot,
+        },
+        watched=f"{_TASKS}.TorqueTasks.ask",
+        acts=lambda call, _: call[1].one_foot.narrow and call[1].mode.single,
+    ),
+    Mechanism(
+        name="borrowed",
+        off={f"{_BY_TORQUE}._com_feedback._BORROWING": math.inf},
+        watched=f"{_BY_TORQUE}._com_feedback.ComFeedback.drive",
+        acts=lambda call, _: call[0].borrowed > 0.0,
+    ),
+    Mechanism(
+        name="catching weights",
+        off={
+            f"{_TASKS}._MARGIN": _margin,
+            f"{_TASKS}._RIGHTED": math.inf,
+            f"{_TASKS}._EASED": _IMMEDIATE,
+            f"{_TASKS}._CAUGHT_FOOT": (1.0,) * 6,
+        },
+        watched=f"{_TASKS}.TorqueTasks.accompany",
+        acts=_always,
+    ),
+    Mechanism(
+        name="OwnSteps constants",
+        off={
+            f"{_OWN}._ROCKING": math.inf,
+            f"{_OWN}._CLOSING": math.inf,
+            f"{_OWN}._APART": _settings.clearance,
+            f"{_OWN}._BOUNCE_TIME": _settings.bounce_time,
+            f"{_OWN}._HIGHER": 1.0,
+        },
+        watched=f"{_OWN}.OwnSteps.lead",
+        acts=_always,
+    ),
+    Mechanism(
+        name="ComHeight",
+        off={
+            f"{_STANCE}.FootRange.too_weak": _strong_enough,
+            f"{_STEPPING}._com_height._BRAKED": 1.0,
+            f"{_STANCE}._biped._KNEE_LOAD": 1.0,
+        },
+        watched=f"{_STEPPING}._com_height.ComHeight.room",
+        acts=lambda call, room: call[1].mode.single and (room[1] or room[0] < _LOW),
+    ),
+    Mechanism(
+        name="FootTarget hangs",
+        off={f"{_STEPPING}._foot.FootTarget._hangs": _never},
+        watched=f"{_STEPPING}._foot.FootTarget._hangs",
+        acts=lambda _, hangs: hangs,
+    ),
+    Mechanism(
+        name="HangWatch, Flight",
+        off={
+            f"{_WALKING}._trouble._NOISE": 1.0,
+            f"{_FLIGHT}._HELD": math.inf,
+            f"{_FLIGHT}._SHORT": math.inf,
+        },
+        watched=f"{_WALKING}._trouble.HangWatch.update",
+        acts=lambda call, _: any(call[0]._idle),
+        walks=True,
+    ),
+    Mechanism(
+        name="CarryingArea constants",
+        off={
+            f"{_CARRYING}._SPREAD": _EVERYTHING,
+            f"{_CARRYING}._SETTLING": _IMMEDIATE,
+            f"{_CARRYING}._WHOLE": 0.0,
+            f"{_CARRYING}._FLAT": (0.0, 0.0),
+        },
+        watched=f"{_CARRYING}.CarryingArea._learn_from",
+        acts=lambda call, _: tuple(call[0]._upper) != call[0]._reach,
+        walks=True,
+    ),
+    Mechanism(
+        name="bound_settling",
+        off={"poise.stack._rows.StackRows._settle": _nothing},
+        watched="poise.stack._rows.StackRows._settle",
+        acts=lambda call, _: bool(call[0].settling_room.velocity.any()),
+        walks=True,
+    ),
+)
+"""Mechanisms that runs switch.
+
+- `OneFoot narrow`: the ZMP of one foot rests as far inwards as before, and nothing else is done for
+  a narrow sole: no room beyond its edges, no announced step, usual step lengths and foot weights.
+- `borrowed`: what trunk and arms have given counts as nothing.
+- `catching weights`: one margin of the pressure, no bound of the trunk's way, the usual weight of
+  feet while the robot catches itself, and of the balance right after it.
+- `OwnSteps constants`: clearance, bounce time and swing height of a walk, and no time-outs.
+- `ComHeight`: no knee is too weak for the COM's height, and the COM is braked by all of its
+  acceleration.
+- `HangWatch, Flight`: a moment with a load counts as one without, a foot that is held goes on, and
+  what a foot meets early is ground.
+- `CarryingArea constants`: no memory and no average of the area, and any part of a sole is flat.
+"""
+
+BY_NAME = {mechanism.name: mechanism for mechanism in MECHANISMS}
+"""The same by name."""
+
+
+@contextmanager
+def without(names: Iterable[str]) -> Generator[None]:
+    """Switch mechanisms off; behind it all of them are as before.
+
+    What is made inside has to be used inside: some values are read when a leader is made.
+
+    Args:
+        names: of `MECHANISMS`.
+    """
+    with ExitStack() as switched:
+        for name in names:
+            for attribute, value in BY_NAME[name].off.items():
+                switched.enter_context(patch(attribute, value))
+        yield
+
+
+@contextmanager
+def counted(names: Iterable[str]) -> Generator[dict[str, int]]:
+    """Count the calls in which mechanisms act.
+
+    Args:
+        names: of `MECHANISMS`; those that are not switched off.
+
+    Yields:
+        The counts by name, which go on inside.
+    """
+    counts = dict.fromkeys(names, 0)
+    with ExitStack() as watched:
+        for name in counts:
+            mechanism = BY_NAME[name]
+            watched.enter_context(patch(mechanism.watched, _counting(mechanism, counts)))
+        yield counts
+
+
+def _counting(mechanism: Mechanism, counts: dict[str, int]) -> Callable[..., Any]:
+    original, acts, name = resolve_name(mechanism.watched), mechanism.acts, mechanism.name
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        result = original(*arguments, **options)
+        counts[name] += bool(acts(arguments, result))
+        return result
+
+    return call
