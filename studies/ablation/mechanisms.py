@@ -15,14 +15,13 @@ import numpy as np
 
 from poise.locomotion import WalkSettings
 
-_STEPPING = "poise.locomotion._stepping"
-_BY_TORQUE, _STANCE = f"{_STEPPING}._by_torque", f"{_STEPPING}._stance"
-_TASKS, _OWN = f"{_BY_TORQUE}._torque_tasks", f"{_BY_TORQUE}._own_steps"
-_WALKING = "poise.locomotion._walking"
+_STEPPING, _WALKING = "poise.locomotion._stepping", "poise.locomotion._walking"
+_BY_TORQUE = f"{_STEPPING}._by_torque"
+_TASKS, _LEVEL = f"{_BY_TORQUE}._torque_tasks", f"{_BY_TORQUE}._torque_level"
 _FLIGHT, _CARRYING = f"{_WALKING}._flight", f"{_WALKING}._carrying"
 
-_IMMEDIATE = 1e-9
-"""A time constant of nothing: those it stands in for are divided by [s]."""
+_IMMEDIATE, _FOREVER = 1e-9, 1e6
+"""Time constants and time-outs of nothing: finite, for divisions and sums [s]."""
 
 _EVERYTHING = 1e3
 """A rate that reaches the edge of any sole within a tick [m/s]."""
@@ -71,8 +70,12 @@ def _no_ranges(*_: object) -> Mapping[str, tuple[float, float]]:
     return {}
 
 
-def _strong_enough(*_: object) -> float:
-    return -math.inf
+def _usual_weight(*_: object) -> float:
+    return 1.0
+
+
+def _asked_height(_body: object, _feet: object, height: float, *_: object) -> float:
+    return height
 
 
 def _always(*_: object) -> bool:
@@ -90,13 +93,30 @@ def _is_twisted(tasks: Any, footing: Any) -> bool:
     return bool(min(below.min(), above.min()) < _NEAR)
 
 
-def _of_any_width(one_foot: Callable[..., Any]) -> Callable[..., Any]:
-    """The rules of one foot with the inward ZMP alone, whatever the sole's width."""
-    plain = resolve_name(f"{_STANCE}._one_foot.WIDE")
-    return lambda *arguments: plain._replace(inwards=one_foot(*arguments).inwards)
+def _near_its_end(level: Any) -> bool:
+    """Test for a swing with hardly any way down left to the body."""
+    devices = level._devices
+    return level.mode.single and (devices.falling or devices.room_below < _LOW)
 
 
-_one_foot = _of_any_width(resolve_name(f"{_STANCE}._one_foot.one_foot"))
+def _of_any_width(single_support_region: Callable[..., Any]) -> Callable[..., Any]:
+    """The rest of the ZMP and the end of a weight shift alone, whatever the sole's width."""
+
+    def region(*arguments: Any) -> Any:
+        found = single_support_region(*arguments)
+        return type(found)(
+            sizes=found.sizes, margin=found.margin, arrived=found.arrived, inwards=found.inwards
+        )
+
+    return region
+
+
+def _without_legs(leg_ratios: Callable[..., Any]) -> Callable[..., Any]:
+    """Ratios of legs without momentum."""
+    return lambda *arguments: leg_ratios(*arguments)._replace(ahead=0.0)
+
+
+_region = _of_any_width(resolve_name(f"{_WALKING}._parts.single_support_region"))
 _margin = resolve_name(f"{_TASKS}._CAUGHT_MARGIN")
 _settings = WalkSettings()
 
@@ -110,13 +130,13 @@ MECHANISMS = (
     Mechanism(
         name="twist_ranges",
         off={f"{_TASKS}.twist_ranges": _no_ranges},
-        watched=f"{_TASKS}.TorqueTasks.ask",
+        watched=f"{_TASKS}.TorqueTasks.lead",
         acts=lambda call, _: _is_twisted(*call[:2]),
     ),
     Mechanism(
-        name="SoleTipping",
-        off={f"{_STANCE}._tipping.SoleTipping.update": _never},
-        watched=f"{_STANCE}._tipping.SoleTipping.update",
+        name="tipping",
+        off={f"{_WALKING}._phases.StepPhases._tips": _never},
+        watched=f"{_WALKING}._phases.StepPhases._tips",
         acts=lambda _, tips: tips,
     ),
     Mechanism(
@@ -139,58 +159,45 @@ MECHANISMS = (
         walks=True,
     ),
     Mechanism(
-        name="OneFoot narrow",
+        name="narrow sole",
         off={
-            f"{_STEPPING}._step_teleoperator.one_foot": _one_foot,
-            f"{_STEPPING}._scaling.one_foot": _one_foot,
+            f"{_WALKING}._parts.single_support_region": _region,
+            f"{_STEPPING}._scaling.single_support_region": _region,
         },
-        watched=f"{_TASKS}.TorqueTasks.ask",
-        acts=lambda call, _: call[1].one_foot.narrow and call[1].mode.single,
+        watched=f"{_TASKS}.TorqueTasks.lead",
+        acts=lambda call, _: call[1].region.narrow and call[1].mode.single,
     ),
     Mechanism(
-        name="borrowed",
-        off={f"{_BY_TORQUE}._com_feedback._BORROWING": math.inf},
-        watched=f"{_BY_TORQUE}._com_feedback.ComFeedback.drive",
-        acts=lambda call, _: call[0].borrowed > 0.0,
+        name="thrown foot",
+        off={f"{_TASKS}._foot_weight": _usual_weight},
+        watched=f"{_TASKS}._foot_weight",
+        acts=lambda _, weight: weight > 1.0,
     ),
     Mechanism(
-        name="catching weights",
+        name="capture constants",
         off={
+            f"{_LEVEL}._CAUGHT_MARGIN": _settings.zmp_margin,
+            f"{_LEVEL}._APART": _settings.clearance,
+            f"{_LEVEL}._BOUNCE_TIME": _settings.bounce_time,
+            f"{_LEVEL}._HIGHER": 1.0,
+            f"{_LEVEL}._CLOSING": _FOREVER,
+            f"{_LEVEL}._ROCKING": _FOREVER,
             f"{_TASKS}._MARGIN": _margin,
+            f"{_TASKS}._CAUGHT_FOOT": (1.0,) * 6,
             f"{_TASKS}._RIGHTED": math.inf,
             f"{_TASKS}._EASED": _IMMEDIATE,
-            f"{_TASKS}._CAUGHT_FOOT": (1.0,) * 6,
         },
         watched=f"{_TASKS}.TorqueTasks.accompany",
         acts=_always,
     ),
     Mechanism(
-        name="OwnSteps constants",
+        name="knees",
         off={
-            f"{_OWN}._ROCKING": math.inf,
-            f"{_OWN}._CLOSING": math.inf,
-            f"{_OWN}._APART": _settings.clearance,
-            f"{_OWN}._BOUNCE_TIME": _settings.bounce_time,
-            f"{_OWN}._HIGHER": 1.0,
+            f"{_LEVEL}.TorqueLevel._limit_stoop": _nothing,
+            f"{_STEPPING}._feet._foot.FootTarget._hangs": _never,
         },
-        watched=f"{_OWN}.OwnSteps.lead",
-        acts=_always,
-    ),
-    Mechanism(
-        name="ComHeight",
-        off={
-            f"{_STANCE}.FootRange.too_weak": _strong_enough,
-            f"{_STEPPING}._com_height._BRAKED": 1.0,
-            f"{_STANCE}._biped._KNEE_LOAD": 1.0,
-        },
-        watched=f"{_STEPPING}._com_height.ComHeight.room",
-        acts=lambda call, room: call[1].mode.single and (room[1] or room[0] < _LOW),
-    ),
-    Mechanism(
-        name="FootTarget hangs",
-        off={f"{_STEPPING}._foot.FootTarget._hangs": _never},
-        watched=f"{_STEPPING}._foot.FootTarget._hangs",
-        acts=lambda _, hangs: hangs,
+        watched=f"{_LEVEL}.TorqueLevel._limit_stoop",
+        acts=lambda call, _: _near_its_end(call[0]),
     ),
     Mechanism(
         name="HangWatch, Flight",
@@ -216,6 +223,24 @@ MECHANISMS = (
         walks=True,
     ),
     Mechanism(
+        name="BodyHeight reach",
+        off={f"{_WALKING}._body_height.BodyHeight._reached": _asked_height},
+        watched=f"{_WALKING}._body_height.BodyHeight._reached",
+        acts=lambda call, height: height < call[2],
+        walks=True,
+    ),
+    Mechanism(
+        name="LegMomentum",
+        off={
+            f"{_WALKING}._parts.leg_ratios": _without_legs(
+                resolve_name(f"{_WALKING}._parts.leg_ratios")
+            )
+        },
+        watched=f"{_WALKING}._engine.SteppingEngine._keep_balance",
+        acts=lambda call, _: call[0].mode.single,
+        walks=True,
+    ),
+    Mechanism(
         name="bound_settling",
         off={"poise.stack._rows.StackRows._settle": _nothing},
         watched="poise.stack._rows.StackRows._settle",
@@ -225,17 +250,21 @@ MECHANISMS = (
 )
 """Mechanisms that runs switch.
 
-- `OneFoot narrow`: the ZMP of one foot rests as far inwards as before, and nothing else is done for
-  a narrow sole: no room beyond its edges, no announced step, usual step lengths and foot weights.
-- `borrowed`: what trunk and arms have given counts as nothing.
-- `catching weights`: one margin of the pressure, no bound of the trunk's way, the usual weight of
-  feet while the robot catches itself, and of the balance right after it.
-- `OwnSteps constants`: clearance, bounce time and swing height of a walk, and no time-outs.
-- `ComHeight`: no knee is too weak for the COM's height, and the COM is braked by all of its
-  acceleration.
+- `tipping`: a stance sole that turns over an edge ends no held step.
+- `narrow sole`: the ZMP in single support rests as far inwards as before, and nothing else is done
+  for a narrow sole: no room beyond its edges, no announced step, usual step lengths, and no weight
+  of a thrown foot either.
+- `thrown foot`: a swing foot far from where it is sent weighs as much as any.
+- `capture constants`: margin of the ZMP, clearance, bounce time and swing height of a walk, and no
+  time-outs; one margin of the pressure, no bound of the trunk's way, the usual weight of feet in
+  capture steps, and of the balance right after them.
+- `knees`: the body goes as low as in a walk, whatever the knee of the stance leg holds, and a foot
+  that does not get down meanwhile comes no nearer to its hip.
 - `HangWatch, Flight`: a moment with a load counts as one without, a foot that is held goes on, and
   what a foot meets early is ground.
 - `CarryingArea constants`: no memory and no average of the area, and any part of a sole is flat.
+- `BodyHeight reach`: the body goes no lower for a foot out of reach.
+- `LegMomentum`: the plain pendulum, as if legs were light.
 """
 
 BY_NAME = {mechanism.name: mechanism for mechanism in MECHANISMS}
