@@ -164,7 +164,7 @@ def test_without_rows_the_section_says_what_writes_them(tmp_path):
     ("leader", "seconds", "name"),
     [
         (TELEOPERATION, 0.2, "TrunkFeedback"),
-        pytest.param(WALKING, 2.5, "LoadCellTare", marks=pytest.mark.slow),
+        pytest.param(WALKING, 4.0, "LoadCellTare", marks=pytest.mark.slow),
     ],
 )
 def test_a_run_without_a_mechanism_is_another_one_and_the_same_again(leader, seconds, name):
