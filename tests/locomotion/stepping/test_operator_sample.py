@@ -49,6 +49,7 @@ def test_numbers_that_are_none_come_through_a_record():
         b'{"do": "drive", "beat": 1.0}',
         b'{"do": "drive", "feet": [{"place": [0, 0, 0]}, null]}',
         b'{"do": "drive", "body": {"hight": 0.1}}',
+        b'{"do": "drive", "turn": 1.5}',
         b'{"do": "drive", "upright": 1}',
     ],
 )

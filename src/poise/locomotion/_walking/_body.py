@@ -64,6 +64,8 @@ class BodyMotion:
 
     def carry(self, com: Float64[np.ndarray, "3 3"]) -> None:
         """Takes everything along that goes with the body."""
+        if not self._carried:
+            return
         standing = self._standing
         displacement = np.zeros((3, 4))
         displacement[:, :3] = com

@@ -51,6 +51,8 @@ class CarryingArea:
         self._reach: Point = (x, y)
         self._lower, self._upper = [-x, -y], [x, y]
         self._told = self._all_of_it = (-x, -y, x, y)
+        # Lower and upper edges on the average; all that can carry where nothing is known [m].
+        self._average = self._all_of_it
         self._settled: tuple[float, float, float, float] | None = None
 
     @property
@@ -58,14 +60,6 @@ class CarryingArea:
         """Whether the sole seems to lie flat: on an edge, it says nothing of the ground."""
         sizes = zip(self._lower, self._upper, self._reach, _FLAT, strict=True)
         return all(upper - lower >= part * 2.0 * reach for lower, upper, reach, part in sizes)
-
-    @property
-    def _average(self) -> tuple[float, float, float, float]:
-        """Lower and upper edges on the average; all that can carry where nothing is known [m]."""
-        if self._settled is None:
-            return self._all_of_it
-        (a, b, c, d), (x, y) = self._settled, self._reach
-        return _whole(a, -x), _whole(b, -y), _whole(c, x), _whole(d, y)
 
     def bearing(self, whole: Bearing) -> Bearing:
         """Return the region of the ZMP in single support on this foot."""
@@ -91,7 +85,7 @@ class CarryingArea:
     def forget(self) -> None:
         """All of the sole carries, for all that is known."""
         self._lower, self._upper = [-r for r in self._reach], list(self._reach)
-        self._settled = None
+        self._settled, self._average = None, self._all_of_it
         self._tell(*self._lower, *self._upper)
 
     def update(self, state: RobotState, dt: float, *, settled: bool = False) -> None:
@@ -139,7 +133,7 @@ class CarryingArea:
         """Averages the area for those who plan, from where the foot came to stand on."""
         edges = (*self._lower, *self._upper)
         if not stands:
-            self._settled = None
+            self._settled, self._average = None, self._all_of_it
             return
         a, b, c, d = self._settled or self._all_of_it
         ratio = -math.expm1(-dt / _SETTLING)
@@ -149,6 +143,8 @@ class CarryingArea:
             c + ratio * (edges[2] - c),
             d + ratio * (edges[3] - d),
         )
+        (a, b, c, d), (x, y) = self._settled, self._reach
+        self._average = _whole(a, -x), _whole(b, -y), _whole(c, x), _whole(d, y)
 
     def _learn(self, axis: int, down: float, pressure: float | None, dt: float) -> None:
         """One axis of the sole."""

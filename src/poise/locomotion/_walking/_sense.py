@@ -43,6 +43,8 @@ class WalkSense:
         self._ids = [robot.frame_id(name) for name in soles]
         found = [robot.soles[name] for name in soles]
         self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
+        self._state: RobotState | None = None
+        self._wrenches: list[Float64[np.ndarray, "6"] | None] = [None, None]
         self.com: Float64[np.ndarray, "3"] = self._data.com[0]
         self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
 
@@ -51,10 +53,11 @@ class WalkSense:
         if state.payload is not self._payload:
             self._carry(state.payload)
         pin.centerOfMass(self._model, self._data, state.q, state.v, False)
+        self._state, self._wrenches = state, [state.wrench(sole) for sole in self._soles]
 
-    def look(self, state: RobotState) -> None:
-        """Takes in how soles move alone: the centre of mass stays as it was."""
-        pin.forwardKinematics(self._model, self._data, state.q, state.v)
+    def _wrench(self, state: RobotState, foot: int) -> Float64[np.ndarray, "6"] | None:
+        """Wrench on a sole, read once for the state of the tick."""
+        return self._wrenches[foot] if state is self._state else state.wrench(self._soles[foot])
 
     def _carry(self, payload: Payload | None) -> None:
         """Where the COM is with a payload."""
@@ -132,12 +135,12 @@ class WalkSense:
 
     def load(self, state: RobotState, foot: int, *, stands: bool = True) -> float:
         """What a foot carries of the weight; where nothing is measured, all of it if it stands."""
-        wrench = state.wrench(self._soles[foot])
+        wrench = self._wrench(state, foot)
         return float(stands) if wrench is None else float(wrench[2]) / self.weight
 
     def felt(self, state: RobotState, foot: int) -> Float64[np.ndarray, "3"]:
         """Force on a sole, in the world, over the weight; none where none is measured."""
-        wrench = state.wrench(self._soles[foot])
+        wrench = self._wrench(state, foot)
         if wrench is None:
             return np.zeros(3)
         return self.sole(foot)[1] @ wrench[:3] / self.weight
@@ -146,7 +149,7 @@ class WalkSense:
         self, swing: SwingFoot, state: RobotState, foot: int, settings: WalkSettings
     ) -> bool:
         """Whether a foot in the air has come to the ground."""
-        wrench = state.wrench(self._soles[foot])
+        wrench = self._wrench(state, foot)
         if wrench is None:
             # Nothing is measured: the foot is down when it should be.
             return swing.phase >= 1.0

@@ -37,6 +37,7 @@ class Stance:
         feet: where both stand; a foot in the air where it stood.
         slope: how steeply the ground rises along the world's x and y.
         support: where the ZMP can be.
+        parts: loaded area of each sole as estimated; None for all of it.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class Stance:
         self.feet = list(stand.start)
         self.slope: Point = (0.0, 0.0)
         self.support = SupportPolygon([], 0.0)
+        self.parts: list[SolePart | None] = [None, None]
         self._feet: tuple[int, ...] = ()
         self._seen: list[SolePart | None] = [None, None]
 
@@ -70,9 +72,9 @@ class Stance:
 
     def refresh(self) -> None:
         """Update the support polygon of two soles, where only a part of one carries, or did."""
+        parts = self.parts = self._estimated_parts()
         if len(self._feet) != 2:
             return
-        parts = self.parts
         if any((*parts, *self._seen)):
             self._look(parts)
 
@@ -80,8 +82,7 @@ class Stance:
         self._seen = parts
         self.support = self._sense.support(self._feet, self._stand, self._margin, parts)
 
-    @property
-    def parts(self) -> list[SolePart | None]:
+    def _estimated_parts(self) -> list[SolePart | None]:
         """What of each sole carries, as far as is known; None for all of it."""
         return [a.part(size) for a, size in zip(self._areas, self._stand.sizes, strict=True)]
 

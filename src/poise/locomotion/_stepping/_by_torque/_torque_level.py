@@ -146,15 +146,17 @@ class TorqueLevel(Level):
                 devices.update(operator.command, guard.held, self._footing())
                 devices.stand()
         self._stance.follow(engine.mode)
-        footing, turned = self._footing(), False
-        footing.zmp_reference = engine.zmp
+        if engine.mode is not footing.mode or self._estimator.stance != footing.stance:
+            footing = self._footing()
+        turned = False
+        zmp = footing.zmp_reference = engine.zmp
         if self._overruled:
             guard.let_go(DeviceStatus.WALKING if self._driven else DeviceStatus.OVERRULED)
             self._tasks.accompany(footing, walks=self._driven)
             turned = self._settle(footing, any(guard.velocity))
         else:
             self._tasks.lead(footing, operator.torso, self._devices.sent, upright=operator.upright)
-        return LevelTick(footing, self._target, engine.zmp, engine.steps.ended, turned)
+        return LevelTick(footing, self._target, zmp, engine.steps.ended, turned)
 
     @property
     def _target(self) -> Float64[np.ndarray, "3"]:
@@ -166,17 +168,17 @@ class TorqueLevel(Level):
 
     def _limit_stoop(self, footing: Footing) -> None:
         """Let the body come down no lower than the knee of a stance leg holds it."""
-        reach, engine, dynamics = self._reach, self._engine, footing.dynamics
-        usual, stance = engine.parts.height, footing.stance
-        hip = reach.hip(stance, dynamics)
-        too_weak = reach.too_weak(stance, footing.anchors[stance], hip, footing.heading)
-        height = float(dynamics.com[2]) - footing.ground
+        usual = self._engine.parts.height
         lowest = (1.0 - self._parameters.stoop_max) * usual
         if footing.mode.support is not None:
+            reach, dynamics, stance = self._reach, footing.dynamics, footing.stance
+            hip = reach.hip(stance, dynamics)
+            too_weak = reach.too_weak(stance, footing.anchors[stance], hip, footing.heading)
+            height = float(dynamics.com[2]) - footing.ground
             lowest = max(lowest, height + too_weak)
-        engine.lowest = lowest / usual
-        self._devices.room_below = max(min(height - lowest, -too_weak), 0.0)
-        self._devices.falling = footing.mode.single and too_weak > _GIVES
+            self._devices.room_below = max(height - lowest, 0.0)
+            self._devices.falling = footing.mode.single and too_weak > _GIVES
+        self._engine.lowest = lowest / usual
 
     def _drive(self, velocity: tuple[float, float, float]) -> None:
         """Walk with a velocity; zero brings the feet side by side."""

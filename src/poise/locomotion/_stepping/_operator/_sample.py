@@ -2,13 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # Of a rotation, (x, y, z, w)
+
+Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
+"""Of a stick along one of its axes; records have none, and are read whatever a device gave."""
 
 _Numbers = Sequence[float | int] | np.ndarray
 _NOWHERE: Vector = (math.nan, math.nan, math.nan)
@@ -111,12 +114,14 @@ class OperatorSample(
     upright: bool = False
     rest: bool = False
     lift: tuple[bool, bool] = (False, False)
-    move: tuple[float, float] = (0.0, 0.0)
-    second: tuple[float, float] = (0.0, 0.0)
-    turn: float = 0.0
+    move: tuple[Deflection, Deflection] = (0.0, 0.0)
+    second: tuple[Deflection, Deflection] = (0.0, 0.0)
+    turn: Deflection = 0.0
     grip: tuple[bool, bool] = (False, False)
-    reach: Vector = (0.0, 0.0, 0.0)
-    bend: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    reach: tuple[Deflection, Deflection, Deflection] = (0.0, 0.0, 0.0)
+    bend: tuple[Deflection, Deflection, Deflection, Deflection, Deflection] = (
+        0.0, 0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
     neutral: bool = False
 
     def place(self, foot: int) -> Vector:
