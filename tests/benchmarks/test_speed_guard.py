@@ -21,8 +21,7 @@ RATIOS = {
     "step teleoperator's leader and estimator": 41.5,
     "walker's leader and estimator": 32.5,
 }
-"""Largest means of `python -m tests.benchmarks.speed_ratios` on two machines; faster code lowers its
-own."""
+"""Larger of the means on two machines of `python -m tests.benchmarks.speed_ratios`."""
 
 HEADROOM = 1.1
 """Three times the scatter of single runs about these means, and half of a slowdown by 20%."""
