@@ -94,13 +94,13 @@ class Sticks:
         return replace(self._sample, time=time, move=(2.0, -3.0), second=(9.0, 0.0), turn=1e3)
 
 
-def test_sticks_out_of_their_range_are_recorded_and_read(get_robot, tmp_path):
+def test_a_run_whose_device_sends_sticks_out_of_range_is_recorded_and_read(get_robot, tmp_path):
     robot, path = get_robot("biped20"), tmp_path / "sticks.mcap"
     lead(robot, Sticks, "velocity", duration=0.05, recording=path)
-    assert len(read_recording(path).samples) == 10
-    sent = Sticks(StepTeleoperator(robot, actuation="velocity")).sample(0.0)
-    write_recording(path, [(0, sent)], robot="biped20", dt=0.005)
-    assert [sample for _, sample in read_recording(path).samples] == [sent]
+    samples = [sample for _, sample in read_recording(path).samples]
+    assert len(samples) == 10
+    # Nobody but a page's server reads sticks: a device's are no part of its recorded samples.
+    assert all(sample.move == (0.0, 0.0) for sample in samples)
 
 
 def test_a_recording_without_samples_drives_nothing(get_robot, tmp_path):
