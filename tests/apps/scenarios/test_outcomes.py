@@ -152,7 +152,7 @@ def test_a_check_that_fails_fails_the_run():
 
 
 def test_a_check_says_when_it_was_worst_and_what_went_wrong_then():
-    push = "pushes: [{body: torso, at: 0.1, duration: 0.1, velocity_change: [0.4, 0.0, 0.0]}]\n"
+    push = "pushes: [{body: torso, at: 0.1, duration: 0.1, velocity_change: [0.8, 0.0, 0.0]}]\n"
     bounds = "checks:\n  - {metric: zmp_margin_min, at_least: 0.03}\n"
     bounds += "  - {metric: com_error_max, until: 0.09, at_most: 0.01}\n"
     done = run(stand(0.4, push + bounds))
