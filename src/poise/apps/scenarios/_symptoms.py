@@ -48,7 +48,7 @@ class Symptom(NamedTuple):
         kind: one word for all of its kind, such as those of one joint and another.
         what: in words.
         there: in which ticks.
-        lasting: how long it has to be so at a stretch [s].
+        lasting: least duration within twice that time, for rocking feet come and go [s].
     """
 
     kind: str
@@ -57,12 +57,12 @@ class Symptom(NamedTuple):
     lasting: float = _LASTING
 
     def begin(self, time: Float64[np.ndarray, " T"]) -> float | None:
-        """When it begins to be so, and stays so for a while [s]; None for never."""
+        """Return when it begins for `lasting` of the time that follows [s]; None for never."""
         count = 1 if len(time) < 2 else max(1, round(self.lasting / float(time[1] - time[0])))
-        held = np.convolve(self.there, np.ones(count), mode="full")[: len(time)] >= count
-        if not held.any():
-            return None
-        return float(time[int(np.argmax(held)) - count + 1])
+        total = np.concatenate(([0], np.cumsum(self.there)))
+        ends = np.minimum(np.arange(len(time)) + 2 * count, len(time))
+        begins = self.there & (total[ends] - total[:-1] >= count)
+        return float(time[int(np.argmax(begins))]) if begins.any() else None
 
     def between(self, time: Float64[np.ndarray, " T"], begin: float, end: float) -> "Symptom":
         """The same in a window of time alone [s]."""
