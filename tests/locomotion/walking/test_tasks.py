@@ -8,7 +8,7 @@ from poise.control import WholeBodyController
 from poise.dynamics import Dynamics
 from poise.errors import TargetError
 from poise.locomotion import CarriedTarget, Stride, Walker, plan_footsteps, walking_stack
-from poise.locomotion._walking._tasks import _in_turning_axes, find_walk_tasks
+from poise.locomotion._walking._tasks import find_walk_tasks
 from poise.sim import Plant, PlantConfig, rollout
 from poise.stack import FrameTask
 
@@ -55,29 +55,6 @@ def test_arms_at_their_stops_do_not_throw_a_robot_that_is_pushed_as_it_walks(get
     assert walker.steps_made >= 6
 
 
-def test_rates_of_a_point_in_turning_axes_are_derivatives():
-    """A point that moves along a parabola, in axes at angle psi = 0.3 + 0.8 t - 0.6 t^2."""
-    rng = np.random.default_rng(0)
-    start, velocity, acceleration = rng.normal(size=(3, 3))
-
-    def at(t):
-        angle, rate, second = 0.3 + 0.8 * t - 0.6 * t * t, 0.8 - 1.2 * t, -1.2
-        c, s = np.cos(angle), np.sin(angle)
-        motion = np.array(
-            [
-                start + t * velocity + 0.5 * t * t * acceleration,
-                velocity + t * acceleration,
-                acceleration,
-            ]
-        )
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return _in_turning_axes(motion, turn, rate, second)
-
-    h = 1e-5
-    here, slope = at(0.4), (at(0.4 + h) - at(0.4 - h)) / (2.0 * h)
-    np.testing.assert_allclose(here[1:], slope[:2], atol=1e-8)
-
-
 HOME = pin.SE3(pin.exp3(np.array([0.3, -0.5, 0.2])), np.array([0.3, 0.2, 1.0]))
 ORIGIN = np.array([0.02, -0.01, 0.0])
 
@@ -91,9 +68,9 @@ class CarriedHand:
         self.target = CarriedTarget(self.task, HOME.translation, HOME.rotation, ORIGIN)
         self._still = Dynamics(robot)
 
-    def follow(self, displacement, angle):
+    def follow(self, body):
         """Position, rotation, velocity and acceleration of the task's target."""
-        self.target.write(displacement, pin.utils.rotate("z", angle))
+        self.target.write(body)
         return followed(self.task, self._still)
 
 
@@ -123,7 +100,7 @@ def test_a_carried_pose_moves_and_turns_with_the_body_and_so_do_its_rates(get_ro
             np.append(acceleration, turned[2] * axis),
         )
         displacement = np.column_stack((powers @ d, angle))
-        found = hand.follow(displacement, angle[0])
+        found = hand.follow(displacement)
         turn = pin.utils.rotate("z", angle[0])
         wanted = ORIGIN + displacement[0, :3] + turn @ (place - ORIGIN)
         np.testing.assert_allclose(found[0], wanted, atol=1e-12)
@@ -173,7 +150,7 @@ def test_where_the_body_is_still_a_carried_target_is_the_tasks_own(get_robot, ax
         task.set_target(*values, **named)
         # Twice: what was written stays.
         for _ in range(2):
-            found = hand.follow(np.zeros((3, 4)), 0.0)
+            found = hand.follow(np.zeros((3, 4)))
             for ours, own in zip(found[2:], followed(task, Dynamics(robot))[2:], strict=True):
                 np.testing.assert_allclose(ours, own, atol=1e-12)
             if hand.task.turns:
@@ -194,8 +171,8 @@ def test_where_the_body_is_still_a_carried_target_is_the_tasks_own(get_robot, ax
 )
 def test_a_carried_target_refuses_what_a_task_refuses_and_stays(get_robot, values, said):
     hand = CarriedHand(get_robot("humanoid33"))
-    before = hand.follow(np.zeros((3, 4)), 0.0)
+    before = hand.follow(np.zeros((3, 4)))
     with pytest.raises(TargetError, match=said):
         hand.target.set_target(*values)
-    for ours, own in zip(hand.follow(np.zeros((3, 4)), 0.0), before, strict=True):
+    for ours, own in zip(hand.follow(np.zeros((3, 4))), before, strict=True):
         np.testing.assert_array_equal(ours, own)

@@ -4,14 +4,12 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-import pinocchio as pin
-from jaxtyping import Float64
 
 from poise.locomotion._support import Point
 from poise.locomotion._walking._dcm_plan import DcmMotion
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._swing import Motion, least_jerk_towards
-from poise.locomotion._walking._tasks import CarriedTarget
+from poise.locomotion._walking._tasks import CarriedTarget, ComMotion
 
 
 class BodyMotion:
@@ -54,25 +52,22 @@ class BodyMotion:
         self.rise = least_jerk_towards(self.rise, height, time, dt)
         self.heading = least_jerk_towards(self.heading, heading, time, dt)
 
-    def follow(self, dcm: tuple[DcmMotion, DcmMotion], dt: float) -> Float64[np.ndarray, "3 2"]:
-        """Moves C on, C' = omega (xi - C)."""
+    def follow(self, dcm: tuple[DcmMotion, DcmMotion], dt: float) -> tuple[Point, Point, Point]:
+        """Move C on, C' = omega (xi - C); return it with its rates."""
         (x, vx), (y, vy) = dcm
         w, kept = self._omega, math.exp(-self._omega * dt)
         self._mass = x + (self._mass[0] - x) * kept, y + (self._mass[1] - y) * kept
         rates = (w * (x - self._mass[0]), w * (y - self._mass[1]))
-        return np.array([self._mass, rates, (w * (vx - rates[0]), w * (vy - rates[1]))])
+        return self._mass, rates, (w * (vx - rates[0]), w * (vy - rates[1]))
 
-    def carry(self, com: Float64[np.ndarray, "3 3"]) -> None:
-        """Takes everything along that goes with the body."""
+    def carry(self, com: ComMotion) -> None:
+        """Take everything along that goes with the body."""
         if not self._carried:
             return
-        standing = self._standing
-        displacement = np.zeros((3, 4))
-        displacement[:, :3] = com
-        displacement[0, :2] -= standing.com[:2]
-        displacement[:, 2] += self._lowered
-        displacement[0, 2] -= standing.com[2]
-        displacement[:, 3] = self.heading[0] - self._heading_before, *self.heading[1:]
-        turn = pin.utils.rotate("z", float(displacement[0, 3]))
+        (x, y, z), standing = com[0], self._standing.com
+        begin = (x - standing[0], y - standing[1], z - standing[2])
+        turned = (self.heading[0] - self._heading_before, *self.heading[1:])
+        rows = zip((begin, com[1], com[2]), self._lowered, turned, strict=True)
+        body = np.array([(x, y, z + low, turn) for (x, y, z), low, turn in rows])
         for target in self._carried.values():
-            target.write(displacement, turn)
+            target.write(body)

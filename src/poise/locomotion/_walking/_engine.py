@@ -96,14 +96,13 @@ class SteppingEngine:
     @property
     def dcm_error(self) -> Float64[np.ndarray, "2"]:
         """Deviation of the DCM from its reference [m]."""
-        return self._feedback.error
+        return np.array(self._feedback.error)
 
     @property
     def zmp(self) -> Float64[np.ndarray, "2"]:
         """Reference of the ZMP, feedback included [m]."""
         feet, _, _ = self.parts.pendulum.feet(self._steps.flight)
-        x, y = self._feedback.zmp.tolist()
-        return np.array(self.parts.legs.parted((x, y), feet))
+        return np.array(self.parts.legs.parted(self._feedback.zmp, feet))
 
     # A tick ---------------------------------------------------------------------------------------
 
@@ -203,19 +202,18 @@ class SteppingEngine:
         com = parts.body.follow(steps.dcm, dt)
         feet, velocities, accelerations = parts.pendulum.feet(steps.flight)
         joined, velocity = parts.pendulum.mass(steps.flight)
-        x, y = self._feedback.acceleration(
-            np.array(joined),
-            np.array(velocity),
+        acceleration = self._feedback.acceleration(
+            joined,
+            velocity,
             com,
             JoinedSupport(parts.legs, steps.asked, feet),
             dt,
             self.held_gain if holds else None,
-        ).tolist()
-        rows = zip(com.tolist(), (feet, velocities, accelerations), parts.body.rise, strict=True)
-        com = np.array([(*parts.legs.parted((a, b), f), z) for (a, b), f, z in rows])
-        asked = parts.legs.parted((x, y), accelerations)
-        parts.tasks.lead_com(parts.sense, com, np.array(asked))
-        parts.body.carry(com)
+        )
+        rows = zip(com, (feet, velocities, accelerations), parts.body.rise, strict=True)
+        motion = [(*parts.legs.parted(c, f), z) for c, f, z in rows]
+        parts.tasks.lead_com(parts.sense, motion, parts.legs.parted(acceleration, accelerations))
+        parts.body.carry(motion)
 
 
 def _is_finite(state: RobotState) -> bool:

@@ -6,12 +6,7 @@ expensive plain as in arrays.
 
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-from jaxtyping import Float64
-
 from poise.locomotion._support import Point
-
-Vector2 = Float64[np.ndarray, "2"]
 
 _FADE = 0.05
 """How long a ZMP that somebody else has asked for goes on counting [s]: for longer, the divergent
@@ -46,42 +41,40 @@ class DcmFeedback:
 
     def __init__(self, omega: float, gain: float) -> None:
         self.omega, self._gain = omega, gain
-        self.error: Vector2 = np.zeros(2)
-        self.zmp: Vector2 = np.zeros(2)
-        self._continues_from: Vector2 | None = None
-        self._offset = (0.0, 0.0)
+        self.error = self.zmp = self._offset = (0.0, 0.0)
+        self._continues_from: Point | None = None
 
     def begin(self) -> None:
         """Forgets the error."""
-        self.error, self._offset, self._continues_from = np.zeros(2), (0.0, 0.0), None
+        self.error, self._offset, self._continues_from = (0.0, 0.0), (0.0, 0.0), None
 
-    def continue_from(self, zmp: Vector2) -> None:
+    def continue_from(self, zmp: Point) -> None:
         """Begin the next tick at a ZMP and fade into the feedback's own: a bumpless transfer."""
         self._continues_from = zmp
 
     def acceleration(
         self,
-        com: Vector2,
-        velocity: Vector2,
-        reference: Float64[np.ndarray, "3 2"],
+        com: Point,
+        velocity: Point,
+        reference: tuple[Point, Point, Point],
         support: ZmpRegion,
         dt: float = 0.0,
         gain: float | None = None,
-    ) -> Vector2:
-        """The COM's horizontal acceleration [m/s^2]."""
+    ) -> Point:
+        """Return the horizontal acceleration of the CoM [m/s^2]."""
         w = self.omega
         factor = 1.0 + (self._gain if gain is None else gain) / w
-        (px, py), (rx, ry), (sx, sy) = reference.tolist()
-        (cx, cy), (vx, vy) = com.tolist(), velocity.tolist()
+        (px, py), (rx, ry), (sx, sy) = reference
+        (cx, cy), (vx, vy) = com, velocity
         ex, ey = cx - px + (vx - rx) / w, cy - py + (vy - ry) / w
         x, y = support.nearest((px - sx / (w * w) + factor * ex, py - sy / (w * w) + factor * ey))
         if self._continues_from is not None:
-            from_x, from_y = self._continues_from.tolist()
+            from_x, from_y = self._continues_from
             self._continues_from, self._offset = None, (from_x - x, from_y - y)
-        if any(self._offset):
+        if self._offset != (0.0, 0.0):
             off_x, off_y = self._offset
             x, y = support.nearest((x + off_x, y + off_y))
             left = max(0.0, 1.0 - dt / _FADE)
             self._offset = left * off_x, left * off_y
-        self.error, self.zmp = np.array((ex, ey)), np.array((x, y))
-        return np.array((w * w * (cx - x), w * w * (cy - y)))
+        self.error, self.zmp = (ex, ey), (x, y)
+        return w * w * (cx - x), w * w * (cy - y)

@@ -13,8 +13,9 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._checks import Numbers
+from poise._compiled import compiled
 from poise.errors import ConfigurationError, UnknownNameError
-from poise.locomotion._support import two_soles
+from poise.locomotion._support import Point, two_soles
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._swing import HeldSwing, SwingFoot
@@ -37,8 +38,8 @@ from poise.stack import (
     TorqueLimit,
 )
 
-_TURNS = np.r_[3:12, 15:18, 21:24]
-"""Rotation and angular rates among the numbers of a pose target."""
+ComMotion = Sequence[tuple[float, float, float]]
+"""Position, velocity and acceleration of the CoM [m, m/s, m/s^2]."""
 
 
 class CarriedTarget:
@@ -63,15 +64,12 @@ class CarriedTarget:
         self.task = task
         self._moves, self._origin = task.unit != "rad", origin.copy()
         self._target = PoseTarget(f"carried task {task.name!r}", sorted(task.components))
-        # p - o and its rates, a row each.
-        self._offset = np.zeros((3, 3))
-        self._turned = b""
         self.set_target(position, rotation)
 
     @property
     def target_position(self) -> Float64[np.ndarray, "3"]:
         """Where the frame should be had the robot not walked [m]."""
-        return self._origin + self._offset[0]
+        return self._target.memory[:3].copy()
 
     def set_target(
         self,
@@ -80,68 +78,56 @@ class CarriedTarget:
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
     ) -> None:
-        """Moves the target, as if the robot had not walked; what is not given stays as it is."""
+        """Move the target, as if the robot had not walked; what is not given stays as it is."""
         self._target.set(position, rotation, velocity, acceleration)
-        numbers = self._target.memory
-        np.subtract(numbers[:3], self._origin, out=self._offset[0])
-        self._offset[1], self._offset[2] = numbers[12:15], numbers[18:21]
-        turned = numbers[_TURNS].tobytes()
-        if turned != self._turned:
-            self._turned, self._last_turn = turned, math.nan
 
-    def write(
-        self, displacement: Float64[np.ndarray, "3 4"], turn: Float64[np.ndarray, "3 3"]
-    ) -> None:
-        """Sets the task's target."""
-        angle, rate, second = displacement[:, 3].tolist()
-        still = rate == 0.0 and second == 0.0
-        # A target that neither turns nor has turned since it was written last stays as it is.
-        rotation = None
-        if self.task.turns and not (still and angle == self._last_turn):
-            rotation = turn @ self._target.memory[3:12].reshape(3, 3)
-        self._last_turn = angle if still else math.nan
-        if rotation is None and not self._moves:
-            return
-        rates = np.zeros((2, 6))
-        rates[:, 5] = rate, second
-        if rotation is not None:
-            spin = self._target.memory[12:].reshape(2, 6)[:, 3:] @ turn.T
-            rates[:, 3:] += spin
-            # The axes that the target spins about turn with the body.
-            rates[1, 3:5] += -rate * spin[0, 1], rate * spin[0, 0]
-        if not self._moves:
-            self.task.set_target(rotation=rotation, velocity=rates[0], acceleration=rates[1])
-            return
-        point = displacement[:, :3] + self._offset
-        if angle != 0.0 or not still:
-            point = displacement[:, :3] + _in_turning_axes(self._offset, turn, rate, second)
-        rates[:, :3] = point[1:]
-        self.task.set_target(
-            position=self._origin + point[0],
-            rotation=rotation,
-            velocity=rates[0],
-            acceleration=rates[1],
-        )
+    def overwrite_target(self) -> Float64[np.ndarray, "24"]:
+        """Return the target's numbers as `FrameTask.overwrite_target` does."""
+        return self._target.overwrite()
+
+    def write(self, body: Float64[np.ndarray, "3 4"]) -> None:
+        """Set the task's target.
+
+        Args:
+            body: displacement and turn of the body, then their rates, a row each [m, rad].
+        """
+        task, given = self.task, self._target.memory
+        _carry(body, given, self._origin, self._moves, task.turns, task.overwrite_target())
 
 
-def _in_turning_axes(
-    motion: Float64[np.ndarray, "3 3"],
-    turn: Float64[np.ndarray, "3 3"],
-    rate: float,
-    second: float,
-) -> Float64[np.ndarray, "3 3"]:
-    """Position, velocity and acceleration of a point given in axes that turn about z."""
-    position, velocity, acceleration = motion @ turn.T
-    tangent = np.array([-position[1], position[0], 0.0])
-    coriolis = 2.0 * rate * np.array([-velocity[1], velocity[0], 0.0])
-    centripetal = -rate * rate * np.array([position[0], position[1], 0.0])
-    return np.array(
-        [
-            position,
-            velocity + rate * tangent,
-            acceleration + second * tangent + centripetal + coriolis,
-        ]
-    )
+@compiled
+def _carry(
+    body: Float64[np.ndarray, "3 4"],
+    given: Float64[np.ndarray, "24"],
+    origin: Float64[np.ndarray, "3"],
+    moves: bool,
+    turns: bool,
+    out: Float64[np.ndarray, "24"],
+) -> None:
+    """Take a target along with a body."""
+    c, s, rate, second = math.cos(body[0, 3]), math.sin(body[0, 3]), body[1, 3], body[2, 3]
+    if turns:
+        for k in range(3, 6):
+            out[k], out[3 + k] = c * given[k] - s * given[3 + k], s * given[k] + c * given[3 + k]
+            out[6 + k] = given[6 + k]
+        x, y = c * given[15] - s * given[16], s * given[15] + c * given[16]
+        out[15], out[16], out[17] = x, y, given[17] + rate
+        # The axes that the target spins about turn with the body.
+        out[21] = c * given[21] - s * given[22] - rate * y
+        out[22] = s * given[21] + c * given[22] + rate * x
+        out[23] = given[23] + second
+    if moves:
+        px, py = given[0] - origin[0], given[1] - origin[1]
+        px, py = c * px - s * py, s * px + c * py
+        vx, vy = c * given[12] - s * given[13], s * given[12] + c * given[13]
+        ax, ay = c * given[18] - s * given[19], s * given[18] + c * given[19]
+        out[0], out[1] = origin[0] + body[0, 0] + px, origin[1] + body[0, 1] + py
+        out[12], out[13] = body[1, 0] + vx - rate * py, body[1, 1] + vy + rate * px
+        # Tangential, centripetal and Coriolis acceleration.
+        out[18] = body[2, 0] + ax - second * py - rate * rate * px - 2.0 * rate * vy
+        out[19] = body[2, 1] + ay + second * px - rate * rate * py + 2.0 * rate * vx
+        for k in range(3):
+            out[2 + (0, 12, 18)[k]] = body[k, 2] + given[2 + (0, 12, 18)[k]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,25 +147,20 @@ class WalkTasks:
     carried: dict[str, CarriedTarget]
 
     def lead_foot(self, sense: WalkSense, foot: int, swing: SwingFoot | HeldSwing) -> None:
-        """Leads a foot in the air along its way, by the lower edge of a sole that leans."""
-        position, velocity = swing.position.copy(), swing.velocity.copy()
-        drop, rate = sense.edge_drop(foot)
-        position[2] += drop
-        velocity[2] += rate
-        self.feet[foot].set_target(position, swing.rotation, velocity, swing.acceleration)
+        """Lead a foot in the air along its way, by the lower edge of a sole that leans."""
+        target, (drop, rate) = self.feet[foot].overwrite_target(), sense.edge_drop(foot)
+        target[:3], target[3:12] = swing.position, swing.rotation.ravel()
+        target[12:18], target[18:] = swing.velocity, swing.acceleration
+        target[2] += drop
+        target[14] += rate
 
-    def lead_com(
-        self,
-        sense: WalkSense,
-        com: Float64[np.ndarray, "3 3"],
-        horizontal: Float64[np.ndarray, "2"],
-    ) -> None:
+    def lead_com(self, sense: WalkSense, com: ComMotion, horizontal: Point) -> None:
         """Height by the task's own gains, the rest as feedback says."""
-        task, (x, y) = self.com, horizontal.tolist()
-        height, speed = com[0, 2] - sense.com[2], com[1, 2] - sense.com_velocity[2]
-        z = com[2, 2] + task.kp[2] * height + task.kd[2] * speed
-        task.set_target(com[0], com[1], com[2])
-        task.set_acceleration(np.array([x, y, z]))
+        task, (place, velocity, acceleration) = self.com, com
+        self.com.overwrite_target()[:] = *place, *velocity, *acceleration
+        height, speed = place[2] - sense.com[2], velocity[2] - sense.com_velocity[2]
+        z = acceleration[2] + task.kp[2] * height + task.kd[2] * speed
+        task.set_acceleration(np.array((*horizontal, z)))
 
 
 def find_walk_tasks(

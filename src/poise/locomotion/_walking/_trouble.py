@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
 import pinocchio as pin
 
 from poise.dynamics import RobotState
@@ -196,10 +195,10 @@ class Hanging:
         for task, base_M_sole in zip(self._tasks.feet, self._base_M_soles, strict=True):
             pose = base.act(base_M_sole)
             task.set_target(pose.translation, pose.rotation)
-        com = np.zeros((3, 3))
-        com[0] = self._sense.com
-        body.begin(mass, float(com[0, 2]), body.heading[0])
-        self._tasks.lead_com(self._sense, com, np.zeros(2))
+        x, y, z = self._sense.com.tolist()
+        com = ((x, y, z), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        body.begin(mass, z, body.heading[0])
+        self._tasks.lead_com(self._sense, com, (0.0, 0.0))
         body.carry(com)
 
     def end(self) -> None:
