@@ -35,7 +35,7 @@ class Turned:
         for _ in range(ticks):
             state = poise.RobotState(self.robot.q_home, v, {LEFT: wrench}, 0.0)
             self.sense.update(state)
-            self.area.update(state, DT, settled=settled)
+            self.area.update(DT, settled=settled)
 
     def bears(self, x, y):
         """Whether pressure may be asked for there."""

@@ -249,14 +249,14 @@ def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
 
 @pytest.mark.parametrize("idle", [0.06, 1.0])
 def test_a_foot_that_carries_again_does_not_hang(held, idle):
-    watch = held.walker._engine._hang_watch
-    state = poise.RobotState(held.q, held.v, {}, 0.0)
+    watch, sense = held.walker._engine._hang_watch, held.walker._engine.parts.sense
 
     def carry(left, right, time):
         for _ in range(round(time / DT)):
             loads = zip(held.robot.soles, (left, right), strict=True)
             wrenches = {s: np.array([0, 0, k * held.robot.weight, 0, 0, 0]) for s, k in loads}
-            watch.update(poise.RobotState(state.q, state.v, wrenches, 0.0), DT)
+            sense.update(poise.RobotState(held.q, held.v, wrenches, 0.0))
+            watch.update(DT)
 
     carry(0.0, 1.0, idle)
     assert watch.foot == 0

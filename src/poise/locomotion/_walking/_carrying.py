@@ -2,7 +2,6 @@
 
 import math
 
-from poise.dynamics import RobotState
 from poise.locomotion._support import Point, SolePart
 from poise.locomotion._walking._bearing import Bearing
 from poise.locomotion._walking._sense import WalkSense
@@ -88,27 +87,27 @@ class CarryingArea:
         self._settled, self._average = None, self._all_of_it
         self._tell(*self._lower, *self._upper)
 
-    def update(self, state: RobotState, dt: float, *, settled: bool = False) -> None:
+    def update(self, dt: float, *, settled: bool = False) -> None:
         """Update the estimate, and the contact's area.
 
         While feet are held the contact has the average: a sole that rocks has another area in
         every tick, and one that stands on an edge tips over where all of it is taken to carry.
         """
-        self._learn_from(state, dt)
+        self._learn_from(dt)
         self._tell(*(self._average if settled else (*self._lower, *self._upper)))
 
-    def _learn_from(self, state: RobotState, dt: float) -> None:
+    def _learn_from(self, dt: float) -> None:
         contact = self._contact
         if contact is None:
             return
-        wrench = state.wrench(contact.frame)
+        wrench = self._sense.wrenches[self._foot]
         if wrench is None or not contact.active:
             self._lower, self._upper = [-r for r in self._reach], list(self._reach)
         else:
-            _, _, load, m_x, m_y, _ = wrench.tolist()
+            _, _, load, m_x, m_y, _ = wrench
             carries = load > _CARRIES * self._sense.weight
             pressure = (-m_y / load, m_x / load) if carries else (None, None)
-            x, y = self._sense.sole_turning(self._foot)
+            *_, x, y, _ = self._sense.sole_velocity(self._foot)
             # Turning to the front, about y, the toes go down; to the right, about x, that edge.
             for axis, down in enumerate((y, -x)):
                 self._learn(axis, down, pressure[axis], dt)

@@ -101,7 +101,7 @@ class SteppingEngine:
     @property
     def zmp(self) -> Float64[np.ndarray, "2"]:
         """Reference of the ZMP, feedback included [m]."""
-        feet, _, _ = self.parts.pendulum.feet(self._steps.flight)
+        feet = self.parts.pendulum.places(self._steps.flight)
         return np.array(self.parts.legs.parted(self._feedback.zmp, feet))
 
     # A tick ---------------------------------------------------------------------------------------
@@ -116,9 +116,9 @@ class SteppingEngine:
         parts.sense.update(state)
         holds = steps.motion is not None and not self.overrules
         for area in parts.areas:
-            area.update(state, dt, settled=holds)
+            area.update(dt, settled=holds)
         parts.stance.refresh()
-        self._hang_watch.update(state, dt)
+        self._hang_watch.update(dt)
         if self.status is WalkStatus.READY:
             self._begin()
         if self.status is WalkStatus.MISPLACED or self._is_stopped_by_trouble(state, dt):
@@ -129,7 +129,7 @@ class SteppingEngine:
         if steps.held and self.commands.moving:
             steps.let_go()
             self._feedback.continue_from(self._feedback.zmp)
-        steps.advance(state, dt)
+        steps.advance(state.time, dt)
         self._keep_balance(dt, holds=holds)
         if self.status.ok:
             self.status = self._plain_status
@@ -139,7 +139,7 @@ class SteppingEngine:
         """Respond as `RESPONSES` lists."""
         error = math.hypot(*self._feedback.error)
         flight = self._steps.flight
-        trouble = self._watch.look(state, flight, error, dt)
+        trouble = self._watch.look(flight, error, dt)
         self.status = trouble or self._plain_status
         response = Response() if trouble is None else RESPONSES[trouble]
         self.commands.pace = response.pace
@@ -200,7 +200,8 @@ class SteppingEngine:
         )
         parts.body.move(*goal, dt)
         com = parts.body.follow(steps.dcm, dt)
-        feet, velocities, accelerations = parts.pendulum.feet(steps.flight)
+        feet = parts.pendulum.places(steps.flight)
+        velocities, accelerations = parts.pendulum.rates(steps.flight)
         joined, velocity = parts.pendulum.mass(steps.flight)
         acceleration = self._feedback.acceleration(
             joined,

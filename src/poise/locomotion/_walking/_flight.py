@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.dynamics import RobotState
 from poise.locomotion._support import Point
 from poise.locomotion._walking._commands import StepCommands
 from poise.locomotion._walking._ground import Placement
@@ -125,13 +124,13 @@ class Flight:
         self.elapsed += dt
         self.left = max(self.left - dt, 0.0)
 
-    def get_clear(self, state: RobotState) -> None:
+    def get_clear(self) -> None:
         """A foot that is held on its way up goes back from what holds it, and straight up.
 
         A toe that came down beside an edge would be pressed against it by its way ahead, and
         friction would hold it down all the more.
         """
-        x, y, up = self._sense.felt(state, self.foot).tolist()
+        x, y, up = self._sense.felt(self.foot)
         aside = math.hypot(x, y)
         if self.swing.phase < RISE and aside > _HELD and aside > up:
             place = self._sense.lower_edge(self.foot)[0].tolist()

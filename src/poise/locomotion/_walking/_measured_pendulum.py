@@ -2,9 +2,6 @@
 
 import math
 
-import numpy as np
-from jaxtyping import Float64
-
 from poise.locomotion._support import Point, SupportPolygon
 from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._flight import Flight, HeldFlight
@@ -12,6 +9,8 @@ from poise.locomotion._walking._leg_momentum import FeetAt, LegMomentum
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._stance import Stance
 from poise.locomotion._walking._swing import HeldSwing, SwingFoot
+
+_STILL = ((0.0, 0.0), (0.0, 0.0))
 
 
 class MeasuredPendulum:
@@ -28,36 +27,44 @@ class MeasuredPendulum:
         self._legs, self._rise = legs, rise
         self._sense, self._stance, self._body = sense, stance, body
 
-    def feet(self, flight: Flight | HeldFlight | None) -> tuple[FeetAt, FeetAt, FeetAt]:
-        """Positions [m], velocities [m/s] and accelerations [m/s^2] of both feet."""
-        still = (0.0, 0.0)
-        rows = [[place.position[:2], still, still] for place in self._stance.feet]
-        if flight is not None:
-            rows[flight.foot] = self.swing_motion(flight.swing)
-        (a, va, aa), (b, vb, ab) = rows
-        return (a, b), (va, vb), (aa, ab)
+    def places(self, flight: Flight | HeldFlight | None) -> FeetAt:
+        """Return the positions of both feet [m]."""
+        (ax, ay, _), (bx, by, _) = (place.position for place in self._stance.feet)
+        if flight is None:
+            return (ax, ay), (bx, by)
+        place = self.swing_place(flight.swing)
+        return (place, (bx, by)) if flight.foot == 0 else ((ax, ay), place)
 
-    def swing_motion(self, swing: SwingFoot | HeldSwing) -> list[Point]:
-        """Position, velocity and acceleration of the foot in the air, whose height counts."""
+    def rates(self, flight: Flight | HeldFlight | None) -> tuple[FeetAt, FeetAt]:
+        """Return velocities [m/s] and accelerations [m/s^2] of both feet."""
+        if flight is None:
+            return _STILL, _STILL
+        swing, foot = flight.swing, flight.foot
+        velocity, acceleration = (
+            self._counted(*row[:3].tolist()) for row in (swing.velocity, swing.acceleration)
+        )
+        return _of_one(foot, velocity), _of_one(foot, acceleration)
+
+    def swing_place(self, swing: SwingFoot | HeldSwing) -> Point:
+        """Return the position of the foot in the air, whose height counts [m]."""
+        x, y, z = swing.position.tolist()
         # Over that line: feet that stand count where they are, on whatever step.
-        position = swing.position - np.array([0.0, 0.0, swing.slant])
-        return [self._counted(row) for row in (position, swing.velocity, swing.acceleration)]
+        return self._counted(x, y, z - swing.slant)
 
-    def _counted(self, row: Float64[np.ndarray, " n"]) -> Point:
+    def _counted(self, x: float, y: float, z: float) -> Point:
         """Place of a foot along the ground, or a rate of it, its height counted in."""
-        x, y, z = row[:3].tolist()
         heading = self._body.heading[0]
         return x + self._rise * math.cos(heading) * z, y + self._rise * math.sin(heading) * z
 
     def mass(self, flight: Flight | HeldFlight | None) -> tuple[Point, Point]:
-        """C [m] and its velocity [m/s]."""
-        feet, _, _ = self.feet(flight)
-        velocities = [(0.0, 0.0), (0.0, 0.0)]
+        """Return C [m] and its velocity [m/s]."""
+        velocities = _STILL
         if flight is not None:
-            velocities[flight.foot] = self._counted(self._sense.lower_edge_velocity(flight.foot))
-        left, right = velocities
+            velocity = self._counted(*self._sense.lower_edge_velocity(flight.foot))
+            velocities = _of_one(flight.foot, velocity)
         (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
-        return self._legs.joined((x, y), feet), self._legs.joined((vx, vy), (left, right))
+        joined = self._legs.joined
+        return joined((x, y), self.places(flight)), joined((vx, vy), velocities)
 
     def xi(self, flight: Flight | HeldFlight | None) -> Point:
         """The divergent component [m]."""
@@ -66,5 +73,9 @@ class MeasuredPendulum:
 
     def depth(self, flight: Flight | HeldFlight | None, support: SupportPolygon) -> float:
         """Return the depth of the DCM inside a region of the ZMP, negative outside [m]."""
-        feet, _, _ = self.feet(flight)
-        return support.depth(self._legs.parted(self.xi(flight), feet))
+        return support.depth(self._legs.parted(self.xi(flight), self.places(flight)))
+
+
+def _of_one(foot: int, rate: Point) -> FeetAt:
+    """Return a rate of one foot, and of another that stands."""
+    return (rate, (0.0, 0.0)) if foot == 0 else ((0.0, 0.0), rate)

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.dynamics import RobotState
-from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
 from poise.locomotion._walking._commands import Foothold
 from poise.locomotion._walking._dcm_plan import REST_TIME, DcmMotion, hermite_step
 from poise.locomotion._walking._flight import Flight, HeldFlight
@@ -22,7 +22,7 @@ from poise.locomotion._walking._modes import (
     StepMachine,
 )
 from poise.locomotion._walking._parts import WalkParts
-from poise.locomotion._walking._sense import ENGAGE, RELEASE, expect_step
+from poise.locomotion._walking._sense import ENGAGE, RELEASE
 from poise.locomotion._walking._step_planner import AHEAD, QUICK, Lifted
 from poise.locomotion._walking._swing_shape import led_swing
 from poise.stack import BalanceLimit
@@ -110,6 +110,10 @@ class StepPhases:
         self._released = self._hurried = self._given = False
         self._left = self._waited = 0.0
         self._flat: Float64[np.ndarray, "3"] = np.zeros(3)
+        self._announced: tuple[Placement | None, Float64[np.ndarray, "4 2"]] = (
+            None,
+            np.zeros((4, 2)),
+        )
 
     @property
     def mode(self) -> Mode:
@@ -159,19 +163,19 @@ class StepPhases:
 
     # A tick ---------------------------------------------------------------------------------------
 
-    def advance(self, state: RobotState, dt: float) -> None:
+    def advance(self, time: float, dt: float) -> None:
         """Go on by a tick."""
-        self._time = state.time
+        self._time = time
         if self.mode is Mode.D:
             self._stand(dt)
         elif not self.mode.single:
             self._shift(dt)
         elif isinstance(self.flight, HeldFlight):
-            self._follow(self.flight, state, dt)
+            self._follow(self.flight, dt)
         elif self.flight is not None:
-            self._fly(self.flight, state, dt)
+            self._fly(self.flight, dt)
         if self._landed is not None:
-            self._confirm(self._landed, state, dt)
+            self._confirm(self._landed, dt)
 
     def announce(self, limit: BalanceLimit) -> None:
         """Announce the next foothold to a balance limit."""
@@ -189,8 +193,15 @@ class StepPhases:
             goal = self.flight.goal
         else:
             goal = self._commands.steps(self.foot, self._standing_foot, AHEAD)[0]
-        size = self._parts.stand.sizes[self.foot]
-        expect_step(limit, goal.position, goal.yaw, size, self._parts.settings.adjust)
+        if goal is not self._announced[0]:
+            ends = 2.0 * self._parts.settings.adjust
+            length, width = self._parts.stand.sizes[self.foot]
+            rotation = pin.utils.rotate("z", goal.yaw)
+            corners = sole_rectangle(
+                np.array(goal.position), rotation, (length + ends, width + ends)
+            )
+            self._announced = goal, np.array(corners)
+        limit.expect_step(self._announced[1])
 
     # Both feet on the ground ----------------------------------------------------------------------
 
@@ -310,13 +321,13 @@ class StepPhases:
         """Return whether the DCM rests over the foot that shall carry."""
         stance = 1 - self.foot
         goal = self._region.arriving(stance, *self._sense.sole(stance))
-        feet, _, _ = self._pendulum.feet(None)
+        feet = self._pendulum.places(None)
         xi = self._parts.legs.parted(self._pendulum.xi(None), feet)
         return math.dist(xi, goal) < self._region.arrived
 
     def _over(self, stance: int, rest: _Rest) -> tuple[DcmMotion, DcmMotion]:
         """Reference of the DCM at rest over a foot."""
-        feet, _, _ = self._pendulum.feet(self.flight)
+        feet = self._pendulum.places(self.flight)
         x, y = self._parts.legs.joined(rest(stance, *self._sense.sole(stance)), feet)
         return (x, 0.0), (y, 0.0)
 
@@ -328,14 +339,14 @@ class StepPhases:
         self.flight = HeldFlight(foot, self._sense)
         motion.take_off(foot)
 
-    def _follow(self, flight: HeldFlight, state: RobotState, dt: float) -> None:
+    def _follow(self, flight: HeldFlight, dt: float) -> None:
         """Follow whoever holds the swing foot, until touchdown or a capture step."""
         foot, motion = flight.foot, self.motion
         if motion is None or not self.is_held() or self._tips(1 - foot):
             self.put_down(foot)
             return
         motion.move(flight, dt)
-        ended = motion.end_of_swing(foot, self._sense.load(state, foot))
+        ended = motion.end_of_swing(foot, self._sense.load(foot))
         if ended is not None:
             self._machine.advance(ModeEvent.LANDED, self._time)
             self._tasks.contacts[foot].engage(ENGAGE * self._gait.double_support)
@@ -418,14 +429,14 @@ class StepPhases:
             self._aim(self.flight, math.inf)
         self._hurried = False
 
-    def _fly(self, flight: Flight, state: RobotState, dt: float) -> None:
+    def _fly(self, flight: Flight, dt: float) -> None:
         flight.count(dt)
         self._keep(flight)
         self._aim(flight, dt)
-        flight.get_clear(state)
+        flight.get_clear()
         flight.advance(dt)
         swing = flight.swing
-        down = self._sense.is_down(swing, state, flight.foot, self._parts.settings)
+        down = self._sense.is_down(swing, flight.foot, self._parts.settings)
         if down and not flight.on_its_way:
             self._land(flight)
             return
@@ -440,7 +451,7 @@ class StepPhases:
     def _aim(self, flight: Flight, dt: float) -> None:
         """Chooses the touchdown, and where the divergent component should be now."""
         planner, lifted = self._planner, self._next_foot()
-        pendulum = planner.plan(lifted, self._pendulum.swing_motion(flight.swing)[0])
+        pendulum = planner.plan(lifted, self._pendulum.swing_place(flight.swing))
         flight.aim(lifted, pendulum, dt)
         pendulum = planner.moved(lifted, pendulum, flight.goal.position[:2])
         self.dcm = planner.on_the_way(pendulum, flight.left)
@@ -470,13 +481,13 @@ class StepPhases:
             planned = not commands.closes
             self._left = REST_TIME if planned else self._gait.settle_time
 
-    def _confirm(self, flight: Flight, state: RobotState, dt: float) -> None:
+    def _confirm(self, flight: Flight, dt: float) -> None:
         """A foot that has bounced off what it met looks for the ground again."""
         self._stood += dt
         if self._stood > _BOUNCES:
             self._landed = None
             return
-        load = self._sense.load(state, flight.foot)
+        load = self._sense.load(flight.foot)
         self._hovering = 0.0 if load > _HOVERING else self._hovering + dt
         if self._hovering < self._parts.settings.bounce_time:
             return

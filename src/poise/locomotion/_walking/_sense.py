@@ -1,23 +1,29 @@
-"""`WalkSense`: what a walker needs to know of the robot's state, and how feet meet the ground.
-
-`expect_step`: where a step will catch the robot, for the balance limit of its stack.
-"""
+"""`WalkSense`: centre of mass, soles and loads of a state, read once a tick."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.dynamics import LoadedModel, Payload, RobotState
-from poise.locomotion._support import Point, SolePart, SupportPolygon, both_soles, sole_rectangle
-from poise.locomotion._walking._footsteps import Stand
+from poise._compiled import compiled
+from poise.dynamics import (
+    KINEMATICS,
+    ROTATION,
+    VELOCITY,
+    Frames,
+    LoadedModel,
+    Motion,
+    Payload,
+    RobotState,
+    frames_of,
+    motion_of,
+    place_frame,
+)
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._swing import SwingFoot
 from poise.robots import Robot
-from poise.stack import BalanceLimit
 
 ENGAGE, RELEASE = 0.4, 0.5
 """Ratios of the double support in which the landed foot is loaded and the next one unloaded."""
@@ -27,12 +33,14 @@ LONGEST_TICK = 0.05
 
 
 class WalkSense:
-    """Centre of mass and soles of a state; a fifth of what a controller computes.
+    """Centre of mass, soles and loads of the last state; arrays are overwritten by the next.
 
     Attributes:
         com: centre of mass [m].
         com_velocity: its velocity [m/s].
         weight: of the robot as it is described [N].
+        wrenches: measured on the left and the right sole, see `RobotState.contacts`; None where
+            none is.
     """
 
     def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
@@ -40,24 +48,27 @@ class WalkSense:
         self._payload: Payload | None = None
         self._loaded: LoadedModel | None = None
         self._soles, self.weight = soles, robot.weight
-        self._ids = [robot.frame_id(name) for name in soles]
+        self._frames = frames_of(robot.model, [robot.frame_id(name) for name in soles])
+        self._motion = motion_of(robot.model, self._data)
         found = [robot.soles[name] for name in soles]
         self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
-        self._state: RobotState | None = None
-        self._wrenches: list[Float64[np.ndarray, "6"] | None] = [None, None]
-        self.com: Float64[np.ndarray, "3"] = self._data.com[0]
-        self.com_velocity: Float64[np.ndarray, "3"] = self._data.vcom[0]
+        self.wrenches: list[list[float] | None] = [None, None]
+        self._numbers = np.zeros(2 * KINEMATICS + 6)
+        self.com: Float64[np.ndarray, "3"] = self._numbers[-6:-3]
+        self.com_velocity: Float64[np.ndarray, "3"] = self._numbers[-3:]
+        feet = self._numbers[:-6].reshape(2, KINEMATICS)
+        self._poses = [(row[:ROTATION], row[ROTATION:VELOCITY].reshape(3, 3)) for row in feet]
+        self._velocities = [row[VELOCITY : VELOCITY + 6] for row in feet]
 
     def update(self, state: RobotState) -> None:
-        """Takes a state in."""
+        """Take a state in."""
         if state.payload is not self._payload:
             self._carry(state.payload)
-        pin.centerOfMass(self._model, self._data, state.q, state.v, False)
-        self._state, self._wrenches = state, [state.wrench(sole) for sole in self._soles]
-
-    def _wrench(self, state: RobotState, foot: int) -> Float64[np.ndarray, "6"] | None:
-        """Wrench on a sole, read once for the state of the tick."""
-        return self._wrenches[foot] if state is self._state else state.wrench(self._soles[foot])
+        data = self._data
+        pin.centerOfMass(self._model, data, state.q, state.v, False)
+        _read(self._motion, self._frames, data.vcom[0], self._numbers)
+        found = [state.wrench(sole) for sole in self._soles]
+        self.wrenches = [None if wrench is None else wrench.tolist() for wrench in found]
 
     def _carry(self, payload: Payload | None) -> None:
         """Where the COM is with a payload."""
@@ -68,103 +79,78 @@ class WalkSense:
         self._payload = payload
 
     def sole(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
-        """Position [m] and rotation of a sole in the world."""
-        placement = pin.updateFramePlacement(self._model, self._data, self._ids[foot])
-        return placement.translation, placement.rotation
+        """Return position [m] and rotation of a sole in the world."""
+        return self._poses[foot]
 
     def lower_edge(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
-        """Position [m] and rotation of a sole, but as high as the lower edge of one that leans."""
-        position, rotation = self.sole(foot)
+        """Return `sole`, but as high as the lower edge of one that leans."""
+        position, rotation = self._poses[foot]
         return position - np.array([0.0, 0.0, self.edge_drop(foot)[0]]), rotation
 
     def edge_drop(self, foot: int) -> tuple[float, float]:
-        """How far the lower edge of a sole that leans is below its middle [m], with rate [m/s]."""
+        """Return the depth of a leaning sole's lower edge below its middle, with rate [m, m/s]."""
         half = self._edges[foot]
         if half == 0.0:
             return 0.0, 0.0
-        tilt = float(self.sole(foot)[1][2, 1])
-        turning = pin.getFrameVelocity(self._model, self._data, self._ids[foot]).angular
-        return half * abs(tilt), math.copysign(half, tilt) * float(turning[0])
+        rotation, velocity = self._poses[foot][1], self._velocities[foot]
+        tilt, turning = float(rotation[2, 1]), float(velocity[3])
+        return half * abs(tilt), math.copysign(half, tilt) * turning
 
-    def lower_edge_velocity(self, foot: int) -> Float64[np.ndarray, "3"]:
-        """Velocity of what `lower_edge` gives the position of, along the world's axes [m/s]."""
-        frame, axes = self._ids[foot], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        velocity = pin.getFrameVelocity(self._model, self._data, frame, axes).linear
-        return velocity - np.array([0.0, 0.0, self.edge_drop(foot)[1]])
+    def lower_edge_velocity(self, foot: int) -> tuple[float, float, float]:
+        """Return the velocity of `lower_edge` in the world [m/s]."""
+        x, y, z = self._in_world(foot, self._velocities[foot].tolist())
+        return x, y, z - self.edge_drop(foot)[1]
 
-    def sole_velocity(self, foot: int) -> Float64[np.ndarray, "3"]:
-        """Of a sole's centre, along its own axes [m/s]."""
-        frame, axes = self._ids[foot], pin.ReferenceFrame.LOCAL
-        return pin.getFrameVelocity(self._model, self._data, frame, axes).linear
+    def _in_world(self, foot: int, vector: list[float]) -> tuple[float, float, float]:
+        """Return a vector along a sole's axes along those of the world."""
+        x, y, z, *_ = vector
+        a, b, c = (i * x + j * y + k * z for i, j, k in self._poses[foot][1].tolist())
+        return a, b, c
 
-    def sole_turning(self, foot: int) -> Point:
-        """Angular velocity of a sole about its own x and y [rad/s]."""
-        frame, axes = self._ids[foot], pin.ReferenceFrame.LOCAL
-        x, y, _ = pin.getFrameVelocity(self._model, self._data, frame, axes).angular.tolist()
-        return x, y
+    def sole_velocity(self, foot: int) -> list[float]:
+        """Return the velocity of a sole, linear then angular, along its own axes [m/s, rad/s]."""
+        return self._velocities[foot].tolist()
 
     def placement(self, foot: int) -> Placement:
-        """Where a sole lies."""
+        """Return where a sole lies."""
         position, rotation = self.lower_edge(foot)
         x, y, z = position.tolist()
         yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
         return Placement(position=(x, y, z), yaw=yaw)
 
-    def corners(
-        self, feet: tuple[int, ...], sizes: tuple[tuple[float, float], tuple[float, float]]
-    ) -> list[Point]:
-        """Corners of soles, seen from above [m]."""
-        corners: list[Point] = []
-        for foot in feet:
-            corners += sole_rectangle(*self.sole(foot), sizes[foot])
-        return corners
+    def load(self, foot: int, *, stands: bool = True) -> float:
+        """Return a foot's part of the weight; where nothing is measured, all of it if it stands."""
+        wrench = self.wrenches[foot]
+        return float(stands) if wrench is None else wrench[2] / self.weight
 
-    def support(
-        self,
-        feet: tuple[int, ...],
-        stand: Stand,
-        margin: float,
-        parts: Sequence[SolePart | None] = (None, None),
-    ) -> SupportPolygon:
-        """Return the support polygon."""
-        foot, *others = feet
-        if not others:
-            bears = SolePart(*stand.bearings[foot])
-            return SupportPolygon(bears.corners(*self.sole(foot), margin), 0.0)
-        return both_soles([self.sole(f) for f in (0, 1)], stand.sizes, margin, parts)
-
-    def load(self, state: RobotState, foot: int, *, stands: bool = True) -> float:
-        """What a foot carries of the weight; where nothing is measured, all of it if it stands."""
-        wrench = self._wrench(state, foot)
-        return float(stands) if wrench is None else float(wrench[2]) / self.weight
-
-    def felt(self, state: RobotState, foot: int) -> Float64[np.ndarray, "3"]:
-        """Force on a sole, in the world, over the weight; none where none is measured."""
-        wrench = self._wrench(state, foot)
+    def felt(self, foot: int) -> tuple[float, float, float]:
+        """Return the force on a sole, in the world, over the weight; zero without a measurement."""
+        wrench = self.wrenches[foot]
         if wrench is None:
-            return np.zeros(3)
-        return self.sole(foot)[1] @ wrench[:3] / self.weight
+            return 0.0, 0.0, 0.0
+        x, y, z = self._in_world(foot, wrench)
+        return x / self.weight, y / self.weight, z / self.weight
 
-    def is_down(
-        self, swing: SwingFoot, state: RobotState, foot: int, settings: WalkSettings
-    ) -> bool:
-        """Whether a foot in the air has come to the ground."""
-        wrench = self._wrench(state, foot)
+    def is_down(self, swing: SwingFoot, foot: int, settings: WalkSettings) -> bool:
+        """Return whether a foot in the air has come to the ground."""
+        wrench = self.wrenches[foot]
         if wrench is None:
             # Nothing is measured: the foot is down when it should be.
             return swing.phase >= 1.0
-        loaded = bool(wrench[2] >= settings.touchdown_force * self.weight)
+        loaded = wrench[2] >= settings.touchdown_force * self.weight
         return loaded and (swing.phase >= settings.early or swing.searching)
 
 
-def expect_step(
-    limit: BalanceLimit,
-    position: tuple[float, float, float],
-    yaw: float,
-    size: tuple[float, float],
-    adjust: float,
+@compiled
+def _read(
+    motion: Motion,
+    soles: Frames,
+    com_velocity: Float64[np.ndarray, "3"],
+    out: Float64[np.ndarray, "54"],
 ) -> None:
-    """Tells a balance limit where a step will catch the robot."""
-    length, width = (side + 2.0 * adjust for side in size)
-    rotation = pin.utils.rotate("z", yaw)
-    limit.expect_step(sole_rectangle(np.array(position), rotation, (length, width)))
+    """Copy kinematics of both soles, then the CoM and its velocity."""
+    place_frame(motion, soles, 0, out, 0)
+    place_frame(motion, soles, 1, out, KINEMATICS)
+    for i in range(3):
+        out[2 * KINEMATICS + i] = motion.com[i]
+        out[2 * KINEMATICS + 3 + i] = com_velocity[i]

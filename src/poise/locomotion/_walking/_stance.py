@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._support import Point, SolePart, SupportPolygon
+from poise.locomotion._support import Point, SolePart, SupportPolygon, both_soles
 from poise.locomotion._walking._bearing import Bearing
 from poise.locomotion._walking._carrying import CarryingArea
 from poise.locomotion._walking._footsteps import Stand
@@ -80,7 +80,13 @@ class Stance:
 
     def _look(self, parts: list[SolePart | None]) -> None:
         self._seen = parts
-        self.support = self._sense.support(self._feet, self._stand, self._margin, parts)
+        sense, stand, (foot, *others) = self._sense, self._stand, self._feet
+        if others:
+            both = [sense.sole(0), sense.sole(1)]
+            self.support = both_soles(both, stand.sizes, self._margin, parts)
+        else:
+            bears = SolePart(*stand.bearings[foot])
+            self.support = SupportPolygon(bears.corners(*sense.sole(foot), self._margin), 0.0)
 
     def _estimated_parts(self) -> list[SolePart | None]:
         """What of each sole carries, as far as is known; None for all of it."""

@@ -102,20 +102,20 @@ class TroubleWatch:
         self._signs = {status: _Sign(status) for status in RESPONSES}
 
     def look(
-        self, state: RobotState, flight: Flight | HeldFlight | None, error: float, dt: float
+        self, flight: Flight | HeldFlight | None, error: float, dt: float
     ) -> WalkStatus | None:
         """The worst trouble there is; None for none."""
         sense, settings = self._sense, self._settings
         lowest = min(float(sense.sole(foot)[0][2]) for foot in (0, 1))
         flying = None if flight is None else flight.foot
-        loads = [sense.load(state, foot, stands=foot != flying) for foot in (0, 1)]
+        loads = [sense.load(foot, stands=foot != flying) for foot in (0, 1)]
         hanging = self._signs[WalkStatus.LIFTED].there
         seen = {
             WalkStatus.FALLEN: float(sense.com[2]) - lowest < _FALLEN * self._height,
             WalkStatus.LIFTED: sum(loads) < (_SETTLED if hanging else _HANGING),
             WalkStatus.FOOT_LOST: flight is not None and flight.waited > settings.patience,
             WalkStatus.FOOT_CAUGHT: flight is not None
-            and math.hypot(*sense.felt(state, flight.foot).tolist()) > _FELT
+            and math.hypot(*sense.felt(flight.foot)) > _FELT
             and self._is_caught(flight),
             WalkStatus.COM_LOST: error > settings.com_bound * self._height,
             WalkStatus.SLIPPING: any(self._slips(foot, loads[foot]) for foot in (0, 1)),
@@ -131,7 +131,7 @@ class TroubleWatch:
     def _slips(self, foot: int, load: float) -> bool:
         if load < _SLIP_LOAD:
             return False
-        x, y, _ = self._sense.sole_velocity(foot).tolist()
+        x, y, *_ = self._sense.sole_velocity(foot)
         return x * x + y * y > _SLIP_SPEED * _SLIP_SPEED
 
 
@@ -166,10 +166,10 @@ class HangWatch:
         self._idle = [0.0, 0.0]
         self.foot: int | None = None
 
-    def update(self, state: RobotState, dt: float) -> None:
+    def update(self, dt: float) -> None:
         """Takes in what the feet carry."""
         for foot, contact in enumerate(self._contacts):
-            idle = contact.active and self._sense.load(state, foot) < _IDLE
+            idle = contact.active and self._sense.load(foot) < _IDLE
             change = dt if idle else -_NOISE * dt
             self._idle[foot] = min(max(self._idle[foot] + change, 0.0), _MOST_IDLE)
         left, right = self._idle
