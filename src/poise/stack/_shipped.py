@@ -62,10 +62,10 @@ class VectorTarget:
         memory[2 * dim :] = 0.0 if acceleration is None else acceleration
         self._held = False
 
-    def overwrite(self) -> Float64[np.ndarray, " k"]:
-        """Return the memory for a leader to write what it computed: nothing is checked."""
+    def overwrite(self) -> Float64[np.ndarray, "3 dim"]:
+        """Return the memory by rows, for `ShippedTask.overwrite_target`."""
         self._held = False
-        return self.memory
+        return self.memory.reshape(3, self._dim)
 
     @property
     def position(self) -> Float64[np.ndarray, " m"] | None:
@@ -136,10 +136,10 @@ class PoseTarget:
         for start, rate in ((TARGET_VELOCITY, velocity), (TARGET_ACCELERATION, acceleration)):
             self.memory[start + first : start + end] = 0.0 if rate is None else rate[first:end]
 
-    def overwrite(self) -> Float64[np.ndarray, " k"]:
-        """Return the memory for a leader to write what it computed: nothing is checked."""
+    def overwrite(self) -> Float64[np.ndarray, "8 3"]:
+        """Return the memory by rows, for `ShippedTask.overwrite_target`."""
         self._held[:] = False
-        return self.memory
+        return self.memory.reshape(8, 3)
 
     @property
     def position(self) -> Float64[np.ndarray, "3"] | None:
@@ -209,12 +209,12 @@ class ShippedTask(Owner, Task, Generic[T]):
             self._take_gains(self.parameters[:size].reshape(GAINS, self.dim))
             self._target.memory = self.parameters[size:]
 
-    def overwrite_target(self) -> Float64[np.ndarray, " k"]:
-        """Return the target's numbers, for a leader that computes them: nothing is checked.
+    def overwrite_target(self) -> Float64[np.ndarray, "rows size"]:
+        """Return the target's numbers, for a leader to write what it computed: nothing is checked.
 
         Returns:
-            Position, velocity and acceleration, one after another; of a pose its position, its
-            rotation row by row, velocity and acceleration, linear before angular.
+            Position, velocity and acceleration, a row each; of a pose its position, three rows of
+            its rotation, then linear and angular velocity and acceleration.
         """
         return self._target.overwrite()
 

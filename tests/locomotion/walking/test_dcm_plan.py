@@ -39,7 +39,7 @@ def test_a_transfer_ends_where_it_should():
 def test_steps_from_a_touchdown_on_end_at_rest_over_the_last_foothold(beta):
     legs = LegMomentum(beta, OMEGA * math.sqrt(1.0 + 2.0 * beta))
     assert legs.omega == pytest.approx(OMEGA)
-    xi = np.array(touchdown_dcm(FEET[0], FEET[1:], legs, TIMES))
+    xi = np.array(touchdown_dcm(FEET[1:], legs, TIMES))
     # At the touchdown of foot 2 the ZMP goes over to it from foot 1, while foot 0 has gone there.
     for i in range(2, len(FEET)):
         behind, ahead = FEET[i - 1], FEET[i]
@@ -55,7 +55,7 @@ def test_steps_from_a_touchdown_on_end_at_rest_over_the_last_foothold(beta):
 def test_the_touchdown_moves_with_the_foothold_and_all_after_it():
     legs = LegMomentum(0.06, OMEGA)
     moved = [FEET[1], *((x + 0.1, y) for x, y in FEET[2:])]
-    before, after = (touchdown_dcm(FEET[0], feet, legs, TIMES) for feet in (FEET[1:], moved))
+    before, after = (touchdown_dcm(feet, legs, TIMES) for feet in (FEET[1:], moved))
     assert after[0] - before[0] == pytest.approx(0.1 * transfer_gain(legs, TIMES))
     assert after[1] == pytest.approx(before[1])
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.apps.scenarios._scenario import ContactChange, Motion, Scenario
-from poise.dynamics import Dynamics, Quintic, RobotState
+from poise.dynamics import Dynamics, Quintic, RobotState, least_jerk
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import CarriedTarget, Walker
 from poise.robots import Robot
@@ -87,7 +87,7 @@ TOUCHDOWN_PATIENCE = 1.0
 class _Running:
     """A motion under way: of a point, a posture, or a rotation vector on top of `rotation`."""
 
-    task: Task
+    task: FrameTask | ComTask | JointTask
     motion: Motion
     trajectory: Quintic
     rotation: Float64[np.ndarray, "3 3"] | None = None
@@ -143,7 +143,8 @@ class Director:
     def lead(self, state: RobotState) -> None:
         """Applies everything that is due at the state's time."""
         time = state.time
-        self._change_contacts(state)
+        if self._changes:
+            self._change_contacts(state)
         while self._motions and self._motions[0].at <= time:
             motion = self._motions.pop(0)
             replaced = [r for r in self._running if _replaces(motion, r.motion)]
@@ -153,7 +154,8 @@ class Director:
             self._running.append(self._begin(motion, state, replaced[-1] if replaced else None))
         for running in self._running:
             _follow(running, time)
-        self._running = [r for r in self._running if not r.trajectory.is_over(time)]
+        if self._running:
+            self._running = [r for r in self._running if not r.trajectory.is_over(time)]
         if self.walker is not None:
             while self._velocities and self._velocities[0].at <= time:
                 self.walker.set_velocity(*self._velocities.pop(0).velocity)
@@ -202,7 +204,8 @@ class Director:
         carried = None if self.walker is None else self.walker.carried.get(task.name)
         start = self._point_of(task) if carried is None else carried.target_position
         goal = self._goal(motion, task, start)
-        return _Running(task, motion, _trajectory(motion, start, goal, old), carried=carried)
+        moved = task if isinstance(task, ComTask) else _as_frame(task)
+        return _Running(moved, motion, _trajectory(motion, start, goal, old), carried=carried)
 
     def _posture_of(self, task: JointTask, state: RobotState) -> Float64[np.ndarray, " m"]:
         if task.target_position is not None:
@@ -260,22 +263,26 @@ def _trajectory(
 
 
 def _follow(running: _Running, time: float) -> None:
-    position, velocity, acceleration = running.trajectory.sample(time)
-    task, zero = running.task, np.zeros(3)
-    if running.rotation is not None and isinstance(task, FrameTask):
-        task.set_target(
-            rotation=pin.exp3(position) @ running.rotation,
-            velocity=np.concatenate((zero, velocity)),
-            acceleration=np.concatenate((zero, acceleration)),
-        )
-    elif isinstance(task, FrameTask):
-        (running.carried or task).set_target(
-            position=position,
-            velocity=np.concatenate((velocity, zero)),
-            acceleration=np.concatenate((acceleration, zero)),
-        )
-    elif isinstance(task, ComTask | JointTask):
-        task.set_target(position, velocity, acceleration)
+    position, velocity, acceleration = _sample(running.trajectory, time)
+    target = (running.carried or running.task).overwrite_target()
+    if running.rotation is not None:
+        target[1:4] = pin.exp3(position) @ running.rotation
+        target[5], target[7] = velocity, acceleration
+    elif isinstance(running.task, FrameTask):
+        target[0], target[4], target[6] = position, velocity, acceleration
+    else:
+        target[:] = position, velocity, acceleration
+
+
+def _sample(
+    trajectory: Quintic, time: float
+) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
+    """Sample a trajectory, by its phase alone where it began at rest."""
+    if not isinstance(trajectory.velocity, float):
+        return trajectory.sample(time)
+    phase, rate, second = least_jerk(time, trajectory.start, trajectory.duration)
+    way = trajectory.goal - trajectory.position
+    return trajectory.position + phase * way, rate * way, second * way
 
 
 def _replaces(new: Motion, old: Motion) -> bool:

@@ -53,6 +53,8 @@ class CarryingArea:
         # Lower and upper edges on the average; all that can carry where nothing is known [m].
         self._average = self._all_of_it
         self._settled: tuple[float, float, float, float] | None = None
+        self._borne_on: tuple[float, float, float, float] | None = None
+        self._borne: tuple[Bearing | None, Bearing] = (None, Bearing(0.0, 0.0, 0.0, 0.0))
 
     @property
     def lies(self) -> bool:
@@ -64,7 +66,10 @@ class CarryingArea:
         """Return the region of the ZMP in single support on this foot."""
         if self._settled is None:
             return whole
-        return whole.within(*self._open(*self._average))
+        if self._average is not self._borne_on or whole is not self._borne[0]:
+            self._borne_on = self._average
+            self._borne = whole, whole.within(*self._open(*self._average))
+        return self._borne[1]
 
     def part(self, size: Point) -> SolePart | None:
         """Return the loaded area of the sole as estimated; None for all of it."""
@@ -100,18 +105,23 @@ class CarryingArea:
         contact = self._contact
         if contact is None:
             return
+        stands = contact.active
+        *_, x, y, _ = self._sense.sole_velocity(self._foot)
+        still = not stands or (abs(x) <= _TURNING and abs(y) <= _TURNING)
+        edges, all_of_it = (*self._lower, *self._upper), self._all_of_it
+        if still and edges == all_of_it and self._settled == (all_of_it if stands else None):
+            return
         wrench = self._sense.wrenches[self._foot]
-        if wrench is None or not contact.active:
+        if wrench is None or not stands:
             self._lower, self._upper = [-r for r in self._reach], list(self._reach)
         else:
             _, _, load, m_x, m_y, _ = wrench
             carries = load > _CARRIES * self._sense.weight
             pressure = (-m_y / load, m_x / load) if carries else (None, None)
-            *_, x, y, _ = self._sense.sole_velocity(self._foot)
             # Turning to the front, about y, the toes go down; to the right, about x, that edge.
             for axis, down in enumerate((y, -x)):
                 self._learn(axis, down, pressure[axis], dt)
-        self._settle(contact.active, dt)
+        self._settle(stands, dt)
 
     def _tell(self, a: float, b: float, c: float, d: float) -> None:
         """Tells the contact what it does not know yet: its lower and its upper edges."""

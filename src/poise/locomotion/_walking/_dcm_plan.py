@@ -43,8 +43,7 @@ def before_transfer(xi: Point, start: Point, end: Point, omega: float, time: flo
 
 
 def touchdown_dcm(
-    lifted: Point,
-    footholds: Sequence[Point],
+    feet: Sequence[Point],
     legs: LegMomentum,
     times: StepTimes,
     rest: Point | None = None,
@@ -53,17 +52,23 @@ def touchdown_dcm(
 
     Of `LegMomentum`, as everything here. It comes to rest over the last foothold, or where the
     robot stands on the last two.
+
+    Args:
+        feet: where the foot stands that stays, and footholds after it, a foot after the other [m].
+        legs: the pendulum.
+        times: of a step.
+        rest: of the ZMP at the end [m].
     """
-    omega, feet = legs.omega, (lifted, *footholds)
+    omega = legs.omega
     xi = over = feet[-1] if rest is None else rest
     time = times.double_support if rest is None else REST_TIME
-    for i in range(len(feet) - 1, 1, -1):
+    for i in range(len(feet) - 1, 0, -1):
         behind, ahead = feet[i - 1], feet[i]
         stands = (behind, ahead)
         landed = legs.joined(behind, stands)
         xi = before_transfer(xi, landed, legs.joined(over, stands), omega, time)
         over, time = behind, times.double_support
-        if i > 2:
+        if i > 1:
             start = legs.joined(behind, (feet[i - 2], behind))
             xi = before_transfer(xi, start, landed, omega, times.swing)
     return xi
@@ -72,7 +77,7 @@ def touchdown_dcm(
 def transfer_gain(legs: LegMomentum, times: StepTimes) -> float:
     """How far `touchdown_dcm` moves with the next foothold and all after it, metre by metre."""
     here, there = (0.0, 0.0), (1.0, 0.0)
-    return touchdown_dcm(here, (here, there, there), legs, times)[0]
+    return touchdown_dcm((here, there, there), legs, times)[0]
 
 
 DcmMotion = tuple[float, float]

@@ -82,6 +82,8 @@ class StepPlanner:
         self._stand = stand
         self._commands, self._room, self._legs, self.times = commands, room, legs, times
         self._margin, self._gain = margin, transfer_gain(legs, times)
+        self._asked: tuple[Sequence[Placement], int | None, Bearing | None] = ((), None, None)
+        self._planned: Pendulum
         # As fast as the hips move a foot: side by side at least, and as far as it goes at most.
         self._shortest = max(_SHORTEST * times.swing, room.shortest_swing(room.width))
         self._speed = room.far / room.shortest_swing(room.far)
@@ -93,10 +95,17 @@ class StepPlanner:
 
     def plan(self, lifted: Lifted, counts_as: Point | None = None) -> Pendulum:
         """Return the pendulum of the next footholds, in the world."""
-        stance, legs = lifted.zmp, self._legs
-        place = counts_as or lifted.place
-        left = self._commands.left
-        steps = self._commands.steps(lifted.foot, lifted.stance, AHEAD)[:left]
+        steps = self._commands.steps(lifted.foot, lifted.stance, AHEAD)
+        asked = (steps, self._commands.left, lifted.bearing)
+        if steps is not self._asked[0] or asked[1:] != self._asked[1:]:
+            self._asked, self._planned = asked, self._plan(lifted, steps, self._commands.left)
+        there = lifted.zmp
+        zmp = self._legs.joined(there, (there, counts_as or lifted.place))
+        return self._planned._replace(xi=lifted.xi, zmp=zmp)
+
+    def _plan(self, lifted: Lifted, steps: Sequence[Placement], left: int | None) -> Pendulum:
+        """The part of a plan that depends neither on the robot nor on the foot in the air."""
+        stance, legs, steps = lifted.zmp, self._legs, steps[:left]
         foothold = steps[0].position[:2]
         feet = (lifted.foot, 1 - lifted.foot)
         rests = [self._stand.zmp(feet[i % 2], step) for i, step in enumerate(steps)]
@@ -112,9 +121,9 @@ class StepPlanner:
         )
         return Pendulum(
             xi=lifted.xi,
-            zmp=legs.joined(stance, (stance, place)),
+            zmp=stance,
             zmp_end=legs.joined(stance, (stance, foothold)),
-            goal=touchdown_dcm(place, (stance, *rests), legs, self.times, rest),
+            goal=touchdown_dcm((stance, *rests), legs, self.times, rest),
             foothold=foothold,
             gain=self._gain,
             room=room,

@@ -64,12 +64,13 @@ class CarriedTarget:
         self.task = task
         self._moves, self._origin = task.unit != "rad", origin.copy()
         self._target = PoseTarget(f"carried task {task.name!r}", sorted(task.components))
+        self._given = self._target.overwrite()
         self.set_target(position, rotation)
 
     @property
     def target_position(self) -> Float64[np.ndarray, "3"]:
         """Where the frame should be had the robot not walked [m]."""
-        return self._target.memory[:3].copy()
+        return self._given[0].copy()
 
     def set_target(
         self,
@@ -81,9 +82,9 @@ class CarriedTarget:
         """Move the target, as if the robot had not walked; what is not given stays as it is."""
         self._target.set(position, rotation, velocity, acceleration)
 
-    def overwrite_target(self) -> Float64[np.ndarray, "24"]:
+    def overwrite_target(self) -> Float64[np.ndarray, "8 3"]:
         """Return the target's numbers as `FrameTask.overwrite_target` does."""
-        return self._target.overwrite()
+        return self._given
 
     def write(self, body: Float64[np.ndarray, "3 4"]) -> None:
         """Set the task's target.
@@ -91,43 +92,43 @@ class CarriedTarget:
         Args:
             body: displacement and turn of the body, then their rates, a row each [m, rad].
         """
-        task, given = self.task, self._target.memory
-        _carry(body, given, self._origin, self._moves, task.turns, task.overwrite_target())
+        task, out = self.task, self.task.overwrite_target()
+        _carry(body, self._given, self._origin, self._moves, task.turns, out)
 
 
 @compiled
 def _carry(
     body: Float64[np.ndarray, "3 4"],
-    given: Float64[np.ndarray, "24"],
+    given: Float64[np.ndarray, "8 3"],
     origin: Float64[np.ndarray, "3"],
     moves: bool,
     turns: bool,
-    out: Float64[np.ndarray, "24"],
+    out: Float64[np.ndarray, "8 3"],
 ) -> None:
     """Take a target along with a body."""
     c, s, rate, second = math.cos(body[0, 3]), math.sin(body[0, 3]), body[1, 3], body[2, 3]
     if turns:
-        for k in range(3, 6):
-            out[k], out[3 + k] = c * given[k] - s * given[3 + k], s * given[k] + c * given[3 + k]
-            out[6 + k] = given[6 + k]
-        x, y = c * given[15] - s * given[16], s * given[15] + c * given[16]
-        out[15], out[16], out[17] = x, y, given[17] + rate
-        # The axes that the target spins about turn with the body.
-        out[21] = c * given[21] - s * given[22] - rate * y
-        out[22] = s * given[21] + c * given[22] + rate * x
-        out[23] = given[23] + second
-    if moves:
-        px, py = given[0] - origin[0], given[1] - origin[1]
-        px, py = c * px - s * py, s * px + c * py
-        vx, vy = c * given[12] - s * given[13], s * given[12] + c * given[13]
-        ax, ay = c * given[18] - s * given[19], s * given[18] + c * given[19]
-        out[0], out[1] = origin[0] + body[0, 0] + px, origin[1] + body[0, 1] + py
-        out[12], out[13] = body[1, 0] + vx - rate * py, body[1, 1] + vy + rate * px
-        # Tangential, centripetal and Coriolis acceleration.
-        out[18] = body[2, 0] + ax - second * py - rate * rate * px - 2.0 * rate * vy
-        out[19] = body[2, 1] + ay + second * px - rate * rate * py + 2.0 * rate * vx
         for k in range(3):
-            out[2 + (0, 12, 18)[k]] = body[k, 2] + given[2 + (0, 12, 18)[k]]
+            x, y = given[1, k], given[2, k]
+            out[1, k], out[2, k], out[3, k] = c * x - s * y, s * x + c * y, given[3, k]
+        x, y = c * given[5, 0] - s * given[5, 1], s * given[5, 0] + c * given[5, 1]
+        out[5, 0], out[5, 1], out[5, 2] = x, y, given[5, 2] + rate
+        # The axes that the target spins about turn with the body.
+        out[7, 0] = c * given[7, 0] - s * given[7, 1] - rate * y
+        out[7, 1] = s * given[7, 0] + c * given[7, 1] + rate * x
+        out[7, 2] = given[7, 2] + second
+    if moves:
+        x, y = given[0, 0] - origin[0], given[0, 1] - origin[1]
+        px, py = c * x - s * y, s * x + c * y
+        vx, vy = c * given[4, 0] - s * given[4, 1], s * given[4, 0] + c * given[4, 1]
+        ax, ay = c * given[6, 0] - s * given[6, 1], s * given[6, 0] + c * given[6, 1]
+        out[0, 0], out[0, 1] = origin[0] + body[0, 0] + px, origin[1] + body[0, 1] + py
+        out[4, 0], out[4, 1] = body[1, 0] + vx - rate * py, body[1, 1] + vy + rate * px
+        # Tangential, centripetal and Coriolis acceleration.
+        out[6, 0] = body[2, 0] + ax - second * py - rate * (rate * px + 2.0 * vy)
+        out[6, 1] = body[2, 1] + ay + second * px - rate * (rate * py - 2.0 * vx)
+        for k in range(3):
+            out[(0, 4, 6)[k], 2] = body[k, 2] + given[(0, 4, 6)[k], 2]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,15 +150,15 @@ class WalkTasks:
     def lead_foot(self, sense: WalkSense, foot: int, swing: SwingFoot | HeldSwing) -> None:
         """Lead a foot in the air along its way, by the lower edge of a sole that leans."""
         target, (drop, rate) = self.feet[foot].overwrite_target(), sense.edge_drop(foot)
-        target[:3], target[3:12] = swing.position, swing.rotation.ravel()
-        target[12:18], target[18:] = swing.velocity, swing.acceleration
-        target[2] += drop
-        target[14] += rate
+        target[0], target[1:4] = swing.position, swing.rotation
+        target[4:6], target[6:] = swing.velocity.reshape(2, 3), swing.acceleration.reshape(2, 3)
+        target[0, 2] += drop
+        target[4, 2] += rate
 
     def lead_com(self, sense: WalkSense, com: ComMotion, horizontal: Point) -> None:
         """Height by the task's own gains, the rest as feedback says."""
         task, (place, velocity, acceleration) = self.com, com
-        self.com.overwrite_target()[:] = *place, *velocity, *acceleration
+        task.overwrite_target()[:] = com
         height, speed = place[2] - sense.com[2], velocity[2] - sense.com_velocity[2]
         z = acceleration[2] + task.kp[2] * height + task.kd[2] * speed
         task.set_acceleration(np.array((*horizontal, z)))

@@ -100,31 +100,37 @@ class TroubleWatch:
     def forget(self) -> None:
         """There has been no trouble."""
         self._signs = {status: _Sign(status) for status in RESPONSES}
+        self._calm = True
 
     def look(
         self, flight: Flight | HeldFlight | None, error: float, dt: float
     ) -> WalkStatus | None:
-        """The worst trouble there is; None for none."""
-        sense, settings = self._sense, self._settings
+        """Return the worst trouble there is; None for none."""
+        sense, settings, height = self._sense, self._settings, self._height
         lowest = min(float(sense.sole(foot)[0][2]) for foot in (0, 1))
         flying = None if flight is None else flight.foot
-        loads = [sense.load(foot, stands=foot != flying) for foot in (0, 1)]
+        left, right = (sense.load(foot, stands=foot != flying) for foot in (0, 1))
         hanging = self._signs[WalkStatus.LIFTED].there
-        seen = {
-            WalkStatus.FALLEN: float(sense.com[2]) - lowest < _FALLEN * self._height,
-            WalkStatus.LIFTED: sum(loads) < (_SETTLED if hanging else _HANGING),
-            WalkStatus.FOOT_LOST: flight is not None and flight.waited > settings.patience,
-            WalkStatus.FOOT_CAUGHT: flight is not None
-            and math.hypot(*sense.felt(flight.foot)) > _FELT
-            and self._is_caught(flight),
-            WalkStatus.COM_LOST: error > settings.com_bound * self._height,
-            WalkStatus.SLIPPING: any(self._slips(foot, loads[foot]) for foot in (0, 1)),
-        }
-        for status, sign in self._signs.items():
-            sign.update(seen[status], dt)
-        return next((status for status, sign in self._signs.items() if sign.there), None)
+        # In the order of the signs.
+        seen = (
+            float(sense.com[2]) - lowest < _FALLEN * height,
+            left + right < (_SETTLED if hanging else _HANGING),
+            flight is not None and flight.waited > settings.patience,
+            flight is not None and self._is_caught(flight),
+            error > settings.com_bound * height,
+            self._slips(0, left) or self._slips(1, right),
+        )
+        if self._calm and not any(seen):
+            return None
+        for sign, is_seen in zip(self._signs.values(), seen, strict=True):
+            sign.update(is_seen, dt)
+        worst = next((status for status, sign in self._signs.items() if sign.there), None)
+        self._calm = worst is None and not any(seen)
+        return worst
 
     def _is_caught(self, flight: Flight | HeldFlight) -> bool:
+        if math.hypot(*self._sense.felt(flight.foot)) <= _FELT:
+            return False
         x, y, _ = (self._sense.sole(flight.foot)[0] - flight.swing.position).tolist()
         return x * x + y * y > _CAUGHT * _CAUGHT
 
@@ -169,9 +175,10 @@ class HangWatch:
     def update(self, dt: float) -> None:
         """Takes in what the feet carry."""
         for foot, contact in enumerate(self._contacts):
-            idle = contact.active and self._sense.load(foot) < _IDLE
-            change = dt if idle else -_NOISE * dt
-            self._idle[foot] = min(max(self._idle[foot] + change, 0.0), _MOST_IDLE)
+            idle = self._sense.load(foot) < _IDLE and contact.active
+            if idle or self._idle[foot] > 0.0:
+                change = dt if idle else -_NOISE * dt
+                self._idle[foot] = min(max(self._idle[foot] + change, 0.0), _MOST_IDLE)
         left, right = self._idle
         self.foot = None
         if max(left, right) > _IDLE_TIME and min(left, right) == 0.0:
