@@ -101,7 +101,7 @@ class PoseTarget:
         turns, moves = max(components) >= 3, min(components) < 3
         self._alone = None if turns and moves else slice(3, 6) if turns else slice(0, 3)
         self._whats, self._what_rotation = _names_of(what), f"target rotation of {what}"
-        self._held = np.zeros(TARGET_VELOCITY, dtype=np.bool_)
+        self._held: list[slice] = []
         self.memory: Float64[np.ndarray, "24"] = np.zeros(TARGET_SIZE)
         self.memory[:TARGET_VELOCITY] = np.nan
 
@@ -138,7 +138,7 @@ class PoseTarget:
 
     def overwrite(self) -> Float64[np.ndarray, "8 3"]:
         """Return the memory by rows, for `ShippedTask.overwrite_target`."""
-        self._held[:] = False
+        self._held.clear()
         return self.memory.reshape(8, 3)
 
     @property
@@ -161,16 +161,18 @@ class PoseTarget:
         for part, actual in ((_POSITION, position), (_ROTATION, rotation)):
             if actual is not None and math.isnan(self.memory[part.start]):
                 self.memory[part] = actual.ravel()
-                self._held[part] = True
+                self._held.append(part)
 
     def release_hold(self) -> None:
         """Forgets what was taken from the robot."""
-        self.memory[:TARGET_VELOCITY][self._held] = np.nan
-        self._held[:] = False
+        for part in self._held:
+            self.memory[part] = np.nan
+        self._held.clear()
 
     def _put(self, part: slice, value: Float64[np.ndarray, " m"]) -> None:
         self.memory[part] = value
-        self._held[part] = False
+        if part in self._held:
+            self._held.remove(part)
 
 
 def _names_of(what: str) -> tuple[str, str, str]:

@@ -44,7 +44,7 @@ def test_velocity_is_how_fast_c_moves(name, get_robot):
         place, _ = parts.sense.lower_edge(flight.foot)
         # The body heads along x at home: a foot that rises counts as one that goes ahead.
         lifted = (float(place[0] + parts.pendulum._rise * place[2]), float(place[1]))
-        com = parts.sense.com.tolist()[:2]
+        com = parts.sense.com[:2]
         ends.append(parts.legs.joined(tuple(com), (lifted, parts.stance.feet[1].position[:2])))
     expected = (np.array(ends[1]) - np.array(ends[0])) / (2.0 * STEP)
     assert np.array(velocity) == pytest.approx(expected, abs=1e-6)

@@ -64,10 +64,15 @@ class BodyMotion:
         """Take everything along that goes with the body."""
         if not self._carried:
             return
-        (x, y, z), standing = com[0], self._standing.com
-        begin = (x - standing[0], y - standing[1], z - standing[2])
-        turned = (self.heading[0] - self._heading_before, *self.heading[1:])
-        rows = zip((begin, com[1], com[2]), self._lowered, turned, strict=True)
-        body = np.array([(x, y, z + low, turn) for (x, y, z), low, turn in rows])
+        (x, y, z), (vx, vy, vz), (ax, ay, az) = com
+        (x0, y0, z0), (low, lowers, faster) = self._standing.com, self._lowered
+        heading, turns, second = self.heading
+        body = np.array(
+            (
+                (x - x0, y - y0, z + low - z0, heading - self._heading_before),
+                (vx, vy, vz + lowers, turns),
+                (ax, ay, az + faster, second),
+            )
+        )
         for target in self._carried.values():
             target.write(body)

@@ -80,11 +80,11 @@ class BodyHeight:
 
     def _reached(self, feet: list[Placement], height: float, yaw: float, time: float) -> float:
         """Return the height of the CoM at which both legs will reach their feet [m]."""
-        (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
+        (x, y, _), (vx, vy, _) = self._sense.com, self._sense.com_velocity
         x, y = x + time * vx, y + time * vy
+        left, ahead = self._out * math.cos(yaw), self._out * math.sin(yaw)
         for foot, place in enumerate(feet):
-            aside = side(foot) * self._out
-            hip = (x - math.sin(yaw) * aside, y + math.cos(yaw) * aside)
-            highest = self._span.highest(math.dist(hip, place.position[:2]))
-            height = min(height, place.position[2] + highest)
+            out, position = side(foot), place.position
+            hip = (x - out * ahead, y + out * left)
+            height = min(height, position[2] + self._span.highest(math.dist(hip, position[:2])))
         return height

@@ -106,7 +106,7 @@ class CarryingArea:
         if contact is None:
             return
         stands = contact.active
-        *_, x, y, _ = self._sense.sole_velocity(self._foot)
+        *_, x, y, _ = self._sense.velocities[self._foot]
         still = not stands or (abs(x) <= _TURNING and abs(y) <= _TURNING)
         edges, all_of_it = (*self._lower, *self._upper), self._all_of_it
         if still and edges == all_of_it and self._settled == (all_of_it if stands else None):

@@ -206,8 +206,8 @@ class StepCommands:
     @property
     def _followed(self) -> Velocity:
         """What is asked for, as far as it is followed."""
-        ahead, sideways, turn = (self.pace * speed for speed in self._wanted)
-        return ahead, sideways, turn
+        pace, (ahead, sideways, turn) = self.pace, self._wanted
+        return pace * ahead, pace * sideways, pace * turn
 
     def advance(self, dt: float) -> None:
         """Rate-limit the velocity towards the command."""

@@ -178,14 +178,14 @@ class SteppingEngine:
         parts = self.parts
         if self.status is WalkStatus.READY and isinstance(parts.stand, FootstepPlan):
             for foot, place in enumerate(parts.stand.start):
-                if math.dist(parts.sense.sole(foot)[0].tolist(), place.position) > _MISPLACED:
+                if math.dist(parts.sense.positions[foot], place.position) > _MISPLACED:
                     self.status = WalkStatus.MISPLACED
                     return
         self.status = WalkStatus.STANDING
         self._feedback.begin()
         self._steps.begin()
         mass, _ = parts.pendulum.mass(self._steps.flight)
-        parts.body.begin(mass, float(parts.sense.com[2]), parts.stance.heading)
+        parts.body.begin(mass, parts.sense.com[2], parts.stance.heading)
 
     def _keep_balance(self, dt: float, *, holds: bool) -> None:
         """Lead the CoM, and what goes along with it, along the DCM reference."""
@@ -201,19 +201,18 @@ class SteppingEngine:
         parts.body.move(*goal, dt)
         com = parts.body.follow(steps.dcm, dt)
         feet = parts.pendulum.places(steps.flight)
-        velocities, accelerations = parts.pendulum.rates(steps.flight)
-        joined, velocity = parts.pendulum.mass(steps.flight)
+        rates, accelerations = parts.pendulum.rates(steps.flight)
+        support, gain = JoinedSupport(parts.legs, steps.asked, feet), self.held_gain
         acceleration = self._feedback.acceleration(
-            joined,
-            velocity,
-            com,
-            JoinedSupport(parts.legs, steps.asked, feet),
-            dt,
-            self.held_gain if holds else None,
+            *parts.pendulum.mass(steps.flight), com, support, dt, gain if holds else None
         )
-        rows = zip(com, (feet, velocities, accelerations), parts.body.rise, strict=True)
-        motion = [(*parts.legs.parted(c, f), z) for c, f, z in rows]
-        parts.tasks.lead_com(parts.sense, motion, parts.legs.parted(acceleration, accelerations))
+        parted, (height, rising, faster) = parts.legs.parted, parts.body.rise
+        motion = (
+            (*parted(com[0], feet), height),
+            (*parted(com[1], rates), rising),
+            (*parted(com[2], accelerations), faster),
+        )
+        parts.tasks.lead_com(parts.sense, motion, parted(acceleration, accelerations))
         parts.body.carry(motion)
 
 

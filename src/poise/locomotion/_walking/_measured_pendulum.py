@@ -29,11 +29,12 @@ class MeasuredPendulum:
 
     def places(self, flight: Flight | HeldFlight | None) -> FeetAt:
         """Return the positions of both feet [m]."""
-        (ax, ay, _), (bx, by, _) = (place.position for place in self._stance.feet)
+        left, right = self._stance.feet
+        a, b = left.position[:2], right.position[:2]
         if flight is None:
-            return (ax, ay), (bx, by)
+            return a, b
         place = self.swing_place(flight.swing)
-        return (place, (bx, by)) if flight.foot == 0 else ((ax, ay), place)
+        return (place, b) if flight.foot == 0 else (a, place)
 
     def rates(self, flight: Flight | HeldFlight | None) -> tuple[FeetAt, FeetAt]:
         """Return velocities [m/s] and accelerations [m/s^2] of both feet."""
@@ -62,7 +63,7 @@ class MeasuredPendulum:
         if flight is not None:
             velocity = self._counted(*self._sense.lower_edge_velocity(flight.foot))
             velocities = _of_one(flight.foot, velocity)
-        (x, y, _), (vx, vy, _) = self._sense.com.tolist(), self._sense.com_velocity.tolist()
+        (x, y, _), (vx, vy, _) = self._sense.com, self._sense.com_velocity
         joined = self._legs.joined
         return joined((x, y), self.places(flight)), joined((vx, vy), velocities)
 

@@ -397,8 +397,8 @@ class StepPhases:
 
     def _lead_dcm(self, goal: tuple[DcmMotion, DcmMotion], left: float, dt: float) -> None:
         """Moves the reference on, to be at a goal in a while."""
-        x, y = (hermite_step(a, b, left, dt) for a, b in zip(self.dcm, goal, strict=True))
-        self.dcm = (x, y)
+        (x, y), (to_x, to_y) = self.dcm, goal
+        self.dcm = hermite_step(x, to_x, left, dt), hermite_step(y, to_y, left, dt)
 
     # One foot in the air --------------------------------------------------------------------------
 

@@ -33,11 +33,13 @@ LONGEST_TICK = 0.05
 
 
 class WalkSense:
-    """Centre of mass, soles and loads of the last state; arrays are overwritten by the next.
+    """Centre of mass, soles and loads of the last state; the next one overwrites all arrays.
 
     Attributes:
         com: centre of mass [m].
         com_velocity: its velocity [m/s].
+        positions: of the left and the right sole [m].
+        velocities: of both, linear then angular, along their own axes [m/s, rad/s].
         weight: of the robot as it is described [N].
         wrenches: measured on the left and the right sole, see `RobotState.contacts`; None where
             none is.
@@ -53,22 +55,30 @@ class WalkSense:
         found = [robot.soles[name] for name in soles]
         self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
         self.wrenches: list[list[float] | None] = [None, None]
-        self._numbers = np.zeros(2 * KINEMATICS + 6)
-        self.com: Float64[np.ndarray, "3"] = self._numbers[-6:-3]
-        self.com_velocity: Float64[np.ndarray, "3"] = self._numbers[-3:]
+        self._numbers, self._com_velocity = np.zeros(2 * KINEMATICS + 6), self._data.vcom[0]
         feet = self._numbers[:-6].reshape(2, KINEMATICS)
         self._poses = [(row[:ROTATION], row[ROTATION:VELOCITY].reshape(3, 3)) for row in feet]
-        self._velocities = [row[VELOCITY : VELOCITY + 6] for row in feet]
+        self._take(self._numbers.tolist())
 
     def update(self, state: RobotState) -> None:
         """Take a state in."""
         if state.payload is not self._payload:
             self._carry(state.payload)
-        data = self._data
-        pin.centerOfMass(self._model, data, state.q, state.v, False)
-        _read(self._motion, self._frames, data.vcom[0], self._numbers)
+        pin.centerOfMass(self._model, self._data, state.q, state.v, False)
+        _read(self._motion, self._frames, self._com_velocity, self._numbers)
+        self._take(self._numbers.tolist())
         found = [state.wrench(sole) for sole in self._soles]
         self.wrenches = [None if wrench is None else wrench.tolist() for wrench in found]
+
+    def _take(self, numbers: list[float]) -> None:
+        """Cut what `_read` gives, as plain numbers."""
+        right = numbers[KINEMATICS:]
+        self.positions = numbers[:ROTATION], right[:ROTATION]
+        self.velocities = (
+            numbers[VELOCITY : VELOCITY + 6],
+            right[VELOCITY : VELOCITY + 6],
+        )
+        self.com, self.com_velocity = numbers[-6:-3], numbers[-3:]
 
     def _carry(self, payload: Payload | None) -> None:
         """Where the COM is with a payload."""
@@ -92,13 +102,12 @@ class WalkSense:
         half = self._edges[foot]
         if half == 0.0:
             return 0.0, 0.0
-        rotation, velocity = self._poses[foot][1], self._velocities[foot]
-        tilt, turning = float(rotation[2, 1]), float(velocity[3])
-        return half * abs(tilt), math.copysign(half, tilt) * turning
+        tilt = float(self._poses[foot][1][2, 1])
+        return half * abs(tilt), math.copysign(half, tilt) * self.velocities[foot][3]
 
     def lower_edge_velocity(self, foot: int) -> tuple[float, float, float]:
         """Return the velocity of `lower_edge` in the world [m/s]."""
-        x, y, z = self._in_world(foot, self._velocities[foot].tolist())
+        x, y, z = self._in_world(foot, self.velocities[foot])
         return x, y, z - self.edge_drop(foot)[1]
 
     def _in_world(self, foot: int, vector: list[float]) -> tuple[float, float, float]:
@@ -106,10 +115,6 @@ class WalkSense:
         x, y, z, *_ = vector
         a, b, c = (i * x + j * y + k * z for i, j, k in self._poses[foot][1].tolist())
         return a, b, c
-
-    def sole_velocity(self, foot: int) -> list[float]:
-        """Return the velocity of a sole, linear then angular, along its own axes [m/s, rad/s]."""
-        return self._velocities[foot].tolist()
 
     def placement(self, foot: int) -> Placement:
         """Return where a sole lies."""

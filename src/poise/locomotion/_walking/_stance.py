@@ -99,7 +99,7 @@ class Stance:
         second, and with it everything but what was remembered of the feet.
         """
         for foot, place in enumerate(self.feet):
-            x, y, _ = self._sense.sole(foot)[0].tolist()
+            x, y, _ = self._sense.positions[foot]
             if math.dist((x, y), place.position[:2]) > _DRIFT:
                 self.stand_on((0, 1), heading)
                 return

@@ -99,7 +99,7 @@ class StepPlanner:
         asked = (steps, self._commands.left, lifted.bearing)
         if steps is not self._asked[0] or asked[1:] != self._asked[1:]:
             self._asked, self._planned = asked, self._plan(lifted, steps, self._commands.left)
-        there = lifted.zmp
+        there = self._planned.zmp
         zmp = self._legs.joined(there, (there, counts_as or lifted.place))
         return self._planned._replace(xi=lifted.xi, zmp=zmp)
 
@@ -148,8 +148,8 @@ class StepPlanner:
         now = pendulum.goal
         if left > 0.0:
             now = before_transfer(pendulum.goal, start, end, omega, left)
-        x, y = ((p, omega * (p - z)) for p, z in zip(now, start, strict=True))
-        return x, y
+        (x, y), (zmp_x, zmp_y) = now, start
+        return (x, omega * (x - zmp_x)), (y, omega * (y - zmp_y))
 
     def choose(self, lifted: Lifted, pendulum: Pendulum, turned: float) -> tuple[Step, Point]:
         """The best touchdown, and where that is in the world [m]."""

@@ -107,13 +107,13 @@ class TroubleWatch:
     ) -> WalkStatus | None:
         """Return the worst trouble there is; None for none."""
         sense, settings, height = self._sense, self._settings, self._height
-        lowest = min(float(sense.sole(foot)[0][2]) for foot in (0, 1))
+        lowest = min(sense.positions[0][2], sense.positions[1][2])
         flying = None if flight is None else flight.foot
-        left, right = (sense.load(foot, stands=foot != flying) for foot in (0, 1))
+        left, right = sense.load(0, stands=flying != 0), sense.load(1, stands=flying != 1)
         hanging = self._signs[WalkStatus.LIFTED].there
         # In the order of the signs.
         seen = (
-            float(sense.com[2]) - lowest < _FALLEN * height,
+            sense.com[2] - lowest < _FALLEN * height,
             left + right < (_SETTLED if hanging else _HANGING),
             flight is not None and flight.waited > settings.patience,
             flight is not None and self._is_caught(flight),
@@ -131,13 +131,13 @@ class TroubleWatch:
     def _is_caught(self, flight: Flight | HeldFlight) -> bool:
         if math.hypot(*self._sense.felt(flight.foot)) <= _FELT:
             return False
-        x, y, _ = (self._sense.sole(flight.foot)[0] - flight.swing.position).tolist()
-        return x * x + y * y > _CAUGHT * _CAUGHT
+        x, y, _ = self._sense.positions[flight.foot]
+        return math.dist((x, y), flight.swing.position[:2].tolist()) > _CAUGHT
 
     def _slips(self, foot: int, load: float) -> bool:
         if load < _SLIP_LOAD:
             return False
-        x, y, *_ = self._sense.sole_velocity(foot)
+        x, y, *_ = self._sense.velocities[foot]
         return x * x + y * y > _SLIP_SPEED * _SLIP_SPEED
 
 
@@ -202,7 +202,7 @@ class Hanging:
         for task, base_M_sole in zip(self._tasks.feet, self._base_M_soles, strict=True):
             pose = base.act(base_M_sole)
             task.set_target(pose.translation, pose.rotation)
-        x, y, z = self._sense.com.tolist()
+        x, y, z = self._sense.com
         com = ((x, y, z), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         body.begin(mass, z, body.heading[0])
         self._tasks.lead_com(self._sense, com, (0.0, 0.0))
