@@ -121,14 +121,19 @@ _THIN = 0.002
 """What carries of a sole has to have some area: an edge counts as this wide [m]."""
 
 
+_MIDDLE = 0.1
+"""How far beside the middle of what bears the ZMP may rest, over its size: in the centre of a sole
+of which an edge is out of a strong ankle's reach."""
+
+
 class SolePart(NamedTuple):
-    """A rectangle in a sole on which it carries.
+    """A rectangle in a sole on which it carries, or in which the ZMP can be.
 
     Attributes:
         x: of its middle, along the sole's axes from the sole's centre [m].
         y: likewise [m].
         length: along x [m].
-        width: along y [m].
+        width: along y [m]; zero on an edge.
     """
 
     x: float
@@ -145,6 +150,41 @@ class SolePart(NamedTuple):
         """Its corners, seen from above, shrunk as far as it can be [m]."""
         size = (max(self.length - 2.0 * margin, _THIN), max(self.width - 2.0 * margin, _THIN))
         return _rectangle(position, rotation, size, (self.x, self.y))
+
+    @property
+    def rest(self) -> Point:
+        """Where the ZMP rests: near its middle, on the side of the sole's centre [m]."""
+        x, y = _MIDDLE * self.length, _MIDDLE * self.width
+        return min(max(0.0, self.x - x), self.x + x), min(max(0.0, self.y - y), self.y + y)
+
+    @property
+    def room(self) -> Point:
+        """How far the ZMP can go from there either way, along x and y [m]."""
+        x, y = self.rest
+        return 0.5 * self.length - abs(x - self.x), 0.5 * self.width - abs(y - self.y)
+
+    def rest_at(self, position: Point, yaw: float) -> Point:
+        """Return the rest of the ZMP in the world, on a sole that lies there [m]."""
+        (ahead, left), c, s = self.rest, math.cos(yaw), math.sin(yaw)
+        return position[0] + c * ahead - s * left, position[1] + s * ahead + c * left
+
+    def within(self, lower: Point, upper: Point) -> "SolePart":
+        """Return its part in another rectangle; the nearest edge or corner where there is none."""
+        (x, length), (y, width) = (
+            _common(middle, size, *ends)
+            for middle, size, *ends in (
+                (self.x, self.length, lower[0], upper[0]),
+                (self.y, self.width, lower[1], upper[1]),
+            )
+        )
+        return SolePart(x, y, length, width)
+
+
+def _common(middle: float, size: float, lower: float, upper: float) -> tuple[float, float]:
+    """Middle and size of what two intervals share [m]."""
+    low, high = middle - 0.5 * size, middle + 0.5 * size
+    begin, end = min(max(lower, low), high), min(max(upper, low), high)
+    return 0.5 * (begin + end), end - begin
 
 
 def both_soles(

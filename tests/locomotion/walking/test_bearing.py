@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from poise.locomotion._walking._bearing import Bearing, bearing
+from poise.locomotion._support import SolePart
+from poise.locomotion._walking._bearing import bearing
 from poise.locomotion._walking._footsteps import stand_of
 from poise.locomotion._walking._ground import Placement
 
@@ -36,7 +37,7 @@ def test_a_weak_ankle_bears_where_its_torque_holds_the_weight(get_robot):
 
 
 def test_what_two_rectangles_share_bears():
-    whole = Bearing(0.02, 0.0, 0.2, 0.06)
+    whole = SolePart(0.02, 0.0, 0.2, 0.06)
     assert whole.within((-math.inf, -0.01), (0.03, math.inf)) == pytest.approx(
         (-0.025, 0.01, 0.11, 0.04)
     )
@@ -45,13 +46,13 @@ def test_what_two_rectangles_share_bears():
 
 
 def test_it_rests_in_the_world_where_the_sole_lies():
-    ahead = Bearing(0.05, 0.01, 0.0, 0.0)
+    ahead = SolePart(0.05, 0.01, 0.0, 0.0)
     assert ahead.rest_at((1.0, 2.0), 0.5 * math.pi) == pytest.approx((0.99, 2.05))
 
 
 def test_the_zmp_rests_in_the_soles_centre_or_near_the_middle_of_what_bears():
-    assert Bearing(-0.006, 0.0, 0.15, 0.06).rest == (0.0, 0.0)
-    weak = Bearing(-0.045, 0.024, 0.06, 0.0)
+    assert SolePart(-0.006, 0.0, 0.15, 0.06).rest == (0.0, 0.0)
+    weak = SolePart(-0.045, 0.024, 0.06, 0.0)
     assert weak.rest == pytest.approx((-0.039, 0.024))
     assert weak.room == pytest.approx((0.024, 0.0))
 

@@ -5,7 +5,7 @@ import pytest
 
 import poise
 from poise.locomotion import walking_stack
-from poise.locomotion._walking._bearing import Bearing
+from poise.locomotion._support import SolePart
 from poise.locomotion._walking._carrying import CarryingArea
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._stance import Stance
@@ -95,7 +95,7 @@ def test_while_feet_are_held_the_contact_has_the_average(turned):
 
 
 def test_the_zmp_of_a_walk_stays_on_what_carries(turned):
-    whole = Bearing(-0.01, 0.0, 0.26, 0.14)
+    whole = SolePart(-0.01, 0.0, 0.26, 0.14)
     assert turned.area.bearing(whole) == whole
     turned.look(pressure=(0.02, 0.01), turning=(0.0, 1.0))
     # A plan does not jump because a foot rocks for a moment.

@@ -1,7 +1,6 @@
 """`BodyHeight`: how high the body has to be for both legs to reach their feet, and when."""
 
 import math
-from typing import NamedTuple
 
 from poise.locomotion._walking._commands import side
 from poise.locomotion._walking._flight import Flight, HeldFlight
@@ -26,20 +25,6 @@ _BODY_TIME = 0.25
 """The body turns and rises no faster than it takes for a goal this far away [s]."""
 
 
-class BodyGoal(NamedTuple):
-    """Where the body shall be.
-
-    Attributes:
-        height: of the COM in the world [m].
-        yaw: its heading [rad].
-        time: until then [s].
-    """
-
-    height: float
-    yaw: float
-    time: float
-
-
 class BodyHeight:
     """Height and heading of the body that the next stand needs."""
 
@@ -58,8 +43,8 @@ class BodyHeight:
         slow: bool,
         offset: float = 0.0,
         lowest: float = LOWEST,
-    ) -> BodyGoal:
-        """Return where the body goes."""
+    ) -> tuple[float, float, float]:
+        """Return height [m] and heading [rad] of the body, and the time until then [s]."""
         left, right = stance.feet
         low, yaw, time = min(left.position[2], right.position[2]), stance.heading, 0.0
         feet = [left, right]
@@ -74,9 +59,9 @@ class BodyHeight:
         height = max(self._reached(feet, low + asked, yaw, time), least)
         drop = now - height
         if drop > 0.0 and height < low + asked:
-            return BodyGoal(height, yaw, max(time, math.sqrt(_FALL * drop), _SOONEST))
+            return height, yaw, max(time, math.sqrt(_FALL * drop), _SOONEST)
         time = max(time + 0.5 * self._gait.double_support, _BODY_TIME)
-        return BodyGoal(height, yaw, max(time, self._gait.shift_time) if slow else time)
+        return height, yaw, max(time, self._gait.shift_time) if slow else time
 
     def _reached(self, feet: list[Placement], height: float, yaw: float, time: float) -> float:
         """Return the height of the CoM at which both legs will reach their feet [m]."""

@@ -3,7 +3,6 @@
 import math
 
 from poise.locomotion._support import Point, SolePart
-from poise.locomotion._walking._bearing import Bearing
 from poise.locomotion._walking._sense import WalkSense
 from poise.stack import Contact, SurfaceContact
 
@@ -53,8 +52,6 @@ class CarryingArea:
         # Lower and upper edges on the average; all that can carry where nothing is known [m].
         self._average = self._all_of_it
         self._settled: tuple[float, float, float, float] | None = None
-        self._borne_on: tuple[float, float, float, float] | None = None
-        self._borne: tuple[Bearing | None, Bearing] = (None, Bearing(0.0, 0.0, 0.0, 0.0))
 
     @property
     def lies(self) -> bool:
@@ -62,14 +59,10 @@ class CarryingArea:
         sizes = zip(self._lower, self._upper, self._reach, _FLAT, strict=True)
         return all(upper - lower >= part * 2.0 * reach for lower, upper, reach, part in sizes)
 
-    def bearing(self, whole: Bearing) -> Bearing:
+    def bearing(self, whole: SolePart) -> SolePart:
         """Return the region of the ZMP in single support on this foot."""
-        if self._settled is None:
-            return whole
-        if self._average is not self._borne_on or whole is not self._borne[0]:
-            self._borne_on = self._average
-            self._borne = whole, whole.within(*self._open(*self._average))
-        return self._borne[1]
+        known = self._average
+        return whole if known == self._all_of_it else whole.within(*self._open(*known))
 
     def part(self, size: Point) -> SolePart | None:
         """Return the loaded area of the sole as estimated; None for all of it."""

@@ -4,22 +4,12 @@ All of it lies in the horizontal plane: vectors are x and y in the world. Two nu
 expensive plain as in arrays.
 """
 
-from typing import Protocol, runtime_checkable
-
-from poise.locomotion._support import Point
+from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._walking._leg_momentum import JoinedSupport
 
 _FADE = 0.05
 """How long a ZMP that somebody else has asked for goes on counting [s]: for longer, the divergent
 component would leave its way meanwhile, which grows by a fifth in that time."""
-
-
-@runtime_checkable
-class ZmpRegion(Protocol):
-    """Where the ZMP can be: a `SupportPolygon`, or what stands in for one."""
-
-    def nearest(self, point: Point) -> Point:
-        """The nearest point inside."""
-        ...
 
 
 class DcmFeedback:
@@ -57,7 +47,7 @@ class DcmFeedback:
         com: Point,
         velocity: Point,
         reference: tuple[Point, Point, Point],
-        support: ZmpRegion,
+        support: SupportPolygon | JoinedSupport,
         dt: float = 0.0,
         gain: float | None = None,
     ) -> Point:

@@ -161,11 +161,13 @@ class HeldFlight:
         swing: its pose.
         goal: where it is now, which is where it would come down.
         left: zero: it may come down in any tick [s].
+        elapsed: zero: it may last for any time [s].
         waited: zero: nobody expects it to be down [s].
     """
 
     def __init__(self, foot: int, sense: WalkSense) -> None:
-        self.foot, self.left, self.waited = foot, 0.0, 0.0
+        self.foot = foot
+        self.left = self.elapsed = self.waited = 0.0
         self.swing = HeldSwing(*sense.lower_edge(foot))
         self.goal = sense.placement(foot)
 

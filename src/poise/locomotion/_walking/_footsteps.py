@@ -17,8 +17,8 @@ from poise._checks import Numbers
 from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._support import Point, two_soles
-from poise.locomotion._walking._bearing import Bearing, bearing
+from poise.locomotion._support import Point, SolePart, two_soles
+from poise.locomotion._walking._bearing import bearing
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement
 from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
 from poise.robots import Robot
@@ -164,7 +164,7 @@ class Stand:
     start: tuple[Placement, Placement]
     q: Float64[np.ndarray, " nq"] = field(repr=False)
     com: tuple[float, float, float]
-    bearings: tuple[Bearing, Bearing]
+    bearings: tuple[SolePart, SolePart]
 
     def zmp(self, foot: int, place: Placement) -> Point:
         """Where the ZMP rests while a foot alone carries the robot [m]."""

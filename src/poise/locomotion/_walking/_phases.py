@@ -379,7 +379,7 @@ class StepPhases:
         x, y, _ = self._stance.feet[self.foot].position
         elapsed = 0.0
         if self.flight is not None:
-            elapsed = self.flight.elapsed if isinstance(self.flight, Flight) else 0.0
+            elapsed = self.flight.elapsed
             x, y, _ = self.flight.swing.position.tolist()
         return Lifted(
             self.foot,

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.locomotion._support import Point, SolePart, SupportPolygon, both_soles
-from poise.locomotion._walking._bearing import Bearing
 from poise.locomotion._walking._carrying import CarryingArea
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
@@ -85,8 +84,8 @@ class Stance:
             both = [sense.sole(0), sense.sole(1)]
             self.support = both_soles(both, stand.sizes, self._margin, parts)
         else:
-            bears = SolePart(*stand.bearings[foot])
-            self.support = SupportPolygon(bears.corners(*sense.sole(foot), self._margin), 0.0)
+            corners = stand.bearings[foot].corners(*sense.sole(foot), self._margin)
+            self.support = SupportPolygon(corners, 0.0)
 
     def _estimated_parts(self) -> list[SolePart | None]:
         """What of each sole carries, as far as is known; None for all of it."""
@@ -112,7 +111,7 @@ class Stance:
             a, b = (old + _TRUST * (new - old) for old, new in zip(self.slope, seen, strict=True))
             self.slope = (a, b)
 
-    def bearing(self, foot: int) -> Bearing:
+    def bearing(self, foot: int) -> SolePart:
         """Where the ZMP can be while a foot alone carries the robot, as far as is known."""
         return self._areas[foot].bearing(self._stand.bearings[foot])
 

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from poise.locomotion._support import Point
-from poise.locomotion._walking._bearing import Bearing
+from poise.locomotion._support import Point, SolePart
 from poise.locomotion._walking._commands import LegRoom, StepCommands, side
 from poise.locomotion._walking._dcm_plan import (
     DcmMotion,
@@ -53,7 +52,7 @@ class Lifted(NamedTuple):
     foot: int
     place: Point
     stance: Placement
-    bearing: Bearing
+    bearing: SolePart
     xi: Point
     elapsed: float = 0.0
 
@@ -82,7 +81,7 @@ class StepPlanner:
         self._stand = stand
         self._commands, self._room, self._legs, self.times = commands, room, legs, times
         self._margin, self._gain = margin, transfer_gain(legs, times)
-        self._asked: tuple[Sequence[Placement], int | None, Bearing | None] = ((), None, None)
+        self._asked: tuple[Sequence[Placement], int | None, SolePart | None] = ((), None, None)
         self._planned: Pendulum
         # As fast as the hips move a foot: side by side at least, and as far as it goes at most.
         self._shortest = max(_SHORTEST * times.swing, room.shortest_swing(room.width))
@@ -176,7 +175,9 @@ class StepPlanner:
         """What a step would cost that begins now."""
         return self.choose(lifted, self.plan(lifted), 0.0)[0].cost
 
-    def better_foot(self, feet: Sequence[Placement], bearings: Sequence[Bearing], xi: Point) -> int:
+    def better_foot(
+        self, feet: Sequence[Placement], bearings: Sequence[SolePart], xi: Point
+    ) -> int:
         """The foot whose step, and the other one's after it, catch the robot at the least cost.
 
         A foot that cannot go where the robot falls to comes down beside the other one, which can.

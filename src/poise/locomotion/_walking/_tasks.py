@@ -5,8 +5,9 @@
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -37,6 +38,8 @@ from poise.stack import (
     Task,
     TorqueLimit,
 )
+
+T = TypeVar("T")
 
 ComMotion = Sequence[tuple[float, float, float]]
 """Position, velocity and acceleration of the CoM [m, m/s, m/s^2]."""
@@ -167,48 +170,34 @@ class WalkTasks:
 def find_walk_tasks(
     robot: Robot, stand: Stand, stack: Stack, carry: Sequence[str] | None
 ) -> WalkTasks:
-    """Looks for everything that a walk needs."""
+    """Look for everything that a walk needs."""
+    tasks, contacts = [task for _, task in stack.tasks()], stack.contacts
+    names, frames = [task.name for task in tasks], [contact.frame for contact in contacts]
+
+    def foot(sole: str) -> FrameTask:
+        led = set(robot.soles[sole].controlled)
+        of_it = (t for t in tasks if isinstance(t, FrameTask) and t.frame == sole)
+        whole = (t for t in of_it if t.components >= led)
+        return _first(whole, "task", names, f"a FrameTask of the pose of {sole!r}")
+
+    def contact(sole: str) -> Contact:
+        of_it = (contact for contact in contacts if contact.frame == sole)
+        return _first(of_it, "contact", frames, f"a contact on {sole!r}")
+
+    coms = (task for task in tasks if isinstance(task, ComTask) and task.dim == 3)
     left, right = stand.soles
     return WalkTasks(
-        com=_com_task(stack),
-        feet=(_foot_task(robot, stack, left), _foot_task(robot, stack, right)),
-        contacts=(_contact(stack, left), _contact(stack, right)),
+        com=_first(coms, "task", names, "a ComTask of all three axes"),
+        feet=(foot(left), foot(right)),
+        contacts=(contact(left), contact(right)),
         carried=_carried(robot, stand, stack, carry),
     )
 
 
-def _com_task(stack: Stack) -> ComTask:
-    for _, task in stack.tasks():
-        if isinstance(task, ComTask) and task.dim == 3:
-            return task
-    raise _lacking(stack, "a ComTask of all three axes")
-
-
-def _foot_task(robot: Robot, stack: Stack, sole: str) -> FrameTask:
-    led = set(robot.soles[sole].controlled)
-    for _, task in stack.tasks():
-        if isinstance(task, FrameTask) and task.frame == sole and task.components >= led:
-            return task
-    raise _lacking(stack, f"a FrameTask of the pose of {sole!r}")
-
-
-def _lacking(stack: Stack, lacking: str) -> ConfigurationError:
-    return ConfigurationError(
-        "a stack without a task that a walk needs",
-        got=[task.name for _, task in stack.tasks()],
-        wanted=lacking,
-    )
-
-
-def _contact(stack: Stack, sole: str) -> Contact:
-    for contact in stack.contacts:
-        if contact.frame == sole:
-            return contact
-    raise ConfigurationError(
-        "a stack without a contact that a walk needs",
-        got=[contact.frame for contact in stack.contacts],
-        wanted=f"a contact on {sole!r}",
-    )
+def _first(found: Iterable[T], kind: str, got: list[str], wanted: str) -> T:
+    for one in found:
+        return one
+    raise ConfigurationError(f"a stack without a {kind} that a walk needs", got=got, wanted=wanted)
 
 
 def _carried(

@@ -95,10 +95,6 @@ class TroubleWatch:
 
     def __init__(self, sense: WalkSense, settings: WalkSettings, height: float) -> None:
         self._sense, self._settings, self._height = sense, settings, height
-        self.forget()
-
-    def forget(self) -> None:
-        """There has been no trouble."""
         self._signs = {status: _Sign(status) for status in RESPONSES}
         self._calm = True
 
@@ -165,10 +161,6 @@ class HangWatch:
 
     def __init__(self, sense: WalkSense, contacts: Sequence[Contact]) -> None:
         self._sense, self._contacts = sense, contacts
-        self.forget()
-
-    def forget(self) -> None:
-        """Both feet carry, for all that is known."""
         self._idle = [0.0, 0.0]
         self.foot: int | None = None
 
