@@ -20,7 +20,7 @@ def swing(shape=None, rotation=None, depth=0.04):
     return SwingFoot(BEGIN, np.eye(3) if rotation is None else rotation, GOAL, shape, T, depth)
 
 
-def flown(foot, seconds=T, shift=lambda _: np.zeros(2)):
+def flown(foot, seconds=T, shift=lambda _: (0.0, 0.0)):
     rows = []
     for i in range(round(seconds / DT)):
         foot.advance(DT, shift(i * DT))
@@ -57,7 +57,7 @@ def test_rates_are_derivatives():
 
 
 def test_a_goal_that_moves_is_reached_without_a_jump():
-    rows = flown(swing(), shift=lambda t: (t > 0.25) * np.array([0.1, -0.05]))
+    rows = flown(swing(), shift=lambda t: (0.1, -0.05) if t > 0.25 else (0.0, 0.0))
     np.testing.assert_allclose(rows[-1, :2], [0.5, 0.2], atol=1e-3)
     assert np.abs(np.diff(rows[:, 3:5], axis=0)).max() < 0.1
 
@@ -79,7 +79,7 @@ def test_the_last_millimetre_goes_by_three_equal_poles():
     # The time to arrive is over at once, and the foot is still where it was.
     foot.elapsed = 0.5 * T
     for i in range(1, 1001):
-        foot.advance(dt, np.zeros(2))
+        foot.advance(dt, (0.0, 0.0))
         s = pole * i * dt
         left = (1.0 + s + 0.5 * s * s) * math.exp(-s) * (BEGIN[:2] - GOAL.position[:2])
         np.testing.assert_allclose(foot.position[:2] - GOAL.position[:2], left, atol=2e-3)

@@ -93,6 +93,8 @@ class Flight:
         """Takes the foothold nearer to a place, on ground that carries all of the sole."""
         (x, y, z), (a, b) = self.goal.position, self.goal.slope
         by_x, by_y = place[0] - x, place[1] - y
+        if by_x == by_y == 0.0:
+            return
         ratio = min(1.0, _PLACE_RATE * dt / max(math.hypot(by_x, by_y), 1e-9))
         by_x, by_y = ratio * by_x, ratio * by_y
         position = (x + by_x, y + by_y, z + a * by_x + b * by_y)
@@ -130,9 +132,11 @@ class Flight:
         A toe that came down beside an edge would be pressed against it by its way ahead, and
         friction would hold it down all the more.
         """
+        if self.swing.phase >= RISE:
+            return
         x, y, up = self._sense.felt(self.foot)
         aside = math.hypot(x, y)
-        if self.swing.phase < RISE and aside > _HELD and aside > up:
+        if aside > _HELD and aside > up:
             place = self._sense.lower_edge(self.foot)[0].tolist()
             self.swing.rise_at(place[0] + _BACK * x / aside, place[1] + _BACK * y / aside)
 
@@ -144,7 +148,8 @@ class Flight:
             swing.retime(self.left * (1.0 - swing.phase) / before_ground)
         elif self.left == 0.0:
             swing.search()
-        swing.advance(dt, np.array(self.goal.position[:2]) - np.array(swing.goal.position[:2]))
+        (x, y, _), (x0, y0, _) = self.goal.position, swing.goal.position
+        swing.advance(dt, (x - x0, y - y0))
         if swing.phase >= 1.0:
             self.waited += dt
 

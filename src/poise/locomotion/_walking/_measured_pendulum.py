@@ -26,6 +26,7 @@ class MeasuredPendulum:
     ) -> None:
         self._legs, self._rise = legs, rise
         self._sense, self._stance, self._body = sense, stance, body
+        self._known: tuple[list[float] | None, FeetAt, FeetAt] = (None, _STILL, _STILL)
 
     def places(self, flight: Flight | HeldFlight | None) -> FeetAt:
         """Return the positions of both feet [m]."""
@@ -59,13 +60,19 @@ class MeasuredPendulum:
 
     def mass(self, flight: Flight | HeldFlight | None) -> tuple[Point, Point]:
         """Return C [m] and its velocity [m/s]."""
+        feet = self.places(flight)
+        # What the state and the feet were that it was computed of last; lists are those of a tick.
+        known_com, known_feet, known = self._known
+        if flight is None and known_com is self._sense.com and known_feet == feet:
+            return known
         velocities = _STILL
         if flight is not None:
             velocity = self._counted(*self._sense.lower_edge_velocity(flight.foot))
             velocities = _of_one(flight.foot, velocity)
         (x, y, _), (vx, vy, _) = self._sense.com, self._sense.com_velocity
-        joined = self._legs.joined
-        return joined((x, y), self.places(flight)), joined((vx, vy), velocities)
+        mass = self._legs.joined((x, y), feet), self._legs.joined((vx, vy), velocities)
+        self._known = None if flight else self._sense.com, feet, mass
+        return mass
 
     def xi(self, flight: Flight | HeldFlight | None) -> Point:
         """The divergent component [m]."""

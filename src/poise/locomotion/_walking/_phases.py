@@ -453,7 +453,7 @@ class StepPhases:
         planner, lifted = self._planner, self._next_foot()
         pendulum = planner.plan(lifted, self._pendulum.swing_place(flight.swing))
         flight.aim(lifted, pendulum, dt)
-        pendulum = planner.moved(lifted, pendulum, flight.goal.position[:2])
+        pendulum = planner.moved(pendulum, flight.goal.position[:2])
         self.dcm = planner.on_the_way(pendulum, flight.left)
 
     # Touchdown ------------------------------------------------------------------------------------

@@ -72,9 +72,7 @@ class Stance:
     def refresh(self) -> None:
         """Update the support polygon of two soles, where only a part of one carries, or did."""
         parts = self.parts = self._estimated_parts()
-        if len(self._feet) != 2:
-            return
-        if any((*parts, *self._seen)):
+        if len(self._feet) == 2 and not parts == self._seen == [None, None]:
             self._look(parts)
 
     def _look(self, parts: list[SolePart | None]) -> None:
@@ -89,7 +87,8 @@ class Stance:
 
     def _estimated_parts(self) -> list[SolePart | None]:
         """What of each sole carries, as far as is known; None for all of it."""
-        return [a.part(size) for a, size in zip(self._areas, self._stand.sizes, strict=True)]
+        (left, right), sizes = self._areas, self._stand.sizes
+        return [left.part(sizes[0]), right.part(sizes[1])]
 
     def follow(self, heading: float) -> None:
         """Looks again at two feet that stand, once they seem to have moved.

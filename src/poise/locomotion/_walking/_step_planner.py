@@ -82,7 +82,11 @@ class StepPlanner:
         self._commands, self._room, self._legs, self.times = commands, room, legs, times
         self._margin, self._gain = margin, transfer_gain(legs, times)
         self._asked: tuple[Sequence[Placement], int | None, SolePart | None] = ((), None, None)
+        self._bounds = 0.0, room.bounds(0.0, far=True)
         self._planned: Pendulum
+        # The same, as seen from the foot that stands.
+        self._axes: _Axes
+        self._seen: Pendulum
         # As fast as the hips move a foot: side by side at least, and as far as it goes at most.
         self._shortest = max(_SHORTEST * times.swing, room.shortest_swing(room.width))
         self._speed = room.far / room.shortest_swing(room.far)
@@ -98,6 +102,15 @@ class StepPlanner:
         asked = (steps, self._commands.left, lifted.bearing)
         if steps is not self._asked[0] or asked[1:] != self._asked[1:]:
             self._asked, self._planned = asked, self._plan(lifted, steps, self._commands.left)
+            axes, planned = _Axes(lifted.stance, side(lifted.foot)), self._planned
+            self._axes, self._seen = (
+                axes,
+                planned._replace(
+                    zmp_end=axes.within(planned.zmp_end),
+                    goal=axes.within(planned.goal),
+                    foothold=axes.within(planned.foothold),
+                ),
+            )
         there = self._planned.zmp
         zmp = self._legs.joined(there, (there, counts_as or lifted.place))
         return self._planned._replace(xi=lifted.xi, zmp=zmp)
@@ -130,16 +143,12 @@ class StepPlanner:
             last=LastStep(legs.beta, room) if len(steps) == left == 1 else None,
         )
 
-    def moved(self, lifted: Lifted, pendulum: Pendulum, foothold: Point) -> Pendulum:
-        """The same with another foothold, and all after it beside their plan by as much."""
-        there = lifted.zmp
-        x, y = (
-            a + self._gain * (b - c)
-            for a, b, c in zip(pendulum.goal, foothold, pendulum.foothold, strict=True)
-        )
-        return pendulum._replace(
-            goal=(x, y), zmp_end=self._legs.joined(there, (there, foothold)), foothold=foothold
-        )
+    def moved(self, pendulum: Pendulum, foothold: Point) -> Pendulum:
+        """Return the last plan with another foothold, and all after it as far beside their plan."""
+        there, gain, (x, y), (to_x, to_y) = self._planned.zmp, self._gain, pendulum.goal, foothold
+        goal = x + gain * (to_x - pendulum.foothold[0]), y + gain * (to_y - pendulum.foothold[1])
+        end = self._legs.joined(there, (there, foothold))
+        return pendulum._replace(goal=goal, zmp_end=end, foothold=foothold)
 
     def on_the_way(self, pendulum: Pendulum, left: float) -> tuple[DcmMotion, DcmMotion]:
         """Return the DCM reference in single support, a time before its goal."""
@@ -151,15 +160,12 @@ class StepPlanner:
         return (x, omega * (x - zmp_x)), (y, omega * (y - zmp_y))
 
     def choose(self, lifted: Lifted, pendulum: Pendulum, turned: float) -> tuple[Step, Point]:
-        """The best touchdown, and where that is in the world [m]."""
-        axes, usual = _Axes(lifted.stance, side(lifted.foot)), self.times.swing
-        seen = pendulum._replace(
-            xi=axes.within(pendulum.xi),
-            zmp=axes.within(pendulum.zmp),
-            zmp_end=axes.within(pendulum.zmp_end),
-            goal=axes.within(pendulum.goal),
-            foothold=axes.within(pendulum.foothold),
-        )
+        """Return the best touchdown of a plan, and where that is in the world [m]."""
+        if pendulum.foothold is not self._planned.foothold:
+            # Another foot has been planned since.
+            self.plan(lifted)
+        axes, usual = self._axes, self.times.swing
+        seen = self._seen._replace(xi=axes.within(pendulum.xi), zmp=axes.within(pendulum.zmp))
         limits = SwingLimits(
             place=axes.within(lifted.place),
             speed=self._speed,
@@ -168,7 +174,9 @@ class StepPlanner:
             usual=usual,
             longest=_LONGEST * usual,
         )
-        step = choose_step(seen, self._room.bounds(turned, far=True), limits)
+        if turned != self._bounds[0]:
+            self._bounds = turned, self._room.bounds(turned, far=True)
+        step = choose_step(seen, self._bounds[1], limits)
         return step, axes.without((step.x, step.y))
 
     def cost(self, lifted: Lifted) -> float:
@@ -198,8 +206,7 @@ class StepPlanner:
         # Until lift-off the ZMP gets to the foot that stays, and the rest grows.
         x, y = (z + growth * (p - z) for p, z in zip(lifted.xi, pendulum.zmp, strict=True))
         step, place = self.choose(lifted, pendulum._replace(xi=(x, y)), 0.0)
-        goal = self.moved(lifted, pendulum, place).goal
-        off = _Axes(stance, side(lifted.foot)).turned(step.off)
+        goal, off = self.moved(pendulum, place).goal, self._axes.turned(step.off)
         landed = replace(stance, position=(*place, stance.position[2]))
         x, y = (there + by for there, by in zip(goal, off, strict=True))
         bearing = self._stand.bearings[lifted.foot]

@@ -5,6 +5,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import least_jerk
+from poise.locomotion._support import Point
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._swing_shape import RISE, SwingShape
 
@@ -94,26 +95,24 @@ class SwingFoot:
             self.duration = left / (1.0 - phase)
             self.elapsed = phase * self.duration
 
-    def advance(self, dt: float, shift: Float64[np.ndarray, "2"]) -> None:
+    def advance(self, dt: float, shift: Point) -> None:
         """Moves on."""
         left = self._shape.arrive * self.duration - self.elapsed
         self.elapsed += dt
         clears = self.phase >= RISE or self.position[2] >= self._clears
         if clears and self.elapsed > self._shape.depart * self.duration:
-            by_x, by_y = shift.tolist()
-            x, y = self.goal.position[0] + by_x, self.goal.position[1] + by_y
+            x, y = self.goal.position[0] + shift[0], self.goal.position[1] + shift[1]
             self._x, self._y = (
                 least_jerk_towards(self._x, x, left, dt),
                 least_jerk_towards(self._y, y, left, dt),
             )
-        z = self._vertical(dt)
+        (x, vx, ax), (y, vy, ay), (z, vz, az) = self._x, self._y, self._vertical(dt)
         phase, rate, second = least_jerk(self.elapsed, 0.0, self.duration)
-        about = self._turn.tolist()
-        position, velocity, acceleration = zip(self._x, self._y, z, strict=True)
-        self.position = np.array(position)
+        a, b, c = self._turn.tolist()
+        self.position = np.array((x, y, z))
         self.rotation = pin.exp3(phase * self._turn) @ self._start_rotation
-        self.velocity = np.array((*velocity, *(rate * turn for turn in about)))
-        self.acceleration = np.array((*acceleration, *(second * turn for turn in about)))
+        self.velocity = np.array((vx, vy, vz, rate * a, rate * b, rate * c))
+        self.acceleration = np.array((ax, ay, az, second * a, second * b, second * c))
 
     def _vertical(self, dt: float) -> Motion:
         """Height and its rates; below the goal if the foot is still in the air when it is due."""

@@ -125,10 +125,12 @@ class TroubleWatch:
         return worst
 
     def _is_caught(self, flight: Flight | HeldFlight) -> bool:
-        if math.hypot(*self._sense.felt(flight.foot)) <= _FELT:
-            return False
-        x, y, _ = self._sense.positions[flight.foot]
-        return math.dist((x, y), flight.swing.position[:2].tolist()) > _CAUGHT
+        (x, y, _), (to_x, to_y, _) = (
+            self._sense.positions[flight.foot],
+            flight.swing.position.tolist(),
+        )
+        away = math.hypot(x - to_x, y - to_y) > _CAUGHT
+        return away and math.hypot(*self._sense.felt(flight.foot)) > _FELT
 
     def _slips(self, foot: int, load: float) -> bool:
         if load < _SLIP_LOAD:
