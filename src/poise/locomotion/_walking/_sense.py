@@ -58,6 +58,8 @@ class WalkSense:
         self._numbers, self._com_velocity = np.zeros(2 * KINEMATICS + 6), self._data.vcom[0]
         feet = self._numbers[:-6].reshape(2, KINEMATICS)
         self._poses = [(row[:ROTATION], row[ROTATION:VELOCITY].reshape(3, 3)) for row in feet]
+        # Compiled now, not in the first tick.
+        _read(self._motion, self._frames, self._com_velocity, self._numbers)
         self._take(self._numbers.tolist())
 
     def update(self, state: RobotState) -> None:

@@ -130,8 +130,8 @@ def _carry(
         # Tangential, centripetal and Coriolis acceleration.
         out[6, 0] = body[2, 0] + ax - second * py - rate * (rate * px + 2.0 * vy)
         out[6, 1] = body[2, 1] + ay + second * px - rate * (rate * py - 2.0 * vx)
-        for k in range(3):
-            out[(0, 4, 6)[k], 2] = body[k, 2] + given[(0, 4, 6)[k], 2]
+        out[0, 2], out[4, 2] = body[0, 2] + given[0, 2], body[1, 2] + given[4, 2]
+        out[6, 2] = body[2, 2] + given[6, 2]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,6 +215,9 @@ def _carried(
     pin.framesForwardKinematics(model, data, stand.q)
     origin = np.array([*stand.com[:2], stand.middle[2]])
     carried: dict[str, CarriedTarget] = {}
+    # Compiled now, not in the first tick.
+    nothing = np.zeros((8, 3))
+    _carry(np.zeros((3, 4)), nothing, nothing[0], False, False, nothing)
     for name, task in frames.items():
         if names is None or name in names:
             pose = data.oMf[robot.frame_id(task.frame)]
