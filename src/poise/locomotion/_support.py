@@ -122,8 +122,8 @@ _THIN = 0.002
 
 
 _MIDDLE = 0.1
-"""How far beside the middle of what bears the ZMP may rest, over its size: in the centre of a sole
-of which an edge is out of a strong ankle's reach."""
+"""Distance of the ZMP's rest from the middle of what bears at most, over its size: in the centre of
+a sole of which an edge is out of a strong ankle's reach."""
 
 
 class SolePart(NamedTuple):
@@ -153,13 +153,13 @@ class SolePart(NamedTuple):
 
     @property
     def rest(self) -> Point:
-        """Where the ZMP rests: near its middle, on the side of the sole's centre [m]."""
+        """Rest of the ZMP: near its middle, on the side of the sole's centre [m]."""
         x, y = _MIDDLE * self.length, _MIDDLE * self.width
         return min(max(0.0, self.x - x), self.x + x), min(max(0.0, self.y - y), self.y + y)
 
     @property
     def room(self) -> Point:
-        """How far the ZMP can go from there either way, along x and y [m]."""
+        """Distance that the ZMP can go from there either way, along x and y [m]."""
         x, y = self.rest
         return 0.5 * self.length - abs(x - self.x), 0.5 * self.width - abs(y - self.y)
 

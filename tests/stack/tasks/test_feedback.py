@@ -226,6 +226,24 @@ def test_reset_keeps_a_target_that_a_user_set(robot, index):
     assert np.array_equal(task.error, before)
 
 
+@pytest.mark.parametrize("index", range(6))
+def test_a_target_that_a_leader_overwrites_is_as_if_it_had_been_set(robot, index):
+    ours, other = (holding(robot)[index] for _ in range(2))
+    state = random_state(robot, 1, 0.0)
+    dynamics = dynamics_at(robot, state.q, state.v)
+    for task in (ours, other):
+        task.bind(robot)
+    ours.evaluate(dynamics)  # holds what it sees
+    make_goal(robot, other, state)
+    ours.overwrite_target()[:] = other.overwrite_target()
+    ours.reset()
+    for task in (ours, other):
+        task.evaluate(dynamics)
+    assert np.abs(ours.error).max() > 0.01
+    np.testing.assert_array_equal(ours.error, other.error)
+    np.testing.assert_array_equal(ours.reference, other.reference)
+
+
 def test_what_a_pose_target_does_not_give_is_held(robot):
     task = FrameTask("left_hand")
     task.bind(robot)

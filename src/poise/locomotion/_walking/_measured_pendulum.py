@@ -48,7 +48,7 @@ class MeasuredPendulum:
         return _of_one(foot, velocity), _of_one(foot, acceleration)
 
     def swing_place(self, swing: SwingFoot | HeldSwing) -> Point:
-        """Return the position of the foot in the air, whose height counts [m]."""
+        """Return the position of the swing foot, whose height counts [m]."""
         x, y, z = swing.position.tolist()
         # Over that line: feet that stand count where they are, on whatever step.
         return self._counted(x, y, z - swing.slant)

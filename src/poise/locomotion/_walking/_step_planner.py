@@ -84,7 +84,7 @@ class StepPlanner:
         self._asked: tuple[Sequence[Placement], int | None, SolePart | None] = ((), None, None)
         self._bounds = 0.0, room.bounds(0.0, far=True)
         self._planned: Pendulum
-        # The same, as seen from the foot that stands.
+        # The same along the axes of the stance foot.
         self._axes: _Axes
         self._seen: Pendulum
         # As fast as the hips move a foot: side by side at least, and as far as it goes at most.
@@ -116,7 +116,7 @@ class StepPlanner:
         return self._planned._replace(xi=lifted.xi, zmp=zmp)
 
     def _plan(self, lifted: Lifted, steps: Sequence[Placement], left: int | None) -> Pendulum:
-        """The part of a plan that depends neither on the robot nor on the foot in the air."""
+        """Plan what depends neither on the state nor on the swing foot."""
         stance, legs, steps = lifted.zmp, self._legs, steps[:left]
         foothold = steps[0].position[:2]
         feet = (lifted.foot, 1 - lifted.foot)
