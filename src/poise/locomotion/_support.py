@@ -94,27 +94,7 @@ def sole_rectangle(
     position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"], size: Point
 ) -> list[Point]:
     """Corners of a sole, seen from above [m]."""
-    return _rectangle(position, rotation, size, (0.0, 0.0))
-
-
-def _rectangle(
-    position: Float64[np.ndarray, "3"],
-    rotation: Float64[np.ndarray, "3 3"],
-    size: Point,
-    middle: Point,
-) -> list[Point]:
-    """Corners of a rectangle in a sole, whose middle is so far ahead and to the left [m]."""
-    (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
-    ax, ay = 0.5 * size[0] * forward_x, 0.5 * size[0] * forward_y
-    bx, by = 0.5 * size[1] * left_x, 0.5 * size[1] * left_y
-    (x, y, _), (ahead, aside) = position.tolist(), middle
-    x, y = x + ahead * forward_x + aside * left_x, y + ahead * forward_y + aside * left_y
-    return [
-        (x + ax + bx, y + ay + by),
-        (x - ax + bx, y - ay + by),
-        (x - ax - bx, y - ay - by),
-        (x + ax - bx, y + ay - by),
-    ]
+    return SolePart(0.0, 0.0, *size).corners(position, rotation, 0.0)
 
 
 _THIN = 0.002
@@ -149,7 +129,17 @@ class SolePart(NamedTuple):
     ) -> list[Point]:
         """Its corners, seen from above, shrunk as far as it can be [m]."""
         size = (max(self.length - 2.0 * margin, _THIN), max(self.width - 2.0 * margin, _THIN))
-        return _rectangle(position, rotation, size, (self.x, self.y))
+        (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
+        ax, ay = 0.5 * size[0] * forward_x, 0.5 * size[0] * forward_y
+        bx, by = 0.5 * size[1] * left_x, 0.5 * size[1] * left_y
+        x, y, _ = position.tolist()
+        x, y = x + self.x * forward_x + self.y * left_x, y + self.x * forward_y + self.y * left_y
+        return [
+            (x + ax + bx, y + ay + by),
+            (x - ax + bx, y - ay + by),
+            (x - ax - bx, y - ay - by),
+            (x + ax - bx, y + ay - by),
+        ]
 
     @property
     def rest(self) -> Point:

@@ -76,32 +76,29 @@ def checked_gain(
     value: Numbers, dim: int, what: str, *, positive: bool = False
 ) -> Float64[np.ndarray, " m"]:
     """A gain or weight per axis, from a scalar or a vector; a copy."""
-    array = _as_array(value, what, ConfigurationError)
-    if array.shape not in ((), (dim,)):
-        raise ConfigurationError(
-            f"{what} has the wrong shape", got=array.shape, wanted=f"a number or {dim} numbers"
-        )
+    array = _spread(value, dim, what, f"a number or {dim} numbers")
     if not np.all(np.isfinite(array)) or np.any(array <= 0.0 if positive else array < 0.0):
         raise ConfigurationError(
             f"{what} is out of range",
             got=value,
             wanted=f"finite numbers {'>' if positive else '>='} 0",
         )
-    return np.array(np.broadcast_to(array, (dim,)), dtype=np.float64, order="C")
+    return array
 
 
 def checked_speed(value: Numbers, blocks: int, what: str) -> Float64[np.ndarray, " b"]:
     """A largest speed per block of rows, from a scalar or a vector; a copy."""
-    array = _as_array(value, what, ConfigurationError)
-    if array.shape not in ((), (blocks,)):
-        raise ConfigurationError(
-            f"{what} has the wrong shape",
-            got=array.shape,
-            wanted=f"a number or {blocks} numbers, one a block of rows",
-        )
+    array = _spread(value, blocks, what, f"a number or {blocks} numbers, one a block of rows")
     if not np.all(array > 0.0):
         raise ConfigurationError(f"{what} is out of range", got=value, wanted="numbers > 0, or inf")
-    return np.array(np.broadcast_to(array, (blocks,)), dtype=np.float64, order="C")
+    return array
+
+
+def _spread(value: Numbers, size: int, what: str, wanted: str) -> Float64[np.ndarray, " m"]:
+    array = _as_array(value, what, ConfigurationError)
+    if array.shape not in ((), (size,)):
+        raise ConfigurationError(f"{what} has the wrong shape", got=array.shape, wanted=wanted)
+    return np.array(np.broadcast_to(array, (size,)), dtype=np.float64, order="C")
 
 
 def checked_target(value: Numbers, dim: int, what: str) -> Float64[np.ndarray, " m"]:

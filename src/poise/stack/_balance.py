@@ -267,21 +267,13 @@ class BalanceRows(Owner):
 
 @dataclass(frozen=True)
 class _Leg:
-    """The leg of a sole: how long it is.
-
-    Attributes:
-        sole: the sole's name.
-        index: its place among the robot's legs.
-        frame_ids: frames of hip and ankle.
-        home: distance of hip and ankle at home [m].
-        straight: the farthest that any one joint of the leg takes the ankle from the hip with the
-            others as at home [m].
-    """
+    """Hip and ankle of a sole's leg: frames and distances [m]."""
 
     sole: str
     index: int
     frame_ids: tuple[int, int]
     home: float
+    # The farthest that any one joint of the leg takes the ankle, the others as at home.
     straight: float
 
     def bounds(self, shortest: float, longest: float) -> tuple[float, float]:

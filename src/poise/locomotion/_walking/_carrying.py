@@ -123,10 +123,8 @@ class CarryingArea:
             self._contact.carry_on(*self._open(a, b, c, d))
 
     def _open(self, a: float, b: float, c: float, d: float) -> tuple[Point, Point]:
-        """Lower and upper corner, infinite where edges are where they can be at most [m].
-
-        Those take nothing away: contacts keep a margin, and it may change.
-        """
+        """Lower and upper corner, infinite where edges are where they can be at most [m]."""
+        # Those take nothing away: contacts keep a margin, and it may change.
         x, y = self._reach
         lower = (-math.inf if a == -x else a, -math.inf if b == -y else b)
         return lower, (math.inf if c == x else c, math.inf if d == y else d)

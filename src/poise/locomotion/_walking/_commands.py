@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from poise._schema import Bounds, checked
-from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan
+from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, beside
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement
 from poise.locomotion._walking._plan import level_place
 from poise.locomotion._walking._step_choice import StepBounds
@@ -78,10 +78,7 @@ class LegRoom(NamedTuple):
 
     def near(self, yaw: float) -> float:
         """Least distance of the soles' centres, turned against each other [m]."""
-        skew = 0.5 * abs(yaw)
-        return self.clearance + sum(
-            0.5 * (width * math.cos(skew) + length * math.sin(skew)) for length, width in self.sizes
-        )
+        return self.clearance + beside(self.sizes, yaw)
 
     def bounds(self, yaw: float, *, far: bool = False) -> StepBounds:
         """Return the region of a foothold."""

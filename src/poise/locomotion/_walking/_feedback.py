@@ -31,12 +31,13 @@ class DcmFeedback:
 
     def __init__(self, omega: float, gain: float) -> None:
         self.omega, self._gain = omega, gain
-        self.error = self.zmp = self._offset = (0.0, 0.0)
-        self._continues_from: Point | None = None
+        self.zmp = (0.0, 0.0)
+        self.begin()
 
     def begin(self) -> None:
         """Forgets the error."""
-        self.error, self._offset, self._continues_from = (0.0, 0.0), (0.0, 0.0), None
+        self.error = self._offset = (0.0, 0.0)
+        self._continues_from: Point | None = None
 
     def continue_from(self, zmp: Point) -> None:
         """Begin the next tick at a ZMP and fade into the feedback's own: a bumpless transfer."""

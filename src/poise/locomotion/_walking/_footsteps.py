@@ -319,11 +319,7 @@ class FootstepPlan(Stand):
         dx = left.position[0] - right.position[0]
         dy = left.position[1] - right.position[1]
         apart = -math.sin(yaw) * dx + math.cos(yaw) * dy
-        # A turned sole takes more room to its side.
-        skew = 0.5 * abs(left.yaw - right.yaw)
-        needed = self.clearance + sum(
-            0.5 * (w * math.cos(skew) + length * math.sin(skew)) for length, w in self.sizes
-        )
+        needed = self.clearance + beside(self.sizes, left.yaw - right.yaw)
         if apart < needed:
             raise ConfigurationError(
                 f"step {done} of the plan brings the feet together or across each other",
@@ -355,6 +351,13 @@ class FootstepPlan(Stand):
     def duration(self) -> float:
         """How long the whole walk takes [s]."""
         return self.touchdown(self.count - 1) + self.gait.settle_time
+
+
+def beside(sizes: Sequence[Point], yaw: float) -> float:
+    """Return the distance of the centres of two soles that touch, turned against each other [m]."""
+    # A turned sole takes more room to its side.
+    c, s = math.cos(0.5 * yaw), abs(math.sin(0.5 * yaw))
+    return sum(0.5 * (width * c + length * s) for length, width in sizes)
 
 
 def _finite(placement: Placement) -> bool:

@@ -222,10 +222,8 @@ class Walker:
 
 
 def _double(value: float) -> float:
-    """A number of any kind, infinite where no double holds it.
-
-    Those of a joystick are of float32, which Pinocchio does not take.
-    """
+    """Return a number of any kind as a double, infinite where none holds it."""
+    # Those of a joystick are of float32, which Pinocchio does not take.
     try:
         return float(value)
     except OverflowError:
