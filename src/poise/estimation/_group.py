@@ -9,8 +9,8 @@ velocity, position, contact points. In matrix form
 A tangent vector is [phi; rho_1; ...; rho_m], as Hartley, Ghaffari, Eustice and Grizzle (2020,
 "Contact-aided invariant extended Kalman filtering for robot state estimation") order it.
 
-`fill_gamma`, `turn`: compiled, for loops. `gamma`, `exponential`, `logarithm`, `adjoint`: with
-arrays of their own.
+`fill_gamma`, `turn`, `turn_back`, `multiply`: compiled, for loops. `gamma`, `exponential`,
+`logarithm`, `adjoint`: with arrays of their own.
 """
 
 import math
@@ -52,7 +52,7 @@ def _coefficient(order: int, angle: float) -> float:
     return (0.5 * square + math.cos(angle) - 1.0) / (square * square)
 
 
-@compiled
+@part
 def fill_gamma(
     order: int, phi: Float64[np.ndarray, "3"], scale: float, out: Float64[np.ndarray, "3 3"]
 ) -> None:
@@ -87,10 +87,36 @@ def turn(R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float) -> tuple[f
     )
 
 
+@part
+def turn_back(
+    R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """R^T times a vector."""
+    return (
+        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
+        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
+        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
+    )
+
+
+@part
+def multiply(
+    A: Float64[np.ndarray, "3 3"], B: Float64[np.ndarray, "3 3"], out: Float64[np.ndarray, "3 3"]
+) -> None:
+    """Fill in the product A B."""
+    for k in range(3):
+        out[0, k], out[1, k], out[2, k] = turn(A, B[0, k], B[1, k], B[2, k])
+
+
 def hat(x: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
     """The skew-symmetric matrix of a cross product with x from the left."""
     a, b, c = x.tolist()
     return np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
+
+
+@compiled
+def _fill_gamma(order: int, phi: Float64[np.ndarray, "3"], out: Float64[np.ndarray, "3 3"]) -> None:
+    fill_gamma(order, phi, 1.0, out)
 
 
 def gamma(order: int, phi: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
@@ -101,7 +127,7 @@ def gamma(order: int, phi: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3
         phi: rotation vector [rad].
     """
     out = np.empty((3, 3))
-    fill_gamma(order, phi, 1.0, out)
+    _fill_gamma(order, phi, out)
     return out
 
 

@@ -50,7 +50,7 @@ class LoadCellTare:
         self.zeros: dict[str, Float64[np.ndarray, "6"]] = {}
         self._time, self._seen = math.nan, dict.fromkeys(self._soles, 0.0)
 
-    def update(self, state: RobotState, airborne: Sequence[bool]) -> RobotState:
+    def update(self, state: RobotState, airborne: Sequence[int]) -> RobotState:
         """Takes a state in, and returns it with wrenches less their zeros.
 
         Args:

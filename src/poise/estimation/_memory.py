@@ -1,14 +1,23 @@
-"""`FilterMemory`: state and covariance of an invariant filter, as compiled code has them."""
+"""`FilterMemory`: state and covariance of an invariant filter, as compiled code has them.
+
+`EstimatorMemory`: what an estimator's tick reads and writes besides.
+"""
 
 import math
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, compiled, part, view
+from poise._compiled import Block, part
 
 VELOCITY, POSITION, CONTACTS = 0, 1, 2
 """Rows of the vectors of the group's element; contact points are the last ones."""
+
+GYRO, ACCELEROMETER = 0, 1
+"""Rows of what an inertial unit measures, and of its biases."""
+
+OFFSET, SPEED, TURNING, SPREAD, TURNING_SPREAD, SEEN = 0, 3, 6, 9, 18, 27
+"""First number of each kind in a row of `EstimatorMemory.seen`, and their count."""
 
 
 class FilterMemory(Block):
@@ -56,6 +65,67 @@ class FilterMemory(Block):
     delta: Float64[np.ndarray, " n"]
 
 
+class EstimatorMemory(Block):
+    """Memory of a `StateEstimator`, for its compiled tick.
+
+    Attributes:
+        filter: the filter.
+        fresh: whether the inertial unit says something of use now.
+        measured: whether there are wrenches, of any sole.
+        J: columns of the joints' Jacobians with the base at the origin, each a row.
+        placements: of the joints, see `poise.dynamics.Motion`.
+        joints: the joint that carries each sole; this and the next three as in `Frames`.
+        frames: placement of each sole on its joint.
+        starts: where the coordinates of each sole begin in `columns`.
+        columns: coordinates that move the soles.
+        base_R_unit: the unit's axes in the base.
+        base_p_unit: its origin in the base [m].
+        belief: numbers of `ContactBelief`, in its order; deviations of the joints' angles [rad],
+            their velocities [rad/s] and of a sole's centre [m]; weight [N].
+        leans: which soles lean with their leg.
+        q: joints as measured, behind a base at the origin; at the end of a tick the estimated one.
+        v: their velocities, behind the base's.
+        pose: of the base, in the last sound estimate.
+        wrenches: of the soles, measured or estimated; NaN where one says nothing [N, N m].
+        sensed: angular velocity [rad/s] and specific force [m/s^2] by the unit, now.
+        before: the last ones of use.
+        axes: scratch: how one joint moves a sole, and turns it, along the unit's axes.
+        seen: of each sole: position from the unit along its axes [m], velocity [m/s] and angular
+            velocity [rad/s] by those of the joints, then J J^T of both: a variance of the joints'
+            angles becomes one of the position.
+        probability: of contact, by sole.
+        slip_end: time until which each sole is taken to slip [s].
+        fitted: time at which a contact point was last at rest, a single number [s].
+        airborne: which soles are clear of the ground.
+    """
+
+    filter: FilterMemory
+    fresh: int
+    measured: int
+    J: Float64[np.ndarray, "nv 6"]
+    placements: Float64[np.ndarray, "bodies 12"]
+    joints: Int64[np.ndarray, " contacts"]
+    frames: Float64[np.ndarray, "contacts 12"]
+    starts: Int64[np.ndarray, " ends"]
+    columns: Int64[np.ndarray, " columns"]
+    base_R_unit: Float64[np.ndarray, "3 3"]
+    base_p_unit: Float64[np.ndarray, "3"]
+    belief: Float64[np.ndarray, " numbers"]
+    leans: Int64[np.ndarray, " contacts"]
+    q: Float64[np.ndarray, " nq"]
+    v: Float64[np.ndarray, " nv"]
+    pose: Float64[np.ndarray, "7"]
+    wrenches: Float64[np.ndarray, "contacts 6"]
+    sensed: Float64[np.ndarray, "6"]
+    before: Float64[np.ndarray, "6"]
+    axes: Float64[np.ndarray, "6"]
+    seen: Float64[np.ndarray, "contacts 27"]
+    probability: Float64[np.ndarray, " contacts"]
+    slip_end: Float64[np.ndarray, " contacts"]
+    fitted: Float64[np.ndarray, "1"]
+    airborne: Int64[np.ndarray, " contacts"]
+
+
 @part
 def set_rotation(R: Float64[np.ndarray, "3 3"], new: Float64[np.ndarray, "3 3"]) -> None:
     """R = new (3 I - new^T new) / 2: a step towards the nearest rotation, as rounding piles up."""
@@ -68,10 +138,9 @@ def set_rotation(R: Float64[np.ndarray, "3 3"], new: Float64[np.ndarray, "3 3"])
             R[i, k] = 0.5 * total
 
 
-@compiled
-def is_sound(address: int) -> bool:
+@part
+def is_sound(m: FilterMemory) -> bool:
     """Whether all is finite and no variance is negative; NaN fails every comparison."""
-    m = view(FilterMemory, address)
     for i in range(len(m.P)):
         if not 0.0 <= m.P[i, i] < math.inf:
             return False
