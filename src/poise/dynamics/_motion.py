@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, part
+from poise._compiled import Block, compiled, part
 
 
 class Motion(NamedTuple):
@@ -122,13 +122,65 @@ def frames_of(model: pin.Model, frame_ids: Sequence[int]) -> Frames:
     )
 
 
+class MotionBlock(Block):
+    """A part of `Motion` for compiled functions that take a block.
+
+    Attributes:
+        columns: of the joints' Jacobians, as rows; all else as in `Motion`.
+    """
+
+    columns: Float64[np.ndarray, "nv 6"]
+    placements: Float64[np.ndarray, "joints 12"]
+    velocities: Float64[np.ndarray, "joints 6"]
+    accelerations: Float64[np.ndarray, "joints 6"]
+    com: Float64[np.ndarray, "3"]
+    gravity: Float64[np.ndarray, "3"]
+    mass: Float64[np.ndarray, "1"]
+
+
+class FrameBlock(Block):
+    """`Frames` for compiled functions that take a block."""
+
+    joints: Int64[np.ndarray, " frames"]
+    placements: Float64[np.ndarray, "frames 12"]
+    starts: Int64[np.ndarray, " ends"]
+    columns: Int64[np.ndarray, " columns"]
+
+
+def blocks_of(
+    model: pin.Model, data: pin.Data, frame_ids: Sequence[int]
+) -> tuple[MotionBlock, FrameBlock]:
+    """The arrays of some data, which must live as long as they are read, and of some frames.
+
+    Args:
+        model: the robot's model.
+        data: made for it.
+        frame_ids: Pinocchio's indices of the frames.
+    """
+    m = motion_of(model, data)
+    motion = MotionBlock(
+        columns=m.J.T,
+        placements=m.placements,
+        velocities=m.velocities,
+        accelerations=m.accelerations,
+        com=m.com,
+        gravity=m.gravity,
+        mass=m.mass,
+    )
+    return motion, FrameBlock(**frames_of(model, frame_ids)._asdict())
+
+
 POSITION, ROTATION, VELOCITY, BIAS, KINEMATICS = 0, 3, 12, 18, 24
 """Where a frame's numbers begin in what `place_frame` fills, and how many they are."""
 
 
 @part
 def place_frame(
-    motion: Motion, frames: Frames, frame: int, out: Float64[np.ndarray, " k"], at: int
+    motion: Motion | MotionBlock,
+    frames: Frames | FrameBlock,
+    frame: int,
+    out: Float64[np.ndarray, " k"],
+    at: int,
 ) -> None:
     """Where a frame is, how it moves, and its classical acceleration at zero `dv`.
 

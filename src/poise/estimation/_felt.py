@@ -1,44 +1,68 @@
-"""What soles feel of a robot and how its hands move, compiled: what `PayloadEstimator` smooths."""
+"""`PayloadMemory`, `feel`: forces of the soles, momentum and motion of the hands, smoothed."""
+
+import math
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import compiled
-from poise.dynamics import ROTATION, VELOCITY, Frames, Motion, place_frame, turn_to_world
+from poise._compiled import Block, compiled, view
+from poise.dynamics import (
+    ROTATION,
+    VELOCITY,
+    FrameBlock,
+    MotionBlock,
+    place_frame,
+    turn_to_world,
+)
 
 SOLES, HAND = 12, 12
 """Numbers of all soles and of the momentum, and of each hand."""
 
 
-@compiled
-def feel(
-    motion: Motion,
-    frames: Frames,
-    momentum: Float64[np.ndarray, "6"],
-    wrenches: Float64[np.ndarray, "soles 6"],
-    room: Float64[np.ndarray, " room"],
-    felt: Float64[np.ndarray, " k"],
-) -> None:
-    """Force and moment of the soles, the momentum, and how hands move.
+class PayloadMemory(Block):
+    """Memory of a `PayloadEstimator`, for compiled code.
 
-    All is along the world's axes, about the centre of mass c, and but for the hands by the mass.
-
-    Args:
+    Attributes:
         motion: of the robot, placements, velocities and centre of mass at least.
         frames: the soles, then the hands.
         momentum: centroidal momentum, linear before angular [kg m/s, kg m^2/s].
         wrenches: that the soles measure, along their own axes [N, N m].
-        room: for one frame.
-        felt: receives force, moment and momentum, then of each hand, with its place r and velocity
-            v: v, (r - c) x v, c' x v and r - c.
+        room: scratch: of one frame.
+        felt: force, moment and momentum, then of each hand, with its place r and velocity v: v,
+            (r - c) x v, c' x v and r - c. All is along the world's axes, about the centre of mass
+            c, and but for the hands by the mass.
+        low: the same, smoothed.
     """
-    com, mass, soles = motion.com, motion.mass[0], len(wrenches)
+
+    motion: MotionBlock
+    frames: FrameBlock
+    momentum: Float64[np.ndarray, "6"]
+    wrenches: Float64[np.ndarray, "soles 6"]
+    room: Float64[np.ndarray, " room"]
+    felt: Float64[np.ndarray, " k"]
+    low: Float64[np.ndarray, " k"]
+
+
+@compiled
+def feel(address: int, gain: float) -> bool:
+    """Fill in `felt`, and let `low` follow.
+
+    Args:
+        address: of a `PayloadMemory`.
+        gain: part of the way that `low` goes towards `felt`; 1 to begin there.
+
+    Returns:
+        Whether all is finite; `low` stays where it is not.
+    """
+    m = view(PayloadMemory, address)
+    motion, frames, room, felt, low = m.motion, m.frames, m.room, m.felt, m.low
+    com, mass, soles = motion.com, motion.mass[0], len(m.wrenches)
     for i in range(6):
-        felt[i], felt[6 + i] = 0.0, momentum[i] / mass
+        felt[i], felt[6 + i] = 0.0, m.momentum[i] / mass
     for k in range(soles):
         place_frame(motion, frames, k, room, 0)
         x, y, z = room[0] - com[0], room[1] - com[1], room[2] - com[2]
-        wrench, R = wrenches[k], room[ROTATION:VELOCITY]
+        wrench, R = m.wrenches[k], room[ROTATION:VELOCITY]
         a = R[0] * wrench[0] + R[1] * wrench[1] + R[2] * wrench[2]
         b = R[3] * wrench[0] + R[4] * wrench[1] + R[5] * wrench[2]
         c = R[6] * wrench[0] + R[7] * wrench[1] + R[8] * wrench[2]
@@ -62,3 +86,9 @@ def feel(
         out[3], out[4], out[5] = y * v_z - z * v_y, z * v_x - x * v_z, x * v_y - y * v_x
         out[6], out[7], out[8] = u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z, u_x * v_y - u_y * v_x
         out[9], out[10], out[11] = x, y, z
+    for i in range(len(felt)):
+        if not abs(felt[i]) < math.inf:
+            return False
+    for i in range(len(felt)):
+        low[i] = felt[i] if gain == 1.0 else low[i] + gain * (felt[i] - low[i])
+    return True

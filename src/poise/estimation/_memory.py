@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import Block, part
+from poise.dynamics import FrameBlock, MotionBlock
 
 VELOCITY, POSITION, CONTACTS = 0, 1, 2
 """Rows of the vectors of the group's element; contact points are the last ones."""
@@ -72,12 +73,8 @@ class EstimatorMemory(Block):
         filter: the filter.
         fresh: whether the inertial unit says something of use now.
         measured: whether there are wrenches, of any sole.
-        J: columns of the joints' Jacobians with the base at the origin, each a row.
-        placements: of the joints, see `poise.dynamics.Motion`.
-        joints: the joint that carries each sole; this and the next three as in `Frames`.
-        frames: placement of each sole on its joint.
-        starts: where the coordinates of each sole begin in `columns`.
-        columns: coordinates that move the soles.
+        motion: of the joints, with the base at the origin.
+        frames: the soles.
         base_R_unit: the unit's axes in the base.
         base_p_unit: its origin in the base [m].
         belief: numbers of `ContactBelief`, in its order; deviations of the joints' angles [rad],
@@ -102,12 +99,8 @@ class EstimatorMemory(Block):
     filter: FilterMemory
     fresh: int
     measured: int
-    J: Float64[np.ndarray, "nv 6"]
-    placements: Float64[np.ndarray, "bodies 12"]
-    joints: Int64[np.ndarray, " contacts"]
-    frames: Float64[np.ndarray, "contacts 12"]
-    starts: Int64[np.ndarray, " ends"]
-    columns: Int64[np.ndarray, " columns"]
+    motion: MotionBlock
+    frames: FrameBlock
     base_R_unit: Float64[np.ndarray, "3 3"]
     base_p_unit: Float64[np.ndarray, "3"]
     belief: Float64[np.ndarray, " numbers"]

@@ -15,17 +15,21 @@ from poise.estimation._memory import (
 @part
 def see_soles(m: EstimatorMemory) -> None:
     """Fill in `seen`: position, velocities and J J^T of each sole, about the unit's origin."""
-    R, p, v, J, axes = m.base_R_unit, m.base_p_unit, m.v, m.J, m.axes
+    R, p, v, axes, frames, J = m.base_R_unit, m.base_p_unit, m.v, m.axes, m.frames, m.motion.columns
     for sole in range(len(m.seen)):
-        out, place, local = m.seen[sole], m.placements[m.joints[sole]], m.frames[sole]
+        out, place, local = (
+            m.seen[sole],
+            m.motion.placements[frames.joints[sole]],
+            frames.placements[sole],
+        )
         for i in range(len(out)):
             out[i] = 0.0
         x = place[9] + place[0] * local[9] + place[3] * local[10] + place[6] * local[11]
         y = place[10] + place[1] * local[9] + place[4] * local[10] + place[7] * local[11]
         z = place[11] + place[2] * local[9] + place[5] * local[10] + place[8] * local[11]
         out[OFFSET], out[OFFSET + 1], out[OFFSET + 2] = turn_back(R, x - p[0], y - p[1], z - p[2])
-        for k in range(m.starts[sole], m.starts[sole + 1]):
-            column = m.columns[k]
+        for k in range(frames.starts[sole], frames.starts[sole + 1]):
+            column = frames.columns[k]
             if column < 6:
                 continue
             wx, wy, wz = J[column, 3], J[column, 4], J[column, 5]
