@@ -5,6 +5,7 @@ from poise.dynamics._chain_coordinates import (
     from_coordinates as from_coordinates,
 )
 from poise.dynamics._dynamics import (
+    CheckedWrenches as CheckedWrenches,
     Dynamics,
     FrameKinematics as FrameKinematics,
     RobotState,

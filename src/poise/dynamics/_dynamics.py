@@ -97,12 +97,38 @@ class RobotState:
         Args:
             sole: its name.
         """
-        found = self.contacts.get(sole)
-        if type(found) is not np.ndarray or found.dtype != _NUMBER:
-            found = None if found is None else _as_numbers(found)
-            if not (isinstance(found, np.ndarray) and found.dtype == _NUMBER):
-                return None
-        return found if found.shape == (6,) and all_finite(found) else None
+        contacts = self.contacts
+        if type(contacts) is CheckedWrenches:
+            return contacts.usable.get(sole)
+        found = contacts.get(sole)
+        return None if found is None else _usable_wrench(found)
+
+
+class CheckedWrenches(dict[str, Float64[np.ndarray, "6"]]):
+    """Wrenches that are checked once, for `RobotState.contacts` that many read in a tick.
+
+    Args:
+        contacts: the wrenches, by sole.
+
+    Attributes:
+        usable: those that are six finite numbers, by sole.
+    """
+
+    __slots__ = ("usable",)
+
+    def __init__(self, contacts: Mapping[str, Float64[np.ndarray, "6"]]) -> None:
+        super().__init__(contacts)
+        checked = ((name, _usable_wrench(found)) for name, found in contacts.items())
+        self.usable = {name: wrench for name, wrench in checked if wrench is not None}
+
+
+def _usable_wrench(found: Numbers) -> Float64[np.ndarray, "6"] | None:
+    """Six finite numbers, or None."""
+    if type(found) is not np.ndarray or found.dtype != _NUMBER:
+        found = _as_numbers(found)
+        if not (isinstance(found, np.ndarray) and found.dtype == _NUMBER):
+            return None
+    return found if found.shape == (6,) and all_finite(found) else None
 
 
 def _as_numbers(value: Numbers) -> Numbers:
@@ -322,7 +348,7 @@ class Dynamics:
         Args:
             joint_id: Pinocchio's index of the joint.
         """
-        return self._data.oMi[joint_id].translation.copy()
+        return self.motion.placements[joint_id, 9:].copy()
 
     def joint_rotation(self, joint_id: int) -> Float64[np.ndarray, "3 3"]:
         """world_R_joint.
@@ -330,7 +356,7 @@ class Dynamics:
         Args:
             joint_id: Pinocchio's index of the joint.
         """
-        return self._data.oMi[joint_id].rotation.copy()
+        return self.motion.placements[joint_id, :9].reshape(3, 3).T.copy()
 
     def _momenta(self) -> Float64[np.ndarray, "12"]:
         """Centroidal momentum and its rate at zero `dv`, evaluated once a tick."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float64
 
-from poise.dynamics import RobotState
+from poise.dynamics import CheckedWrenches, RobotState
 
 _MEMORY = 5.0
 """Over so much time in the air a zero is averaged; it drifts with temperature [s]."""
@@ -83,9 +83,9 @@ class LoadCellTare:
         before += dt / seen * (wrench - before)
 
     def _corrected(self, state: RobotState) -> Mapping[str, Float64[np.ndarray, "6"]]:
-        contacts = dict(state.contacts)
+        contacts = CheckedWrenches(state.contacts)
         for sole, zero in self.zeros.items():
-            wrench = state.wrench(sole)
+            wrench = contacts.usable.get(sole)
             if wrench is not None:
-                contacts[sole] = wrench - zero
+                contacts[sole] = contacts.usable[sole] = wrench - zero
         return contacts

@@ -159,18 +159,18 @@ class StanceEstimator:
         known = RobotState(q, v, state.contacts, state.time, payload=payload)
         if self._attitude is not None:
             q[3:7] = self._attitude.corrected(q[3:7])
-        position, jacobian = self._stance_sole(q)
-        q[:3] = self.anchors[self.stance] - position
         fused = None
         if self._inertial is not None and state.readings is not None:
             fused = self._inertial.update(state)
         if self._inertial is not None and fused is not None and self._inertial.status.ok:
             # Along the base's own axes it does not matter how upright either says the base is.
             v[:3] = fused.v[:3]
+            pin.forwardKinematics(self._robot.model, self._data, q)
         else:
-            # The sole's linear velocity is zero. The base's stands in its own axes: a rotation.
-            base_R_world = jacobian[:3, :3].T
-            v[:3] = -base_R_world.dot(jacobian[:3, 3:].dot(v[3:]))
+            v[:3] = self._resting_velocity(q, v)
+        sole = self._soles[self.stance]
+        place = pin.updateFramePlacement(self._robot.model, self._data, sole)
+        q[:3] = self.anchors[self.stance] - place.translation
         if self._payload is not None:
             known = self._payload.update(known)
         self.dynamics.update(known)
@@ -222,13 +222,16 @@ class StanceEstimator:
             self.put_down(foot)
             self.stance = foot
 
-    def _stance_sole(
-        self, q: Float64[np.ndarray, " nq"]
-    ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "6 nv"]]:
-        """Where the sole at rest would be, and its Jacobian, without the rest of `dynamics`."""
-        model, data, frame_id = self._robot.model, self._data, self._soles[self.stance]
-        jacobian = pin.computeFrameJacobian(model, data, q, frame_id, pin.LOCAL_WORLD_ALIGNED)
-        return data.oMf[frame_id].translation, jacobian
+    def _resting_velocity(
+        self, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]
+    ) -> Float64[np.ndarray, "3"]:
+        """Linear velocity of the base with which the stance sole rests, in the base's axes."""
+        jacobian = pin.computeFrameJacobian(
+            self._robot.model, self._data, q, self._soles[self.stance], pin.LOCAL_WORLD_ALIGNED
+        )
+        # That of the base stands in its own axes: a rotation.
+        base_R_world = jacobian[:3, :3].T
+        return -base_R_world.dot(jacobian[:3, 3:].dot(v[3:]))
 
 
 def _without_base_motion(state: object) -> RobotState | None:
