@@ -20,7 +20,7 @@ from poise.dynamics._motion import (
     Frames as Frames,
     Motion as Motion,
     MotionBlock as MotionBlock,
-    blocks_of as blocks_of,
+    block_of as block_of,
     column_at as column_at,
     frames_of as frames_of,
     momentum_rate as momentum_rate,

@@ -19,7 +19,9 @@ from poise.dynamics._motion import (
     KINEMATICS,
     ROTATION,
     VELOCITY,
+    CentroidBlock,
     Frames,
+    block_of,
     evaluate_centroid,
     evaluate_frame,
     frames_of,
@@ -214,7 +216,7 @@ class Dynamics:
         self._tables: dict[int, Frames] = {}
         self._com: Float64[np.ndarray, "3"] | None = None
         self._com_velocity: Float64[np.ndarray, "3"] | None = None
-        self._centroid: Float64[np.ndarray, "12"] | None = None
+        self._has_momenta = False
         # Pinocchio's own arrays; M has both triangles filled and is turned to row-major.
         self.M: Float64[np.ndarray, "nv nv"] = data.M.T
         self.h: Float64[np.ndarray, " nv"] = data.nle
@@ -222,6 +224,8 @@ class Dynamics:
         self.momentum_matrix: Float64[np.ndarray, "6 nv"] = self.motion.momentum
         self.q: Float64[np.ndarray, " nq"] = np.zeros(robot.nq)
         self.v: Float64[np.ndarray, " nv"] = np.zeros(robot.nv)
+        block = block_of(self.motion)
+        self._centroid = CentroidBlock(motion=block, v=self.v, out=np.zeros(12))
         self.update(self.state)
         # What is compiled is compiled now, not in the first tick.
         self.frame(0)
@@ -237,7 +241,8 @@ class Dynamics:
         self.state = state
         self._frames.clear()
         self._places.clear()
-        self._com = self._com_velocity = self._centroid = None
+        self._com = self._com_velocity = None
+        self._has_momenta = False
         self.q[:], self.v[:] = state.q, state.v
         if state.payload is not self._payload:
             self._carry(state.payload)
@@ -360,10 +365,11 @@ class Dynamics:
 
     def _momenta(self) -> Float64[np.ndarray, "12"]:
         """Centroidal momentum and its rate at zero `dv`, evaluated once a tick."""
-        if self._centroid is None:
-            self._centroid = np.empty(12)
-            evaluate_centroid(self.motion, self.v, self._centroid)
-        return self._centroid
+        centroid = self._centroid
+        if not self._has_momenta:
+            evaluate_centroid(centroid.address)
+            self._has_momenta = True
+        return centroid.out
 
     def _evaluate_frame(self, frame_id: int) -> FrameKinematics:
         table = self._tables.get(frame_id)

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, compiled, part
+from poise._compiled import Block, compiled, part, view
 
 
 class Motion(NamedTuple):
@@ -123,18 +123,22 @@ def frames_of(model: pin.Model, frame_ids: Sequence[int]) -> Frames:
 
 
 class MotionBlock(Block):
-    """A part of `Motion` for compiled functions that take a block.
+    """`Motion` for compiled functions that take a block.
 
     Attributes:
-        columns: of the joints' Jacobians, as rows; all else as in `Motion`.
+        columns: of the joints' Jacobians, as rows.
+        momentum: columns of A_G, as rows; all else as in `Motion`.
     """
 
     columns: Float64[np.ndarray, "nv 6"]
     placements: Float64[np.ndarray, "joints 12"]
     velocities: Float64[np.ndarray, "joints 6"]
     accelerations: Float64[np.ndarray, "joints 6"]
+    forces: Float64[np.ndarray, "joints 6"]
+    momentum: Float64[np.ndarray, "nv 6"]
     com: Float64[np.ndarray, "3"]
     gravity: Float64[np.ndarray, "3"]
+    roots: Int64[np.ndarray, " roots"]
     mass: Float64[np.ndarray, "1"]
 
 
@@ -147,27 +151,14 @@ class FrameBlock(Block):
     columns: Int64[np.ndarray, " columns"]
 
 
-def blocks_of(
-    model: pin.Model, data: pin.Data, frame_ids: Sequence[int]
-) -> tuple[MotionBlock, FrameBlock]:
-    """The arrays of some data, which must live as long as they are read, and of some frames.
+def block_of(motion: Motion) -> MotionBlock:
+    """The same arrays, which must live as long as they are read.
 
     Args:
-        model: the robot's model.
-        data: made for it.
-        frame_ids: Pinocchio's indices of the frames.
+        motion: of some data.
     """
-    m = motion_of(model, data)
-    motion = MotionBlock(
-        columns=m.J.T,
-        placements=m.placements,
-        velocities=m.velocities,
-        accelerations=m.accelerations,
-        com=m.com,
-        gravity=m.gravity,
-        mass=m.mass,
-    )
-    return motion, FrameBlock(**frames_of(model, frame_ids)._asdict())
+    given = motion._asdict()
+    return MotionBlock(columns=given.pop("J").T, **given | {"momentum": motion.momentum.T})
 
 
 POSITION, ROTATION, VELOCITY, BIAS, KINEMATICS = 0, 3, 12, 18, 24
@@ -274,7 +265,7 @@ def evaluate_frame(
 
 
 @part
-def momentum_rate(motion: Motion, out: Float64[np.ndarray, " k"], at: int) -> None:
+def momentum_rate(motion: Motion | MotionBlock, out: Float64[np.ndarray, " k"], at: int) -> None:
     """Rate of the centroidal momentum at zero `dv`, linear then angular about the COM [N, N m].
 
     The joints that the world carries bear that rate and the weight.
@@ -301,20 +292,32 @@ def momentum_rate(motion: Motion, out: Float64[np.ndarray, " k"], at: int) -> No
         out[at + 5] += R[2] * f[3] + R[5] * f[4] + R[8] * f[5] + x * fy - y * fx
 
 
+class CentroidBlock(Block):
+    """Memory of `evaluate_centroid`.
+
+    Attributes:
+        motion: of the robot.
+        v: its velocity.
+        out: centroidal momentum [kg m/s, kg m^2/s], then its rate at zero `dv` [N, N m].
+    """
+
+    motion: MotionBlock
+    v: Float64[np.ndarray, " nv"]
+    out: Float64[np.ndarray, "12"]
+
+
 @compiled
-def evaluate_centroid(
-    motion: Motion, v: Float64[np.ndarray, " nv"], out: Float64[np.ndarray, "12"]
-) -> None:
-    """Centroidal momentum [kg m/s, kg m^2/s], then its rate at zero `dv` [N, N m].
+def evaluate_centroid(address: int) -> None:
+    """Fill in the centroidal momentum and its rate, linear before angular.
 
     Args:
-        motion: the robot's motion.
-        v: velocity of the robot.
-        out: receives them, linear before angular.
+        address: of a `CentroidBlock`.
     """
+    m = view(CentroidBlock, address)
+    motion, out = m.motion, m.out
     for i in range(6):
         out[i] = 0.0
-    for k in range(len(v)):
+    for k in range(len(m.v)):
         for i in range(6):
-            out[i] += motion.momentum[i, k] * v[k]
+            out[i] += motion.momentum[k, i] * m.v[k]
     momentum_rate(motion, out, 6)

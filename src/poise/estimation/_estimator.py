@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from poise._checks import is_time
 from poise._compiled import allocate
-from poise.dynamics import RobotState, blocks_of
+from poise.dynamics import FrameBlock, RobotState, block_of, frames_of, motion_of
 from poise.errors import ConfigurationError
 from poise.estimation._config import EstimatorConfig
 from poise.estimation._filter import InvariantFilter
@@ -118,15 +118,14 @@ class StateEstimator:
     def _allocate(self) -> EstimatorMemory:
         robot, c = self._robot, self.config
         soles = [robot.frame_id(name) for name in self._names]
-        motion, frames = blocks_of(robot.model, self._data, soles)
         belief = (*astuple(c.contact), c.encoder, c.joint_velocity, c.point, robot.weight)
         sizes = {"contacts": len(self._names), "nq": robot.nq, "nv": robot.nv}
         return allocate(
             EstimatorMemory,
             sizes | {str(n): n for n in (1, 2, 3, 6, 7, 27)},
             filter=self.filter.memory,
-            motion=motion,
-            frames=frames,
+            motion=block_of(motion_of(robot.model, self._data)),
+            frames=FrameBlock(**frames_of(robot.model, soles)._asdict()),
             base_R_unit=self._base_R_unit,
             base_p_unit=self._base_p_unit,
             belief=np.array(belief),

@@ -1,7 +1,7 @@
 """`LoadCellTare`: what the load cells of soles say while nothing touches them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float64
@@ -63,9 +63,12 @@ class LoadCellTare:
                 self._learn(sole, state.wrench(sole), dt)
         if not self.zeros:
             return state
-        return RobotState(
-            state.q, state.v, self._corrected(state), state.time, state.readings, state.payload
-        )
+        contacts = CheckedWrenches(state.contacts)
+        for sole, zero in self.zeros.items():
+            wrench = contacts.usable.get(sole)
+            if wrench is not None:
+                contacts[sole] = contacts.usable[sole] = wrench - zero
+        return RobotState(state.q, state.v, contacts, state.time, state.readings, state.payload)
 
     def _learn(self, sole: str, wrench: Float64[np.ndarray, "6"] | None, dt: float) -> None:
         """Averages what a sole in the air says, unless it is too much for a zero."""
@@ -81,11 +84,3 @@ class LoadCellTare:
             return
         self._seen[sole] = seen = min(self._seen[sole] + dt, _MEMORY)
         before += dt / seen * (wrench - before)
-
-    def _corrected(self, state: RobotState) -> Mapping[str, Float64[np.ndarray, "6"]]:
-        contacts = CheckedWrenches(state.contacts)
-        for sole, zero in self.zeros.items():
-            wrench = contacts.usable.get(sole)
-            if wrench is not None:
-                contacts[sole] = contacts.usable[sole] = wrench - zero
-        return contacts

@@ -7,7 +7,15 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._compiled import allocate
-from poise.dynamics import KINEMATICS, Payload, RobotState, blocks_of
+from poise.dynamics import (
+    KINEMATICS,
+    FrameBlock,
+    Payload,
+    RobotState,
+    block_of,
+    frames_of,
+    motion_of,
+)
 from poise.errors import ConfigurationError
 from poise.estimation._config import PayloadBelief
 from poise.estimation._felt import HAND, SOLES, PayloadMemory, feel
@@ -85,12 +93,11 @@ class PayloadEstimator:
         self._hands = HandLoads(robot, self.belief)
         b, hands, soles = self.belief, len(self._hands), len(self._soles)
         frame_ids = [robot.frame_id(name) for name in names]
-        motion, frames = blocks_of(robot.model, self._data, frame_ids)
         self._memory = allocate(
             PayloadMemory,
             {"soles": soles, "6": 6, "room": KINEMATICS, "k": SOLES + HAND * hands},
-            motion=motion,
-            frames=frames,
+            motion=block_of(motion_of(robot.model, self._data)),
+            frames=FrameBlock(**frames_of(robot.model, frame_ids)._asdict()),
             momentum=self._data.hg.vector,
         )
         self._rows = list(self._memory.wrenches)

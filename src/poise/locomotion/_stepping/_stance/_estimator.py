@@ -195,7 +195,7 @@ class StanceEstimator:
             None if wrench is None else self.rotation(foot).dot(wrench[:3])
             for foot, wrench in enumerate(wrenches)
         ]
-        world_R_base = self.dynamics.joint_rotation(_BASE)
+        world_R_base = self.dynamics.motion.placements[_BASE, :9].reshape(3, 3).T
         estimator.update(state.time, forces, self.dynamics.com_velocity, world_R_base)
 
     def _airborne(self, foot: int) -> bool:
@@ -236,12 +236,11 @@ class StanceEstimator:
 
 def _without_base_motion(state: object) -> RobotState | None:
     """A copy less what no sensor gives: where the base is and how fast it goes along."""
-    if not isinstance(state, RobotState) or not _are_arrays(state.q, state.v):
+    if not isinstance(state, RobotState):
         return None
-    q, v = state.q.copy(), state.v.copy()
+    q, v = state.q, state.v
+    if not (isinstance(q, np.ndarray) and isinstance(v, np.ndarray) and q.ndim == v.ndim == 1):
+        return None
+    q, v = q.copy(), v.copy()
     q[:3], v[:3] = 0.0, 0.0
     return RobotState(q, v, state.contacts, state.time, payload=state.payload)
-
-
-def _are_arrays(*values: object) -> bool:
-    return all(isinstance(value, np.ndarray) and value.ndim == 1 for value in values)
