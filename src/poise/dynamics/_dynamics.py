@@ -107,14 +107,7 @@ class RobotState:
 
 
 class CheckedWrenches(dict[str, Float64[np.ndarray, "6"]]):
-    """Wrenches that are checked once, for `RobotState.contacts` that many read in a tick.
-
-    Args:
-        contacts: the wrenches, by sole.
-
-    Attributes:
-        usable: those that are six finite numbers, by sole.
-    """
+    """Wrenches for `RobotState.contacts`, checked once; `usable` are six finite numbers each."""
 
     __slots__ = ("usable",)
 

@@ -123,19 +123,14 @@ def frames_of(model: pin.Model, frame_ids: Sequence[int]) -> Frames:
 
 
 class MotionBlock(Block):
-    """`Motion` for compiled functions that take a block.
+    """`Motion` for compiled functions that take a block."""
 
-    Attributes:
-        columns: of the joints' Jacobians, as rows.
-        momentum: columns of A_G, as rows; all else as in `Motion`.
-    """
-
-    columns: Float64[np.ndarray, "nv 6"]
+    columns: Float64[np.ndarray, "nv 6"]  # of J, as rows
     placements: Float64[np.ndarray, "joints 12"]
     velocities: Float64[np.ndarray, "joints 6"]
     accelerations: Float64[np.ndarray, "joints 6"]
     forces: Float64[np.ndarray, "joints 6"]
-    momentum: Float64[np.ndarray, "nv 6"]
+    momentum: Float64[np.ndarray, "nv 6"]  # columns of A_G, as rows
     com: Float64[np.ndarray, "3"]
     gravity: Float64[np.ndarray, "3"]
     roots: Int64[np.ndarray, " roots"]
@@ -152,11 +147,7 @@ class FrameBlock(Block):
 
 
 def block_of(motion: Motion) -> MotionBlock:
-    """The same arrays, which must live as long as they are read.
-
-    Args:
-        motion: of some data.
-    """
+    """The same arrays, which must live as long as they are read."""
     given = motion._asdict()
     return MotionBlock(columns=given.pop("J").T, **given | {"momentum": motion.momentum.T})
 
@@ -293,26 +284,16 @@ def momentum_rate(motion: Motion | MotionBlock, out: Float64[np.ndarray, " k"], 
 
 
 class CentroidBlock(Block):
-    """Memory of `evaluate_centroid`.
-
-    Attributes:
-        motion: of the robot.
-        v: its velocity.
-        out: centroidal momentum [kg m/s, kg m^2/s], then its rate at zero `dv` [N, N m].
-    """
+    """Memory of `evaluate_centroid`."""
 
     motion: MotionBlock
     v: Float64[np.ndarray, " nv"]
-    out: Float64[np.ndarray, "12"]
+    out: Float64[np.ndarray, "12"]  # centroidal momentum, and its rate at zero `dv`
 
 
 @compiled
 def evaluate_centroid(address: int) -> None:
-    """Fill in the centroidal momentum and its rate, linear before angular.
-
-    Args:
-        address: of a `CentroidBlock`.
-    """
+    """Fill in the centroidal momentum [kg m/s, kg m^2/s], then its rate at zero `dv` [N, N m]."""
     m = view(CentroidBlock, address)
     motion, out = m.motion, m.out
     for i in range(6):

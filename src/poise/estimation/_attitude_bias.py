@@ -23,25 +23,15 @@ _LIKELY, _WALK, _NOISE, _SMOOTHING, _SHOCK, _PUSH, _RATE, _MOST = range(8)
 
 
 class AttitudeMemory(Block):
-    """Memory of an `AttitudeBiasEstimator`, for compiled code.
+    """Memory of an `AttitudeBiasEstimator`."""
 
-    Attributes:
-        belief: numbers of `AttitudeBiasBelief`.
-        felt: force of the soles [N], velocity of the centre of mass [m/s].
-        low: the same, smoothed.
-        rate: scratch: how fast they change.
-        world_R_base: the attitude.
-        bias: phi, about the base's x and y [rad].
-        variance: of either, a single number [rad^2].
-    """
-
-    belief: Float64[np.ndarray, " numbers"]
-    felt: Float64[np.ndarray, "6"]
-    low: Float64[np.ndarray, "6"]
-    rate: Float64[np.ndarray, "6"]
+    belief: Float64[np.ndarray, " numbers"]  # numbers of `AttitudeBiasBelief`
+    felt: Float64[np.ndarray, "6"]  # force of the soles [N], velocity of the COM [m/s]
+    low: Float64[np.ndarray, "6"]  # the same, smoothed
+    rate: Float64[np.ndarray, "6"]  # scratch: how fast they change
     world_R_base: Float64[np.ndarray, "3 3"]
-    bias: Float64[np.ndarray, "2"]
-    variance: Float64[np.ndarray, "1"]
+    bias: Float64[np.ndarray, "2"]  # phi, about the base's x and y [rad]
+    variance: Float64[np.ndarray, "1"]  # of either [rad^2]
 
 
 class AttitudeBiasEstimator:

@@ -141,12 +141,8 @@ class StateEstimator:
         self._smooth: Float64[np.ndarray, " nj"] | None = None
         self._last: RobotState | None = None
         self._torque: object = None
-        m.pose[:], m.measured, m.probability[:], m.slip_end[:] = (
-            self._q_start[:7],
-            0,
-            0.0,
-            -math.inf,
-        )
+        m.pose[:], m.measured = self._q_start[:7], 0
+        m.probability[:], m.slip_end[:] = 0.0, -math.inf
         self._observer.reset()
         self.tare.reset()
         if self.payload is not None:
@@ -219,7 +215,8 @@ class StateEstimator:
             state = self.tare.update(state, self._memory.airborne.tolist())
         self._advance(state)
         if self.status is EstimatorStatus.RESTARTED:
-            self._begin(state, self._upright_before(), None)
+            before = pin.Quaternion(self._memory.pose[3:7]).toRotationMatrix()
+            self._begin(state, before, None)
             run(self._memory.address, WAIT, 0, self._time, 0.0)
         return self._answer(state)
 
@@ -327,10 +324,6 @@ class StateEstimator:
             gain = -math.expm1(-2.0 * math.pi * bandwidth * dt)
             self._speeds[:] = before + gain * (self._speeds - before)
         self._smooth = self._speeds.copy()
-
-    def _upright_before(self) -> Float64[np.ndarray, "3 3"]:
-        """Orientation of the base in the last estimate that was sound."""
-        return pin.Quaternion(self._memory.pose[3:7]).toRotationMatrix()
 
 
 def _is_array(value: object, size: int) -> TypeGuard[Float64[np.ndarray, " n"]]:

@@ -20,40 +20,23 @@ SOLES, HAND = 12, 12
 
 
 class PayloadMemory(Block):
-    """Memory of a `PayloadEstimator`, for compiled code.
-
-    Attributes:
-        motion: of the robot, placements, velocities and centre of mass at least.
-        frames: the soles, then the hands.
-        momentum: centroidal momentum, linear before angular [kg m/s, kg m^2/s].
-        wrenches: that the soles measure, along their own axes [N, N m].
-        room: scratch: of one frame.
-        felt: force, moment and momentum, then of each hand, with its place r and velocity v: v,
-            (r - c) x v, c' x v and r - c. All is along the world's axes, about the centre of mass
-            c, and but for the hands by the mass.
-        low: the same, smoothed.
-    """
+    """Memory of a `PayloadEstimator`."""
 
     motion: MotionBlock
-    frames: FrameBlock
-    momentum: Float64[np.ndarray, "6"]
-    wrenches: Float64[np.ndarray, "soles 6"]
-    room: Float64[np.ndarray, " room"]
+    frames: FrameBlock  # the soles, then the hands
+    momentum: Float64[np.ndarray, "6"]  # centroidal, linear before angular
+    wrenches: Float64[np.ndarray, "soles 6"]  # along the soles' axes [N, N m]
+    room: Float64[np.ndarray, " room"]  # scratch: of one frame
     felt: Float64[np.ndarray, " k"]
-    low: Float64[np.ndarray, " k"]
+    low: Float64[np.ndarray, " k"]  # `felt`, smoothed
 
 
 @compiled
 def feel(address: int, gain: float) -> bool:
-    """Fill in `felt`, and let `low` follow.
-
-    Args:
-        address: of a `PayloadMemory`.
-        gain: part of the way that `low` goes towards `felt`; 1 to begin there.
-
-    Returns:
-        Whether all is finite; `low` stays where it is not.
-    """
+    """Fill in `felt`, and let `low` go a part of the way there; False for what is not finite."""
+    # Force, moment and momentum, then of each hand, with its place r and velocity v: v,
+    # (r - c) x v, c' x v and r - c. All is along the world's axes, about the centre of mass c, and
+    # but for the hands by the mass.
     m = view(PayloadMemory, address)
     motion, frames, room, felt, low = m.motion, m.frames, m.room, m.felt, m.low
     com, mass, soles = motion.com, motion.mass[0], len(m.wrenches)

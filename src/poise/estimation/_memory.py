@@ -18,105 +18,60 @@ GYRO, ACCELEROMETER = 0, 1
 """Rows of what an inertial unit measures, and of its biases."""
 
 OFFSET, SPEED, TURNING, SPREAD, TURNING_SPREAD, SEEN = 0, 3, 6, 9, 18, 27
-"""First number of each kind in a row of `EstimatorMemory.seen`, and their count."""
+"""First number of each kind in a row of `EstimatorMemory.seen`, and their count: of a sole its
+position from the unit, its velocity and angular velocity by those of the joints, all along the
+unit's axes, and J J^T of both, by which a variance of the joints' angles becomes one of these."""
 
 
 class FilterMemory(Block):
-    """What the compiled functions work on.
+    """State and covariance of an invariant filter."""
 
-    The error's coordinates stand in blocks of three: orientation, velocity, position, contact
-    points, gyro bias, accelerometer bias.
-
-    Attributes:
-        R: world_R_imu.
-        x: rows: velocity, position, contact points, along the world's axes [m/s, m].
-        bias: rows: of the gyro [rad/s], of the accelerometer [m/s^2].
-        P: covariance of the error.
-        active: which contact points are held.
-        imu: angular velocity [rad/s], then specific force [m/s^2], along the unit's axes.
-        density: of the noise: gyro, accelerometer, their biases.
-        contact_density: of each contact point's walk [m/s/sqrt(Hz)].
-        offset: a contact point seen from the unit, along its axes [m].
-        spread: covariance of that [m^2].
-        turned: scratch: rotations.
-        G: scratch: how the gyro's noise reaches the error.
-        W: scratch: covariance of the error with what is observed.
-        S: scratch: covariance of the innovation, its inverse.
-        r: scratch: innovation, and its inverse's image.
-        K: scratch: the gain.
-        delta: scratch: the correction.
-    """
-
-    R: Float64[np.ndarray, "3 3"]
+    R: Float64[np.ndarray, "3 3"]  # world_R_imu
+    # rows: velocity [m/s], position, contact points [m], in the world
     x: Float64[np.ndarray, "m 3"]
-    bias: Float64[np.ndarray, "2 3"]
+    bias: Float64[np.ndarray, "2 3"]  # rows: of the gyro [rad/s], of the accelerometer [m/s^2]
+    # of the error: orientation, velocity, position, contact points, both biases
     P: Float64[np.ndarray, "n n"]
-    active: Int64[np.ndarray, " contacts"]
-    imu: Float64[np.ndarray, "2 3"]
-    density: Float64[np.ndarray, "4"]
-    contact_density: Float64[np.ndarray, " contacts"]
-    offset: Float64[np.ndarray, "3"]
-    spread: Float64[np.ndarray, "3 3"]
-    turned: Float64[np.ndarray, "4 3 3"]
-    G: Float64[np.ndarray, "n 3"]
-    W: Float64[np.ndarray, "n 3"]
-    S: Float64[np.ndarray, "2 3 3"]
-    r: Float64[np.ndarray, "3"]
-    K: Float64[np.ndarray, "n 3"]
-    delta: Float64[np.ndarray, " n"]
+    active: Int64[np.ndarray, " contacts"]  # held contact points
+    imu: Float64[np.ndarray, "2 3"]  # rows: rate [rad/s], force [m/s^2]
+    density: Float64[np.ndarray, "4"]  # of gyro, accelerometer, their biases
+    contact_density: Float64[np.ndarray, " contacts"]  # of walks [m/s/sqrt(Hz)]
+    offset: Float64[np.ndarray, "3"]  # of a contact point, from the unit [m]
+    spread: Float64[np.ndarray, "3 3"]  # its covariance [m^2]
+    turned: Float64[np.ndarray, "4 3 3"]  # scratch: rotations
+    G: Float64[np.ndarray, "n 3"]  # scratch: how the gyro's noise reaches the error
+    W: Float64[np.ndarray, "n 3"]  # scratch: covariance with what is observed
+    S: Float64[np.ndarray, "2 3 3"]  # scratch: covariance of the innovation, its inverse
+    r: Float64[np.ndarray, "3"]  # scratch: innovation
+    K: Float64[np.ndarray, "n 3"]  # scratch: gain
+    delta: Float64[np.ndarray, " n"]  # scratch: correction
 
 
 class EstimatorMemory(Block):
-    """Memory of a `StateEstimator`, for its compiled tick.
-
-    Attributes:
-        filter: the filter.
-        fresh: whether the inertial unit says something of use now.
-        measured: whether there are wrenches, of any sole.
-        motion: of the joints, with the base at the origin.
-        frames: the soles.
-        base_R_unit: the unit's axes in the base.
-        base_p_unit: its origin in the base [m].
-        belief: numbers of `ContactBelief`, in its order; deviations of the joints' angles [rad],
-            their velocities [rad/s] and of a sole's centre [m]; weight [N].
-        leans: which soles lean with their leg.
-        q: joints as measured, behind a base at the origin; at the end of a tick the estimated one.
-        v: their velocities, behind the base's.
-        pose: of the base, in the last sound estimate.
-        wrenches: of the soles, measured or estimated; NaN where one says nothing [N, N m].
-        sensed: angular velocity [rad/s] and specific force [m/s^2] by the unit, now.
-        before: the last ones of use.
-        axes: scratch: how one joint moves a sole, and turns it, along the unit's axes.
-        seen: of each sole: position from the unit along its axes [m], velocity [m/s] and angular
-            velocity [rad/s] by those of the joints, then J J^T of both: a variance of the joints'
-            angles becomes one of the position.
-        probability: of contact, by sole.
-        slip_end: time until which each sole is taken to slip [s].
-        fitted: time at which a contact point was last at rest, a single number [s].
-        airborne: which soles are clear of the ground.
-    """
+    """Memory of a `StateEstimator`'s tick."""
 
     filter: FilterMemory
-    fresh: int
-    measured: int
-    motion: MotionBlock
-    frames: FrameBlock
+    fresh: int  # whether the inertial unit says something of use now
+    measured: int  # whether there are wrenches
+    motion: MotionBlock  # with the base at the origin
+    frames: FrameBlock  # the soles
     base_R_unit: Float64[np.ndarray, "3 3"]
     base_p_unit: Float64[np.ndarray, "3"]
+    # `ContactBelief`, then `encoder`, `joint_velocity`, `point`, and the weight [N]
     belief: Float64[np.ndarray, " numbers"]
-    leans: Int64[np.ndarray, " contacts"]
-    q: Float64[np.ndarray, " nq"]
-    v: Float64[np.ndarray, " nv"]
-    pose: Float64[np.ndarray, "7"]
-    wrenches: Float64[np.ndarray, "contacts 6"]
-    sensed: Float64[np.ndarray, "6"]
-    before: Float64[np.ndarray, "6"]
-    axes: Float64[np.ndarray, "6"]
-    seen: Float64[np.ndarray, "contacts 27"]
-    probability: Float64[np.ndarray, " contacts"]
-    slip_end: Float64[np.ndarray, " contacts"]
-    fitted: Float64[np.ndarray, "1"]
-    airborne: Int64[np.ndarray, " contacts"]
+    leans: Int64[np.ndarray, " contacts"]  # soles that lean with their leg
+    q: Float64[np.ndarray, " nq"]  # joints as measured; after a tick the estimate
+    v: Float64[np.ndarray, " nv"]  # their velocities
+    pose: Float64[np.ndarray, "7"]  # of the base, in the last sound estimate
+    wrenches: Float64[np.ndarray, "contacts 6"]  # measured or estimated, or NaN [N, N m]
+    sensed: Float64[np.ndarray, "6"]  # rate [rad/s], force [m/s^2]
+    before: Float64[np.ndarray, "6"]  # the last ones of use
+    axes: Float64[np.ndarray, "6"]  # scratch: how a joint moves and turns a sole
+    seen: Float64[np.ndarray, "contacts 27"]  # see `OFFSET`
+    probability: Float64[np.ndarray, " contacts"]  # of contact
+    slip_end: Float64[np.ndarray, " contacts"]  # [s]
+    fitted: Float64[np.ndarray, "1"]  # when a contact point was at rest last [s]
+    airborne: Int64[np.ndarray, " contacts"]  # soles clear of the ground
 
 
 @part

@@ -36,46 +36,27 @@ _FASTEST_TURN, _HARDEST_SHOCK = 100.0, 500.0
 
 @compiled
 def run(address: int, operation: int, contact: int, time: float, dt: float) -> float:
-    """Run one operation.
-
-    Args:
-        address: of a `FilterMemory` for one of a filter, else of an `EstimatorMemory`.
-        operation: which one; those of an estimator but `TAKE` need Pinocchio's Jacobians of `q`.
-        contact: number of a contact point.
-        time: of the measurement [s].
-        dt: since the last one [s].
-
-    Returns:
-        Of a filter the square of the Mahalanobis distance, or 1 for sound numbers; of an estimator
-        the status.
-    """
-    if operation < TAKE:
-        return _run_filter(view(FilterMemory, address), operation, contact, dt)
-    m = view(EstimatorMemory, address)
-    if operation == TAKE:
-        return _take(m)
-    see_soles(m)
-    return OK if operation == SEE else _advance(m, operation, time, dt)
-
-
-@part
-def _run_filter(m: FilterMemory, operation: int, contact: int, dt: float) -> float:
-    """Run an operation of a filter."""
+    """Run an operation of a `FilterMemory`, or of an `EstimatorMemory` and return the status."""
+    if operation >= TAKE:
+        m = view(EstimatorMemory, address)
+        if operation == TAKE:
+            return _take(m)
+        see_soles(m)
+        return OK if operation == SEE else _advance(m, operation, time, dt)
+    f = view(FilterMemory, address)
     if operation == PROPAGATE:
-        propagate(m, dt)
+        propagate(f, dt)
     elif operation == RELEASE:
-        release(m, contact)
+        release(f, contact)
     elif operation == HOLD:
-        hold(m, contact)
+        hold(f, contact)
     elif operation == INNOVATE:
-        return innovate(m, contact)
+        return innovate(f, contact)
     elif operation == INNOVATE_BIAS:
-        return innovate_bias(m)
+        return innovate_bias(f)
     elif operation == CORRECT:
-        correct(m)
-    elif operation == CHECK and is_sound(m):
-        return 1.0
-    return 0.0
+        correct(f)
+    return 1.0 if is_sound(f) else 0.0
 
 
 @part

@@ -60,16 +60,7 @@ _ROLLING = 0.02
 
 @part
 def update_contacts(m: EstimatorMemory, time: float, dt: float) -> bool:
-    """Correct the filter by soles at rest, and find which of them are.
-
-    Args:
-        m: with soles as seen and wrenches of this tick.
-        time: of the measurement [s].
-        dt: since the last one [s].
-
-    Returns:
-        Whether any contact point is held.
-    """
+    """Correct the filter by soles at rest, and find these; whether any contact is held."""
     f, b, w, held = m.filter, m.belief, m.sensed, 0
     # Less the bias that it has at the start of the tick, for all soles.
     wx, wy, wz = w[0] - f.bias[GYRO, 0], w[1] - f.bias[GYRO, 1], w[2] - f.bias[GYRO, 2]
@@ -175,10 +166,8 @@ def _logistic(x: float) -> float:
 
 @part
 def find_airborne(m: EstimatorMemory) -> None:
-    """Fill in which soles are clear of the ground that others stand on.
-
-    None while none carries: a robot that is let down slowly touches the ground with both.
-    """
+    """Fill in which soles are clear of the ground that others stand on."""
+    # None while none carries: a robot that is let down slowly touches the ground with both.
     ground = math.inf
     for sole in range(len(m.seen)):
         if m.filter.active[sole] != 0:

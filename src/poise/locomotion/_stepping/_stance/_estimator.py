@@ -236,11 +236,12 @@ class StanceEstimator:
 
 def _without_base_motion(state: object) -> RobotState | None:
     """A copy less what no sensor gives: where the base is and how fast it goes along."""
-    if not isinstance(state, RobotState):
+    if not isinstance(state, RobotState) or not _are_arrays(state.q, state.v):
         return None
-    q, v = state.q, state.v
-    if not (isinstance(q, np.ndarray) and isinstance(v, np.ndarray) and q.ndim == v.ndim == 1):
-        return None
-    q, v = q.copy(), v.copy()
+    q, v = state.q.copy(), state.v.copy()
     q[:3], v[:3] = 0.0, 0.0
     return RobotState(q, v, state.contacts, state.time, payload=state.payload)
+
+
+def _are_arrays(*values: object) -> bool:
+    return all(isinstance(value, np.ndarray) and value.ndim == 1 for value in values)
