@@ -4,21 +4,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import astuple
 from enum import Enum
-from typing import TypeGuard
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import is_time
+from poise._checks import is_array, is_time
 from poise._compiled import allocate
 from poise.dynamics import FrameBlock, RobotState, block_of, frames_of, motion_of
 from poise.errors import ConfigurationError
+from poise.estimation._cell_vote import LoadCellVote
 from poise.estimation._config import EstimatorConfig
 from poise.estimation._filter import InvariantFilter
 from poise.estimation._load_cells import LoadCellTare
 from poise.estimation._memory import OFFSET, SPEED, EstimatorMemory
-from poise.estimation._momentum import MomentumObserver
 from poise.estimation._operations import BAD_STATE, JUMP, SEE, STEP, TAKE, WAIT, run
 from poise.estimation._payload import PayloadEstimator
 from poise.robots import GRAVITY, Robot
@@ -70,8 +69,9 @@ class StateEstimator:
     with position and yaw as in `q_start` and the soles on the ground; `start` does that better from
     a second of standing still. Absolute position and yaw are dead reckoning.
 
-    Where no sole measures a wrench, a `MomentumObserver` estimates them from the motors' torques;
-    where these are not measured either, all soles are taken to be in contact until they move.
+    Wrenches that no load cell measures, or a faulty one, are estimated from joint torques, as
+    `LoadCellVote` does; where these are not measured either, all soles are taken to be in contact
+    until they move.
 
     It never raises on numbers; `status` says what was wrong.
 
@@ -85,6 +85,7 @@ class StateEstimator:
     Attributes:
         filter: the filter.
         tare: zeros of the soles' load cells, once they have been in the air.
+        vote: of load cells against joint torques.
         status: of the last update.
 
     Raises:
@@ -106,7 +107,7 @@ class StateEstimator:
         self._base_R_unit, self._base_p_unit = _mounting(robot, config.imu)
         self._q_start = np.array(robot.q_home if q_start is None else q_start)
         self._model, self._data = robot.model, robot.model.createData()
-        self._observer = MomentumObserver(robot)
+        self.vote = LoadCellVote(robot, longest=config.longest_step)
         self.tare = LoadCellTare(self._names, robot.weight, longest=config.longest_step)
         self.filter = InvariantFilter(len(self._names), config.noise)
         m = self._memory = self._allocate()
@@ -140,11 +141,10 @@ class StateEstimator:
         self.status = EstimatorStatus.OK
         self._smooth: Float64[np.ndarray, " nj"] | None = None
         self._last: RobotState | None = None
-        self._torque: object = None
         m.pose[:], m.measured = self._q_start[:7], 0
         m.probability[:], m.slip_end[:] = 0.0, -math.inf
-        self._observer.reset()
         self.tare.reset()
+        self.vote.reset()
         if self.payload is not None:
             self.payload.reset()
 
@@ -152,8 +152,7 @@ class StateEstimator:
     def wrenches(self) -> dict[str, Float64[np.ndarray, "6"]]:
         """Of the soles, measured or else estimated [N, N m]; empty where neither is possible.
 
-        NaN of one that says nothing. A state has measured ones alone: estimated ones are good
-        enough to tell contact by, not for a walker to feel the ground with.
+        NaN of one that is not known.
         """
         if not self._memory.measured:
             return {}
@@ -211,8 +210,11 @@ class StateEstimator:
             if not self._started:
                 self.status = EstimatorStatus.NO_IMU
                 return state
+        m = self._memory
+        if self.config.vote and m.fresh:
+            state = self.vote.update(state, self._last, self.filter.rotation[2])
         if self.config.tare:
-            state = self.tare.update(state, self._memory.airborne.tolist())
+            state = self.tare.update(state, m.airborne.tolist(), self.vote.estimated)
         self._advance(state)
         if self.status is EstimatorStatus.RESTARTED:
             before = pin.Quaternion(self._memory.pose[3:7]).toRotationMatrix()
@@ -227,13 +229,13 @@ class StateEstimator:
         if not isinstance(state, RobotState) or not is_time(state.time):
             return False
         m, reading = self._memory, state.readings
-        if not (_is_array(state.q, len(m.q)) and _is_array(state.v, len(m.v))):
+        if not (is_array(state.q, len(m.q)) and is_array(state.v, len(m.v))):
             return False
         self._joints[:], self._speeds[:] = state.q[7:], state.v[6:]
         m.fresh = 0
         if reading is not None:
             rate, force = reading.angular_velocity, reading.specific_force
-            if _is_array(rate, 3) and _is_array(force, 3):
+            if is_array(rate, 3) and is_array(force, 3):
                 m.sensed[:3], m.sensed[3:], m.fresh = rate, force, 1
         return run(m.address, TAKE, 0, 0.0, 0.0) != BAD_STATE
 
@@ -247,8 +249,6 @@ class StateEstimator:
         if 0.0 < dt <= self.config.longest_step:
             operation = STEP
             self._sense(state)
-            if not m.measured:
-                self._observe(state, dt)
         elif dt != 0.0:
             operation = JUMP
             self._jump(state.time)
@@ -262,7 +262,6 @@ class StateEstimator:
             self.filter.release(contact)
         m.slip_end[:], m.fitted[0] = -math.inf, time
         self.filter.loosen(tilt=_JUMP_TILT, velocity=_JUMP_SPEED)
-        self._observer.reset()
 
     def _sense(self, state: RobotState) -> None:
         """Copy the soles' wrenches."""
@@ -272,20 +271,6 @@ class StateEstimator:
             for row, name in zip(self._wrenches, self._names, strict=True):
                 wrench = state.wrench(name)
                 row[:] = math.nan if wrench is None else wrench
-
-    def _observe(self, state: RobotState, dt: float) -> None:
-        """Estimate the soles' wrenches from the torques of the motors, where these are measured."""
-        m, reading = self._memory, state.readings
-        torque = reading.torque if m.fresh and reading is not None else self._torque
-        if not _is_array(torque, self._robot.nj) or self._last is None:
-            return
-        self._torque = torque.copy()
-        if not math.isfinite(float(torque.sum())):
-            # What it has found so far would never be numbers again.
-            self._observer.reset()
-            return
-        self._observer.update(self._last, torque, dt)
-        m.wrenches[:], m.measured = [self._observer.wrenches[name] for name in self._names], 1
 
     # --- what goes in and out --------------------------------------------------------------------
 
@@ -315,7 +300,9 @@ class StateEstimator:
         self._last = RobotState(
             m.q.copy(), m.v.copy(), state.contacts, state.time, state.readings, told
         )
-        return self._last if payload is None else payload.update(self._last)
+        if payload is None or self.vote.estimated:
+            return self._last
+        return payload.update(self._last)
 
     def _low_pass(self, bandwidth: float, dt: float) -> None:
         """Smooth the joints' velocities."""
@@ -324,11 +311,6 @@ class StateEstimator:
             gain = -math.expm1(-2.0 * math.pi * bandwidth * dt)
             self._speeds[:] = before + gain * (self._speeds - before)
         self._smooth = self._speeds.copy()
-
-
-def _is_array(value: object, size: int) -> TypeGuard[Float64[np.ndarray, " n"]]:
-    """Check for a vector of floats."""
-    return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64
 
 
 def _yaw(q: Float64[np.ndarray, " nq"]) -> float:

@@ -50,23 +50,26 @@ class LoadCellTare:
         self.zeros: dict[str, Float64[np.ndarray, "6"]] = {}
         self._time, self._seen = math.nan, dict.fromkeys(self._soles, 0.0)
 
-    def update(self, state: RobotState, airborne: Sequence[int]) -> RobotState:
+    def update(
+        self, state: RobotState, airborne: Sequence[int], estimated: Sequence[str] = ()
+    ) -> RobotState:
         """Takes a state in, and returns it with wrenches less their zeros.
 
         Args:
             state: as measured; what is no wrench comes back as it is.
             airborne: whether each sole is clear of the ground it stood on.
+            estimated: soles whose wrenches no cell has measured.
         """
         dt, self._time = state.time - self._time, state.time
         for sole, clear in zip(self._soles, airborne, strict=True):
-            if clear and 0.0 < dt <= self._longest:
+            if clear and sole not in estimated and 0.0 < dt <= self._longest:
                 self._learn(sole, state.wrench(sole), dt)
         if not self.zeros:
             return state
         contacts = CheckedWrenches(state.contacts)
         for sole, zero in self.zeros.items():
             wrench = contacts.usable.get(sole)
-            if wrench is not None:
+            if wrench is not None and sole not in estimated:
                 contacts[sole] = contacts.usable[sole] = wrench - zero
         return RobotState(state.q, state.v, contacts, state.time, state.readings, state.payload)
 

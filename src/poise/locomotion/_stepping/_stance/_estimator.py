@@ -13,6 +13,7 @@ from poise.estimation import (
     AttitudeBiasEstimator,
     EstimatorConfig,
     LoadCellTare,
+    LoadCellVote,
     PayloadEstimator,
     StampedPredictor,
     StateEstimator,
@@ -34,7 +35,7 @@ degrees moves the end of a leg of 1 m by 5 mm."""
 _BASE = 1
 """Pinocchio's index of the floating base; joint 0 is the world."""
 
-_TARED_BEFORE = EstimatorConfig(tare=False)
+_CORRECTED = EstimatorConfig(tare=False, vote=False)
 
 _NO_WRENCH = (0.0,) * 6
 
@@ -126,17 +127,19 @@ class StanceEstimator:
         self._soles = [robot.frame_id(name) for name in soles]
         self._names = soles
         self._start = RobotState(q_start, np.zeros(robot.nv))
-        self._inertial = StateEstimator(robot, _TARED_BEFORE, q_start=q_start) if inertial else None
+        self._inertial = StateEstimator(robot, _CORRECTED, q_start=q_start) if inertial else None
         self._payload = PayloadEstimator(robot) if inertial else None
         self._attitude = AttitudeBiasEstimator() if inertial else None
         self._now = StampedPredictor(robot, _DONE) if inertial else None
-        self.tare = LoadCellTare(soles, robot.weight)
+        self.tare, self._vote = LoadCellTare(soles, robot.weight), LoadCellVote(robot)
         self.anchors: list[Float64[np.ndarray, "3"]] = []
         self.reset()
 
     def reset(self) -> None:
         """Back to the configuration at the start."""
         self.tare.reset()
+        self._vote.reset()
+        self._last: RobotState | None = None
         for part in (self._inertial, self._payload, self._attitude, self._now):
             if part is not None:
                 part.reset()
@@ -153,7 +156,10 @@ class StanceEstimator:
         if known is None or not is_usable(known, self._robot):
             return state
         q, v = known.q, known.v
-        state = self.tare.update(state, [self._airborne(foot) for foot in (0, 1)])
+        if self._inertial is not None and state.readings is not None:
+            state = self._vote.update(state, self._last, self._inertial.filter.rotation[2])
+        estimated = self._vote.estimated
+        state = self.tare.update(state, [self._airborne(foot) for foot in (0, 1)], estimated)
         # That of the last state, so that `known` is made anew only when it changes.
         payload = state.payload if self._payload is None else self._payload.payload
         known = RobotState(q, v, state.contacts, state.time, payload=payload)
@@ -171,10 +177,11 @@ class StanceEstimator:
         sole = self._soles[self.stance]
         place = pin.updateFramePlacement(self._robot.model, self._data, sole)
         q[:3] = self.anchors[self.stance] - place.translation
-        if self._payload is not None:
+        if self._payload is not None and not estimated:
             known = self._payload.update(known)
+        self._last = known
         self.dynamics.update(known)
-        if self._attitude is not None:
+        if self._attitude is not None and not estimated:
             self._learn_attitude(self._attitude, known)
         if self._now is None:
             return known
