@@ -2,12 +2,10 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import astuple
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import Block, allocate, compiled, view
 from poise.estimation._config import AttitudeBiasBelief
 from poise.robots import GRAVITY
 
@@ -16,22 +14,6 @@ _TINY = 1e-9
 
 _LONGEST = 0.05
 """A clock that jumps farther says nothing of what happened meanwhile [s]."""
-
-
-_LIKELY, _WALK, _NOISE, _SMOOTHING, _SHOCK, _PUSH, _RATE, _MOST = range(8)
-"""Numbers of `AttitudeBiasBelief`, in its order."""
-
-
-class AttitudeMemory(Block):
-    """Memory of an `AttitudeBiasEstimator`."""
-
-    belief: Float64[np.ndarray, " numbers"]  # numbers of `AttitudeBiasBelief`
-    felt: Float64[np.ndarray, "6"]  # force of the soles [N], velocity of the COM [m/s]
-    low: Float64[np.ndarray, "6"]  # the same, smoothed
-    rate: Float64[np.ndarray, "6"]  # scratch: how fast they change
-    world_R_base: Float64[np.ndarray, "3 3"]
-    bias: Float64[np.ndarray, "2"]  # phi, about the base's x and y [rad]
-    variance: Float64[np.ndarray, "1"]  # of either [rad^2]
 
 
 class AttitudeBiasEstimator:
@@ -62,23 +44,19 @@ class AttitudeBiasEstimator:
 
     def __init__(self, belief: AttitudeBiasBelief | None = None) -> None:
         self.belief = belief if belief is not None else AttitudeBiasBelief()
-        self._memory = allocate(
-            AttitudeMemory, {str(n): n for n in (1, 2, 3, 6)}, belief=np.array(astuple(self.belief))
-        )
-        # What is compiled is compiled now, not in the first tick.
-        _learn(self._memory.address, 0.0)
         self.reset()
 
     def reset(self) -> None:
         """Forgets everything: the attitude is right."""
-        self._memory.bias[:] = 0.0
-        self._memory.variance[0] = self.belief.likely**2
+        self._bias = (0.0, 0.0)
+        self._variance = self.belief.likely**2
         self._time = math.nan
+        self._low: list[float] | None = None
 
     @property
     def bias(self) -> Float64[np.ndarray, "2"]:
         """Phi, about the base's x and y [rad]."""
-        return self._memory.bias.copy()
+        return np.array(self._bias)
 
     def corrected(self, quaternion: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "4"]:
         """An attitude less its error.
@@ -87,7 +65,7 @@ class AttitudeBiasEstimator:
             quaternion: of the base as measured, x, y, z, w.
         """
         x, y, z, w = quaternion.tolist()
-        a, b = self._memory.bias.tolist()
+        a, b = self._bias
         angle = math.hypot(a, b)
         # Of the turn by -phi: its quaternion's real part, and what of -phi its imaginary part is.
         c, part = math.cos(0.5 * angle), -0.5
@@ -118,39 +96,35 @@ class AttitudeBiasEstimator:
             com_velocity: velocity of the centre of mass [m/s].
             world_R_base: the attitude.
         """
-        felt = None if time == self._time else _felt(forces, com_velocity)
+        dt = time - self._time
+        felt = None if dt == 0.0 else _felt(forces, com_velocity)
         if felt is None:
             return
-        m, dt, self._time = self._memory, time - self._time, time
-        m.felt[:], m.world_R_base[:] = felt, world_R_base
-        _learn(m.address, dt if 0.0 < dt <= _LONGEST else 0.0)
-
-
-@compiled
-def _learn(address: int, dt: float) -> None:
-    """Take in `felt`; without a time that has passed it is where the low-pass begins."""
-    m = view(AttitudeMemory, address)
-    b, low, R, bias = m.belief, m.low, m.world_R_base, m.bias
-    step = -math.expm1(-dt / b[_SMOOTHING]) if dt > 0.0 else 1.0
-    for i in range(6):
-        low[i] = low[i] + step * (m.felt[i] - low[i]) if dt > 0.0 else m.felt[i]
-        m.rate[i] = (m.felt[i] - low[i]) / b[_SMOOTHING]
-    if dt == 0.0:
-        return
-    m.variance[0] += b[_WALK] ** 2 * dt
-    a_x, a_y, a_z = m.rate[3], m.rate[4], m.rate[5]
-    if low[2] <= 0.0 or max(abs(a_x), abs(a_y), abs(a_z)) > b[_SHOCK]:
-        return
-    part = (a_z + GRAVITY) / low[2]
-    left_x, left_y = (a_y - part * low[1]) / GRAVITY, (part * low[0] - a_x) / GRAVITY
-    noise = b[_NOISE] * (1.0 + (left_x * left_x + left_y * left_y) / b[_PUSH] ** 2)
-    gain = m.variance[0] / (m.variance[0] + noise**2 / dt)
-    m.variance[0] -= gain * m.variance[0]
-    most = b[_RATE] * dt
-    for i in range(2):
-        change = gain * (R[0, i] * left_x + R[1, i] * left_y)
-        found = bias[i] + min(max(change, -most), most)
-        bias[i] = min(max(found, -b[_MOST]), b[_MOST])
+        self._time = time
+        if self._low is None or not 0.0 < dt <= _LONGEST:
+            self._low = felt
+            return
+        b = self.belief
+        # A few numbers are several times as quick as such than as arrays.
+        step = -math.expm1(-dt / b.smoothing)
+        pairs = zip(self._low, felt, strict=True)
+        low = self._low = [old + step * (new - old) for old, new in pairs]
+        self._variance += b.walk**2 * dt
+        a_x, a_y, a_z = [(felt[k] - low[k]) / b.smoothing for k in (3, 4, 5)]
+        f_x, f_y, f_z, *_ = low
+        if f_z <= 0.0 or max(abs(a_x), abs(a_y), abs(a_z)) > b.shock:
+            return
+        part = (a_z + GRAVITY) / f_z
+        left_x, left_y = (a_y - part * f_y) / GRAVITY, (part * f_x - a_x) / GRAVITY
+        noise = b.noise * (1.0 + (left_x * left_x + left_y * left_y) / b.push**2)
+        gain = self._variance / (self._variance + noise**2 / dt)
+        self._variance -= gain * self._variance
+        along_x, along_y, _ = world_R_base[0].tolist()
+        across_x, across_y, _ = world_R_base[1].tolist()
+        x, y = self._bias
+        x += min(max(gain * (along_x * left_x + across_x * left_y), -b.rate * dt), b.rate * dt)
+        y += min(max(gain * (along_y * left_x + across_y * left_y), -b.rate * dt), b.rate * dt)
+        self._bias = (min(max(x, -b.most), b.most), min(max(y, -b.most), b.most))
 
 
 def _felt(
