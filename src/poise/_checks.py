@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.errors import ConfigurationError
 
@@ -75,6 +76,11 @@ def all_finite(numbers: np.ndarray) -> bool:
     row = numbers if numbers.ndim == 1 else numbers.ravel()
     # A sum of finite numbers that overflows is looked at again.
     return math.isfinite(sum(row.tolist())) or bool(np.isfinite(numbers).all())
+
+
+def is_array(value: object, size: int) -> TypeGuard[Float64[np.ndarray, " n"]]:
+    """Check for a vector of floats."""
+    return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64
 
 
 def laid_out(numbers: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 
 from poise.estimation import InvariantFilter
 from poise.estimation._config import ImuNoise, InitialDeviation
-from poise.estimation._group import exponential, gamma, right_error
+from poise.estimation._group import gamma, hat, right_error
 
 DT = 0.002
 NOISE = ImuNoise(gyro=1e-3, accelerometer=1e-2, gyro_bias=1e-4, accelerometer_bias=1e-3)
@@ -111,3 +111,17 @@ def drive(f, path, ticks):
             if path.standing[foot]:
                 f.innovate(foot, path.seen(foot), POINT**2 * np.eye(3))
                 f.correct()
+
+
+def exponential(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The element of a tangent vector: (Gamma_0(phi), Gamma_1(phi) rho_i)."""
+    rows = xi.reshape(-1, 3)
+    return gamma(0, rows[0]), rows[1:] @ gamma(1, rows[0]).T
+
+
+def adjoint(R: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Ad_X with X exp(xi) X^-1 = exp(Ad_X xi)."""
+    out = np.kron(np.eye(len(vectors) + 1), R)
+    for i, vector in enumerate(vectors):
+        out[3 * i + 3 : 3 * i + 6, :3] = hat(vector) @ R
+    return out

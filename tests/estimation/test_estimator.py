@@ -483,7 +483,8 @@ def test_a_state_of_no_use_comes_back_as_it_is(walked):
 )
 def test_a_wrench_that_is_none_says_nothing_and_ends_no_loop(walked, wrench):
     robot, measured, truths = walked
-    estimator = StateEstimator(robot, q_start=truths[0].q, payload=PayloadEstimator(robot))
+    config, payload = EstimatorConfig(vote=False), PayloadEstimator(robot)
+    estimator = StateEstimator(robot, config, q_start=truths[0].q, payload=payload)
     estimator.update(measured[0])
     estimator.update(measured[1])
     left, right = robot.soles

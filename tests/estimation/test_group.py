@@ -2,9 +2,10 @@ import math
 
 import numpy as np
 import pytest
+from paths import adjoint, exponential
 from scipy.linalg import expm
 
-from poise.estimation._group import adjoint, exponential, gamma, hat, logarithm, right_error
+from poise.estimation._group import gamma, hat, logarithm, right_error
 
 ANGLES = (0.0, 1e-9, 1e-4, 0.3, 0.999, 1.001, 2.0, 3.1)
 

@@ -5,6 +5,7 @@ from poise.dynamics._chain_coordinates import (
     from_coordinates as from_coordinates,
 )
 from poise.dynamics._dynamics import (
+    CheckedWrenches as CheckedWrenches,
     Dynamics,
     FrameKinematics as FrameKinematics,
     RobotState,
@@ -15,8 +16,11 @@ from poise.dynamics._motion import (
     KINEMATICS as KINEMATICS,
     ROTATION as ROTATION,
     VELOCITY as VELOCITY,
+    FrameBlock as FrameBlock,
     Frames as Frames,
     Motion as Motion,
+    MotionBlock as MotionBlock,
+    block_of as block_of,
     column_at as column_at,
     frames_of as frames_of,
     momentum_rate as momentum_rate,

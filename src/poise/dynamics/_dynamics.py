@@ -19,7 +19,9 @@ from poise.dynamics._motion import (
     KINEMATICS,
     ROTATION,
     VELOCITY,
+    CentroidBlock,
     Frames,
+    block_of,
     evaluate_centroid,
     evaluate_frame,
     frames_of,
@@ -97,12 +99,31 @@ class RobotState:
         Args:
             sole: its name.
         """
-        found = self.contacts.get(sole)
-        if type(found) is not np.ndarray or found.dtype != _NUMBER:
-            found = None if found is None else _as_numbers(found)
-            if not (isinstance(found, np.ndarray) and found.dtype == _NUMBER):
-                return None
-        return found if found.shape == (6,) and all_finite(found) else None
+        contacts = self.contacts
+        if type(contacts) is CheckedWrenches:
+            return contacts.usable.get(sole)
+        found = contacts.get(sole)
+        return None if found is None else _usable_wrench(found)
+
+
+class CheckedWrenches(dict[str, Float64[np.ndarray, "6"]]):
+    """Wrenches for `RobotState.contacts`, checked once; `usable` are six finite numbers each."""
+
+    __slots__ = ("usable",)
+
+    def __init__(self, contacts: Mapping[str, Float64[np.ndarray, "6"]]) -> None:
+        super().__init__(contacts)
+        checked = ((name, _usable_wrench(found)) for name, found in contacts.items())
+        self.usable = {name: wrench for name, wrench in checked if wrench is not None}
+
+
+def _usable_wrench(found: Numbers) -> Float64[np.ndarray, "6"] | None:
+    """Six finite numbers, or None."""
+    if type(found) is not np.ndarray or found.dtype != _NUMBER:
+        found = _as_numbers(found)
+        if not (isinstance(found, np.ndarray) and found.dtype == _NUMBER):
+            return None
+    return found if found.shape == (6,) and all_finite(found) else None
 
 
 def _as_numbers(value: Numbers) -> Numbers:
@@ -188,7 +209,7 @@ class Dynamics:
         self._tables: dict[int, Frames] = {}
         self._com: Float64[np.ndarray, "3"] | None = None
         self._com_velocity: Float64[np.ndarray, "3"] | None = None
-        self._centroid: Float64[np.ndarray, "12"] | None = None
+        self._has_momenta = False
         # Pinocchio's own arrays; M has both triangles filled and is turned to row-major.
         self.M: Float64[np.ndarray, "nv nv"] = data.M.T
         self.h: Float64[np.ndarray, " nv"] = data.nle
@@ -196,6 +217,8 @@ class Dynamics:
         self.momentum_matrix: Float64[np.ndarray, "6 nv"] = self.motion.momentum
         self.q: Float64[np.ndarray, " nq"] = np.zeros(robot.nq)
         self.v: Float64[np.ndarray, " nv"] = np.zeros(robot.nv)
+        block = block_of(self.motion)
+        self._centroid = CentroidBlock(motion=block, v=self.v, out=np.zeros(12))
         self.update(self.state)
         # What is compiled is compiled now, not in the first tick.
         self.frame(0)
@@ -211,7 +234,8 @@ class Dynamics:
         self.state = state
         self._frames.clear()
         self._places.clear()
-        self._com = self._com_velocity = self._centroid = None
+        self._com = self._com_velocity = None
+        self._has_momenta = False
         self.q[:], self.v[:] = state.q, state.v
         if state.payload is not self._payload:
             self._carry(state.payload)
@@ -322,7 +346,7 @@ class Dynamics:
         Args:
             joint_id: Pinocchio's index of the joint.
         """
-        return self._data.oMi[joint_id].translation.copy()
+        return self.motion.placements[joint_id, 9:].copy()
 
     def joint_rotation(self, joint_id: int) -> Float64[np.ndarray, "3 3"]:
         """world_R_joint.
@@ -330,14 +354,15 @@ class Dynamics:
         Args:
             joint_id: Pinocchio's index of the joint.
         """
-        return self._data.oMi[joint_id].rotation.copy()
+        return self.motion.placements[joint_id, :9].reshape(3, 3).T.copy()
 
     def _momenta(self) -> Float64[np.ndarray, "12"]:
         """Centroidal momentum and its rate at zero `dv`, evaluated once a tick."""
-        if self._centroid is None:
-            self._centroid = np.empty(12)
-            evaluate_centroid(self.motion, self.v, self._centroid)
-        return self._centroid
+        centroid = self._centroid
+        if not self._has_momenta:
+            evaluate_centroid(centroid.address)
+            self._has_momenta = True
+        return centroid.out
 
     def _evaluate_frame(self, frame_id: int) -> FrameKinematics:
         table = self._tables.get(frame_id)

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, part
+from poise._compiled import Block, compiled, part, view
 
 
 class Motion(NamedTuple):
@@ -122,13 +122,47 @@ def frames_of(model: pin.Model, frame_ids: Sequence[int]) -> Frames:
     )
 
 
+class MotionBlock(Block):
+    """`Motion` for compiled functions that take a block."""
+
+    columns: Float64[np.ndarray, "nv 6"]  # of J, as rows
+    placements: Float64[np.ndarray, "joints 12"]
+    velocities: Float64[np.ndarray, "joints 6"]
+    accelerations: Float64[np.ndarray, "joints 6"]
+    forces: Float64[np.ndarray, "joints 6"]
+    momentum: Float64[np.ndarray, "nv 6"]  # columns of A_G, as rows
+    com: Float64[np.ndarray, "3"]
+    gravity: Float64[np.ndarray, "3"]
+    roots: Int64[np.ndarray, " roots"]
+    mass: Float64[np.ndarray, "1"]
+
+
+class FrameBlock(Block):
+    """`Frames` for compiled functions that take a block."""
+
+    joints: Int64[np.ndarray, " frames"]
+    placements: Float64[np.ndarray, "frames 12"]
+    starts: Int64[np.ndarray, " ends"]
+    columns: Int64[np.ndarray, " columns"]
+
+
+def block_of(motion: Motion) -> MotionBlock:
+    """The same arrays, which must live as long as they are read."""
+    given = motion._asdict()
+    return MotionBlock(columns=given.pop("J").T, **given | {"momentum": motion.momentum.T})
+
+
 POSITION, ROTATION, VELOCITY, BIAS, KINEMATICS = 0, 3, 12, 18, 24
 """Where a frame's numbers begin in what `place_frame` fills, and how many they are."""
 
 
 @part
 def place_frame(
-    motion: Motion, frames: Frames, frame: int, out: Float64[np.ndarray, " k"], at: int
+    motion: Motion | MotionBlock,
+    frames: Frames | FrameBlock,
+    frame: int,
+    out: Float64[np.ndarray, " k"],
+    at: int,
 ) -> None:
     """Where a frame is, how it moves, and its classical acceleration at zero `dv`.
 
@@ -222,7 +256,7 @@ def evaluate_frame(
 
 
 @part
-def momentum_rate(motion: Motion, out: Float64[np.ndarray, " k"], at: int) -> None:
+def momentum_rate(motion: Motion | MotionBlock, out: Float64[np.ndarray, " k"], at: int) -> None:
     """Rate of the centroidal momentum at zero `dv`, linear then angular about the COM [N, N m].
 
     The joints that the world carries bear that rate and the weight.
@@ -249,20 +283,22 @@ def momentum_rate(motion: Motion, out: Float64[np.ndarray, " k"], at: int) -> No
         out[at + 5] += R[2] * f[3] + R[5] * f[4] + R[8] * f[5] + x * fy - y * fx
 
 
-@compiled
-def evaluate_centroid(
-    motion: Motion, v: Float64[np.ndarray, " nv"], out: Float64[np.ndarray, "12"]
-) -> None:
-    """Centroidal momentum [kg m/s, kg m^2/s], then its rate at zero `dv` [N, N m].
+class CentroidBlock(Block):
+    """Memory of `evaluate_centroid`."""
 
-    Args:
-        motion: the robot's motion.
-        v: velocity of the robot.
-        out: receives them, linear before angular.
-    """
+    motion: MotionBlock
+    v: Float64[np.ndarray, " nv"]
+    out: Float64[np.ndarray, "12"]  # centroidal momentum, and its rate at zero `dv`
+
+
+@compiled
+def evaluate_centroid(address: int) -> None:
+    """Fill in the centroidal momentum [kg m/s, kg m^2/s], then its rate at zero `dv` [N, N m]."""
+    m = view(CentroidBlock, address)
+    motion, out = m.motion, m.out
     for i in range(6):
         out[i] = 0.0
-    for k in range(len(v)):
+    for k in range(len(m.v)):
         for i in range(6):
-            out[i] += motion.momentum[i, k] * v[k]
+            out[i] += motion.momentum[k, i] * m.v[k]
     momentum_rate(motion, out, 6)

@@ -7,6 +7,7 @@
 from poise.estimation._attitude_bias import (
     AttitudeBiasEstimator as AttitudeBiasEstimator,
 )
+from poise.estimation._cell_vote import LoadCellVote as LoadCellVote
 from poise.estimation._config import (
     AttitudeBiasBelief as AttitudeBiasBelief,
     ContactBelief as ContactBelief,

@@ -1,56 +1,36 @@
-"""`find_base`: from what an invariant filter knows of the unit to the base's pose and velocity."""
+"""`find_base`: pose and velocity of the base from those of the inertial unit on it."""
 
 import math
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import compiled, part, view
-from poise.estimation._memory import POSITION, VELOCITY, FilterMemory
+from poise._compiled import part
+from poise.estimation._group import turn, turn_back
+from poise.estimation._memory import GYRO, POSITION, VELOCITY, EstimatorMemory
 
 
-@compiled
-def find_base(
-    address: int,
-    base_R_unit: Float64[np.ndarray, "3 3"],
-    base_p_unit: Float64[np.ndarray, "3"],
-    turning: Float64[np.ndarray, "3"],
-    q: Float64[np.ndarray, " nq"],
-    v: Float64[np.ndarray, " nv"],
-) -> None:
-    """Pose and velocity of the base in Poise's conventions: the velocity in the base's own frame.
-
-    Args:
-        address: of the filter's `FilterMemory`.
-        base_R_unit: the unit's axes in the base.
-        base_p_unit: its origin in the base [m].
-        turning: what the gyro says [rad/s].
-        q: receives the base's pose.
-        v: receives its velocity.
-    """
-    m = view(FilterMemory, address)
-    position, velocity, p = m.x[POSITION], m.x[VELOCITY], base_p_unit
-    world_R_base = m.turned[0]
+@part
+def find_base(m: EstimatorMemory) -> None:
+    """Fill in pose and velocity of the base in Poise's conventions: in `q`, `v` and `pose`."""
+    f, q, v, R, p = m.filter, m.q, m.v, m.base_R_unit, m.base_p_unit
+    position, velocity, rate = f.x[POSITION], f.x[VELOCITY], f.bias[GYRO]
+    world_R_base = f.turned[0]
     for i in range(3):
-        for k in range(3):
-            world_R_base[i, k] = 0.0
-            for j in range(3):
-                world_R_base[i, k] += m.R[i, j] * base_R_unit[k, j]
-        lever = 0.0
-        for k in range(3):
-            lever += world_R_base[i, k] * p[k]
-        q[i] = position[i] - lever
+        row = turn(R, f.R[i, 0], f.R[i, 1], f.R[i, 2])
+        world_R_base[i, 0], world_R_base[i, 1], world_R_base[i, 2] = row
+        q[i] = position[i] - (row[0] * p[0] + row[1] * p[1] + row[2] * p[2])
     _set_quaternion(world_R_base, q)
-    for i in range(3):
-        v[3 + i] = 0.0
-        for k in range(3):
-            v[3 + i] += base_R_unit[i, k] * (turning[k] - m.bias[0, k])
-    wx, wy, wz = v[3], v[4], v[5]
+    for i in range(7):
+        m.pose[i] = q[i]
+    w = m.before
+    wx, wy, wz = turn(R, w[0] - rate[0], w[1] - rate[1], w[2] - rate[2])
+    v[3], v[4], v[5] = wx, wy, wz
+    x, y, z = turn_back(world_R_base, velocity[0], velocity[1], velocity[2])
     # The base against the unit: omega x (-p) = p x omega.
-    v[0], v[1], v[2] = p[1] * wz - p[2] * wy, p[2] * wx - p[0] * wz, p[0] * wy - p[1] * wx
-    for i in range(3):
-        for k in range(3):
-            v[i] += world_R_base[k, i] * velocity[k]
+    v[0] = x + (p[1] * wz - p[2] * wy)
+    v[1] = y + (p[2] * wx - p[0] * wz)
+    v[2] = z + (p[0] * wy - p[1] * wx)
 
 
 @part

@@ -126,6 +126,7 @@ class EstimatorConfig:
         ground: height of what the soles stand on at the start [m].
         tare: whether soles in the air say the zeros of their load cells, as `LoadCellTare` says;
             not where somebody else has taken those off.
+        vote: replace the wrenches of faulty and missing load cells, as `LoadCellVote` does.
     """
 
     imu: Text | None = None
@@ -139,6 +140,7 @@ class EstimatorConfig:
     longest_step: Duration = 0.05
     ground: float = 0.0
     tare: bool = True
+    vote: bool = True
 
 
 @checked()

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import compiled, part, view
-from poise.estimation._group import fill_gamma, turn
+from poise._compiled import part
+from poise.estimation._group import fill_gamma, multiply, turn
 from poise.estimation._memory import CONTACTS, POSITION, FilterMemory, set_rotation
 
 
@@ -14,24 +14,18 @@ from poise.estimation._memory import CONTACTS, POSITION, FilterMemory, set_rotat
 def _world_spread(m: FilterMemory, out: Float64[np.ndarray, "3 3"]) -> None:
     """Covariance of the offset along the world's axes: R spread R^T."""
     T = m.turned[0]
+    multiply(m.R, m.spread, T)
     for i in range(3):
-        for k in range(3):
-            T[i, k] = 0.0
-            for j in range(3):
-                T[i, k] += m.R[i, j] * m.spread[j, k]
-    for i in range(3):
-        for k in range(3):
-            out[i, k] = T[i, 0] * m.R[k, 0] + T[i, 1] * m.R[k, 1] + T[i, 2] * m.R[k, 2]
+        out[i, 0], out[i, 1], out[i, 2] = turn(m.R, T[i, 0], T[i, 1], T[i, 2])
 
 
-@compiled
-def hold(address: int, contact: int) -> None:
+@part
+def hold(m: FilterMemory, contact: int) -> None:
     """A contact point comes to the state where the kinematics see it now.
 
     d = p + R offset, and in the invariant error xi_d = xi_p + R (noise of the offset): the new
     block of the covariance is that of the position and the noise.
     """
-    m = view(FilterMemory, address)
     P, R, o = m.P, m.R, m.offset
     a, b, c = turn(R, o[0], o[1], o[2])
     d, p = m.x[CONTACTS + contact], m.x[POSITION]
@@ -50,10 +44,9 @@ def hold(address: int, contact: int) -> None:
     m.active[contact] = 1
 
 
-@compiled
-def release(address: int, contact: int) -> None:
+@part
+def release(m: FilterMemory, contact: int) -> None:
     """A contact point leaves: its rows and columns of the covariance go."""
-    m = view(FilterMemory, address)
     at = 9 + 3 * contact
     for i in range(at, at + 3):
         for k in range(len(m.P)):
@@ -79,8 +72,8 @@ def _invert(S: Float64[np.ndarray, "3 3"], out: Float64[np.ndarray, "3 3"]) -> b
     return True
 
 
-@compiled
-def innovate(address: int, contact: int) -> float:
+@part
+def innovate(m: FilterMemory, contact: int) -> float:
     """How far the kinematics put a contact point from where it is held.
 
     In the world's axes r = R offset + p - d = xi_p - xi_d + R noise, whatever the state: so the
@@ -89,7 +82,6 @@ def innovate(address: int, contact: int) -> float:
     Returns:
         The square of the Mahalanobis distance, r^T S^-1 r; NaN where S is singular.
     """
-    m = view(FilterMemory, address)
     P, R, o, r, S = m.P, m.R, m.offset, m.r, m.S[0]
     d, p, at = m.x[CONTACTS + contact], m.x[POSITION], 9 + 3 * contact
     a, b, c = turn(R, o[0], o[1], o[2])
@@ -104,14 +96,13 @@ def innovate(address: int, contact: int) -> float:
     return _distance(m)
 
 
-@compiled
-def innovate_bias(address: int) -> float:
+@part
+def innovate_bias(m: FilterMemory) -> float:
     """How far the gyro's bias is from what `offset` says of it, with the covariance `spread`.
 
     Returns:
         The square of the Mahalanobis distance, as `innovate`.
     """
-    m = view(FilterMemory, address)
     at = len(m.P) - 6
     for k in range(3):
         m.r[k] = m.offset[k] - m.bias[0, k]
@@ -132,13 +123,12 @@ def _distance(m: FilterMemory) -> float:
     return r[0] * x + r[1] * y + r[2] * z
 
 
-@compiled
-def correct(address: int) -> None:
+@part
+def correct(m: FilterMemory) -> None:
     """Applies the correction of the last innovation: X <- exp(K r) X, biases += K r.
 
     The covariance as P - K W^T - W K^T + K S K^T, Joseph's form, which stays positive.
     """
-    m = view(FilterMemory, address)
     P, W, K, S, inverse, r = m.P, m.W, m.K, m.S[0], m.S[1], m.r
     n = len(P)
     for i in range(n):
@@ -169,9 +159,7 @@ def _shift(m: FilterMemory) -> None:
         a, b, c = turn(T[0], x[i, 0], x[i, 1], x[i, 2])
         u, v, w = turn(T[1], delta[at], delta[at + 1], delta[at + 2])
         x[i, 0], x[i, 1], x[i, 2] = a + u, b + v, c + w
-    for i in range(3):
-        for k in range(3):
-            T[2, i, k] = T[0, i, 0] * m.R[0, k] + T[0, i, 1] * m.R[1, k] + T[0, i, 2] * m.R[2, k]
+    multiply(T[0], m.R, T[2])
     set_rotation(m.R, T[2])
     at = len(delta) - 6
     for i in range(3):

@@ -2,23 +2,24 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import astuple
 from enum import Enum
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import is_time
-from poise.dynamics import RobotState, SensorReadings
+from poise._checks import is_array, is_time
+from poise._compiled import allocate
+from poise.dynamics import FrameBlock, RobotState, block_of, frames_of, motion_of
 from poise.errors import ConfigurationError
+from poise.estimation._cell_vote import LoadCellVote
 from poise.estimation._config import EstimatorConfig
 from poise.estimation._filter import InvariantFilter
 from poise.estimation._load_cells import LoadCellTare
-from poise.estimation._momentum import MomentumObserver
+from poise.estimation._memory import OFFSET, SPEED, EstimatorMemory
+from poise.estimation._operations import BAD_STATE, JUMP, SEE, STEP, TAKE, WAIT, run
 from poise.estimation._payload import PayloadEstimator
-from poise.estimation._sole_contacts import SoleContacts
-from poise.estimation._soles import SoleKinematics
-from poise.estimation._usable import felt_by, is_array, is_vector, usable_reading
 from poise.robots import GRAVITY, Robot
 
 
@@ -51,6 +52,8 @@ class EstimatorStatus(Enum):
         return self in (EstimatorStatus.OK, EstimatorStatus.FLYING)
 
 
+_STATUSES = tuple(EstimatorStatus)
+
 _CALIBRATING = 20
 """As many samples at rest say something of a gyro's bias."""
 
@@ -66,8 +69,9 @@ class StateEstimator:
     with position and yaw as in `q_start` and the soles on the ground; `start` does that better from
     a second of standing still. Absolute position and yaw are dead reckoning.
 
-    Where no sole measures a wrench, a `MomentumObserver` estimates them from the motors' torques;
-    where these are not measured either, all soles are taken to be in contact until they move.
+    Wrenches that no load cell measures, or a faulty one, are estimated from joint torques, as
+    `LoadCellVote` does; where these are not measured either, all soles are taken to be in contact
+    until they move.
 
     It never raises on numbers; `status` says what was wrong.
 
@@ -81,11 +85,8 @@ class StateEstimator:
     Attributes:
         filter: the filter.
         tare: zeros of the soles' load cells, once they have been in the air.
+        vote: of load cells against joint torques.
         status: of the last update.
-        wrenches: of the soles, measured or else estimated; empty where neither is possible. A state
-            has measured ones alone: estimated ones are good enough to tell contact by, not for a
-            walker to feel the ground with [N, N m].
-        slipping: the soles that are taken to slip.
 
     Raises:
         ConfigurationError: the robot has no floating base or no sole, or the unit is not on the
@@ -105,40 +106,68 @@ class StateEstimator:
         self._robot, self._names, self.payload = robot, tuple(robot.soles), payload
         self._base_R_unit, self._base_p_unit = _mounting(robot, config.imu)
         self._q_start = np.array(robot.q_home if q_start is None else q_start)
-        self._kinematics = SoleKinematics(robot, self._base_R_unit, self._base_p_unit)
-        self._observer = MomentumObserver(robot)
+        self._model, self._data = robot.model, robot.model.createData()
+        self.vote = LoadCellVote(robot, longest=config.longest_step)
         self.tare = LoadCellTare(self._names, robot.weight, longest=config.longest_step)
         self.filter = InvariantFilter(len(self._names), config.noise)
-        self._contacts = SoleContacts(robot, config, self.filter, self._kinematics.soles)
-        # What is compiled is compiled now, not in the first tick.
-        is_vector(self._q_start, robot.nq, 7)
+        m = self._memory = self._allocate()
+        self._joints, self._speeds, self._wrenches = m.q[7:], m.v[6:], list(m.wrenches)
         self.reset()
+        # What is compiled is compiled now, not in the first tick.
+        run(m.address, TAKE, 0, 0.0, 0.0)
+
+    def _allocate(self) -> EstimatorMemory:
+        robot, c = self._robot, self.config
+        soles = [robot.frame_id(name) for name in self._names]
+        belief = (*astuple(c.contact), c.encoder, c.joint_velocity, c.point, robot.weight)
+        sizes = {"contacts": len(self._names), "nq": robot.nq, "nv": robot.nv}
+        return allocate(
+            EstimatorMemory,
+            sizes | {str(n): n for n in (1, 2, 3, 6, 7, 27)},
+            filter=self.filter.memory,
+            motion=block_of(motion_of(robot.model, self._data)),
+            frames=FrameBlock(**frames_of(robot.model, soles)._asdict()),
+            base_R_unit=self._base_R_unit,
+            base_p_unit=self._base_p_unit,
+            belief=np.array(belief),
+            leans=np.array([int(sole.leans) for sole in robot.soles.values()]),
+        )
 
     def reset(self) -> None:
-        """Forgets everything; the next state starts it anew."""
+        """Forget everything; the next state starts it anew."""
+        m = self._memory
         self._started = False
         self._time = math.nan
         self.status = EstimatorStatus.OK
-        self._speeds: Float64[np.ndarray, " nj"] | None = None
+        self._smooth: Float64[np.ndarray, " nj"] | None = None
         self._last: RobotState | None = None
-        self._last_position: Float64[np.ndarray, "3"] | None = None
-        self._reading: SensorReadings | None = None
-        self._contacts.reset()
-        self._observer.reset()
+        m.pose[:], m.measured = self._q_start[:7], 0
+        m.probability[:], m.slip_end[:] = 0.0, -math.inf
         self.tare.reset()
+        self.vote.reset()
         if self.payload is not None:
             self.payload.reset()
-        self.wrenches: dict[str, Float64[np.ndarray, "6"]] = {}
+
+    @property
+    def wrenches(self) -> dict[str, Float64[np.ndarray, "6"]]:
+        """Of the soles, measured or else estimated [N, N m]; empty where neither is possible.
+
+        NaN of one that is not known.
+        """
+        if not self._memory.measured:
+            return {}
+        return {name: w.copy() for name, w in zip(self._names, self._wrenches, strict=True)}
 
     @property
     def slipping(self) -> tuple[str, ...]:
         """The soles that are taken to slip."""
-        return self._contacts.slipping
+        ends = zip(self._names, self._memory.slip_end.tolist(), strict=True)
+        return tuple(name for name, end in ends if self._time < end)
 
     @property
     def probability(self) -> dict[str, float]:
         """Of contact, by sole."""
-        return self._contacts.probability
+        return dict(zip(self._names, self._memory.probability.tolist(), strict=True))
 
     def start(self, states: Sequence[RobotState]) -> None:
         """Starts from measurements of the robot standing still.
@@ -150,17 +179,18 @@ class StateEstimator:
         Args:
             states: as measured, the last one being now.
         """
-        used = [s for s in states if self._is_usable(s) and usable_reading(s.readings)]
+        used = [s for s in states if self._take(s) and self._memory.fresh]
+        readings = [s.readings for s in used if s.readings is not None]
         if not used:
             return
-        readings = [s.readings for s in used if s.readings is not None]
         up = self._base_R_unit @ np.mean([r.specific_force for r in readings], axis=0)
         world_R_base = _upright(up, _yaw(self._q_start))
         bias = np.mean([r.angular_velocity for r in readings], axis=0)
         calibrated = len(used) >= _CALIBRATING
+        self._take(used[-1])
         self._begin(used[-1], world_R_base, bias if calibrated else None)
-        self._reading, self._time = _copied(readings[-1]), used[-1].time
-        self._contacts.begin(self._time)
+        m, self._time = self._memory, used[-1].time
+        m.before[:], m.fitted[0] = m.sensed, self._time
 
     def update(self, state: RobotState) -> RobotState:
         """The state with its base as estimated.
@@ -172,7 +202,7 @@ class StateEstimator:
             `q`, `v` with the joints as measured, sole wrenches less what they say in the air, and
             the time of the measurement; the state as it came where it is of no use.
         """
-        if not self._is_usable(state):
+        if not self._take(state):
             self.status = EstimatorStatus.BAD_STATE
             return state
         if not self._started:
@@ -180,73 +210,67 @@ class StateEstimator:
             if not self._started:
                 self.status = EstimatorStatus.NO_IMU
                 return state
+        m = self._memory
+        if self.config.vote and m.fresh:
+            state = self.vote.update(state, self._last, self.filter.rotation[2])
         if self.config.tare:
-            state = self.tare.update(state, self._contacts.airborne)
+            state = self.tare.update(state, m.airborne.tolist(), self.vote.estimated)
         self._advance(state)
-        if not self.filter.sound:
-            self.status = EstimatorStatus.RESTARTED
-            self._begin(state, self._upright_before(), None)
+        if self.status is EstimatorStatus.RESTARTED:
+            before = pin.Quaternion(self._memory.pose[3:7]).toRotationMatrix()
+            self._begin(state, before, None)
+            run(self._memory.address, WAIT, 0, self._time, 0.0)
         return self._answer(state)
 
     # --- one update ------------------------------------------------------------------------------
 
-    def _advance(self, state: RobotState) -> None:
-        """Takes one measurement into the filter."""
-        dt = state.time - self._time
-        self.status = EstimatorStatus.OK
-        speeds = self._joint_speeds(state.v[6:], dt)
-        self._kinematics.look(state.q[7:], speeds)
-        reading = state.readings if usable_reading(state.readings) else None
-        if reading is None:
-            self.status, reading = EstimatorStatus.NO_IMU, self._reading
-        if reading is None:
-            return
-        if dt == 0.0:
-            # The same state may come twice; other readings cannot be of the same time.
-            if self._reading is not None and not _same(reading, self._reading):
-                self.status = EstimatorStatus.CLOCK_STILL
-            return
-        if 0.0 < dt <= self.config.longest_step:
-            self._predict(reading, dt)
-            self._time = state.time
-            self.wrenches = self._contact_wrenches(state, reading, dt)
-            turning, fresh = reading.angular_velocity, reading is state.readings
-            self._contacts.update(self._time, dt, self.wrenches, turning, fresh=fresh)
-            if self.status is EstimatorStatus.OK and not self.filter.holds:
-                self.status = EstimatorStatus.FLYING
-        else:
-            self._jump(state.time)
-        if reading is not self._reading:
-            self._reading = _copied(reading)
+    def _take(self, state: object) -> bool:
+        """Copy joints and readings; False for joints or a time of no use."""
+        if not isinstance(state, RobotState) or not is_time(state.time):
+            return False
+        m, reading = self._memory, state.readings
+        if not (is_array(state.q, len(m.q)) and is_array(state.v, len(m.v))):
+            return False
+        self._joints[:], self._speeds[:] = state.q[7:], state.v[6:]
+        m.fresh = 0
+        if reading is not None:
+            rate, force = reading.angular_velocity, reading.specific_force
+            if is_array(rate, 3) and is_array(force, 3):
+                m.sensed[:3], m.sensed[3:], m.fresh = rate, force, 1
+        return run(m.address, TAKE, 0, 0.0, 0.0) != BAD_STATE
 
-    def _predict(self, reading: SensorReadings, dt: float) -> None:
-        """The mean rate of a period is that of its two ends; the force is a mean already."""
-        before = reading if self._reading is None else self._reading
-        rate = 0.5 * (before.angular_velocity + reading.angular_velocity)
-        self.filter.propagate(rate, reading.specific_force, dt, self._contacts.walks)
+    def _advance(self, state: RobotState) -> None:
+        """Take one measurement into the filter."""
+        m, dt = self._memory, state.time - self._time
+        if self.config.joint_bandwidth is not None:
+            self._low_pass(self.config.joint_bandwidth, dt)
+        pin.computeJointJacobians(self._model, self._data, m.q)
+        operation = WAIT
+        if 0.0 < dt <= self.config.longest_step:
+            operation = STEP
+            self._sense(state)
+        elif dt != 0.0:
+            operation = JUMP
+            self._jump(state.time)
+        self._time = state.time
+        self.status = _STATUSES[int(run(m.address, operation, 0, state.time, dt))]
 
     def _jump(self, time: float) -> None:
-        """Nobody knows what happened meanwhile: contacts begin anew, tilt and speed are unsure."""
-        self.status = EstimatorStatus.CLOCK_JUMP
-        self._contacts.release(time)
+        """Release all contacts: nobody knows what happened meanwhile; tilt and speed are unsure."""
+        m = self._memory
+        for contact in range(len(self._names)):
+            self.filter.release(contact)
+        m.slip_end[:], m.fitted[0] = -math.inf, time
         self.filter.loosen(tilt=_JUMP_TILT, velocity=_JUMP_SPEED)
-        self._time = time
-        self._observer.reset()
 
-    def _contact_wrenches(
-        self, state: RobotState, reading: SensorReadings, dt: float
-    ) -> dict[str, Float64[np.ndarray, "6"]]:
-        """As measured, or else estimated; empty where neither can be."""
-        if any(name in state.contacts for name in self._names):
-            return felt_by(state)
-        if not is_array(reading.torque, self._robot.nj) or self._last is None:
-            return {}
-        if not math.isfinite(float(reading.torque.sum())):
-            # What it has found so far would never be numbers again.
-            self._observer.reset()
-            return {}
-        self._observer.update(self._last, reading.torque, dt)
-        return self._observer.wrenches
+    def _sense(self, state: RobotState) -> None:
+        """Copy the soles' wrenches."""
+        m = self._memory
+        m.measured = not state.contacts.keys().isdisjoint(self._names)
+        if m.measured:
+            for row, name in zip(self._wrenches, self._names, strict=True):
+                wrench = state.wrench(name)
+                row[:] = math.nan if wrench is None else wrench
 
     # --- what goes in and out --------------------------------------------------------------------
 
@@ -257,67 +281,36 @@ class StateEstimator:
         gyro_bias: Float64[np.ndarray, "3"] | None,
     ) -> None:
         """At rest, where it last was, or else on its soles."""
-        self._kinematics.look(state.q[7:], state.v[6:])
+        m = self._memory
+        pin.computeJointJacobians(self._model, self._data, m.q)
+        run(m.address, SEE, 0, 0.0, 0.0)
         R = world_R_base @ self._base_R_unit
-        position = self._last_position
-        if position is None:
-            position = self._q_start[:3] + world_R_base @ self._base_p_unit
-            lowest = min(float(R[2] @ sole.offset) for sole in self._kinematics.soles)
-            position[2] = self.config.ground - lowest
+        lever = world_R_base @ self._base_p_unit
+        position = m.pose[:3] + lever
+        if self._last is None:
+            position[2] = self.config.ground - (m.seen[:, OFFSET:SPEED] @ R[2]).min()
         self.filter.start(R, position, gyro_bias=gyro_bias, deviation=self.config.start)
-        self._started = True
-        self.wrenches = felt_by(state)
+        self._started, m.airborne[:] = True, 0
+        self._sense(state)
 
     def _answer(self, state: RobotState) -> RobotState:
         """The estimate in Poise's conventions: the base's velocity in the base's own frame."""
-        q, v = state.q.copy(), state.v.copy()
-        assert self._reading is not None
-        turning = self._reading.angular_velocity
-        self.filter.find_base(self._base_R_unit, self._base_p_unit, turning, q, v)
-        if self._speeds is not None:
-            v[6:] = self._speeds
-        self._last_position = self.filter.position.copy()
-        self._last = RobotState(q, v, state.contacts, state.time, state.readings)
-        return self._last if self.payload is None else self.payload.update(self._last)
-
-    def _joint_speeds(
-        self, measured: Float64[np.ndarray, " nj"], dt: float
-    ) -> Float64[np.ndarray, " nj"]:
-        """The joints' velocities, smoothed where the configuration asks for it."""
-        bandwidth = self.config.joint_bandwidth
-        if bandwidth is None:
-            return measured
-        if self._speeds is None or not 0.0 <= dt <= self.config.longest_step:
-            self._speeds = measured.copy()
-            return self._speeds
-        self._speeds = self._speeds - math.expm1(-2.0 * math.pi * bandwidth * dt) * (
-            measured - self._speeds
+        payload, m = self.payload, self._memory
+        told = None if payload is None else payload.payload
+        self._last = RobotState(
+            m.q.copy(), m.v.copy(), state.contacts, state.time, state.readings, told
         )
-        return self._speeds
+        if payload is None or self.vote.estimated:
+            return self._last
+        return payload.update(self._last)
 
-    def _upright_before(self) -> Float64[np.ndarray, "3 3"]:
-        """Orientation of the base in the last estimate that was sound."""
-        q = self._q_start if self._last is None else self._last.q
-        return pin.Quaternion(q[3:7]).toRotationMatrix()
-
-    def _is_usable(self, state: object) -> bool:
-        """Whether joints, their velocities and the time are this robot's and finite."""
-        if not isinstance(state, RobotState) or not is_time(state.time):
-            return False
-        robot = self._robot
-        return is_vector(state.q, robot.nq, 7) and is_vector(state.v, robot.nv, 6)
-
-
-def _copied(reading: SensorReadings) -> SensorReadings:
-    """The same numbers: whoever reads sensors may write over what was given."""
-    return SensorReadings(*(np.array(part) for part in reading))
-
-
-def _same(one: SensorReadings, other: SensorReadings) -> bool:
-    """Whether an inertial unit says the same twice."""
-    return np.array_equal(one.angular_velocity, other.angular_velocity) and np.array_equal(
-        one.specific_force, other.specific_force
-    )
+    def _low_pass(self, bandwidth: float, dt: float) -> None:
+        """Smooth the joints' velocities."""
+        before = self._smooth
+        if before is not None and 0.0 <= dt <= self.config.longest_step:
+            gain = -math.expm1(-2.0 * math.pi * bandwidth * dt)
+            self._speeds[:] = before + gain * (self._speeds - before)
+        self._smooth = self._speeds.copy()
 
 
 def _yaw(q: Float64[np.ndarray, " nq"]) -> float:

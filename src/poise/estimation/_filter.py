@@ -11,11 +11,19 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._compiled import allocate, say_if_slow
-from poise.estimation import _correction, _propagation
-from poise.estimation._base import find_base
 from poise.estimation._config import ImuNoise, InitialDeviation
-from poise.estimation._group import hat, right_error
-from poise.estimation._memory import CONTACTS, POSITION, VELOCITY, FilterMemory, is_sound
+from poise.estimation._group import gamma, hat, right_error
+from poise.estimation._memory import CONTACTS, POSITION, VELOCITY, FilterMemory
+from poise.estimation._operations import (
+    CHECK,
+    CORRECT,
+    HOLD,
+    INNOVATE,
+    INNOVATE_BIAS,
+    PROPAGATE,
+    RELEASE,
+    run,
+)
 
 
 class InvariantFilter:
@@ -39,19 +47,23 @@ class InvariantFilter:
         covariance: of the right-invariant error, in blocks of three: orientation, velocity,
             position, contact points (zero where none is held), gyro bias, accelerometer bias. All
             but the biases are along the world's axes and about its origin.
+        memory: all of these, for compiled code.
     """
 
     def __init__(self, contacts: int, noise: ImuNoise | None = None) -> None:
         noise = noise if noise is not None else ImuNoise()
         sizes = {"contacts": contacts, "m": 2 + contacts, "n": 15 + 3 * contacts}
-        m = self._memory = allocate(FilterMemory, sizes | {"2": 2, "3": 3, "4": 4})
+        m = self.memory = allocate(FilterMemory, sizes | {"2": 2, "3": 3, "4": 4})
         m.density[:] = noise.gyro, noise.accelerometer, noise.gyro_bias, noise.accelerometer_bias
         self.rotation, self.velocity, self.position = m.R, m.x[VELOCITY], m.x[POSITION]
         self.points, self.held = m.x[CONTACTS:], m.active
         self.gyro_bias, self.accelerometer_bias = m.bias
         self.covariance = m.P
         self.start(np.eye(3), np.zeros(3))
-        self._compile()
+        # What is compiled is compiled now, not in the first tick.
+        say_if_slow(run, "the state estimator")
+        self._run(CHECK)
+        gamma(0, np.zeros(3))
 
     def start(
         self,
@@ -70,7 +82,7 @@ class InvariantFilter:
             deviation: how well all that is known, see `InitialDeviation`.
         """
         d = deviation if deviation is not None else InitialDeviation()
-        m = self._memory
+        m = self.memory
         m.R[:], m.x[:], m.bias[:], m.active[:], m.P[:] = rotation, 0.0, 0.0, 0, 0.0
         m.x[POSITION] = position
         m.bias[0] = 0.0 if gyro_bias is None else gyro_bias
@@ -87,8 +99,8 @@ class InvariantFilter:
         The invariant error is about the world's origin, so velocity and position go along.
         """
         lever = np.vstack([np.eye(3), hat(self.velocity), hat(self.position)])
-        self._memory.P[:3, :3] -= about
-        self._memory.P[:9, :9] += lever @ about @ lever.T
+        self.memory.P[:3, :3] -= about
+        self.memory.P[:9, :9] += lever @ about @ lever.T
 
     def propagate(
         self,
@@ -105,9 +117,9 @@ class InvariantFilter:
             dt: how much time, of which these are means [s].
             walk: density of the noise with which contact points move [m/s/sqrt(Hz)].
         """
-        m = self._memory
+        m = self.memory
         m.imu[0], m.imu[1], m.contact_density[:] = angular_velocity, specific_force, walk
-        _propagation.propagate(m.address, dt)
+        self._run(PROPAGATE, dt=dt)
 
     def hold(
         self,
@@ -122,11 +134,11 @@ class InvariantFilter:
             offset: where the kinematics see it from the unit, along the unit's axes [m].
             spread: covariance of that [m^2].
         """
-        m = self._memory
+        m = self.memory
         m.offset[:], m.spread[:] = offset, spread
         if m.active[contact]:
-            _correction.release(m.address, contact)
-        _correction.hold(m.address, contact)
+            self._run(RELEASE, contact=contact)
+        self._run(HOLD, contact=contact)
 
     def release(self, contact: int) -> None:
         """Takes a contact point out of the state.
@@ -134,7 +146,7 @@ class InvariantFilter:
         Args:
             contact: its number.
         """
-        _correction.release(self._memory.address, contact)
+        self._run(RELEASE, contact=contact)
 
     def innovate(
         self,
@@ -153,9 +165,9 @@ class InvariantFilter:
             The square of the Mahalanobis distance: chi-squared with three degrees of freedom where
             the point is at rest. NaN where it is not to be had.
         """
-        m = self._memory
+        m = self.memory
         m.offset[:], m.spread[:] = offset, spread
-        return _correction.innovate(m.address, contact)
+        return self._run(INNOVATE, contact=contact)
 
     def innovate_bias(
         self, bias: Float64[np.ndarray, "3"], spread: Float64[np.ndarray, "3 3"]
@@ -172,13 +184,13 @@ class InvariantFilter:
         Returns:
             The square of the Mahalanobis distance, as `innovate`.
         """
-        m = self._memory
+        m = self.memory
         m.offset[:], m.spread[:] = bias, spread
-        return _correction.innovate_bias(m.address)
+        return self._run(INNOVATE_BIAS)
 
     def correct(self) -> None:
         """Corrects the state by the innovation that was asked for last."""
-        _correction.correct(self._memory.address)
+        self._run(CORRECT)
 
     def loosen(self, *, tilt: float = 0.0, velocity: float = 0.0) -> None:
         """Makes the state less certain than it was, about the unit.
@@ -187,29 +199,13 @@ class InvariantFilter:
             tilt: further deviation of the orientation about horizontal axes [rad].
             velocity: further deviation of the velocity [m/s].
         """
-        P, about = self._memory.P, np.diag([tilt**2, tilt**2, 0.0])
+        P, about = self.memory.P, np.diag([tilt**2, tilt**2, 0.0])
         P[:3, :3] += about
         P[3:6, 3:6] += velocity**2 * np.eye(3)
         self._tip(about)
 
-    def find_base(
-        self,
-        base_R_unit: Float64[np.ndarray, "3 3"],
-        base_p_unit: Float64[np.ndarray, "3"],
-        turning: Float64[np.ndarray, "3"],
-        q: Float64[np.ndarray, " nq"],
-        v: Float64[np.ndarray, " nv"],
-    ) -> None:
-        """Pose and velocity of the base that the unit is on, the velocity in the base's own frame.
-
-        Args:
-            base_R_unit: the unit's axes in the base; contiguous, as all arrays here.
-            base_p_unit: its origin in the base [m].
-            turning: what the gyro says [rad/s].
-            q: configuration, receives the base's pose.
-            v: velocity, receives the base's.
-        """
-        find_base(self._memory.address, base_R_unit, base_p_unit, turning, q, v)
+    def _run(self, operation: int, *, contact: int = 0, dt: float = 0.0) -> float:
+        return run(self.memory.address, operation, contact, 0.0, dt)
 
     @property
     def holds(self) -> bool:
@@ -219,7 +215,7 @@ class InvariantFilter:
     @property
     def sound(self) -> bool:
         """Whether all numbers are finite and no variance is negative."""
-        return is_sound(self._memory.address)
+        return self._run(CHECK) != 0.0
 
     def error(
         self,
@@ -238,20 +234,4 @@ class InvariantFilter:
             Orientation [rad], velocity [m/s], position [m].
         """
         truth = np.array([velocity, position])
-        return right_error((self.rotation, self._memory.x[:CONTACTS]), (rotation, truth))
-
-    def _compile(self) -> None:
-        """Compiled now, not in the first tick."""
-        if not len(self.held):
-            return
-        say_if_slow(_propagation.propagate, "the state estimator")
-        at, spread = np.zeros(3), np.eye(3)
-        self.propagate(at, at, 1e-3)
-        self.hold(0, at, spread)
-        self.innovate(0, at, spread)
-        self.innovate_bias(at, spread)
-        self.correct()
-        self.release(0)
-        self.find_base(spread, at, at, np.zeros(7), np.zeros(6))
-        _ = self.sound
-        self.start(np.eye(3), np.zeros(3))
+        return right_error((self.rotation, self.memory.x[:CONTACTS]), (rotation, truth))

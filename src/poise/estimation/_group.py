@@ -9,7 +9,7 @@ velocity, position, contact points. In matrix form
 A tangent vector is [phi; rho_1; ...; rho_m], as Hartley, Ghaffari, Eustice and Grizzle (2020,
 "Contact-aided invariant extended Kalman filtering for robot state estimation") order it.
 
-`fill_gamma`, `turn`: compiled, for loops. `gamma`, `exponential`, `logarithm`, `adjoint`: with
+`fill_gamma`, `turn`, `turn_back`, `multiply`: compiled, for loops. `gamma`, `logarithm`: with
 arrays of their own.
 """
 
@@ -52,7 +52,7 @@ def _coefficient(order: int, angle: float) -> float:
     return (0.5 * square + math.cos(angle) - 1.0) / (square * square)
 
 
-@compiled
+@part
 def fill_gamma(
     order: int, phi: Float64[np.ndarray, "3"], scale: float, out: Float64[np.ndarray, "3 3"]
 ) -> None:
@@ -61,11 +61,7 @@ def fill_gamma(
     Gamma_0 is the rotation of phi, Gamma_1 its left Jacobian, and Gamma_2 what a constant specific
     force becomes in position while the body turns (Hartley et al. 2020, eq. (60)).
 
-    Args:
-        order: k, 0 to 2.
-        phi: rotation vector [rad].
-        scale: factor on it, such as a time.
-        out: receives the matrix.
+    `scale` is a factor on phi, such as a time; the order k is 0 to 2.
     """
     x, y, z = scale * phi[0], scale * phi[1], scale * phi[2]
     square = x * x + y * y + z * z
@@ -87,68 +83,56 @@ def turn(R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float) -> tuple[f
     )
 
 
+@part
+def turn_back(
+    R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """R^T times a vector."""
+    return (
+        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
+        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
+        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
+    )
+
+
+@part
+def multiply(
+    A: Float64[np.ndarray, "3 3"], B: Float64[np.ndarray, "3 3"], out: Float64[np.ndarray, "3 3"]
+) -> None:
+    """Fill in the product A B."""
+    for k in range(3):
+        out[0, k], out[1, k], out[2, k] = turn(A, B[0, k], B[1, k], B[2, k])
+
+
 def hat(x: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
     """The skew-symmetric matrix of a cross product with x from the left."""
     a, b, c = x.tolist()
     return np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
 
 
-def gamma(order: int, phi: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
-    """As `fill_gamma`, in an array of its own.
-
-    Args:
-        order: 0 to 2.
-        phi: rotation vector [rad].
-    """
-    out = np.empty((3, 3))
+@compiled
+def _fill_gamma(order: int, phi: Float64[np.ndarray, "3"], out: Float64[np.ndarray, "3 3"]) -> None:
     fill_gamma(order, phi, 1.0, out)
+
+
+def gamma(order: int, phi: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
+    """As `fill_gamma`, in an array of its own."""
+    out = np.empty((3, 3))
+    _fill_gamma(order, phi, out)
     return out
 
 
-def exponential(xi: Float64[np.ndarray, " n"]) -> tuple[Rotation, Vectors]:
-    """The element of a tangent vector: (Gamma_0(phi), Gamma_1(phi) rho_i).
-
-    Args:
-        xi: [phi; rho_1; ...; rho_m].
-    """
-    rows = xi.reshape(-1, 3)
-    return gamma(0, rows[0]), rows[1:] @ gamma(1, rows[0]).T
-
-
 def logarithm(R: Rotation, vectors: Vectors) -> Float64[np.ndarray, " n"]:
-    """The tangent vector of an element, of angles in [0, pi].
-
-    Args:
-        R: its rotation.
-        vectors: its vectors.
-    """
+    """The tangent vector of an element, of angles in [0, pi]."""
     phi = _rotation_logarithm(R)
     rho = np.linalg.solve(gamma(1, phi), vectors.T).T
     return np.concatenate([phi, rho.ravel()])
 
 
-def adjoint(R: Rotation, vectors: Vectors) -> Float64[np.ndarray, "n n"]:
-    """Ad_X with X exp(xi) X^-1 = exp(Ad_X xi).
-
-    Args:
-        R: the element's rotation.
-        vectors: its vectors.
-    """
-    out = np.kron(np.eye(len(vectors) + 1), R)
-    for i, vector in enumerate(vectors):
-        out[3 * i + 3 : 3 * i + 6, :3] = hat(vector) @ R
-    return out
-
-
 def right_error(
     estimate: tuple[Rotation, Vectors], truth: tuple[Rotation, Vectors]
 ) -> Float64[np.ndarray, " n"]:
-    """log(estimate truth^-1), the error that a right-invariant filter speaks of.
-
-    Args:
-        estimate: rotation and vectors as estimated.
-        truth: and as they are.
-    """
+    """log(estimate truth^-1), the error that a right-invariant filter speaks of."""
     R = estimate[0] @ truth[0].T
     return logarithm(R, estimate[1] - truth[1] @ R.T)
 

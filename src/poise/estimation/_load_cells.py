@@ -1,12 +1,12 @@
 """`LoadCellTare`: what the load cells of soles say while nothing touches them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.dynamics import RobotState
+from poise.dynamics import CheckedWrenches, RobotState
 
 _MEMORY = 5.0
 """Over so much time in the air a zero is averaged; it drifts with temperature [s]."""
@@ -50,22 +50,28 @@ class LoadCellTare:
         self.zeros: dict[str, Float64[np.ndarray, "6"]] = {}
         self._time, self._seen = math.nan, dict.fromkeys(self._soles, 0.0)
 
-    def update(self, state: RobotState, airborne: Sequence[bool]) -> RobotState:
+    def update(
+        self, state: RobotState, airborne: Sequence[int], estimated: Sequence[str] = ()
+    ) -> RobotState:
         """Takes a state in, and returns it with wrenches less their zeros.
 
         Args:
             state: as measured; what is no wrench comes back as it is.
             airborne: whether each sole is clear of the ground it stood on.
+            estimated: soles whose wrenches no cell has measured.
         """
         dt, self._time = state.time - self._time, state.time
         for sole, clear in zip(self._soles, airborne, strict=True):
-            if clear and 0.0 < dt <= self._longest:
+            if clear and sole not in estimated and 0.0 < dt <= self._longest:
                 self._learn(sole, state.wrench(sole), dt)
         if not self.zeros:
             return state
-        return RobotState(
-            state.q, state.v, self._corrected(state), state.time, state.readings, state.payload
-        )
+        contacts = CheckedWrenches(state.contacts)
+        for sole, zero in self.zeros.items():
+            wrench = contacts.usable.get(sole)
+            if wrench is not None and sole not in estimated:
+                contacts[sole] = contacts.usable[sole] = wrench - zero
+        return RobotState(state.q, state.v, contacts, state.time, state.readings, state.payload)
 
     def _learn(self, sole: str, wrench: Float64[np.ndarray, "6"] | None, dt: float) -> None:
         """Averages what a sole in the air says, unless it is too much for a zero."""
@@ -81,11 +87,3 @@ class LoadCellTare:
             return
         self._seen[sole] = seen = min(self._seen[sole] + dt, _MEMORY)
         before += dt / seen * (wrench - before)
-
-    def _corrected(self, state: RobotState) -> Mapping[str, Float64[np.ndarray, "6"]]:
-        contacts = dict(state.contacts)
-        for sole, zero in self.zeros.items():
-            wrench = state.wrench(sole)
-            if wrench is not None:
-                contacts[sole] = wrench - zero
-        return contacts

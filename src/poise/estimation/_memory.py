@@ -1,59 +1,77 @@
-"""`FilterMemory`: state and covariance of an invariant filter, as compiled code has them."""
+"""`FilterMemory`: state and covariance of an invariant filter, as compiled code has them.
+
+`EstimatorMemory`: what an estimator's tick reads and writes besides.
+"""
 
 import math
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, compiled, part, view
+from poise._compiled import Block, part
+from poise.dynamics import FrameBlock, MotionBlock
 
 VELOCITY, POSITION, CONTACTS = 0, 1, 2
 """Rows of the vectors of the group's element; contact points are the last ones."""
 
+GYRO, ACCELEROMETER = 0, 1
+"""Rows of what an inertial unit measures, and of its biases."""
+
+OFFSET, SPEED, TURNING, SPREAD, TURNING_SPREAD, SEEN = 0, 3, 6, 9, 18, 27
+"""First number of each kind in a row of `EstimatorMemory.seen`, and their count: of a sole its
+position from the unit, its velocity and angular velocity by those of the joints, all along the
+unit's axes, and J J^T of both, by which a variance of the joints' angles becomes one of these."""
+
 
 class FilterMemory(Block):
-    """What the compiled functions work on.
+    """State and covariance of an invariant filter."""
 
-    The error's coordinates stand in blocks of three: orientation, velocity, position, contact
-    points, gyro bias, accelerometer bias.
-
-    Attributes:
-        R: world_R_imu.
-        x: rows: velocity, position, contact points, along the world's axes [m/s, m].
-        bias: rows: of the gyro [rad/s], of the accelerometer [m/s^2].
-        P: covariance of the error.
-        active: which contact points are held.
-        imu: angular velocity [rad/s], then specific force [m/s^2], along the unit's axes.
-        density: of the noise: gyro, accelerometer, their biases.
-        contact_density: of each contact point's walk [m/s/sqrt(Hz)].
-        offset: a contact point seen from the unit, along its axes [m].
-        spread: covariance of that [m^2].
-        turned: scratch: rotations.
-        G: scratch: how the gyro's noise reaches the error.
-        W: scratch: covariance of the error with what is observed.
-        S: scratch: covariance of the innovation, its inverse.
-        r: scratch: innovation, and its inverse's image.
-        K: scratch: the gain.
-        delta: scratch: the correction.
-    """
-
-    R: Float64[np.ndarray, "3 3"]
+    R: Float64[np.ndarray, "3 3"]  # world_R_imu
+    # rows: velocity [m/s], position, contact points [m], in the world
     x: Float64[np.ndarray, "m 3"]
-    bias: Float64[np.ndarray, "2 3"]
+    bias: Float64[np.ndarray, "2 3"]  # rows: of the gyro [rad/s], of the accelerometer [m/s^2]
+    # of the error: orientation, velocity, position, contact points, both biases
     P: Float64[np.ndarray, "n n"]
-    active: Int64[np.ndarray, " contacts"]
-    imu: Float64[np.ndarray, "2 3"]
-    density: Float64[np.ndarray, "4"]
-    contact_density: Float64[np.ndarray, " contacts"]
-    offset: Float64[np.ndarray, "3"]
-    spread: Float64[np.ndarray, "3 3"]
-    turned: Float64[np.ndarray, "4 3 3"]
-    G: Float64[np.ndarray, "n 3"]
-    W: Float64[np.ndarray, "n 3"]
-    S: Float64[np.ndarray, "2 3 3"]
-    r: Float64[np.ndarray, "3"]
-    K: Float64[np.ndarray, "n 3"]
-    delta: Float64[np.ndarray, " n"]
+    active: Int64[np.ndarray, " contacts"]  # held contact points
+    imu: Float64[np.ndarray, "2 3"]  # rows: rate [rad/s], force [m/s^2]
+    density: Float64[np.ndarray, "4"]  # of gyro, accelerometer, their biases
+    contact_density: Float64[np.ndarray, " contacts"]  # of walks [m/s/sqrt(Hz)]
+    offset: Float64[np.ndarray, "3"]  # of a contact point, from the unit [m]
+    spread: Float64[np.ndarray, "3 3"]  # its covariance [m^2]
+    turned: Float64[np.ndarray, "4 3 3"]  # scratch: rotations
+    G: Float64[np.ndarray, "n 3"]  # scratch: how the gyro's noise reaches the error
+    W: Float64[np.ndarray, "n 3"]  # scratch: covariance with what is observed
+    S: Float64[np.ndarray, "2 3 3"]  # scratch: covariance of the innovation, its inverse
+    r: Float64[np.ndarray, "3"]  # scratch: innovation
+    K: Float64[np.ndarray, "n 3"]  # scratch: gain
+    delta: Float64[np.ndarray, " n"]  # scratch: correction
+
+
+class EstimatorMemory(Block):
+    """Memory of a `StateEstimator`'s tick."""
+
+    filter: FilterMemory
+    fresh: int  # whether the inertial unit says something of use now
+    measured: int  # whether there are wrenches
+    motion: MotionBlock  # with the base at the origin
+    frames: FrameBlock  # the soles
+    base_R_unit: Float64[np.ndarray, "3 3"]
+    base_p_unit: Float64[np.ndarray, "3"]
+    # `ContactBelief`, then `encoder`, `joint_velocity`, `point`, and the weight [N]
+    belief: Float64[np.ndarray, " numbers"]
+    leans: Int64[np.ndarray, " contacts"]  # soles that lean with their leg
+    q: Float64[np.ndarray, " nq"]  # joints as measured; after a tick the estimate
+    v: Float64[np.ndarray, " nv"]  # their velocities
+    pose: Float64[np.ndarray, "7"]  # of the base, in the last sound estimate
+    wrenches: Float64[np.ndarray, "contacts 6"]  # measured or estimated, or NaN [N, N m]
+    sensed: Float64[np.ndarray, "6"]  # rate [rad/s], force [m/s^2]
+    before: Float64[np.ndarray, "6"]  # the last ones of use
+    axes: Float64[np.ndarray, "6"]  # scratch: how a joint moves and turns a sole
+    seen: Float64[np.ndarray, "contacts 27"]  # see `OFFSET`
+    probability: Float64[np.ndarray, " contacts"]  # of contact
+    slip_end: Float64[np.ndarray, " contacts"]  # [s]
+    fitted: Float64[np.ndarray, "1"]  # when a contact point was at rest last [s]
+    airborne: Int64[np.ndarray, " contacts"]  # soles clear of the ground
 
 
 @part
@@ -68,10 +86,9 @@ def set_rotation(R: Float64[np.ndarray, "3 3"], new: Float64[np.ndarray, "3 3"])
             R[i, k] = 0.5 * total
 
 
-@compiled
-def is_sound(address: int) -> bool:
+@part
+def is_sound(m: FilterMemory) -> bool:
     """Whether all is finite and no variance is negative; NaN fails every comparison."""
-    m = view(FilterMemory, address)
     for i in range(len(m.P)):
         if not 0.0 <= m.P[i, i] < math.inf:
             return False

@@ -6,11 +6,19 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import all_finite
-from poise.dynamics import KINEMATICS, Payload, RobotState, frames_of, motion_of
+from poise._compiled import allocate
+from poise.dynamics import (
+    KINEMATICS,
+    FrameBlock,
+    Payload,
+    RobotState,
+    block_of,
+    frames_of,
+    motion_of,
+)
 from poise.errors import ConfigurationError
 from poise.estimation._config import PayloadBelief
-from poise.estimation._felt import HAND, SOLES, feel
+from poise.estimation._felt import HAND, SOLES, PayloadMemory, feel
 from poise.estimation._group import hat
 from poise.estimation._hands import HandLoads
 from poise.robots import GRAVITY, Robot
@@ -82,19 +90,24 @@ class PayloadEstimator:
         self._model, self._data, self._mass = robot.model, robot.model.createData(), robot.mass
         self._soles, self._torso = tuple(robot.soles), robot.frame_id(robot.torso)
         names = (*self._soles, *robot.hands)
-        self._frames = frames_of(robot.model, [robot.frame_id(name) for name in names])
-        self._motion = motion_of(robot.model, self._data)
-        self._momentum: Float64[np.ndarray, "6"] = self._data.hg.vector
-        self._wrenches, self._room = np.zeros((len(self._soles), 6)), np.zeros(KINEMATICS)
         self._hands = HandLoads(robot, self.belief)
-        b, hands = self.belief, len(self._hands)
+        b, hands, soles = self.belief, len(self._hands), len(self._soles)
+        frame_ids = [robot.frame_id(name) for name in names]
+        self._memory = allocate(
+            PayloadMemory,
+            {"soles": soles, "6": 6, "room": KINEMATICS, "k": SOLES + HAND * hands},
+            motion=block_of(motion_of(robot.model, self._data)),
+            frames=FrameBlock(**frames_of(robot.model, frame_ids)._asdict()),
+            momentum=self._data.hg.vector,
+        )
+        self._rows = list(self._memory.wrenches)
         # What is told changes in these steps, and no faster than that.
         self._steps = np.array([_MASS_STEP, *[_OFFSET_STEP] * 3, *[_HELD_STEP] * hands])
         self._rates = np.array([b.mass_rate, *[b.offset_rate] * 3, *[b.held_rate] * hands])
         self._walk = np.array([b.mass_walk, *[b.offset_walk] * 3]) ** 2
         self._noise = np.repeat([b.force_noise, b.moment_noise], 3) * GRAVITY
         # What is compiled is compiled now, not in the first tick.
-        self._feel()
+        feel(self._memory.address, 1.0)
         self.reset()
 
     def reset(self) -> None:
@@ -105,7 +118,6 @@ class PayloadEstimator:
         b = self.belief
         self._covariance = np.diag([b.likely_mass, *[b.likely_offset] * 3]) ** 2
         self._told, self._last = np.zeros(4 + len(self._hands)), np.zeros(4 + len(self._hands))
-        self._low: Float64[np.ndarray, " k"] | None = None
         self._hands.reset()
 
     @property
@@ -134,19 +146,19 @@ class PayloadEstimator:
                 numbers of no use, changes nothing.
         """
         dt = state.time - self._time
-        felt = None if dt == 0.0 else self._felt(state)
-        if felt is None:
+        goes_on = 0.0 < dt <= _LONGEST
+        gain = -math.expm1(-dt / self.belief.smoothing) if goes_on else 1.0
+        if dt == 0.0 or not self._feel(state, gain):
             # Nothing new: what has been smoothed goes on where the next one comes soon.
             return self._with_payload(state)
         self._time = state.time
-        if not 0.0 < dt <= _LONGEST or self._low is None:
-            self._low, self._since = felt, -_SETTLED * self.belief.smoothing
+        if not goes_on:
+            self._since = -_SETTLED * self.belief.smoothing
             self._hands.restart()
         else:
-            self._low += -math.expm1(-dt / self.belief.smoothing) * (felt - self._low)
             self._since += dt
             if self._since >= _PERIOD:
-                self._correct(felt, self._since)
+                self._correct(self._since)
                 self._tell(self._since)
                 self._since = 0.0
         return self._with_payload(state)
@@ -158,31 +170,21 @@ class PayloadEstimator:
             state.q, state.v, state.contacts, state.time, state.readings, self.payload
         )
 
-    def _felt(self, state: RobotState) -> Float64[np.ndarray, " k"] | None:
-        """Force and moment of the soles about the centre of mass, then the momentum, by the mass.
-
-        Then what hands do. None where there are none, or numbers of no use.
-        """
+    def _feel(self, state: RobotState, gain: float) -> bool:
+        """Smooth what soles and hands do; False where there is nothing, or numbers of no use."""
         if state.q.shape != (self._model.nq,) or state.v.shape != (self._model.nv,):
-            return None
-        for row, name in zip(self._wrenches, self._soles, strict=True):
+            return False
+        for row, name in zip(self._rows, self._soles, strict=True):
             wrench = state.wrench(name)
             if wrench is None:
-                return None
+                return False
             row[:] = wrench
         pin.computeCentroidalMomentum(self._model, self._data, state.q, state.v)
-        felt = self._feel()
-        return felt if all_finite(felt) else None
+        return feel(self._memory.address, gain)
 
-    def _feel(self) -> Float64[np.ndarray, " k"]:
-        felt = np.empty(SOLES + HAND * len(self._hands))
-        feel(self._motion, self._frames, self._momentum, self._wrenches, self._room, felt)
-        return felt
-
-    def _correct(self, felt: Float64[np.ndarray, " k"], dt: float) -> None:
+    def _correct(self, dt: float) -> None:
         """One step of the filter, all by the robot's mass."""
-        b, low = self.belief, self._low
-        assert low is not None
+        b, felt, low = self.belief, self._memory.felt, self._memory.low
         rate = (felt[6:12] - low[6:12]) / b.smoothing
         self._covariance.flat[::5] += self._walk * dt
         if low[2] < b.least_load * GRAVITY:
@@ -197,7 +199,7 @@ class PayloadEstimator:
         H[3:, 1:] = hat(-reaction).dot(torso.rotation)
         left = np.concatenate((low[:3] - reaction, low[3:6] - rate[3:]))
         if len(self._hands):
-            left -= self._held(felt, left, rate, torso, dt)
+            left -= self._held(left, rate, torso, dt)
         left -= H.dot(self._mean)
         pushed = math.hypot(float(left[0]), float(left[1])) / (b.push * GRAVITY)
         noise = self._noise * (1.0 + pushed**2)
@@ -213,7 +215,6 @@ class PayloadEstimator:
 
     def _held(
         self,
-        felt: Float64[np.ndarray, " k"],
         left: Float64[np.ndarray, "6"],
         rate: Float64[np.ndarray, "6"],
         torso: pin.SE3,
@@ -224,8 +225,7 @@ class PayloadEstimator:
         Of the body its accelerations are taken away before, but not its weight: the offset that is
         found follows what hands do, late, and would take from them what is theirs.
         """
-        assert self._low is not None
-        columns = self._hands.columns(felt[SOLES:], self._low[SOLES:])
+        columns = self._hands.columns(self._memory.felt[SOLES:], self._memory.low[SOLES:])
         more, offset = float(self._mean[0]), torso.rotation.dot(self._mean[1:])
         changing = left - more * rate
         changing[3:] -= hat(offset).dot(rate[:3])

@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import compiled, part, view
-from poise.estimation._group import fill_gamma, turn
+from poise._compiled import part
+from poise.estimation._group import fill_gamma, multiply, turn
 from poise.estimation._memory import CONTACTS, POSITION, VELOCITY, FilterMemory, set_rotation
 from poise.robots import GRAVITY
 
@@ -141,16 +141,13 @@ def _move(m: FilterMemory, dt: float) -> None:
     v[1] += dt * b
     v[2] += dt * (c - GRAVITY)
     fill_gamma(0, w, dt, T[0])
-    for i in range(3):
-        for k in range(3):
-            T[1, i, k] = R[i, 0] * T[0, 0, k] + R[i, 1] * T[0, 1, k] + R[i, 2] * T[0, 2, k]
+    multiply(R, T[0], T[1])
     set_rotation(R, T[1])
 
 
-@compiled
-def propagate(address: int, dt: float) -> None:
-    """Time passes, under what `imu` measured."""
-    m = view(FilterMemory, address)
+@part
+def propagate(m: FilterMemory, dt: float) -> None:
+    """Advance mean and covariance by `dt` under what `imu` measured."""
     _add_noise(m, dt)
     _spread_covariance(m, dt)
     _move(m, dt)

@@ -1,15 +1,47 @@
-"""`SoleContacts`: contact points of the filter come, correct it, and go."""
+"""`update_contacts`: contact points of the filter come, correct it, and go.
+
+`find_airborne`: which soles are clear of the ground.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.estimation._config import EstimatorConfig
-from poise.estimation._filter import InvariantFilter
-from poise.estimation._soles import SeenSole
-from poise.robots import Robot
+from poise._compiled import part
+from poise.estimation._correction import correct, hold, innovate, innovate_bias, release
+from poise.estimation._group import turn
+from poise.estimation._memory import (
+    GYRO,
+    OFFSET,
+    SPEED,
+    SPREAD,
+    TURNING,
+    TURNING_SPREAD,
+    VELOCITY,
+    EstimatorMemory,
+    FilterMemory,
+)
+
+# Where the numbers of `EstimatorMemory.belief` stand: those of `ContactBelief`, then others.
+(
+    _LOAD,
+    _LOAD_WIDTH,
+    _BEGIN,
+    _END,
+    _SPEED,
+    _SPEED_WIDTH,
+    _REST,
+    _TURN,
+    _SHAKE,
+    _SLIP,
+    _GATE,
+    _SLIP_TIME,
+    _ENCODER,
+    _JOINT_VELOCITY,
+    _POINT,
+    _WEIGHT,
+) = range(16)
 
 _CERTAIN = 0.95
 """Probability of contact above which a sole is taken not to turn either."""
@@ -25,176 +57,128 @@ _ROLLING = 0.02
 """Density of the walk of a sole that leans with its leg and rolls over its edges: its middle is
 5 cm from them, goes up and down at some 5 cm/s for a fraction of a second [m/s/sqrt(Hz)]."""
 
-_EYE = np.eye(3)
 
-
-class SoleContacts:
-    """Which soles are at rest on the ground, and what that says of the robot.
-
-    Args:
-        robot: whose soles.
-        config: what is believed of sensors and contact.
-        corrected: the filter, with a contact point for each sole.
-        soles: as they are seen, up to date in each update.
-
-    Attributes:
-        probability: of contact, by sole.
-        walks: densities of the noise with which contact points move until the next update
-            [m/s/sqrt(Hz)].
-    """
-
-    def __init__(
-        self,
-        robot: Robot,
-        config: EstimatorConfig,
-        corrected: InvariantFilter,
-        soles: Sequence[SeenSole],
-    ) -> None:
-        self._names, self._weight = tuple(robot.soles), robot.weight
-        self._leans = [sole.leans for sole in robot.soles.values()]
-        self._config, self._filter, self._soles = config, corrected, soles
-        self._point = config.point**2 * _EYE
-        self.walks = np.zeros(len(self._names))
-        self.reset()
-
-    def reset(self) -> None:
-        """Forgets the past; the filter's contact points are whose they are."""
-        self.probability = dict.fromkeys(self._names, 0.0)
-        self._time, self._fitted = math.nan, -math.inf
-        self._slip_end = dict.fromkeys(self._names, -math.inf)
-
-    @property
-    def slipping(self) -> tuple[str, ...]:
-        """The soles that are taken to slip."""
-        return tuple(name for name in self._names if self._time < self._slip_end[name])
-
-    @property
-    def airborne(self) -> list[bool]:
-        """Which soles are clear of the ground that others stand on, as of the last update.
-
-        None while none carries: a robot that is let down slowly touches the ground with both.
-        """
-        held, up = self._filter.held, self._filter.rotation[2]
-        heights = [float(up.dot(sole.offset)) for sole in self._soles]
-        carrying = [height for height, carries in zip(heights, held, strict=True) if carries]
-        ground = max(carrying, default=math.inf)
-        return [
-            not carries and height - ground > _CLEAR
-            for height, carries in zip(heights, held, strict=True)
-        ]
-
-    def begin(self, time: float) -> None:
-        """The filter has been started, and nothing contradicts it.
-
-        Args:
-            time: now [s].
-        """
-        self._time = self._fitted = time
-
-    def release(self, time: float) -> None:
-        """All contacts begin anew.
-
-        Args:
-            time: now [s].
-        """
-        for contact in range(len(self._names)):
-            self._filter.release(contact)
-        self._slip_end = dict.fromkeys(self._names, -math.inf)
-        self.begin(time)
-
-    def update(
-        self,
-        time: float,
-        dt: float,
-        wrenches: Mapping[str, Float64[np.ndarray, "6"]],
-        turning: Float64[np.ndarray, "3"],
-        *,
-        fresh: bool,
-    ) -> None:
-        """Takes in one measurement.
-
-        Args:
-            time: of it [s].
-            dt: since the last one [s].
-            wrenches: of the soles; where there are none at all, all are taken to be pressed.
-            turning: what the gyro says [rad/s].
-            fresh: whether it says so now.
-        """
-        self._time, c = time, self._config.contact
-        rate = turning - self._filter.gyro_bias
-        variance = self._config.encoder**2
-        for contact, (name, sole) in enumerate(zip(self._names, self._soles, strict=True)):
-            pressed = self._pressed(name, wrenches)
-            probability = pressed * self._resting(sole, rate)
-            self.probability[name] = probability
-            spread = variance * sole.spread + self._point
-            if not self._filter.held[contact]:
-                if pressed > c.begin:
-                    self._filter.hold(contact, sole.offset, spread)
-            elif pressed < c.end:
-                self._filter.release(contact)
-            else:
-                self._correct(contact, name, sole, spread)
-                if fresh and probability > _CERTAIN and not self._leans[contact]:
-                    self._correct_bias(sole, turning, dt)
-            walk = self._walk(name, probability)
-            self.walks[contact] = max(walk, _ROLLING) if self._leans[contact] else walk
-        if not self._filter.holds:
-            self._fitted = time
-        elif time - self._fitted > _LOST_TIME:
-            self._filter.loosen(velocity=_LOST_SPEED * math.sqrt(dt))
-
-    def _correct(
-        self, contact: int, name: str, sole: SeenSole, spread: Float64[np.ndarray, "3 3"]
-    ) -> None:
-        """By a contact point at rest; one that cannot be at rest is put down anew, as slipping."""
-        c = self._config.contact
-        distance = self._filter.innovate(contact, sole.offset, spread)
-        if distance <= c.gate:
-            self._filter.correct()
-            if self.probability[name] > c.end:
-                self._fitted = self._time
+@part
+def update_contacts(m: EstimatorMemory, time: float, dt: float) -> bool:
+    """Correct the filter by soles at rest, and find these; whether any contact is held."""
+    f, b, w, held = m.filter, m.belief, m.sensed, 0
+    # Less the bias that it has at the start of the tick, for all soles.
+    wx, wy, wz = w[0] - f.bias[GYRO, 0], w[1] - f.bias[GYRO, 1], w[2] - f.bias[GYRO, 2]
+    for contact in range(len(m.seen)):
+        seen, pressed = m.seen[contact], _pressed(m, contact)
+        probability = pressed * _resting(m, seen, wx, wy, wz)
+        m.probability[contact] = probability
+        _set_observation(f, seen[OFFSET:], seen[SPREAD:], b[_ENCODER] ** 2, b[_POINT] ** 2)
+        if f.active[contact] == 0:
+            if pressed > b[_BEGIN]:
+                hold(f, contact)
+        elif pressed < b[_END]:
+            release(f, contact)
         else:
-            self._slip_end[name] = self._time + c.slip_time
-            self._filter.hold(contact, sole.offset, spread)
-
-    def _correct_bias(self, sole: SeenSole, rate: Float64[np.ndarray, "3"], dt: float) -> None:
-        """A sole at rest does not turn, so the kinematics say how the base does."""
-        c = self._config.contact
-        turn = (c.turn**2 + c.shake**2 * float(rate.dot(rate))) / dt
-        spread = self._config.joint_velocity**2 * sole.turning_spread + turn * _EYE
-        distance = self._filter.innovate_bias(rate + sole.turning, spread)
-        if distance <= c.gate:
-            self._filter.correct()
-
-    def _walk(self, name: str, probability: float) -> float:
-        """Density of the noise with which a contact point moves."""
-        c = self._config.contact
-        if self._time < self._slip_end[name]:
-            return c.slip
-        return c.rest + (1.0 - probability) * (c.slip - c.rest)
-
-    def _pressed(self, name: str, wrenches: Mapping[str, Float64[np.ndarray, "6"]]) -> float:
-        """Probability of contact by the normal force."""
-        c, wrench = self._config.contact, wrenches.get(name)
-        if wrench is None:
-            return 0.0 if wrenches else 1.0
-        return _logistic((float(wrench[2]) / self._weight - c.load) / c.load_width)
-
-    def _resting(self, sole: SeenSole, rate: Float64[np.ndarray, "3"]) -> float:
-        """Probability of rest by the speed that the estimate gives a sole."""
-        c, f = self._config.contact, self._filter
-        # A few numbers are several times as quick as such than as arrays.
-        (x, y, z), (a, b, g) = sole.offset.tolist(), rate.tolist()
-        along, aside, up = sole.speed.tolist()
-        along, aside, up = along + b * z - g * y, aside + g * x - a * z, up + a * y - b * x
-        turned = (r * along + s * aside + t * up for r, s, t in f.rotation.tolist())
-        velocity = [v + w for v, w in zip(f.velocity.tolist(), turned, strict=True)]
-        return _logistic((c.speed - math.hypot(*velocity)) / c.speed_width)
+            if innovate(f, contact) <= b[_GATE]:
+                correct(f)
+                if probability > b[_END]:
+                    m.fitted[0] = time
+            else:
+                # A point that cannot be at rest is put down anew, as slipping.
+                m.slip_end[contact] = time + b[_SLIP_TIME]
+                release(f, contact)
+                hold(f, contact)
+            if m.fresh != 0 and probability > _CERTAIN and m.leans[contact] == 0:
+                _correct_bias(m, seen, dt)
+        walk = b[_SLIP]
+        if not time < m.slip_end[contact]:
+            walk = b[_REST] + (1.0 - probability) * (b[_SLIP] - b[_REST])
+        f.contact_density[contact] = max(walk, _ROLLING) if m.leans[contact] != 0 else walk
+        held += f.active[contact]
+    if held == 0:
+        m.fitted[0] = time
+    elif time - m.fitted[0] > _LOST_TIME:
+        for i in range(3, 6):
+            f.P[i, i] += _LOST_SPEED * _LOST_SPEED * dt
+    return held != 0
 
 
+@part
+def _set_observation(
+    f: FilterMemory,
+    x: Float64[np.ndarray, " x"],
+    spread: Float64[np.ndarray, " spread"],
+    joints: float,
+    rest: float,
+) -> None:
+    """Set what the joints say, with their variance through J J^T and a variance along each axis."""
+    for i in range(3):
+        f.offset[i] = x[i]
+        for k in range(3):
+            f.spread[i, k] = joints * spread[3 * i + k]
+        f.spread[i, i] += rest
+
+
+@part
+def _correct_bias(m: EstimatorMemory, seen: Float64[np.ndarray, "27"], dt: float) -> None:
+    """Correct the gyro's bias by a sole at rest: it does not turn, so the joints tell the rate."""
+    f, b, w = m.filter, m.belief, m.sensed
+    square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    rest = (b[_TURN] ** 2 + b[_SHAKE] ** 2 * square) / dt
+    _set_observation(f, seen[TURNING:], seen[TURNING_SPREAD:], b[_JOINT_VELOCITY] ** 2, rest)
+    for i in range(3):
+        f.offset[i] += w[i]
+    if innovate_bias(f) <= b[_GATE]:
+        correct(f)
+
+
+@part
+def _pressed(m: EstimatorMemory, contact: int) -> float:
+    """Probability of contact by the normal force; all are pressed where none is measured."""
+    b = m.belief
+    if m.measured == 0:
+        return 1.0
+    return _logistic((m.wrenches[contact, 2] / b[_WEIGHT] - b[_LOAD]) / b[_LOAD_WIDTH])
+
+
+@part
+def _resting(
+    m: EstimatorMemory, seen: Float64[np.ndarray, "27"], wx: float, wy: float, wz: float
+) -> float:
+    """Probability of rest by the speed that the estimate gives a sole."""
+    f, b = m.filter, m.belief
+    x, y, z = seen[OFFSET], seen[OFFSET + 1], seen[OFFSET + 2]
+    along, aside, up = turn(
+        f.R,
+        seen[SPEED] + wy * z - wz * y,
+        seen[SPEED + 1] + wz * x - wx * z,
+        seen[SPEED + 2] + wx * y - wy * x,
+    )
+    v = f.x[VELOCITY]
+    along, aside, up = along + v[0], aside + v[1], up + v[2]
+    speed = math.sqrt(along * along + aside * aside + up * up)
+    return _logistic((b[_SPEED] - speed) / b[_SPEED_WIDTH])
+
+
+@part
 def _logistic(x: float) -> float:
     """1 / (1 + exp(-x)) without overflow; zero for NaN."""
     if not x > -700.0:
         return 0.0
     return 1.0 / (1.0 + math.exp(-x))
+
+
+@part
+def find_airborne(m: EstimatorMemory) -> None:
+    """Fill in which soles are clear of the ground that others stand on."""
+    # None while none carries: a robot that is let down slowly touches the ground with both.
+    ground = math.inf
+    for sole in range(len(m.seen)):
+        if m.filter.active[sole] != 0:
+            ground = min(ground, _height(m, sole))
+    for sole in range(len(m.seen)):
+        clear = m.filter.active[sole] == 0 and _height(m, sole) - ground > _CLEAR
+        m.airborne[sole] = 1 if clear else 0
+
+
+@part
+def _height(m: EstimatorMemory, sole: int) -> float:
+    """Height of a sole's centre over the unit."""
+    seen, R = m.seen[sole], m.filter.R
+    return R[2, 0] * seen[OFFSET] + R[2, 1] * seen[OFFSET + 1] + R[2, 2] * seen[OFFSET + 2]

@@ -13,6 +13,7 @@ from poise.estimation import (
     AttitudeBiasEstimator,
     EstimatorConfig,
     LoadCellTare,
+    LoadCellVote,
     PayloadEstimator,
     StampedPredictor,
     StateEstimator,
@@ -34,7 +35,7 @@ degrees moves the end of a leg of 1 m by 5 mm."""
 _BASE = 1
 """Pinocchio's index of the floating base; joint 0 is the world."""
 
-_TARED_BEFORE = EstimatorConfig(tare=False)
+_CORRECTED = EstimatorConfig(tare=False, vote=False)
 
 _NO_WRENCH = (0.0,) * 6
 
@@ -126,17 +127,19 @@ class StanceEstimator:
         self._soles = [robot.frame_id(name) for name in soles]
         self._names = soles
         self._start = RobotState(q_start, np.zeros(robot.nv))
-        self._inertial = StateEstimator(robot, _TARED_BEFORE, q_start=q_start) if inertial else None
+        self._inertial = StateEstimator(robot, _CORRECTED, q_start=q_start) if inertial else None
         self._payload = PayloadEstimator(robot) if inertial else None
         self._attitude = AttitudeBiasEstimator() if inertial else None
         self._now = StampedPredictor(robot, _DONE) if inertial else None
-        self.tare = LoadCellTare(soles, robot.weight)
+        self.tare, self._vote = LoadCellTare(soles, robot.weight), LoadCellVote(robot)
         self.anchors: list[Float64[np.ndarray, "3"]] = []
         self.reset()
 
     def reset(self) -> None:
         """Back to the configuration at the start."""
         self.tare.reset()
+        self._vote.reset()
+        self._last: RobotState | None = None
         for part in (self._inertial, self._payload, self._attitude, self._now):
             if part is not None:
                 part.reset()
@@ -153,28 +156,32 @@ class StanceEstimator:
         if known is None or not is_usable(known, self._robot):
             return state
         q, v = known.q, known.v
-        state = self.tare.update(state, [self._airborne(foot) for foot in (0, 1)])
+        if self._inertial is not None and state.readings is not None:
+            state = self._vote.update(state, self._last, self._inertial.filter.rotation[2])
+        estimated = self._vote.estimated
+        state = self.tare.update(state, [self._airborne(foot) for foot in (0, 1)], estimated)
         # That of the last state, so that `known` is made anew only when it changes.
         payload = state.payload if self._payload is None else self._payload.payload
         known = RobotState(q, v, state.contacts, state.time, payload=payload)
         if self._attitude is not None:
             q[3:7] = self._attitude.corrected(q[3:7])
-        position, jacobian = self._stance_sole(q)
-        q[:3] = self.anchors[self.stance] - position
         fused = None
         if self._inertial is not None and state.readings is not None:
             fused = self._inertial.update(state)
         if self._inertial is not None and fused is not None and self._inertial.status.ok:
             # Along the base's own axes it does not matter how upright either says the base is.
             v[:3] = fused.v[:3]
+            pin.forwardKinematics(self._robot.model, self._data, q)
         else:
-            # The sole's linear velocity is zero. The base's stands in its own axes: a rotation.
-            base_R_world = jacobian[:3, :3].T
-            v[:3] = -base_R_world.dot(jacobian[:3, 3:].dot(v[3:]))
-        if self._payload is not None:
+            v[:3] = self._resting_velocity(q, v)
+        sole = self._soles[self.stance]
+        place = pin.updateFramePlacement(self._robot.model, self._data, sole)
+        q[:3] = self.anchors[self.stance] - place.translation
+        if self._payload is not None and not estimated:
             known = self._payload.update(known)
+        self._last = known
         self.dynamics.update(known)
-        if self._attitude is not None:
+        if self._attitude is not None and not estimated:
             self._learn_attitude(self._attitude, known)
         if self._now is None:
             return known
@@ -195,7 +202,7 @@ class StanceEstimator:
             None if wrench is None else self.rotation(foot).dot(wrench[:3])
             for foot, wrench in enumerate(wrenches)
         ]
-        world_R_base = self.dynamics.joint_rotation(_BASE)
+        world_R_base = self.dynamics.motion.placements[_BASE, :9].reshape(3, 3).T
         estimator.update(state.time, forces, self.dynamics.com_velocity, world_R_base)
 
     def _airborne(self, foot: int) -> bool:
@@ -222,13 +229,16 @@ class StanceEstimator:
             self.put_down(foot)
             self.stance = foot
 
-    def _stance_sole(
-        self, q: Float64[np.ndarray, " nq"]
-    ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "6 nv"]]:
-        """Where the sole at rest would be, and its Jacobian, without the rest of `dynamics`."""
-        model, data, frame_id = self._robot.model, self._data, self._soles[self.stance]
-        jacobian = pin.computeFrameJacobian(model, data, q, frame_id, pin.LOCAL_WORLD_ALIGNED)
-        return data.oMf[frame_id].translation, jacobian
+    def _resting_velocity(
+        self, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]
+    ) -> Float64[np.ndarray, "3"]:
+        """Linear velocity of the base with which the stance sole rests, in the base's axes."""
+        jacobian = pin.computeFrameJacobian(
+            self._robot.model, self._data, q, self._soles[self.stance], pin.LOCAL_WORLD_ALIGNED
+        )
+        # That of the base stands in its own axes: a rotation.
+        base_R_world = jacobian[:3, :3].T
+        return -base_R_world.dot(jacobian[:3, 3:].dot(v[3:]))
 
 
 def _without_base_motion(state: object) -> RobotState | None:

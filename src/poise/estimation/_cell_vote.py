@@ -1,0 +1,126 @@
+"""`LoadCellVote`: load cells outvoted by joint torques, the inertial unit and the other soles."""
+
+import math
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise._checks import is_array
+from poise.dynamics import RobotState
+from poise.estimation._momentum import MomentumObserver
+from poise.robots import GRAVITY, Robot
+
+_SUSPICIOUS, _WRONG, _AGREES = 0.15, 0.25, 0.125
+"""Parts of the weight: a difference to the inertial unit, seven times its rms on walks, that is
+looked into; one of a faulty cell, half the load of each of two feet; and half of that."""
+
+_LOW_PASS = 0.02
+"""Time constant of all differences, three times the observer's [s]."""
+
+_WATCH, _AGREED = 0.5, 2.0
+"""Time of watching after a suspicion, and time of agreement, two steps, that clears a cell [s]."""
+
+_LEAST = 0.1
+"""Part of the weight below which an estimated force is none: the 99th percentile of its error on
+soles in the air."""
+
+
+class LoadCellVote:
+    """Replacement of the wrenches of faulty or missing load cells by estimates.
+
+    All soles together carry m (g + a), as the inertial unit at the base has it. Once their cells
+    differ from that, a `MomentumObserver` estimates each wrench from the joint torques. Where the
+    sums of cells and estimates differ by a quarter of the weight, the cell that differs most is
+    faulty, and joint torques and all other soles determine the wrench on its sole. A push moves
+    the estimates of both feet against each other, and leaves their sum.
+
+    Nothing is replaced where the joint torques are not measured.
+
+    Args:
+        robot: with a floating base and soles.
+        longest: time between two states over which nothing is integrated [s].
+
+    Attributes:
+        estimated: names of soles whose wrenches in the last state are estimates.
+    """
+
+    def __init__(self, robot: Robot, *, longest: float = 0.05) -> None:
+        self._joints, self._weight, self._longest = robot.nj, robot.weight, longest
+        self._names, self._observer = tuple(robot.soles), MomentumObserver(robot)
+        self.reset()
+
+    def reset(self) -> None:
+        """Believe all cells."""
+        self.estimated: tuple[str, ...] = ()
+        # By faulty sole, the time for which its cell has agreed with its estimate [s].
+        self._faulty = dict[str, float]()
+        self._differs, self._watch = 0.0, 0.0
+        self._apart = np.zeros(len(self._names))
+        self._observer.reset()
+
+    def update(
+        self, state: RobotState, before: RobotState | None, up: Float64[np.ndarray, "3"]
+    ) -> RobotState:
+        """Return the state with the wrenches of faulty and missing cells replaced.
+
+        Args:
+            state: as measured.
+            before: last estimate of the state; None for none.
+            up: vertical direction along the axes of the inertial unit.
+        """
+        if before is not None and state.time == before.time:
+            return self._replaced(state, before)
+        self.estimated = ()
+        dt = math.nan if before is None else state.time - before.time
+        reading = state.readings
+        if before is None or reading is None or not 0.0 < dt <= self._longest:
+            self._observer.reset()
+            return state
+        torque, force = reading.torque, reading.specific_force
+        if not (is_array(torque, self._joints) and is_array(force, 3)):
+            return state
+        lift = float(up.dot(force))
+        if not math.isfinite(lift + float(torque.sum())):
+            # What the observer has found so far would never be numbers again.
+            self._observer.reset()
+            return state
+        found = {name: state.wrench(name) for name in self._names}
+        loads = {name: float(w[2]) for name, w in found.items() if w is not None}
+        payload = 0.0 if before.payload is None else before.payload.mass * GRAVITY
+        gain = dt / (_LOW_PASS + dt)
+        expected = (self._weight + payload) * lift / GRAVITY
+        differs = (sum(loads.values()) - expected) / self._weight
+        self._differs += gain * (differs - self._differs)
+        if abs(self._differs) > _SUSPICIOUS:
+            self._watch = _WATCH
+        if self._watch <= 0.0 and not self._faulty and len(loads) == len(found):
+            self._observer.reset()
+            self._apart[:] = 0.0
+            return state
+        self._watch -= dt
+        self._observer.update(before, torque, dt)
+        estimates = self._observer.wrenches
+        apart = [loads[n] - estimates[n][2] if n in loads else 0.0 for n in self._names]
+        self._apart += gain * (np.array(apart) / self._weight - self._apart)
+        self._judge(payload / self._weight, dt)
+        self.estimated = tuple(n for n in self._names if n in self._faulty or n not in loads)
+        return self._replaced(state, before)
+
+    def _judge(self, payload: float, dt: float) -> None:
+        for name, apart in zip(self._names, self._apart.tolist(), strict=True):
+            if name in self._faulty:
+                self._faulty[name] = self._faulty[name] + dt if abs(apart) < _AGREES else 0.0
+                if self._faulty[name] > _AGREED:
+                    del self._faulty[name]
+        if not self._faulty and abs(float(self._apart.sum()) - payload) > _WRONG:
+            self._faulty[self._names[int(np.argmax(np.abs(self._apart)))]] = 0.0
+
+    def _replaced(self, state: RobotState, before: RobotState) -> RobotState:
+        if not self.estimated:
+            return state
+        contacts = {n: w for n, w in state.contacts.items() if n not in self.estimated}
+        known = {n: w for n in self._names if n in contacts and (w := state.wrench(n)) is not None}
+        for name, wrench in self._observer.share(before.q, known).items():
+            force = math.hypot(*wrench[:3].tolist())
+            contacts[name] = wrench if force >= _LEAST * self._weight else np.zeros(6)
+        return RobotState(state.q, state.v, contacts, state.time, state.readings, state.payload)
