@@ -211,7 +211,7 @@ class TorqueTasks:
         most: float = math.inf,
     ) -> None:
         """Pelvis and torso, facing as the feet do, led at most so far from where they are [rad]."""
-        facing = mean_angle(footing.yaw(0), footing.yaw(1))
+        facing = mean_angle(*footing.yaws)
         rotations = self._pose.rotations(footing, facing, torso)
         frames = footing.biped.pelvis, footing.biped.torso
         # Not every torso can be bent, so a trunk that is bent may be off for ever.

@@ -126,7 +126,7 @@ class FootTarget:
         """The nearest place where the foot in the air can be [m]."""
         swing = footing.other
         faces = math.atan2(footing.heading[1], footing.heading[0])
-        left, right = (wrapped(footing.yaw(side) - faces) for side in (0, 1))
+        left, right = (wrapped(yaw - faces) for yaw in footing.yaws)
         return self._range.bring_back(
             swing,
             target,

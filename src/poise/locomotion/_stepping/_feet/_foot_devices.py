@@ -193,7 +193,7 @@ class FootDevices(DeviceEvents):
         self._target.restart()
         self._velocity.restart()
         if self._footing is not None:
-            self._yaw, self.sent = self._footing.yaw(foot), self._footing.sole(foot).copy()
+            self._yaw, self.sent = self._footing.yaws[foot], self._footing.sole(foot).copy()
 
     def end_of_swing(self, foot: int, load: float, *, rescuing: bool = False) -> StepEnd | None:
         """Return how the swing has ended; None while it goes on.
@@ -230,7 +230,7 @@ class FootDevices(DeviceEvents):
 
     def _turn(self, foot: int, footing: Footing, dt: float) -> None:
         """Turn a foot as far as it may be against the other one."""
-        other, (inwards, outwards) = footing.yaw(1 - foot), FOOT_TURNS
+        other, (inwards, outwards) = footing.yaws[1 - foot], FOOT_TURNS
         least, most = (-inwards, outwards) if foot == 0 else (-outwards, inwards)
         goal = other + min(max(wrapped(self.turns[foot] - other), least), most)
         change, step = wrapped(goal - self._yaw), dt * _TURN_RATE
