@@ -62,6 +62,11 @@ class VectorTarget:
         memory[2 * dim :] = 0.0 if acceleration is None else acceleration
         self._held = False
 
+    def overwrite(self) -> Float64[np.ndarray, " k"]:
+        """Return the memory for a leader to write what it computed: nothing is checked."""
+        self._held = False
+        return self.memory
+
     @property
     def position(self) -> Float64[np.ndarray, " m"] | None:
         """A copy of the position; None until one is set or held."""
@@ -131,6 +136,11 @@ class PoseTarget:
         for start, rate in ((TARGET_VELOCITY, velocity), (TARGET_ACCELERATION, acceleration)):
             self.memory[start + first : start + end] = 0.0 if rate is None else rate[first:end]
 
+    def overwrite(self) -> Float64[np.ndarray, " k"]:
+        """Return the memory for a leader to write what it computed: nothing is checked."""
+        self._held[:] = False
+        return self.memory
+
     @property
     def position(self) -> Float64[np.ndarray, "3"] | None:
         """A copy of the position [m]; None until one is set or held."""
@@ -198,6 +208,15 @@ class ShippedTask(Owner, Task, Generic[T]):
             size = GAINS * self.dim
             self._take_gains(self.parameters[:size].reshape(GAINS, self.dim))
             self._target.memory = self.parameters[size:]
+
+    def overwrite_target(self) -> Float64[np.ndarray, " k"]:
+        """Return the target's numbers, for a leader that computes them: nothing is checked.
+
+        Returns:
+            Position, velocity and acceleration, one after another; of a pose its position, its
+            rotation row by row, velocity and acceleration, linear before angular.
+        """
+        return self._target.overwrite()
 
     def reset(self) -> None:
         """Forgets a target that was taken from the robot."""

@@ -40,13 +40,14 @@ class AnkleStops:
     def update(self, footing: Footing) -> None:
         """One tick."""
         for foot, contact in enumerate(self._contacts):
-            _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
-            up_x, up_y, _ = rotation[2].tolist()
+            up_x, up_y, _ = footing.soles[foot][1][2].tolist()
             tilted = math.hypot(up_x, up_y) > GROUND
             for ankle in self._ankles[foot]:
+                at_lower, at_upper = self._at_stop[ankle]
+                if not (tilted or at_lower or at_upper):
+                    continue
                 angle = float(footing.dynamics.q[self._first + ankle])
                 below, above = angle - self._least[ankle], self._most[ankle] - angle
-                at_lower, at_upper = self._at_stop[ankle]
                 self._leave(
                     ankle,
                     contact.active and (below < _BACK if at_lower else tilted and below < _NEAR),

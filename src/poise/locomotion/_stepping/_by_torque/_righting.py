@@ -37,15 +37,13 @@ class SoleRighting:
 
     def update(self, footing: Footing) -> None:
         """One tick."""
-        for foot, contact in enumerate(self._contacts):
-            load = float(footing.sensor.loads[foot]) / self._weight
-            share = min(max((_FIRM - load) / (_FIRM - _LIGHT), 0.0), 1.0)
-            if share == 0.0 or not contact.active:
+        for foot, load in enumerate(footing.sensor.loads.tolist()):
+            share = min(max((_FIRM - load / self._weight) / (_FIRM - _LIGHT), 0.0), 1.0)
+            if share == 0.0 or not self._contacts[foot].active:
                 self._turn(foot, 0.0, 0.0)
                 continue
-            _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
             # The sine of the angle to the vertical, about the sole's own axes.
-            up_x, up_y, _ = rotation[2].tolist()
+            up_x, up_y, _ = footing.soles[foot][1][2].tolist()
             off = math.hypot(up_x, up_y)
             beyond = share * _STIFFNESS * max(0.0, 1.0 - GROUND / max(off, GROUND))
             most = share * _MOST

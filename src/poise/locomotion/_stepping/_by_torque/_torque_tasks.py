@@ -34,7 +34,7 @@ from poise.stack import (
     TorqueLimit,
 )
 
-_STILL = np.zeros(3)
+_UPRIGHT = (0.0, 0.0, 0.0)
 
 _KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0
 """Stiffness of the COM's height, of the foot in the air, of pelvis and torso [1/s^2]."""
@@ -148,7 +148,6 @@ class TorqueTasks:
             feedback.reset()
         self._righting.reset()
         self._stops.reset()
-        self._keep_inside(_MARGIN)
         self._eased = 1.0
         for contact in self._contacts:
             contact.engage(0.0)
@@ -167,39 +166,30 @@ class TorqueTasks:
         upright: bool,
     ) -> None:
         """Set trunk and contacts for a tick in which the operator leads the feet."""
-        self._keep_inside(_MARGIN)
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
-        self._com.set_weight(_eased_balance(self._eased))
-        for foot in self._feet:
-            foot.set_weight(_foot_weight(footing, sent))
+        self._weigh(_MARGIN, _eased_balance(self._eased), _foot_weight(footing, sent))
         self.stack.self_collision_limit.let_legs_pass(False)
         weight = _URGENT if upright else 1.0
-        torso = (0.0, 0.0, 0.0) if upright else torso
-        self._update(footing)
+        torso = _UPRIGHT if upright else torso
         self._turn_trunk(footing, torso, weight=(weight, weight, _FACING), learns=True)
 
     def accompany(self, footing: Footing, *, walks: bool) -> None:
         """Keep the trunk upright in a tick in which the robot steps by itself."""
-        self._keep_inside(_CAUGHT_MARGIN)
         self._eased = 0.0
-        self._com.set_weight(_CATCHING)
-        for foot in self._feet:
-            foot.set_weight(_CAUGHT_FOOT)
+        self._weigh(_CAUGHT_MARGIN, _CATCHING, _CAUGHT_FOOT)
         self.stack.self_collision_limit.let_legs_pass(True)
-        self._update(footing)
-        self._turn_trunk(
-            footing, (0.0, 0.0, 0.0), weight=_CAUGHT_TRUNK, learns=walks, most=_RIGHTED
-        )
+        self._turn_trunk(footing, _UPRIGHT, weight=_CAUGHT_TRUNK, learns=walks, most=_RIGHTED)
 
-    def _update(self, footing: Footing) -> None:
-        self._righting.update(footing)
-        self._stops.update(footing)
-
-    def _keep_inside(self, margin: float) -> None:
-        """How far the pressure stays inside the edges of both soles [m]."""
+    def _weigh(
+        self, margin: float, com: float | tuple[float, ...], foot: float | tuple[float, ...]
+    ) -> None:
+        """Set weights, and how far the pressure stays inside the soles' edges [m]."""
         if margin != self._contacts[0].margin:
             for contact in self._contacts:
                 contact.set_margin(margin)
+        self._com.set_weight(com)
+        for task in self._feet:
+            task.set_weight(foot)
 
     def _turn_trunk(
         self,
@@ -210,22 +200,22 @@ class TorqueTasks:
         learns: bool,
         most: float = math.inf,
     ) -> None:
-        """Pelvis and torso, facing as the feet do, led at most so far from where they are [rad]."""
-        facing = mean_angle(*footing.yaws)
-        rotations = self._pose.rotations(footing, facing, torso)
-        frames = footing.biped.pelvis, footing.biped.torso
+        """Turn pelvis and torso to face as the feet, targets no farther than `most` [rad]."""
+        self._righting.update(footing)
+        self._stops.update(footing)
+        goals = self._pose.rotations(footing, mean_angle(*footing.yaws), torso)
         # Not every torso can be bent, so a trunk that is bent may be off for ever.
         learns = learns and self._pose.upright
+        places = footing.pelvis, footing.torso
         # A torso without a waist is the pelvis.
         for k in range(-len(self._trunk), 0):
-            _, here = footing.dynamics.placement(frames[k])
-            lasting = self._lasting[k].acceleration(rotations[k], here, learns=learns)
-            goal = rotations[k]
+            goal, (_, here) = goals[k], places[k]
+            lasting = self._lasting[k].acceleration(goal, here, learns=learns)
             if most < math.inf:
                 left = most - math.hypot(*lasting.tolist()) / _KP_TRUNK
                 goal = _towards(goal, here, max(left, 0.0))
-            acceleration = np.concatenate((_STILL, lasting))
-            self._trunk[k].set_target(rotation=goal, acceleration=acceleration)
+            target = self._trunk[k].overwrite_target()
+            target[3:12], target[21:] = goal.ravel(), lasting
             self._trunk[k].set_weight(weight)
 
 
