@@ -91,8 +91,8 @@ def sent(robot, lifted, where):
     x, y, z = (now.anchors[1] + where).tolist()
     device = sample(0.0, right=(x, y, z), rates=(None, UP))
     place = target.place(now, device, room_below=0.0)
-    assert np.linalg.norm(place - [x, y, z]) < 1e-6 or not target.rate.any()
-    return target.rate.tolist()
+    assert np.linalg.norm(place - [x, y, z]) < 1e-6 or not any(target.rate)
+    return list(target.rate)
 
 
 def test_a_foot_that_is_sent_where_the_device_is_goes_as_fast(get_robot):

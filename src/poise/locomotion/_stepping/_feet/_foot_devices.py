@@ -216,17 +216,19 @@ class FootDevices(DeviceEvents):
             footing, self._command, room_below=self.room_below, falling=self.falling
         )
         velocity = self._velocity.towards(footing, self.sent, target.rate, hurry=target.rescuing)
-        here = footing.sole(foot)
-        place = flight.swing.position + dt * velocity
-        gap = place - here
-        far = math.sqrt(gap.dot(gap))
+        (x, y, z), (vx, vy, vz) = flight.swing.position.tolist(), velocity.tolist()
+        here_x, here_y, here_z = footing.sole(foot).tolist()
+        x, y, z = x + dt * vx, y + dt * vy, z + dt * vz
+        gap_x, gap_y, gap_z = x - here_x, y - here_y, z - here_z
+        far = math.sqrt(gap_x * gap_x + gap_y * gap_y + gap_z * gap_z)
         if far > _FARTHEST:
-            place = here + gap * (_FARTHEST / far)
-        if float(here[2]) - footing.ground_below > _CLEAR:
+            part = _FARTHEST / far
+            x, y, z = here_x + part * gap_x, here_y + part * gap_y, here_z + part * gap_z
+        if here_z - footing.ground_below > _CLEAR:
             self._turn(foot, footing, dt)
         yaw = self._yaw
         rotation = pin.exp3(np.array([0.0, 0.0, yaw])) if yaw else _LEVEL
-        flight.move(place, velocity, rotation, yaw)
+        flight.move(np.array([x, y, z]), velocity, rotation, yaw)
 
     def _turn(self, foot: int, footing: Footing, dt: float) -> None:
         """Turn a foot as far as it may be against the other one."""

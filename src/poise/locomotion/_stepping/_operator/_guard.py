@@ -123,22 +123,20 @@ class OperatorGuard:
         news = sample if sample is not None and self._clock.accepts(sample.time, time) else None
         self._take(news, time)
         refused = news is None
-        places: list[Vector] = [(x, y, z) for x, y, z in map(np.ndarray.tolist, soles)]
-        heights = [float(ground[2]) for ground in grounds]
-        for foot, place in enumerate(places):
-            tracker, part = self._feet[foot], None if news is None else news.feet[foot]
-            good = tracker.update(part, time, foot=(place, heights[foot] + self._low))
+        left, right = self._feet
+        parts = (None, None) if news is None else news.feet
+        for tracker, part, sole, ground in zip(self._feet, parts, soles, grounds, strict=False):
+            (x, y, z), highest = sole.tolist(), float(ground[2]) + self._low
+            good = tracker.update(part, time, foot=((x, y, z), highest))
             refused = refused or (tracker.engaged and part is not None and not good)
-        self.held = self._feet[0].engaged, self._feet[1].engaged
+        self.held = left.engaged, right.engaged
         if sample is not None:
             self._refused, self._came_at = refused, time
         self.status = self._status(time)
         if not any(self.held):
             return None
-        left, right = (self._goal(foot, place, heights, time) for foot, place in enumerate(places))
-        return OperatorSample(
-            self._clock.newest, (left, right), body=self._body, upright=self._upright
-        )
+        feet = self._goal(left, soles[0], grounds, time), self._goal(right, soles[1], grounds, time)
+        return OperatorSample(self._clock.newest, feet, body=self._body, upright=self._upright)
 
     def let_go(self, status: DeviceStatus) -> None:
         """Disengage both feet, which the robot leads by itself, with a status that says why."""
@@ -146,19 +144,25 @@ class OperatorGuard:
             tracker.lose()
         self.held, self.status = (False, False), status
 
-    def _goal(self, foot: int, place: Vector, heights: list[float], time: float) -> TrackedPose:
+    def _goal(
+        self,
+        tracker: Tracker,
+        sole: Float64[np.ndarray, "3"],
+        grounds: Sequence[Float64[np.ndarray, "3"]],
+        time: float,
+    ) -> TrackedPose:
         """Place of a device that leads; straight down without one."""
-        tracker, (x, y, _) = self._feet[foot], place
         if tracker.engaged:
             return TrackedPose(tracker.place, velocity=tracker.velocity(time))
-        return TrackedPose((x, y, min(heights) - self._depth))
+        lowest = min(float(ground[2]) for ground in grounds)
+        return TrackedPose((float(sole[0]), float(sole[1]), lowest - self._depth))
 
     def _take(self, news: OperatorSample | None, time: float) -> None:
         self._walk.expire(time)
         self._look.expire(time)
-        left, right = (None, None) if news is None else news.hands
-        self.hands[0].update(left, time)
-        self.hands[1].update(right, time)
+        parts = (None, None) if news is None else news.hands
+        for hand, part in zip(self.hands, parts, strict=True):
+            hand.update(part, time)
         self.rest = news is not None and news.rest
         if news is not None:
             self._upright = news.upright

@@ -94,13 +94,14 @@ class VelocityCheck:
         return self._velocity if 0.0 <= time - self._at <= SILENT_AFTER else None
 
 
-class Tracker:
+class Tracker(Engagement):
     """Follow a foot or a hand of the operator while it leads."""
 
     def __init__(self, dt: float) -> None:
+        super().__init__()
         self._limiter = RateLimiter(dt * SPEED_MAX, BURST)
         self._turning = RateLimiter(dt * TURN_SPEED_MAX, TURN_BURST)
-        self._engagement, self._velocity = Engagement(), VelocityCheck()
+        self._velocity = VelocityCheck()
         self.place: Vector = (0.0, 0.0, 0.0)
         self._goal = self.place
         self._rotation: Rotation | None = None
@@ -108,18 +109,9 @@ class Tracker:
         self.step = self.turn = _STILL
 
     @property
-    def engaged(self) -> bool:
-        """The part leads."""
-        return self._engagement.engaged
-
-    @property
     def turns(self) -> bool:
         """The part leads by its orientation, too."""
         return self.engaged and self._rotation is not None
-
-    def lose(self) -> None:
-        """Disengage: something else leads."""
-        self._engagement.lose()
 
     def velocity(self, time: float) -> Vector | None:
         """Return its velocity at a time of the robot [m/s]; None while unknown or not engaged."""
@@ -131,7 +123,7 @@ class Tracker:
         """Take one tick."""
         self.step = self.turn = _STILL
         # For a tick at least: what is followed does not jump from one place to another.
-        if self._engagement.expire(time):
+        if self.expire(time):
             return False
         good = part is not None and self._accepts(part, time, foot)
         if not self.engaged:
@@ -153,7 +145,7 @@ class Tracker:
         point, rotation = part.position, None
         if foot is None:
             if not part.clutch:
-                self._engagement.release(time)
+                self.release(time)
                 return False
             if part.orientation is not None:
                 rotation = rotation_of(part.orientation)
@@ -169,15 +161,15 @@ class Tracker:
             begin, highest = foot
             if math.dist(point, begin) > JUMP or point[2] > highest:
                 return False
-            self._engagement.release(time)
-        if self._engagement.engage():
+            self.release(time)
+        if self.engage():
             self.place, self._rotation = begin, None
         elif not self.engaged or self._is_elsewhere(point, rotation):
             return False
         if rotation is None or self._rotation is None:
             self._rotation = rotation
         self._goal, self._turn_goal = point, rotation
-        self._engagement.refresh(time)
+        self.refresh(time)
         self._velocity.update(part.velocity, point, time)
         return True
 
