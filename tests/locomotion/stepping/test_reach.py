@@ -214,7 +214,9 @@ def test_soles_that_are_turned_come_no_nearer_than_their_edges_are_clear(get_rob
         turns, ahead = tuple(rng.uniform(-0.6, 0.6, 2)), rng.uniform(-0.2, 0.2)
         both = (turns[foot], turns[1 - foot])
         target = support + [ahead, -0.1 * side, 0.0]
-        answer = (reach.bring_back(foot, tuple(target), support, hip, FORWARD, turns=turns) - support)[:2]
+        answer = (
+            reach.bring_back(foot, tuple(target), support, hip, FORWARD, turns=turns) - support
+        )[:2]
         assert not overlap(sole, answer, both)
         if abs(answer[1]) > least + 1e-3:
             wider += 1

@@ -117,7 +117,8 @@ class TorqueLevel(Level):
     def reset(self, sensor: ZmpSensor) -> None:
         """Stand on both feet as at the start."""
         self._engine.reset()
-        super().reset(sensor)
+        parts = self._engine.parts
+        self._begin(sensor, parts.legs.omega, parts.region)
         self._devices = FootDevices(self._reach, self._parameters)
         self._seen, self._overruled, self._driven = Mode.D, False, False
         self._rested, self._held = 0.0, 0.0
@@ -207,10 +208,10 @@ class TorqueLevel(Level):
         return walked
 
     def _footing(self) -> Footing:
-        engine = self._engine
         return self._stand(
-            engine.parts.legs.omega,
-            engine.parts.region,
+            mode=self._engine.mode,
+            stance=self._estimator.stance,
+            pressed=self._stance.pressed,
+            parts=self._engine.sole_parts,
             has_left=self._devices.foot_has_left,
-            parts=engine.sole_parts,
         )

@@ -209,13 +209,12 @@ class TorqueTasks:
         places = footing.pelvis, footing.torso
         # A torso without a waist is the pelvis.
         for k in range(-len(self._trunk), 0):
-            goal, (_, here) = goals[k], places[k]
-            lasting = self._lasting[k].acceleration(goal, here, learns=learns)
+            target, (_, here) = self._trunk[k].overwrite_target(), places[k]
+            target[3:12] = goals[k].ravel()
+            self._lasting[k].apply(target, here, learns=learns)
             if most < math.inf:
-                left = most - math.hypot(*lasting.tolist()) / _KP_TRUNK
-                goal = _towards(goal, here, max(left, 0.0))
-            target = self._trunk[k].overwrite_target()
-            target[3:12], target[21:] = goal.ravel(), lasting
+                left = most - math.hypot(*target[21:].tolist()) / _KP_TRUNK
+                target[3:12] = _towards(goals[k], here, max(left, 0.0)).ravel()
             self._trunk[k].set_weight(weight)
 
 

@@ -67,7 +67,7 @@ class VelocityLevel(Level):
 
     def reset(self, sensor: ZmpSensor) -> None:
         """Stand on both feet as at the start."""
-        super().reset(sensor)
+        self._begin(sensor, self._driver.omega, self._region)
         weight, p = self._biped.weight, self._parameters
         self._com = ComMotion(self._driver, p)
         self._events = PaperEvents(p)
@@ -122,8 +122,9 @@ class VelocityLevel(Level):
 
     def _footing(self) -> Footing:
         return self._stand(
-            self._driver.omega,
-            self._region,
-            has_left=self._events.foot_has_left,
+            mode=self._events.mode,
+            stance=self._estimator.stance,
+            pressed=self._stance.pressed,
             com_velocity=self._com.observed,
+            has_left=self._events.foot_has_left,
         )

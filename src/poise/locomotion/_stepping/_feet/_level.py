@@ -1,9 +1,9 @@
 """`Level`: torques or velocities, to which a step teleoperator turns an operator's command."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from functools import partial
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64
@@ -21,7 +21,6 @@ from poise.locomotion._stepping._stance import (
     TeleopParameters,
     ZmpSensor,
 )
-from poise.locomotion._support import SolePart
 from poise.locomotion._walking import Mode, StepEnd
 from poise.stack import Stack
 
@@ -63,6 +62,7 @@ class LevelTick(NamedTuple):
     ended: StepEnd | None
 
 
+@runtime_checkable
 class LevelTasks(Protocol):
     """Tasks of a level.
 
@@ -101,15 +101,13 @@ class Level(ABC):
         self._estimator, self._all_tasks, self.stack = estimator, tasks, tasks.stack
         self.footing: Footing | None = None
 
+    @abstractmethod
     def reset(self, sensor: ZmpSensor) -> None:
         """Stand on both feet as at the start.
 
         Args:
             sensor: of the soles.
         """
-        self._sensor, self.footing = sensor, None
-        self._all_tasks.reset()
-        self._stance = StanceChoice(self._estimator, sensor, self._parameters, self._biped.weight)
 
     def controller(self, time_limit: float | None) -> Controller:
         """Return the controller of the stack.
@@ -144,27 +142,18 @@ class Level(ABC):
             operator: command of the tick.
         """
 
-    def _stand(
-        self,
-        omega: float,
-        region: SingleSupportRegion,
-        *,
-        has_left: bool,
-        parts: Sequence[SolePart | None] = (None, None),
-        com_velocity: Float64[np.ndarray, "2"] | None = None,
-    ) -> Footing:
-        estimator = self._estimator
-        return Footing(
-            biped=self._biped,
+    def _begin(self, sensor: ZmpSensor, omega: float, region: SingleSupportRegion) -> None:
+        """Stand on both feet as at the start, over what stays the same of each `Footing`."""
+        estimator, biped = self._estimator, self._biped
+        self._stance = StanceChoice(estimator, sensor, self._parameters, biped.weight)
+        self.footing = None
+        self._all_tasks.reset()
+        self._stand = partial(
+            Footing,
+            biped=biped,
             dynamics=estimator.dynamics,
-            mode=self.mode,
-            stance=estimator.stance,
             anchors=estimator.anchors,
             omega=omega,
             region=region,
-            sensor=self._sensor,
-            pressed=self._stance.pressed,
-            parts=parts,
-            com_velocity=com_velocity,
-            has_left=has_left,
+            sensor=sensor,
         )

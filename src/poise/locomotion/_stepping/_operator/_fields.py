@@ -66,17 +66,17 @@ def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | 
         return None, None
     whole = _of_kind("sample", sample, OperatorSample)
     # Without buttons and sticks, which no controller reads.
-    members: dict[str, Any] = {
+    (left, right), (one, other) = _two("feet", whole.feet), _two("hands", whole.hands)
+    members = {
         "time": whole.time,
+        "feet": [_members("left foot", left), _members("right foot", right)],
+        "hands": [_members("left hand", one), _members("right hand", other)],
+        "head": _members("head", whole.head),
+        "body": asdict(_of_kind("body", whole.body, BodyCommand)),
         "velocity": whole.velocity,
         "upright": whole.upright,
         "rest": whole.rest,
-        "head": _members("head", whole.head, TrackedPose),
-        "body": asdict(_of_kind("body", whole.body, BodyCommand)),
     }
-    for group, (left, right) in _LIMBS.items():
-        one, other = _two(group, getattr(whole, group))
-        members[group] = [_members(left, one, TrackedPose), _members(right, other, TrackedPose)]
     try:
         return msgspec.convert(members, OperatorSample), None
     except msgspec.ValidationError:
@@ -159,8 +159,8 @@ def _fault(field: str, value: object) -> FieldError:
     return FieldError((field,), f"{field} is {_BRIEF.repr(value)}, not {wanted}")
 
 
-def _members(field: str, part: object, kind: type[msgspec.Struct]) -> dict[str, Any] | None:
-    return None if part is None else asdict(_of_kind(field, part, kind))
+def _members(field: str, part: object) -> dict[str, Any] | None:
+    return None if part is None else asdict(_of_kind(field, part, TrackedPose))
 
 
 def _bare(value: Any) -> Any:

@@ -162,7 +162,8 @@ class OperatorGuard:
         self._look.expire(time)
         parts = (None, None) if news is None else news.hands
         for hand, part in zip(self.hands, parts, strict=True):
-            hand.update(part, time)
+            if part is not None or hand.engaged:
+                hand.update(part, time)
         self.rest = news is not None and news.rest
         if news is not None:
             self._upright = news.upright

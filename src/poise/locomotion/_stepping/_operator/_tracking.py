@@ -154,17 +154,12 @@ class Tracker(Engagement):
         elif part.clutch is not None:
             # A tracker's position is in no world; `FootTracker` makes a place of it.
             return False
-        if point is None or not all(map(math.isfinite, point)):
+        if point is None:
             return False
-        begin = point
-        if foot is not None and not self.engaged:
-            begin, highest = foot
-            if math.dist(point, begin) > JUMP or point[2] > highest:
+        if self.engaged:
+            if self._is_elsewhere(point, rotation):
                 return False
-            self.release(time)
-        if self.engage():
-            self.place, self._rotation = begin, None
-        elif not self.engaged or self._is_elsewhere(point, rotation):
+        elif not self._begins(point, time, foot):
             return False
         if rotation is None or self._rotation is None:
             self._rotation = rotation
@@ -173,8 +168,23 @@ class Tracker(Engagement):
         self._velocity.update(part.velocity, point, time)
         return True
 
+    def _begins(self, point: Vector, time: float, foot: tuple[Vector, float] | None) -> bool:
+        if not all(map(math.isfinite, point)):
+            return False
+        begin = point
+        if foot is not None:
+            begin, highest = foot
+            if math.dist(point, begin) > JUMP or point[2] > highest:
+                return False
+            self.release(time)
+        if not self.engage():
+            return False
+        self.place, self._rotation = begin, None
+        return True
+
     def _is_elsewhere(self, point: Vector, rotation: Rotation | None) -> bool:
-        if math.dist(point, self.place) > JUMP:
+        # Not a number is nowhere near.
+        if not math.dist(point, self.place) <= JUMP:
             return True
         return rotation is not None and is_turned_away(rotation, self._rotation)
 
