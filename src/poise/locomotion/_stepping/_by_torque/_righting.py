@@ -40,7 +40,8 @@ class SoleRighting:
         for foot, load in enumerate(footing.sensor.loads.tolist()):
             share = min(max((_FIRM - load / self._weight) / (_FIRM - _LIGHT), 0.0), 1.0)
             if share == 0.0 or not self._contacts[foot].active:
-                self._turn(foot, 0.0, 0.0)
+                if self._turning[foot]:
+                    self._turn(foot, 0.0, 0.0)
                 continue
             # The sine of the angle to the vertical, about the sole's own axes.
             up_x, up_y, _ = footing.soles[foot][1][2].tolist()

@@ -69,16 +69,17 @@ the way of takes trunk and height of the CoM with it."""
 _CAUGHT_FOOT = (1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
 """Weight of the feet meanwhile: a foot that is late, or stumbles, costs the balance, too."""
 
+_Weights = tuple[float | tuple[float, ...], float | tuple[float, ...], tuple[float, float, float]]
+"""Of CoM, feet and trunk."""
+
 _EASED = 0.3
 """In what time the balance comes to weigh that much after them [s]: all at once, it throws over a
 robot one of whose soles carries less than it is taken to."""
 
-_URGENT = 10.0
-"""Weight of the trunk while the operator asks for an upright torso."""
-
-_FACING = 10.0
-"""Weight of where the trunk faces, at least, while the operator leads: turning about the vertical
-balances nothing, but the leg and the arms that do would spin a light torso by two radians."""
+_TRUNK, _URGENT_TRUNK = (1.0, 1.0, 10.0), (10.0, 10.0, 10.0)
+"""Weights of the trunk while the operator leads, and while they ask for an upright torso as well:
+turning about the vertical balances nothing, but the leg and the arms that do would spin a light
+torso by two radians."""
 
 _FRICTION = 0.45
 """Of the soles, as contacts assume it. More buys a swing of legs and arms about the vertical, which
@@ -149,6 +150,7 @@ class TorqueTasks:
         self._righting.reset()
         self._stops.reset()
         self._eased = 1.0
+        self._weights: _Weights | None = None
         for contact in self._contacts:
             contact.engage(0.0)
 
@@ -167,36 +169,37 @@ class TorqueTasks:
     ) -> None:
         """Set trunk and contacts for a tick in which the operator leads the feet."""
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
-        self._weigh(_MARGIN, _eased_balance(self._eased), _foot_weight(footing, sent))
-        self.stack.self_collision_limit.let_legs_pass(False)
-        weight = _URGENT if upright else 1.0
-        torso = _UPRIGHT if upright else torso
-        self._turn_trunk(footing, torso, weight=(weight, weight, _FACING), learns=True)
+        com, foot = _eased_balance(self._eased), _foot_weight(footing, sent)
+        self._weigh((com, foot, _URGENT_TRUNK if upright else _TRUNK), caught=False)
+        self._turn_trunk(footing, _UPRIGHT if upright else torso, learns=True)
 
     def accompany(self, footing: Footing, *, walks: bool) -> None:
         """Keep the trunk upright in a tick in which the robot steps by itself."""
         self._eased = 0.0
-        self._weigh(_CAUGHT_MARGIN, _CATCHING, _CAUGHT_FOOT)
-        self.stack.self_collision_limit.let_legs_pass(True)
-        self._turn_trunk(footing, _UPRIGHT, weight=_CAUGHT_TRUNK, learns=walks, most=_RIGHTED)
+        self._weigh((_CATCHING, _CAUGHT_FOOT, _CAUGHT_TRUNK), caught=True)
+        self._turn_trunk(footing, _UPRIGHT, learns=walks, most=_RIGHTED)
 
-    def _weigh(
-        self, margin: float, com: float | tuple[float, ...], foot: float | tuple[float, ...]
-    ) -> None:
-        """Set weights, and how far the pressure stays inside the soles' edges [m]."""
-        if margin != self._contacts[0].margin:
-            for contact in self._contacts:
-                contact.set_margin(margin)
+    def _weigh(self, weights: _Weights, *, caught: bool) -> None:
+        """Set weights of CoM, feet and trunk, and how near to edges and legs a step may go."""
+        if weights == self._weights:
+            return
+        self._weights, (com, foot, trunk) = weights, weights
         self._com.set_weight(com)
         for task in self._feet:
             task.set_weight(foot)
+        for task in self._trunk:
+            task.set_weight(trunk)
+        margin = _CAUGHT_MARGIN if caught else _MARGIN
+        if margin != self._contacts[0].margin:
+            for contact in self._contacts:
+                contact.set_margin(margin)
+        self.stack.self_collision_limit.let_legs_pass(caught)
 
     def _turn_trunk(
         self,
         footing: Footing,
         torso: tuple[float, float, float],
         *,
-        weight: tuple[float, float, float],
         learns: bool,
         most: float = math.inf,
     ) -> None:
@@ -215,7 +218,6 @@ class TorqueTasks:
             if most < math.inf:
                 left = most - math.hypot(*target[21:].tolist()) / _KP_TRUNK
                 target[3:12] = _towards(goals[k], here, max(left, 0.0)).ravel()
-            self._trunk[k].set_weight(weight)
 
 
 def _eased_balance(eased: float) -> tuple[float, float, float]:
