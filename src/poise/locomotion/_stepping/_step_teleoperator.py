@@ -189,7 +189,7 @@ class StepTeleoperator:
         Raises:
             ConfigurationError: the controller takes none.
         """
-        return self._level.controller(time_limit)
+        return self._level.controller(self.estimator.dynamics, time_limit)
 
     @property
     def device_error(self) -> Exception | None:

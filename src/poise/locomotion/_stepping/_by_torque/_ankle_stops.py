@@ -13,15 +13,7 @@ until the limit holds again [rad]."""
 
 
 class AnkleStops:
-    """A sole that stands on an edge, with its ankle at the end of its range, leans with its shank.
-
-    As a contact the sole lies still, and as a joint at its limit the ankle turns no further: then
-    the body could not go on to that side. It would be moved all the same, because the COM has to,
-    and lean its trunk instead; and the sole, which does turn with the shank, would be asked to
-    stop. With one sole so on a bump G1, on both feet, was thrown about for four seconds without any
-    push, until its trunk leaned by 0.6 rad. Where the limit does not hold the body moves as over an
-    ankle that turns on, while in truth the sole turns on its edge: the joint's own stop turns it.
-    """
+    """Leave an ankle to its stop while its sole leans on an edge: the sole turns with the shank."""
 
     def __init__(self, robot: Robot, contacts: list[SurfaceContact], limit: JointLimit) -> None:
         self._contacts, self._limit = contacts, limit

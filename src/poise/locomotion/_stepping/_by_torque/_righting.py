@@ -19,12 +19,7 @@ than the second lies as the ground does."""
 
 
 class SoleRighting:
-    """Turns soles that have just landed, or have lost their load, as if they were in the air.
-
-    A foot that comes down on an edge is set spinning by it, and a contact only damps that: with
-    10 rad/s it turns by half a radian, up to the limit of its ankle, and stands on that edge.
-    Nothing turns a sole that carries: what that takes is nothing beside what the ground gives.
-    """
+    """Turn soles that have just landed, or have lost their load, as if they were in the air."""
 
     def __init__(self, contacts: list[SurfaceContact], weight: float) -> None:
         self._contacts, self._weight = contacts, weight

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.dynamics import RobotState
+from poise.control import Controller
+from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
 from poise.locomotion._stepping._feet import FootDevices, Level, LevelTick, OperatorTick
 from poise.locomotion._stepping._operator import DeviceStatus
@@ -72,7 +73,7 @@ class TorqueLevel(Level):
         q_start: Float64[np.ndarray, " nq"],
     ) -> None:
         self._tasks = TorqueTasks(biped, parameters.dt, limbs, solved_by)
-        super().__init__(biped, parameters, reach, estimator, self._tasks)
+        super().__init__(biped, parameters, reach, estimator, self._tasks.stack)
         stand = stand_of(biped.robot, q_start)
         gait = usual_gait(stand.com[2] - stand.middle[2])
         gait = replace(gait, swing_height=_HIGHER * gait.swing_height)
@@ -103,6 +104,10 @@ class TorqueLevel(Level):
         """Feet that carry the robot."""
         return self._engine.mode
 
+    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
+        """Return the controller of the stack."""
+        return self._tasks.controller(dynamics, time_limit)
+
     def outcome(self, footing: Footing) -> LevelTick:
         """Return the outcome of the last tick; feedback is part of the reference of the ZMP."""
         del footing
@@ -118,6 +123,7 @@ class TorqueLevel(Level):
         """Stand on both feet as at the start."""
         self._engine.reset()
         parts = self._engine.parts
+        self._tasks.reset()
         self._begin(sensor, parts.legs.omega, parts.region)
         self._devices = FootDevices(self._reach, self._parameters)
         self._seen, self._overruled, self._driven = Mode.D, False, False

@@ -47,24 +47,15 @@ _KP_POSTURE = 25.0
 """Stiffness of the posture [1/s^2]."""
 
 _BALANCE, _CATCHING, _CAUGHT_TRUNK = (1e5, 1e5, 1.0), 1.0, (0.3, 0.3, 0.3)
-"""Weight of the COM beside foot and trunk while the operator leads the feet; and of COM and trunk
-while the robot steps by itself in order not to fall.
-
-Height is no balance: where the leg that stands folds no deeper, and the COM was to come down all
-the same, trunk and hip would roll towards the foot in the air and slam it onto the ground."""
+"""Weight of the CoM beside foot and trunk while the operator leads the feet; and of CoM and trunk
+while the robot steps by itself. Height is no balance: a leg may fold no deeper."""
 
 _RIGHTED = 0.2
-"""How far from where it is the trunk is sent meanwhile [rad]. One that a push has thrown over asked
-for 80 rad/s^2 at once, and the COM got 2 m/s^2 less than it needs; weighed so light that it does
-not, it leaned by half a radian for seconds, while each step was made for a robot that is upright.
-"""
+"""Farthest target of a thrown trunk from where it is: farther, it costs the CoM [rad]."""
 
 _THROWN, _AWAY, _HIGH = 1e3, 0.15, 0.1
-"""Weight of a swing foot that is twice so far from where it is sent [m], beside a narrow sole; so
-far above the ground [m] it is not too high for landing. A leg helps to balance a push by its
-angular momentum, but it would be thrown up by half a metre, and then not be there to be put down:
-from there on trunk and arms have to do it. As heavy all the time, a foot that the other leg is in
-the way of takes trunk and height of the CoM with it."""
+"""Weight of a swing foot that is twice so far from its target [m], beside a narrow sole; so far
+above the ground [m] it is not too high for landing. Lighter, a push throws it up by 0.5 m."""
 
 _CAUGHT_FOOT = (1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
 """Weight of the feet meanwhile: a foot that is late, or stumbles, costs the balance, too."""
@@ -82,29 +73,15 @@ turning about the vertical balances nothing, but the leg and the arms that do wo
 torso by two radians."""
 
 _FRICTION = 0.45
-"""Of the soles, as contacts assume it. More buys a swing of legs and arms about the vertical, which
-turns a sole on its ground where that is slippery, or where it lies on an edge; and hips of a robot
-whose feet point elsewhere come to their limits."""
+"""Of the soles, as contacts assume it: more lets a swing turn a sole on slippery ground."""
 
 _MARGIN, _CAUGHT_MARGIN = 0.002, 0.005
-"""How far the pressure stays inside the soles' edges, while the operator leads the feet and while
-the robot steps by itself [m]. Three millimetres of a narrow sole are what it lacks when it is
-pushed outwards on one foot; where the robot steps, it leaned more with them (0.75 rad in place of
-less than 0.6)."""
+"""Distance of the pressure from the soles' edges, while the operator leads the feet and while the
+robot steps by itself [m]."""
 
 
 class TorqueTasks:
-    """The references of the step teleoperator as accelerations.
-
-    By weight the COM comes first, then the foot in the air, pelvis and torso upright and, much
-    lighter, arms and posture. No foot and no hand is worth the balance: where it is swung too hard
-    it lags. Feet on the ground are contacts: nothing levels them, so they lie as the ground does.
-    One that has just landed may be pressed at a corner, where friction holds no yaw moment: their
-    cones are exact.
-
-    Attributes:
-        stack: to be solved for torques.
-    """
+    """Accelerations of CoM, feet and trunk, weighted in this order; standing feet are contacts."""
 
     def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask], solved_by: str) -> None:
         robot = biped.robot

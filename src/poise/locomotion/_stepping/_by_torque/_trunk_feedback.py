@@ -12,23 +12,14 @@ _LEARNING = 50.0
 within some 2 s."""
 
 _MOST = 30.0
-"""Largest acceleration that is learned [rad/s^2]. With a centre of mass taken to be 23 mm from
-where it is G1's trunk leaned by 0.23 rad, which is 23 rad/s^2 at its stiffness."""
+"""Largest acceleration that is learned: at its stiffness, a lean of 0.3 rad [rad/s^2]."""
 
 _THROWN = 0.3
 """A trunk so far off has been thrown: no lasting error [rad]."""
 
 
 class TrunkFeedback:
-    """An integral of one frame's orientation error about its own x and y axes.
-
-    A mass that is taken to be where it is not, as a payload that is found by load cells that are
-    off, is a moment that the controller's model has and the robot has not: with a spring alone the
-    trunk would lean by it. About the vertical nothing lasts, and the legs' swing turns the trunk.
-
-    What has been learned is kept while nothing is learned: where the trunk balances a push, or
-    cannot be as it is asked to, its error says nothing of that moment.
-    """
+    """Integrate one frame's orientation error about its own x and y: a moment the model lacks."""
 
     def __init__(self, dt: float) -> None:
         self._step = _LEARNING * dt

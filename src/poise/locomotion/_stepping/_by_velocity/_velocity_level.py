@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from poise.dynamics import RobotState
+from poise.control import Controller
+from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._pendulum import BodyRotator
 from poise.locomotion._single_support import SingleSupportRegion
 from poise.locomotion._stepping._by_velocity._body_momentum import BodyMomentum
@@ -48,7 +49,7 @@ class VelocityLevel(Level):
         rotator: bool,
     ) -> None:
         self._tasks = VelocityTasks(biped, parameters, limbs, rotator=rotator)
-        super().__init__(biped, parameters, reach, estimator, self._tasks)
+        super().__init__(biped, parameters, reach, estimator, self._tasks.stack)
         self._driver, self._com_height = driver, height
         self._rotates = rotator
         self._region = SingleSupportRegion(
@@ -60,6 +61,10 @@ class VelocityLevel(Level):
         """Feet that carry the robot."""
         return self._events.mode
 
+    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
+        """Return the controller of the stack."""
+        return self._tasks.controller(dynamics, time_limit)
+
     def outcome(self, footing: Footing) -> LevelTick:
         """Return the outcome of the last tick."""
         cart_table_zmp = self._com.cart_table_zmp(footing.com[:2])
@@ -67,6 +72,7 @@ class VelocityLevel(Level):
 
     def reset(self, sensor: ZmpSensor) -> None:
         """Stand on both feet as at the start."""
+        self._tasks.reset()
         self._begin(sensor, self._driver.omega, self._region)
         weight, p = self._biped.weight, self._parameters
         self._com = ComMotion(self._driver, p)

@@ -52,19 +52,12 @@ class LiftDetector:
         return height < self._lower
 
     def reset(self, height: float) -> None:
-        """Start over: a device that is up now has to come down first.
-
-        One that is neither up nor down is not up: its foot may have settled below where it rests.
-        """
+        """Begin with a device at a height: one that is up has to be lowered first."""
         self._up = height > self._lift
 
 
 class LandingDetector:
-    """Touchdown of the swing foot, once it has been without load for a while.
-
-    Attributes:
-        armed: whether the foot has left the ground.
-    """
+    """Touchdown of the swing foot, once it has been without load for a while (`armed`)."""
 
     def __init__(self, parameters: TeleopParameters) -> None:
         self._land, self._unload = parameters.land_load, parameters.unload_load
@@ -196,13 +189,7 @@ class FootDevices(DeviceEvents):
             self._yaw, self.sent = self._footing.yaws[foot], self._footing.sole(foot).copy()
 
     def end_of_swing(self, foot: int, load: float, *, rescuing: bool = False) -> StepEnd | None:
-        """Return how the swing has ended; None while it goes on.
-
-        Args:
-            foot: 0 left, 1 right.
-            load: on the foot, over the weight.
-            rescuing: whether the foot is put down whatever the operator commands.
-        """
+        """Return the end of the swing, by the load over the weight; None while it goes on."""
         return super().end_of_swing(foot, load, rescuing=rescuing or self._target.rescuing)
 
     def move(self, flight: HeldFlight, dt: float) -> None:

@@ -202,12 +202,13 @@ class OperatorGuard:
                 self._look.refresh(time)
 
     def _status(self, time: float) -> DeviceStatus:
-        if not any(self.held):
+        left, right = self.held
+        if not (left or right):
             return DeviceStatus.LOST if self._clock.is_lost(time) else DeviceStatus.WAITING
         # The robot's clock may have gone back.
         silent = abs(time - self._came_at) > SILENT_AFTER
         if self._refused and not silent:
             return DeviceStatus.REFUSED
-        if not all(self.held):
+        if not (left and right):
             return DeviceStatus.WAITING
         return DeviceStatus.STALE if silent else DeviceStatus.OK

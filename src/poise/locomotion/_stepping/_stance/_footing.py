@@ -86,43 +86,20 @@ class StanceChoice:
 
 @dataclass(kw_only=True, eq=False)
 class Footing:
-    """Estimated state, mode and stance of a tick, with what follows from them.
-
-    Places, `com`, `tilt`, `heading` and `yaws` stay those of the tick when `dynamics` moves on.
-
-    Attributes:
-        biped: the robot.
-        dynamics: of the estimated state.
-        mode: feet that carry the robot.
-        stance: foot that is taken to be at rest; the stance foot in single support.
-        anchors: where each sole was last put down, left then right [m].
-        omega: sqrt(g / H) [1/s].
-        region: of the ZMP and the DCM in single support.
-        sensor: loads and centres of pressure of the soles.
-        pressed: how far below its place the other foot is sent in double support [m].
-        parts: loaded area of each sole in double support, left then right; None for all.
-        com_velocity: of the CoM, observed, x and y; that of `dynamics` when None [m/s].
-        has_left: whether the swing foot has left the ground.
-        other: the foot that is not the stance: the swing foot in single support.
-        soles: position [m] and world_R_sole of each sole, left then right.
-        com: centre of mass [m].
-        torso: position [m] and world_R_torso.
-        pelvis: position [m] and world_R_pelvis.
-        yaws: of the soles, to the left of the world's x axis, from -pi to pi [rad].
-    """
+    """State, mode and stance of a tick; places stay those of the tick when `dynamics` moves on."""
 
     biped: Biped
     dynamics: Dynamics
     mode: Mode
-    stance: int
-    anchors: list[Float64[np.ndarray, "3"]]
-    omega: float
+    stance: int  # foot that is taken to be at rest; the stance foot in single support
+    anchors: list[Float64[np.ndarray, "3"]]  # where each sole was last put down [m]
+    omega: float  # sqrt(g / H) [1/s]
     region: SingleSupportRegion
     sensor: ZmpSensor
-    pressed: float = 0.0
-    parts: Sequence[SolePart | None] = (None, None)
-    com_velocity: Float64[np.ndarray, "2"] | None = None
-    has_left: bool = True
+    pressed: float = 0.0  # how far below its place the other foot is sent in double support [m]
+    parts: Sequence[SolePart | None] = (None, None)  # loaded areas; None for all of a sole
+    com_velocity: Float64[np.ndarray, "2"] | None = None  # observed; that of `dynamics` when None
+    has_left: bool = True  # the swing foot has left the ground
 
     def __post_init__(self) -> None:
         biped, placement = self.biped, self.dynamics.placement

@@ -135,9 +135,10 @@ class HandLeader:
             operator: the guard that has checked this tick's sample.
             state: as it is measured or estimated.
         """
-        trackers = [operator.hands[side] if side < 2 else _UNLED for side in self._sides]
-        if self.task is None or (self._rested and not any(hand.engaged for hand in trackers)):
+        left, right = operator.hands
+        if self.task is None or (self._rested and not (left.engaged or right.engaged)):
             return
+        trackers = [(left, right, _UNLED)[min(side, 2)] for side in self._sides]
         for hand, tracker in enumerate(trackers):
             self._turn(hand, tracker)
             if tracker.engaged:
