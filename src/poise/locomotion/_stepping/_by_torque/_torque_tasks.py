@@ -116,6 +116,7 @@ class TorqueTasks:
         self._pose = TrunkPose(biped.relief, dt, waist_ranges(biped))
         self._lasting = [TrunkFeedback(dt) for _ in trunk]
         self._righting = SoleRighting(self._contacts, biped.weight)
+        self._weights: _Weights | None = None
         self._stops = AnkleStops(robot, self._contacts, self.stack.joint_limit)
         self.reset()
 
@@ -127,7 +128,7 @@ class TorqueTasks:
         self._righting.reset()
         self._stops.reset()
         self._eased = 1.0
-        self._weights: _Weights | None = None
+        self._weigh((_BALANCE, 1.0, _TRUNK), caught=False)
         for contact in self._contacts:
             contact.engage(0.0)
 
