@@ -36,8 +36,8 @@ class Standing:
         q[7 + self.roll] = self.least + room
         rotations = pin.rpy.rpyToMatrix(np.array([tilt, 0.0, 0.4])), np.eye(3)
         footing = Mock(spec=Footing)
-        footing.biped = Mock(frames=(0, 1))
-        footing.dynamics = Mock(q=q, placement=lambda frame: (np.zeros(3), rotations[frame]))
+        footing.dynamics = Mock(q=q)
+        footing.soles = [(np.zeros(3), rotation) for rotation in rotations]
         self.stops.update(footing)
         fresh = JointLimit()
         fresh.bind(self.robot)

@@ -63,6 +63,23 @@ def test_a_torso_that_is_turned_on_its_waist_turns_no_heading(get_robot):
     assert now.tilt == pytest.approx(0.4, abs=0.01)
 
 
+@pytest.mark.parametrize("actuation", ["torque", "velocity"])
+def test_a_status_that_is_read_late_is_of_its_tick(get_robot, actuation):
+    robot = get_robot("biped20")
+    soon, late = (StepTeleoperator(robot, actuation=actuation) for _ in range(2))
+    signals = {}
+    for tick in range(3):
+        q = robot.q_home.copy()
+        q[7:] += 0.01 * tick
+        state = RobotState(q, np.zeros(robot.nv), time=tick * soon.dt)
+        known = late.estimator.update(state)
+        # The estimate has moved on, and the tick that it is for has not begun.
+        np.testing.assert_equal(late.signals(), signals)
+        late.lead(known)
+        soon.lead(soon.estimator.update(state))
+        signals = soon.signals()
+
+
 @pytest.mark.parametrize(("height", "share"), [(-0.01, 0.0), (0.01, 0.25), (0.05, 1.0)])
 def test_a_foot_is_clear_from_a_height_above_the_ground(get_robot, height, share):
     now = footing(get_robot("biped20"), lifted=0.2)

@@ -91,8 +91,8 @@ def sent(robot, lifted, where):
     x, y, z = (now.anchors[1] + where).tolist()
     device = sample(0.0, right=(x, y, z), rates=(None, UP))
     place = target.place(now, device, room_below=0.0)
-    assert np.linalg.norm(place - [x, y, z]) < 1e-6 or not target.rate.any()
-    return target.rate.tolist()
+    assert np.linalg.norm(place - [x, y, z]) < 1e-6 or not any(target.rate)
+    return list(target.rate)
 
 
 def test_a_foot_that_is_sent_where_the_device_is_goes_as_fast(get_robot):
@@ -110,9 +110,11 @@ def test_the_velocity_is_added_to_what_leads_to_the_place(get_robot):
     now = footing(get_robot("biped20"), mode=Mode.SL, lifted=0.1)
     at_once, here = replace(PARAMETERS, swing_time=1e-12), now.sole(1)
     still = FootVelocity(at_once).towards(now, here + [0.0, 0.0, 0.01], hurry=True)
-    moving = FootVelocity(at_once).towards(now, here + [0.0, 0.0, 0.01], UP, hurry=True)
+    moving = FootVelocity(at_once).towards(
+        now, here + [0.0, 0.0, 0.01], tuple(UP.tolist()), hurry=True
+    )
     np.testing.assert_allclose(moving - still, UP, atol=1e-9)
-    most = FootVelocity(at_once).towards(now, here, 100.0 * UP, hurry=True)
+    most = FootVelocity(at_once).towards(now, here, tuple((100.0 * UP).tolist()), hurry=True)
     assert np.linalg.norm(most) <= math.sqrt(3.0) * PARAMETERS.v_lim + 1e-9
 
 

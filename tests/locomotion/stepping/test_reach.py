@@ -141,7 +141,7 @@ def test_a_place_in_reach_is_left_alone(get_robot):
     reach, dynamics = range_of(robot), bent(robot, -0.3, 0.6, -0.3)
     left, right = soles_of(dynamics)
     target = left + [0.1, 0.02, 0.05]
-    answer = reach.bring_back(0, target, right, reach.hip(0, dynamics), FORWARD)
+    answer = reach.bring_back(0, tuple(target), right, reach.hip(0, dynamics), FORWARD)
     assert answer == pytest.approx(target, abs=1e-12)
 
 
@@ -150,7 +150,7 @@ def far_ahead(robot, **changes):
     reach, dynamics = range_of(robot, step_max=2.0), bent(robot, -0.3, 0.6, -0.3)
     left, right = soles_of(dynamics)
     hip, target = reach.hip(0, dynamics), left + [0.7, 0.0, 0.0]
-    answer = reach.bring_back(0, target, right, hip, FORWARD, **changes)
+    answer = reach.bring_back(0, tuple(target), right, hip, FORWARD, **changes)
     return target, answer, hip, answer + leg_of(robot).ankle
 
 
@@ -181,7 +181,7 @@ def test_a_foot_stays_on_its_side_and_within_a_step(get_robot, foot):
 
     def sent(ahead, aside):
         target = support + [ahead, side * aside, 0.0]
-        x, y, _ = reach.bring_back(foot, target, support, hip, FORWARD) - support
+        x, y, _ = reach.bring_back(foot, tuple(target), support, hip, FORWARD) - support
         return float(x), side * float(y)
 
     assert sent(0.0, -0.2) == pytest.approx((0.0, width + TeleopParameters().feet_gap))
@@ -214,7 +214,9 @@ def test_soles_that_are_turned_come_no_nearer_than_their_edges_are_clear(get_rob
         turns, ahead = tuple(rng.uniform(-0.6, 0.6, 2)), rng.uniform(-0.2, 0.2)
         both = (turns[foot], turns[1 - foot])
         target = support + [ahead, -0.1 * side, 0.0]
-        answer = (reach.bring_back(foot, target, support, hip, FORWARD, turns=turns) - support)[:2]
+        answer = (
+            reach.bring_back(foot, tuple(target), support, hip, FORWARD, turns=turns) - support
+        )[:2]
         assert not overlap(sole, answer, both)
         if abs(answer[1]) > least + 1e-3:
             wider += 1
@@ -228,7 +230,7 @@ def test_a_foot_goes_no_higher_than_it_may_above_the_other_one(get_robot, asked,
     reach, dynamics = range_of(robot, lift_max=0.25), bent(robot, -0.3, 0.6, -0.3)
     left, right = soles_of(dynamics)
     target = left + [0.05, 0.0, asked]
-    answer = reach.bring_back(0, target, right, reach.hip(0, dynamics), FORWARD)
+    answer = reach.bring_back(0, tuple(target), right, reach.hip(0, dynamics), FORWARD)
     np.testing.assert_allclose(answer, left + [0.05, 0.0, given], atol=1e-12)
 
 
@@ -237,7 +239,7 @@ def test_beside_is_across_where_the_pelvis_faces(get_robot):
     reach, dynamics = range_of(robot), bent(robot, -0.5, 1.0, -0.5)
     left, right = soles_of(dynamics)
     turned = np.array([np.cos(0.4), np.sin(0.4)])
-    answer = reach.bring_back(0, right.copy(), right, reach.hip(0, dynamics), turned)
+    answer = reach.bring_back(0, tuple(right), right, reach.hip(0, dynamics), turned)
     gap = next(iter(robot.soles.values())).width + TeleopParameters().feet_gap
     assert float((answer - right)[:2] @ turned) == pytest.approx(0.0, abs=1e-12)
     assert float((answer - right)[:2] @ [-turned[1], turned[0]]) == pytest.approx(gap)

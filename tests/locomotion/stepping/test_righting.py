@@ -26,8 +26,7 @@ def look(righting, rotations, loads):
     """A tick with the soles turned like that, which carry such parts of the weight."""
     footing = Mock(spec=Footing)
     footing.sensor = Mock(loads=WEIGHT * np.array(loads))
-    footing.biped = Mock(frames=(0, 1))
-    footing.dynamics = Mock(placement=lambda frame: (np.zeros(3), rotations[frame]))
+    footing.soles = [(np.zeros(3), rotation) for rotation in rotations]
     righting.update(footing)
 
 

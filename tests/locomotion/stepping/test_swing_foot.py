@@ -135,9 +135,10 @@ def ahead_of_the_hip(robot):
     q, v = now.dynamics.state.q.copy(), now.dynamics.state.v
     q[7 + robot.joint_index("right_hip_pitch")] -= 0.4
     now.dynamics.update(RobotState(q, v))
+    now = replace(now)
     now.anchors[1][:] = now.sole(1) - [0.0, 0.0, 0.03]
     now.anchors[0][2] = now.anchors[1][2]
-    return replace(now)
+    return now
 
 
 def sent(now, device, seconds, ours):
@@ -169,6 +170,7 @@ def test_a_foot_that_still_comes_down_or_is_held_up_is_not_led_nearer(get_robot)
         assert sent(now, down, 0.3, ours)[:2].tolist() == pytest.approx([0.0, 0.0])
         now.dynamics.state.q[2] -= 0.004
         now.dynamics.update(RobotState(now.dynamics.state.q, now.dynamics.state.v))
+        now = replace(now)
     assert sent(now, down, 0.5, ours)[0] < 0.0
     # Held up, and sent down again, it has its time anew.
     sent(now, up, PARAMETERS.dt, ours)

@@ -17,7 +17,7 @@ from poise.locomotion._stepping._by_velocity import (
     VelocityLevel,
     check_sway,
 )
-from poise.locomotion._stepping._feet import Level, LevelTick, OperatorTick
+from poise.locomotion._stepping._feet import Level, OperatorTick
 from poise.locomotion._stepping._operator import (
     BodyCommand,
     Device,
@@ -27,6 +27,7 @@ from poise.locomotion._stepping._operator import (
 )
 from poise.locomotion._stepping._scaling import teleop_parameters
 from poise.locomotion._stepping._stance import (
+    Footing,
     FootRange,
     StanceEstimator,
     TeleopParameters,
@@ -175,6 +176,7 @@ class StepTeleoperator:
         self._guard = OperatorGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
         self._body = BodyCommand()
         self._ahead = self._faces()
+        self._sample: OperatorSample | None = None
         self._status: TeleopStatus | None = None
 
     def controller(self, *, time_limit: float | None = None) -> Controller:
@@ -227,7 +229,10 @@ class StepTeleoperator:
 
     @property
     def status(self) -> TeleopStatus | None:
-        """How the last tick stood; None before the first."""
+        """State of the last tick, made when it is first read; None before the first tick."""
+        footing = self._level.footing
+        if self._status is None and footing is not None:
+            self._status = self._describe(footing)
         return self._status
 
     @property
@@ -243,7 +248,8 @@ class StepTeleoperator:
         the ZMP, which soles carry the robot, mode, device, how the last step ended, and what hands
         and head do; and what is estimated, under `estimate/`, for `com` and `zmp` are the plant's.
         """
-        return {} if self.status is None else self.status.signals(self.soles, self.hands.names)
+        status = self.status
+        return {} if status is None else status.signals(self.soles, self.hands.names)
 
     def lead(self, state: RobotState) -> None:
         """Sets contacts, velocities and weights of the stack for the tick that begins.
@@ -257,17 +263,19 @@ class StepTeleoperator:
             if not is_usable(state, self.robot):
                 return
             dynamics.update(state)
+        guard, estimator = self._guard, self.estimator
+        # A device may read the status of the tick before.
+        self._sample = guard.read(self.device, state.time)
+        self._status = None
         self.zmp_sensor.update(state, dynamics)
-        guard = self._guard
-        sample = guard.read(self.device, state.time)
-        soles = (self.estimator.sole(0), self.estimator.sole(1))
-        command = guard.check(sample, state.time, soles, self.estimator.anchors)
+        soles = (estimator.sole(0), estimator.sole(1))
+        command = guard.check(self._sample, state.time, soles, estimator.anchors)
         self.hands.lead(guard, state)
         self.gaze.lead(guard)
         if command is not None:
             self._body = command.body
         left, right = self._body.turns
-        tick = self._level.lead(
+        walked = self._level.lead(
             state,
             OperatorTick(
                 guard=guard,
@@ -278,9 +286,8 @@ class StepTeleoperator:
                 upright=command is not None and command.upright,
             ),
         )
-        if tick.walked:
+        if walked:
             self._ahead = self._faces()
-        self._status = self._describe(tick, sample)
 
     def _faces(self) -> float:
         """Heading of the feet, to the left of the world's x axis [rad]."""
@@ -291,25 +298,24 @@ class StepTeleoperator:
         (roll, pitch, yaw), (_, down, left) = self._body.torso, self.gaze.torso
         return (roll, pitch + down, yaw + left)
 
-    def _describe(self, tick: LevelTick, sample: OperatorSample | None) -> TeleopStatus:
-        footing = tick.footing
-        com, torso = footing.dynamics.com, footing.dynamics.placement(self._biped.torso)
+    def _describe(self, footing: Footing) -> TeleopStatus:
+        tick, heading = self._level.outcome(footing), footing.heading.tolist()
         return TeleopStatus(
             mode=footing.mode,
             device=self._guard.status,
-            sample=sample,
+            sample=self._sample,
             zmp=self.zmp_sensor.zmp,
-            zmp_reference=footing.zmp_reference,
+            zmp_reference=tick.zmp_reference,
             cart_table_zmp=tick.cart_table_zmp,
-            com=com,
+            com=footing.com,
             soles=(footing.sole(0), footing.sole(1)),
             target=tick.target if footing.mode.single else None,
             loads=self.zmp_sensor.loads.copy(),
             tilt=footing.tilt,
-            heading=math.atan2(footing.heading[1], footing.heading[0]),
+            heading=math.atan2(heading[1], heading[0]),
             hands=tuple(self.hands.status),
-            hand_targets=self.hands.targets(*torso),
-            hand_rotations=self.hands.orientations(torso[1]),
+            hand_targets=self.hands.targets(*footing.torso),
+            hand_rotations=self.hands.orientations(footing.torso[1]),
             gaze=self.gaze.status,
             ended=tick.ended,
         )

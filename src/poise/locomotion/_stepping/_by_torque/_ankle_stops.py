@@ -13,15 +13,7 @@ until the limit holds again [rad]."""
 
 
 class AnkleStops:
-    """A sole that stands on an edge, with its ankle at the end of its range, leans with its shank.
-
-    As a contact the sole lies still, and as a joint at its limit the ankle turns no further: then
-    the body could not go on to that side. It would be moved all the same, because the COM has to,
-    and lean its trunk instead; and the sole, which does turn with the shank, would be asked to
-    stop. With one sole so on a bump G1, on both feet, was thrown about for four seconds without any
-    push, until its trunk leaned by 0.6 rad. Where the limit does not hold the body moves as over an
-    ankle that turns on, while in truth the sole turns on its edge: the joint's own stop turns it.
-    """
+    """Leave an ankle to its stop while its sole leans on an edge: the sole turns with the shank."""
 
     def __init__(self, robot: Robot, contacts: list[SurfaceContact], limit: JointLimit) -> None:
         self._contacts, self._limit = contacts, limit
@@ -40,13 +32,14 @@ class AnkleStops:
     def update(self, footing: Footing) -> None:
         """One tick."""
         for foot, contact in enumerate(self._contacts):
-            _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
-            up_x, up_y, _ = rotation[2].tolist()
+            up_x, up_y, _ = footing.soles[foot][1][2].tolist()
             tilted = math.hypot(up_x, up_y) > GROUND
             for ankle in self._ankles[foot]:
+                at_lower, at_upper = self._at_stop[ankle]
+                if not (tilted or at_lower or at_upper):
+                    continue
                 angle = float(footing.dynamics.q[self._first + ankle])
                 below, above = angle - self._least[ankle], self._most[ankle] - angle
-                at_lower, at_upper = self._at_stop[ankle]
                 self._leave(
                     ankle,
                     contact.active and (below < _BACK if at_lower else tilted and below < _NEAR),

@@ -19,12 +19,7 @@ than the second lies as the ground does."""
 
 
 class SoleRighting:
-    """Turns soles that have just landed, or have lost their load, as if they were in the air.
-
-    A foot that comes down on an edge is set spinning by it, and a contact only damps that: with
-    10 rad/s it turns by half a radian, up to the limit of its ankle, and stands on that edge.
-    Nothing turns a sole that carries: what that takes is nothing beside what the ground gives.
-    """
+    """Turn soles that have just landed, or have lost their load, as if they were in the air."""
 
     def __init__(self, contacts: list[SurfaceContact], weight: float) -> None:
         self._contacts, self._weight = contacts, weight
@@ -37,15 +32,14 @@ class SoleRighting:
 
     def update(self, footing: Footing) -> None:
         """One tick."""
-        for foot, contact in enumerate(self._contacts):
-            load = float(footing.sensor.loads[foot]) / self._weight
-            share = min(max((_FIRM - load) / (_FIRM - _LIGHT), 0.0), 1.0)
-            if share == 0.0 or not contact.active:
-                self._turn(foot, 0.0, 0.0)
+        for foot, load in enumerate(footing.sensor.loads.tolist()):
+            share = min(max((_FIRM - load / self._weight) / (_FIRM - _LIGHT), 0.0), 1.0)
+            if share == 0.0 or not self._contacts[foot].active:
+                if self._turning[foot]:
+                    self._turn(foot, 0.0, 0.0)
                 continue
-            _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
             # The sine of the angle to the vertical, about the sole's own axes.
-            up_x, up_y, _ = rotation[2].tolist()
+            up_x, up_y, _ = footing.soles[foot][1][2].tolist()
             off = math.hypot(up_x, up_y)
             beyond = share * _STIFFNESS * max(0.0, 1.0 - GROUND / max(off, GROUND))
             most = share * _MOST

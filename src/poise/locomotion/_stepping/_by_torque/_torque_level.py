@@ -15,7 +15,6 @@ from poise.locomotion._stepping._stance import (
     Biped,
     Footing,
     FootRange,
-    StanceChoice,
     StanceEstimator,
     TeleopParameters,
     ZmpSensor,
@@ -30,7 +29,7 @@ from poise.locomotion._walking import (
     stand_of,
     usual_gait,
 )
-from poise.stack import JointTask, Stack
+from poise.stack import JointTask
 
 _REST = 0.3
 """Time at rest after which the operator may lead the feet again [s]."""
@@ -73,9 +72,8 @@ class TorqueLevel(Level):
         solved_by: str,
         q_start: Float64[np.ndarray, " nq"],
     ) -> None:
-        self._biped, self._parameters, self._reach = biped, parameters, reach
-        self._estimator = estimator
         self._tasks = TorqueTasks(biped, parameters.dt, limbs, solved_by)
+        super().__init__(biped, parameters, reach, estimator, self._tasks.stack)
         stand = stand_of(biped.robot, q_start)
         gait = usual_gait(stand.com[2] - stand.middle[2])
         gait = replace(gait, swing_height=_HIGHER * gait.swing_height)
@@ -102,11 +100,6 @@ class TorqueLevel(Level):
         self._devices = FootDevices(reach, parameters)
 
     @property
-    def stack(self) -> Stack:
-        """Solved for torques."""
-        return self._tasks.stack
-
-    @property
     def mode(self) -> Mode:
         """Feet that carry the robot."""
         return self._engine.mode
@@ -115,19 +108,30 @@ class TorqueLevel(Level):
         """Return the controller of the stack."""
         return self._tasks.controller(dynamics, time_limit)
 
+    def outcome(self, footing: Footing) -> LevelTick:
+        """Return the outcome of the last tick; feedback is part of the reference of the ZMP."""
+        del footing
+        steps, zmp = self._engine.steps, self._engine.zmp
+        target = np.full(3, np.nan)
+        if steps.held:
+            target = self._devices.sent
+        elif steps.flight is not None:
+            target = np.array(steps.flight.goal.position)
+        return LevelTick(target, zmp, zmp, steps.ended)
+
     def reset(self, sensor: ZmpSensor) -> None:
         """Stand on both feet as at the start."""
-        self._sensor = sensor
         self._engine.reset()
+        parts = self._engine.parts
         self._tasks.reset()
+        self._begin(sensor, parts.legs.omega, parts.region)
         self._devices = FootDevices(self._reach, self._parameters)
-        self._stance = StanceChoice(self._estimator, sensor, self._parameters, self._biped.weight)
         self._seen, self._overruled, self._driven = Mode.D, False, False
         self._rested, self._held = 0.0, 0.0
         self._closing: float | None = None
 
-    def lead(self, state: RobotState, operator: OperatorTick) -> LevelTick:
-        """Set the stack for a tick."""
+    def lead(self, state: RobotState, operator: OperatorTick) -> bool:
+        """Set the stack for a tick; return whether a walk by velocity has ended in it."""
         engine, devices, guard = self._engine, self._devices, operator.guard
         footing = self._footing()
         devices.update(operator.command, guard.held, footing)
@@ -139,32 +143,23 @@ class TorqueLevel(Level):
         engine.lead(state)
         if engine.overrules and not self._overruled:
             self._overruled, self._rested, self._held, self._closing = True, 0.0, 0.0, None
-        if engine.mode is not self._seen:
-            self._stance.begin(self._seen, engine.mode)
-            self._seen = engine.mode
-            if engine.mode is Mode.D:
+        mode = engine.mode
+        if mode is not self._seen:
+            self._stance.begin(self._seen, mode)
+            self._seen = mode
+            if mode is Mode.D:
                 devices.update(operator.command, guard.held, self._footing())
                 devices.stand()
-        self._stance.follow(engine.mode)
-        if engine.mode is not footing.mode or self._estimator.stance != footing.stance:
+        self._stance.follow(mode)
+        if mode is not footing.mode or self._estimator.stance != footing.stance:
             footing = self._footing()
-        turned = False
-        zmp = footing.zmp_reference = engine.zmp
-        if self._overruled:
-            guard.let_go(DeviceStatus.WALKING if self._driven else DeviceStatus.OVERRULED)
-            self._tasks.accompany(footing, walks=self._driven)
-            turned = self._settle(footing, any(guard.velocity))
-        else:
-            self._tasks.lead(footing, operator.torso, self._devices.sent, upright=operator.upright)
-        return LevelTick(footing, self._target, zmp, engine.steps.ended, turned)
-
-    @property
-    def _target(self) -> Float64[np.ndarray, "3"]:
-        """Target of the swing foot; not a number in double support [m]."""
-        steps = self._engine.steps
-        if steps.held:
-            return self._devices.sent
-        return np.full(3, np.nan) if steps.flight is None else np.array(steps.flight.goal.position)
+        self.footing = footing
+        if not self._overruled:
+            self._tasks.lead(footing, operator.torso, devices.sent, upright=operator.upright)
+            return False
+        guard.let_go(DeviceStatus.WALKING if self._driven else DeviceStatus.OVERRULED)
+        self._tasks.accompany(footing, walks=self._driven)
+        return self._settle(footing, any(guard.velocity))
 
     def _limit_stoop(self, footing: Footing) -> None:
         """Let the body come down no lower than the knee of a stance leg holds it."""
@@ -174,7 +169,7 @@ class TorqueLevel(Level):
             reach, dynamics, stance = self._reach, footing.dynamics, footing.stance
             hip = reach.hip(stance, dynamics)
             too_weak = reach.too_weak(stance, footing.anchors[stance], hip, footing.heading)
-            height = float(dynamics.com[2]) - footing.ground
+            height = float(footing.com[2]) - footing.ground
             lowest = max(lowest, height + too_weak)
             self._devices.room_below = max(height - lowest, 0.0)
             self._devices.falling = footing.mode.single and too_weak > _GIVES
@@ -219,17 +214,10 @@ class TorqueLevel(Level):
         return walked
 
     def _footing(self) -> Footing:
-        estimator, parts = self._estimator, self._engine.sole_parts
-        return Footing(
-            biped=self._biped,
-            dynamics=estimator.dynamics,
+        return self._stand(
             mode=self._engine.mode,
-            stance=estimator.stance,
-            anchors=estimator.anchors,
-            omega=self._engine.parts.legs.omega,
-            region=self._engine.parts.region,
-            sensor=self._sensor,
+            stance=self._estimator.stance,
             pressed=self._stance.pressed,
-            parts=parts,
+            parts=self._engine.sole_parts,
             has_left=self._devices.foot_has_left,
         )

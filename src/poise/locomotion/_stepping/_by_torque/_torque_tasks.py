@@ -34,7 +34,7 @@ from poise.stack import (
     TorqueLimit,
 )
 
-_STILL = np.zeros(3)
+_UPRIGHT = (0.0, 0.0, 0.0)
 
 _KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0
 """Stiffness of the COM's height, of the foot in the air, of pelvis and torso [1/s^2]."""
@@ -47,63 +47,41 @@ _KP_POSTURE = 25.0
 """Stiffness of the posture [1/s^2]."""
 
 _BALANCE, _CATCHING, _CAUGHT_TRUNK = (1e5, 1e5, 1.0), 1.0, (0.3, 0.3, 0.3)
-"""Weight of the COM beside foot and trunk while the operator leads the feet; and of COM and trunk
-while the robot steps by itself in order not to fall.
-
-Height is no balance: where the leg that stands folds no deeper, and the COM was to come down all
-the same, trunk and hip would roll towards the foot in the air and slam it onto the ground."""
+"""Weight of the CoM beside foot and trunk while the operator leads the feet; and of CoM and trunk
+while the robot steps by itself. Height is no balance: a leg may fold no deeper."""
 
 _RIGHTED = 0.2
-"""How far from where it is the trunk is sent meanwhile [rad]. One that a push has thrown over asked
-for 80 rad/s^2 at once, and the COM got 2 m/s^2 less than it needs; weighed so light that it does
-not, it leaned by half a radian for seconds, while each step was made for a robot that is upright.
-"""
+"""Farthest target of a thrown trunk from where it is: farther, it costs the CoM [rad]."""
 
 _THROWN, _AWAY, _HIGH = 1e3, 0.15, 0.1
-"""Weight of a swing foot that is twice so far from where it is sent [m], beside a narrow sole; so
-far above the ground [m] it is not too high for landing. A leg helps to balance a push by its
-angular momentum, but it would be thrown up by half a metre, and then not be there to be put down:
-from there on trunk and arms have to do it. As heavy all the time, a foot that the other leg is in
-the way of takes trunk and height of the CoM with it."""
+"""Weight of a swing foot that is twice so far from its target [m], beside a narrow sole; so far
+above the ground [m] it is not too high for landing. Lighter, a push throws it up by 0.5 m."""
 
 _CAUGHT_FOOT = (1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
 """Weight of the feet meanwhile: a foot that is late, or stumbles, costs the balance, too."""
+
+_Weights = tuple[float | tuple[float, ...], float | tuple[float, ...], tuple[float, float, float]]
+"""Of CoM, feet and trunk."""
 
 _EASED = 0.3
 """In what time the balance comes to weigh that much after them [s]: all at once, it throws over a
 robot one of whose soles carries less than it is taken to."""
 
-_URGENT = 10.0
-"""Weight of the trunk while the operator asks for an upright torso."""
-
-_FACING = 10.0
-"""Weight of where the trunk faces, at least, while the operator leads: turning about the vertical
-balances nothing, but the leg and the arms that do would spin a light torso by two radians."""
+_TRUNK, _URGENT_TRUNK = (1.0, 1.0, 10.0), (10.0, 10.0, 10.0)
+"""Weights of the trunk while the operator leads, and while they ask for an upright torso as well:
+turning about the vertical balances nothing, but the leg and the arms that do would spin a light
+torso by two radians."""
 
 _FRICTION = 0.45
-"""Of the soles, as contacts assume it. More buys a swing of legs and arms about the vertical, which
-turns a sole on its ground where that is slippery, or where it lies on an edge; and hips of a robot
-whose feet point elsewhere come to their limits."""
+"""Of the soles, as contacts assume it: more lets a swing turn a sole on slippery ground."""
 
 _MARGIN, _CAUGHT_MARGIN = 0.002, 0.005
-"""How far the pressure stays inside the soles' edges, while the operator leads the feet and while
-the robot steps by itself [m]. Three millimetres of a narrow sole are what it lacks when it is
-pushed outwards on one foot; where the robot steps, it leaned more with them (0.75 rad in place of
-less than 0.6)."""
+"""Distance of the pressure from the soles' edges, while the operator leads the feet and while the
+robot steps by itself [m]."""
 
 
 class TorqueTasks:
-    """The references of the step teleoperator as accelerations.
-
-    By weight the COM comes first, then the foot in the air, pelvis and torso upright and, much
-    lighter, arms and posture. No foot and no hand is worth the balance: where it is swung too hard
-    it lags. Feet on the ground are contacts: nothing levels them, so they lie as the ground does.
-    One that has just landed may be pressed at a corner, where friction holds no yaw moment: their
-    cones are exact.
-
-    Attributes:
-        stack: to be solved for torques.
-    """
+    """Accelerations of CoM, feet and trunk, weighted in this order; standing feet are contacts."""
 
     def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask], solved_by: str) -> None:
         robot = biped.robot
@@ -138,6 +116,7 @@ class TorqueTasks:
         self._pose = TrunkPose(biped.relief, dt, waist_ranges(biped))
         self._lasting = [TrunkFeedback(dt) for _ in trunk]
         self._righting = SoleRighting(self._contacts, biped.weight)
+        self._weights: _Weights | None = None
         self._stops = AnkleStops(robot, self._contacts, self.stack.joint_limit)
         self.reset()
 
@@ -148,8 +127,8 @@ class TorqueTasks:
             feedback.reset()
         self._righting.reset()
         self._stops.reset()
-        self._keep_inside(_MARGIN)
         self._eased = 1.0
+        self._weigh((_BALANCE, 1.0, _TRUNK), caught=False)
         for contact in self._contacts:
             contact.engage(0.0)
 
@@ -167,66 +146,56 @@ class TorqueTasks:
         upright: bool,
     ) -> None:
         """Set trunk and contacts for a tick in which the operator leads the feet."""
-        self._keep_inside(_MARGIN)
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
-        self._com.set_weight(_eased_balance(self._eased))
-        for foot in self._feet:
-            foot.set_weight(_foot_weight(footing, sent))
-        self.stack.self_collision_limit.let_legs_pass(False)
-        weight = _URGENT if upright else 1.0
-        torso = (0.0, 0.0, 0.0) if upright else torso
-        self._update(footing)
-        self._turn_trunk(footing, torso, weight=(weight, weight, _FACING), learns=True)
+        com, foot = _eased_balance(self._eased), _foot_weight(footing, sent)
+        self._weigh((com, foot, _URGENT_TRUNK if upright else _TRUNK), caught=False)
+        self._turn_trunk(footing, _UPRIGHT if upright else torso, learns=True)
 
     def accompany(self, footing: Footing, *, walks: bool) -> None:
         """Keep the trunk upright in a tick in which the robot steps by itself."""
-        self._keep_inside(_CAUGHT_MARGIN)
         self._eased = 0.0
-        self._com.set_weight(_CATCHING)
-        for foot in self._feet:
-            foot.set_weight(_CAUGHT_FOOT)
-        self.stack.self_collision_limit.let_legs_pass(True)
-        self._update(footing)
-        self._turn_trunk(
-            footing, (0.0, 0.0, 0.0), weight=_CAUGHT_TRUNK, learns=walks, most=_RIGHTED
-        )
+        self._weigh((_CATCHING, _CAUGHT_FOOT, _CAUGHT_TRUNK), caught=True)
+        self._turn_trunk(footing, _UPRIGHT, learns=walks, most=_RIGHTED)
 
-    def _update(self, footing: Footing) -> None:
-        self._righting.update(footing)
-        self._stops.update(footing)
-
-    def _keep_inside(self, margin: float) -> None:
-        """How far the pressure stays inside the edges of both soles [m]."""
+    def _weigh(self, weights: _Weights, *, caught: bool) -> None:
+        """Set weights of CoM, feet and trunk, and how near to edges and legs a step may go."""
+        if weights == self._weights:
+            return
+        self._weights, (com, foot, trunk) = weights, weights
+        self._com.set_weight(com)
+        for task in self._feet:
+            task.set_weight(foot)
+        for task in self._trunk:
+            task.set_weight(trunk)
+        margin = _CAUGHT_MARGIN if caught else _MARGIN
         if margin != self._contacts[0].margin:
             for contact in self._contacts:
                 contact.set_margin(margin)
+        self.stack.self_collision_limit.let_legs_pass(caught)
 
     def _turn_trunk(
         self,
         footing: Footing,
         torso: tuple[float, float, float],
         *,
-        weight: tuple[float, float, float],
         learns: bool,
         most: float = math.inf,
     ) -> None:
-        """Pelvis and torso, facing as the feet do, led at most so far from where they are [rad]."""
-        facing = mean_angle(footing.yaw(0), footing.yaw(1))
-        rotations = self._pose.rotations(footing, facing, torso)
-        frames = footing.biped.pelvis, footing.biped.torso
+        """Turn pelvis and torso to face as the feet, targets no farther than `most` [rad]."""
+        self._righting.update(footing)
+        self._stops.update(footing)
+        goals = self._pose.rotations(footing, mean_angle(*footing.yaws), torso)
         # Not every torso can be bent, so a trunk that is bent may be off for ever.
         learns = learns and self._pose.upright
+        places = footing.pelvis, footing.torso
         # A torso without a waist is the pelvis.
         for k in range(-len(self._trunk), 0):
-            _, here = footing.dynamics.placement(frames[k])
-            lasting = self._lasting[k].acceleration(rotations[k], here, learns=learns)
-            goal = rotations[k]
+            target, (_, here) = self._trunk[k].overwrite_target(), places[k]
+            target[3:12] = goals[k].ravel()
+            self._lasting[k].apply(target, here, learns=learns)
             if most < math.inf:
-                left = most - math.hypot(*lasting.tolist()) / _KP_TRUNK
-                goal = _towards(goal, here, max(left, 0.0))
-            acceleration = np.concatenate((_STILL, lasting))
-            self._trunk[k].set_target(rotation=goal, acceleration=acceleration)
-            self._trunk[k].set_weight(weight)
+                left = most - math.hypot(*target[21:].tolist()) / _KP_TRUNK
+                target[3:12] = _towards(goals[k], here, max(left, 0.0)).ravel()
 
 
 def _eased_balance(eased: float) -> tuple[float, float, float]:

@@ -3,47 +3,61 @@
 import math
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64
+
+from poise._compiled import compiled
 
 _LEARNING = 50.0
 """How fast a lasting error becomes an acceleration [1/s^3]: with the trunk's stiffness of 100 /s^2
 within some 2 s."""
 
 _MOST = 30.0
-"""Largest acceleration that is learned [rad/s^2]. With a centre of mass taken to be 23 mm from
-where it is G1's trunk leaned by 0.23 rad, which is 23 rad/s^2 at its stiffness."""
+"""Largest acceleration that is learned: at its stiffness, a lean of 0.3 rad [rad/s^2]."""
 
 _THROWN = 0.3
 """A trunk so far off has been thrown: no lasting error [rad]."""
 
 
 class TrunkFeedback:
-    """An integral of one frame's orientation error about its own x and y axes.
-
-    A mass that is taken to be where it is not, as a payload that is found by load cells that are
-    off, is a moment that the controller's model has and the robot has not: with a spring alone the
-    trunk would lean by it. About the vertical nothing lasts, and the legs' swing turns the trunk.
-
-    What has been learned is kept while nothing is learned: where the trunk balances a push, or
-    cannot be as it is asked to, its error says nothing of that moment.
-    """
+    """Integrate one frame's orientation error about its own x and y: a moment the model lacks."""
 
     def __init__(self, dt: float) -> None:
         self._step = _LEARNING * dt
-        self.reset()
+        self._learned: Float64[np.ndarray, "2"] = np.zeros(2)
+        # What is compiled is compiled now, not in the first tick.
+        self.apply(np.zeros(24), np.eye(3), learns=False)
 
     def reset(self) -> None:
         """Nothing is known."""
-        self._roll = self._pitch = 0.0
+        self._learned[:] = 0.0
 
-    def acceleration(
-        self, goal: Float64[np.ndarray, "3 3"], here: Float64[np.ndarray, "3 3"], *, learns: bool
-    ) -> Float64[np.ndarray, "3"]:
-        """One tick."""
-        if learns:
-            roll, pitch, _ = pin.log3(here.T.dot(goal)).tolist()
-            if math.hypot(roll, pitch) < _THROWN:
-                self._roll = min(max(self._roll + self._step * roll, -_MOST), _MOST)
-                self._pitch = min(max(self._pitch + self._step * pitch, -_MOST), _MOST)
-        return here.dot(np.array([self._roll, self._pitch, 0.0]))
+    def apply(
+        self, target: Float64[np.ndarray, "24"], here: Float64[np.ndarray, "3 3"], *, learns: bool
+    ) -> None:
+        """Take a tick, and write the acceleration into a pose target beside its rotation."""
+        _apply(target, here, self._step if learns else 0.0, self._learned)
+
+
+@compiled
+def _apply(
+    target: Float64[np.ndarray, "24"],
+    here: Float64[np.ndarray, "3 3"],
+    step: float,
+    learned: Float64[np.ndarray, "2"],
+) -> None:
+    """Integrate roll and pitch of log(here^T goal), with the goal from the fourth number on."""
+    # Trace and antisymmetric part of the rotation, 1 + 2 cos and 2 sin of its angle.
+    trace = x = y = z = 0.0
+    for k in range(3):
+        a, b, c = here[k, 0], here[k, 1], here[k, 2]
+        to_a, to_b, to_c = target[3 + 3 * k], target[4 + 3 * k], target[5 + 3 * k]
+        trace += a * to_a + b * to_b + c * to_c
+        x, y, z = x + c * to_b - b * to_c, y + a * to_c - c * to_a, z + b * to_a - a * to_b
+    sine = math.sqrt(x * x + y * y + z * z)
+    if sine > 0.0:
+        ratio = math.atan2(sine, trace - 1.0) / sine
+        if ratio * math.hypot(x, y) < _THROWN:
+            learned[0] = min(max(learned[0] + step * ratio * x, -_MOST), _MOST)
+            learned[1] = min(max(learned[1] + step * ratio * y, -_MOST), _MOST)
+    for k in range(3):
+        target[21 + k] = here[k, 0] * learned[0] + here[k, 1] * learned[1]

@@ -25,13 +25,12 @@ from poise.locomotion._stepping._stance import (
     DesiredMotion,
     Footing,
     FootRange,
-    StanceChoice,
     StanceEstimator,
     TeleopParameters,
     ZmpSensor,
 )
 from poise.locomotion._walking import Mode
-from poise.stack import JointTask, Stack
+from poise.stack import JointTask
 
 
 class VelocityLevel(Level):
@@ -49,18 +48,13 @@ class VelocityLevel(Level):
         *,
         rotator: bool,
     ) -> None:
-        self._biped, self._parameters, self._reach = biped, parameters, reach
-        self._estimator, self._driver, self._com_height = estimator, driver, height
+        self._tasks = VelocityTasks(biped, parameters, limbs, rotator=rotator)
+        super().__init__(biped, parameters, reach, estimator, self._tasks.stack)
+        self._driver, self._com_height = driver, height
         self._rotates = rotator
         self._region = SingleSupportRegion(
             sizes=biped.sizes, margin=parameters.support_margin, arrived=parameters.capture_max
         )
-        self._tasks = VelocityTasks(biped, parameters, limbs, rotator=rotator)
-
-    @property
-    def stack(self) -> Stack:
-        """Solved for velocities of the legs' joints."""
-        return self._tasks.stack
 
     @property
     def mode(self) -> Mode:
@@ -71,31 +65,36 @@ class VelocityLevel(Level):
         """Return the controller of the stack."""
         return self._tasks.controller(dynamics, time_limit)
 
+    def outcome(self, footing: Footing) -> LevelTick:
+        """Return the outcome of the last tick."""
+        cart_table_zmp = self._com.cart_table_zmp(footing.com[:2])
+        return LevelTick(self._sent, footing.zmp_reference, cart_table_zmp, self._events.ended)
+
     def reset(self, sensor: ZmpSensor) -> None:
         """Stand on both feet as at the start."""
-        biped, p = self._biped, self._parameters
-        self._sensor = sensor
         self._tasks.reset()
+        self._begin(sensor, self._driver.omega, self._region)
+        weight, p = self._biped.weight, self._parameters
         self._com = ComMotion(self._driver, p)
         self._events = PaperEvents(p)
-        self._stance = StanceChoice(self._estimator, sensor, p, biped.weight)
-        self._momentum = BodyMomentum(BodyRotator(biped.weight) if self._rotates else None, p)
+        self._momentum = BodyMomentum(BodyRotator(weight) if self._rotates else None, p)
         self._target, self._foot = FootTarget(self._reach, p), FootVelocity(p)
         self._height = ComHeight(self._com_height, self._reach, p)
 
-    def lead(self, state: RobotState, operator: OperatorTick) -> LevelTick:
+    def lead(self, state: RobotState, operator: OperatorTick) -> bool:
         """Set the stack for a tick."""
         dynamics, com = self._estimator.dynamics, self._com
         com.observe(dynamics.com_velocity[:2])
         self._move_mode(operator, state.time)
-        footing = self._footing()
+        self.footing = footing = self._footing()
         self._height.offset = operator.body.height
         com.drive(footing)
-        cart_table_zmp = com.cart_table_zmp(dynamics.com[:2])
-        self._momentum.turn(footing, cart_table_zmp)
+        self._momentum.turn(footing, com.cart_table_zmp(footing.com[:2]))
         below, gives_way = self._height.room(footing)
         falling = gives_way or (footing.mode.single and footing.capture_depth < 0.0)
-        target = self._target.place(footing, operator.command, room_below=below, falling=falling)
+        target = self._sent = self._target.place(
+            footing, operator.command, room_below=below, falling=falling
+        )
         foot = self._foot.towards(footing, target, self._target.rate, hurry=self._target.rescuing)
         desired = DesiredMotion(
             com=np.array([*com.velocity.tolist(), self._height.velocity(footing, target)]),
@@ -104,7 +103,7 @@ class VelocityLevel(Level):
             foot=foot,
         )
         self._tasks.ask(footing, desired, upright=operator.upright)
-        return LevelTick(footing, target, cart_table_zmp, self._events.ended)
+        return False
 
     def _move_mode(self, operator: OperatorTick, time: float) -> None:
         events, before = self._events, self._events.mode
@@ -128,16 +127,9 @@ class VelocityLevel(Level):
         self._stance.follow(events.mode)
 
     def _footing(self) -> Footing:
-        estimator = self._estimator
-        return Footing(
-            biped=self._biped,
-            dynamics=estimator.dynamics,
+        return self._stand(
             mode=self._events.mode,
-            stance=estimator.stance,
-            anchors=estimator.anchors,
-            omega=self._driver.omega,
-            region=self._region,
-            sensor=self._sensor,
+            stance=self._estimator.stance,
             pressed=self._stance.pressed,
             com_velocity=self._com.observed,
             has_left=self._events.foot_has_left,

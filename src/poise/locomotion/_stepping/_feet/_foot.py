@@ -8,11 +8,10 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
-from poise.dynamics import saturate
-from poise.locomotion._stepping._operator import OperatorSample
+from poise.locomotion._stepping._operator import OperatorSample, Vector
 from poise.locomotion._stepping._stance import Footing, FootRange, TeleopParameters, wrapped
 
-_AT_REST = np.zeros(3)
+_AT_REST: Vector = (0.0, 0.0, 0.0)
 
 _THERE = 1e-6
 """A foot is sent no nearer than this to where the operator says, whatever is rounded [m]."""
@@ -37,7 +36,7 @@ class FootTarget:
     def __init__(self, reach: FootRange, parameters: TeleopParameters) -> None:
         self._range, self._parameters = reach, parameters
         self.restart()
-        self.rate: Float64[np.ndarray, "3"] = _AT_REST
+        self.rate = _AT_REST
 
     def restart(self) -> None:
         """Another mode has begun."""
@@ -100,7 +99,7 @@ class FootTarget:
         to_x, to_y = self._range.below_hip(swing, footing.dynamics)
         far = math.hypot(to_x - x, to_y - y)
         part = min(1.0, _DRAWN / self._parameters.k_v / max(far, _THERE))
-        target = np.array([x + part * (to_x - x), y + part * (to_y - y), height])
+        target = x + part * (to_x - x), y + part * (to_y - y), height
         return self._within_reach(footing, target, room_below)
 
     def _followed(
@@ -111,22 +110,20 @@ class FootTarget:
         (x, y, z), (here_x, here_y, _) = device.place(swing), footing.sole(swing).tolist()
         # A foot that still touches would be dragged over the ground.
         clear = footing.clearance(footing.ground_below, self._parameters.clear_height)
-        target = np.array(
-            [here_x + clear * (x - here_x), here_y + clear * (y - here_y), max(z, lowest)]
-        )
+        target = here_x + clear * (x - here_x), here_y + clear * (y - here_y), max(z, lowest)
         found = self._within_reach(footing, target, room_below)
         part = device.feet[swing]
         if part is not None and part.velocity and math.dist(found.tolist(), (x, y, z)) < _THERE:
-            self.rate = np.array(part.velocity)
+            self.rate = part.velocity
         return found
 
     def _within_reach(
-        self, footing: Footing, target: Float64[np.ndarray, "3"], room_below: float
+        self, footing: Footing, target: Vector, room_below: float
     ) -> Float64[np.ndarray, "3"]:
         """The nearest place where the foot in the air can be [m]."""
         swing = footing.other
         faces = math.atan2(footing.heading[1], footing.heading[0])
-        left, right = (wrapped(footing.yaw(side) - faces) for side in (0, 1))
+        left, right = footing.yaws
         return self._range.bring_back(
             swing,
             target,
@@ -134,7 +131,7 @@ class FootTarget:
             self._range.hip(swing, footing.dynamics),
             footing.heading,
             lower=room_below,
-            turns=(left, right),
+            turns=(wrapped(left - faces), wrapped(right - faces)),
         )
 
 
@@ -156,20 +153,24 @@ class FootVelocity:
 
     def restart(self) -> None:
         """Another mode has begun."""
-        self._smoothed: Float64[np.ndarray, "3"] = np.zeros(3)
+        self._smoothed = _AT_REST
 
     def towards(
         self,
         footing: Footing,
         target: Float64[np.ndarray, "3"],
-        rate: Float64[np.ndarray, "3"] = _AT_REST,
+        rate: Vector = _AT_REST,
         *,
         hurry: bool = False,
     ) -> Float64[np.ndarray, "3"]:
         """The velocity [m/s]."""
-        p = self._parameters
-        gap = target - footing.sole(footing.other)
-        x, y, z = saturate(p.v_lim, p.k_v * gap + rate).tolist()
+        p, (x, y, z), (rate_x, rate_y, rate_z) = self._parameters, target.tolist(), rate
+        here_x, here_y, here_z = footing.sole(footing.other).tolist()
+        x = p.k_v * (x - here_x) + rate_x
+        y = p.k_v * (y - here_y) + rate_y
+        z = p.k_v * (z - here_z) + rate_z
+        part = p.v_lim / max(p.v_lim, math.hypot(x, y, z))
+        x, y, z = part * x, part * y, part * z
         if not hurry:
             z = max(z, -self._lowering_speed(footing))
         if not footing.mode.single:
@@ -177,9 +178,13 @@ class FootVelocity:
         # Who is falling already has nothing to save by a slow foot.
         calm = 1.0 if hurry else _calm(footing)
         # Where the foot's velocity jumps, as with a device that jitters, the ZMP jumps too.
-        pairs = zip(self._smoothed.tolist(), (calm * x, calm * y, z), strict=True)
-        self._smoothed = np.array([old + self._gain * (new - old) for old, new in pairs])
-        return self._smoothed
+        (old_x, old_y, old_z), gain = self._smoothed, self._gain
+        self._smoothed = (
+            old_x + gain * (calm * x - old_x),
+            old_y + gain * (calm * y - old_y),
+            old_z + gain * (z - old_z),
+        )
+        return np.array(self._smoothed)
 
     def _lowering_speed(self, footing: Footing) -> float:
         """How fast the foot may come down: slowly where the ground may be [m/s]."""

@@ -52,19 +52,12 @@ class LiftDetector:
         return height < self._lower
 
     def reset(self, height: float) -> None:
-        """Start over: a device that is up now has to come down first.
-
-        One that is neither up nor down is not up: its foot may have settled below where it rests.
-        """
+        """Begin with a device at a height: one that is up has to be lowered first."""
         self._up = height > self._lift
 
 
 class LandingDetector:
-    """Touchdown of the swing foot, once it has been without load for a while.
-
-    Attributes:
-        armed: whether the foot has left the ground.
-    """
+    """Touchdown of the swing foot, once it has been without load for a while (`armed`)."""
 
     def __init__(self, parameters: TeleopParameters) -> None:
         self._land, self._unload = parameters.land_load, parameters.unload_load
@@ -193,16 +186,10 @@ class FootDevices(DeviceEvents):
         self._target.restart()
         self._velocity.restart()
         if self._footing is not None:
-            self._yaw, self.sent = self._footing.yaw(foot), self._footing.sole(foot).copy()
+            self._yaw, self.sent = self._footing.yaws[foot], self._footing.sole(foot).copy()
 
     def end_of_swing(self, foot: int, load: float, *, rescuing: bool = False) -> StepEnd | None:
-        """Return how the swing has ended; None while it goes on.
-
-        Args:
-            foot: 0 left, 1 right.
-            load: on the foot, over the weight.
-            rescuing: whether the foot is put down whatever the operator commands.
-        """
+        """Return the end of the swing, by the load over the weight; None while it goes on."""
         return super().end_of_swing(foot, load, rescuing=rescuing or self._target.rescuing)
 
     def move(self, flight: HeldFlight, dt: float) -> None:
@@ -216,21 +203,23 @@ class FootDevices(DeviceEvents):
             footing, self._command, room_below=self.room_below, falling=self.falling
         )
         velocity = self._velocity.towards(footing, self.sent, target.rate, hurry=target.rescuing)
-        here = footing.sole(foot)
-        place = flight.swing.position + dt * velocity
-        gap = place - here
-        far = math.sqrt(gap.dot(gap))
+        (x, y, z), (vx, vy, vz) = flight.swing.position.tolist(), velocity.tolist()
+        here_x, here_y, here_z = footing.sole(foot).tolist()
+        x, y, z = x + dt * vx, y + dt * vy, z + dt * vz
+        gap_x, gap_y, gap_z = x - here_x, y - here_y, z - here_z
+        far = math.sqrt(gap_x * gap_x + gap_y * gap_y + gap_z * gap_z)
         if far > _FARTHEST:
-            place = here + gap * (_FARTHEST / far)
-        if float(here[2]) - footing.ground_below > _CLEAR:
+            part = _FARTHEST / far
+            x, y, z = here_x + part * gap_x, here_y + part * gap_y, here_z + part * gap_z
+        if here_z - footing.ground_below > _CLEAR:
             self._turn(foot, footing, dt)
         yaw = self._yaw
         rotation = pin.exp3(np.array([0.0, 0.0, yaw])) if yaw else _LEVEL
-        flight.move(place, velocity, rotation, yaw)
+        flight.move(np.array([x, y, z]), velocity, rotation, yaw)
 
     def _turn(self, foot: int, footing: Footing, dt: float) -> None:
         """Turn a foot as far as it may be against the other one."""
-        other, (inwards, outwards) = footing.yaw(1 - foot), FOOT_TURNS
+        other, (inwards, outwards) = footing.yaws[1 - foot], FOOT_TURNS
         least, most = (-inwards, outwards) if foot == 0 else (-outwards, inwards)
         goal = other + min(max(wrapped(self.turns[foot] - other), least), most)
         change, step = wrapped(goal - self._yaw), dt * _TURN_RATE

@@ -1,97 +1,98 @@
 """`Level`: torques or velocities, to which a step teleoperator turns an operator's command."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise.control import Controller
 from poise.dynamics import Dynamics, RobotState
+from poise.locomotion._single_support import SingleSupportRegion
 from poise.locomotion._stepping._operator import BodyCommand, OperatorGuard, OperatorSample
-from poise.locomotion._stepping._stance import Footing, ZmpSensor
+from poise.locomotion._stepping._stance import (
+    Biped,
+    Footing,
+    FootRange,
+    StanceChoice,
+    StanceEstimator,
+    TeleopParameters,
+    ZmpSensor,
+)
 from poise.locomotion._walking import Mode, StepEnd
 from poise.stack import Stack
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class OperatorTick:
-    """Command of a tick.
-
-    Attributes:
-        guard: of the devices.
-        command: of the feet; None while they are lost.
-        body: commanded of the body.
-        torso: roll, pitch and yaw of the torso [rad].
-        turns: yaw of the left and of the right foot [rad].
-        upright: whether an upright torso comes first.
-    """
+    """Command of a tick."""
 
     guard: OperatorGuard
-    command: OperatorSample | None
+    command: OperatorSample | None  # of the feet; None while they are lost
     body: BodyCommand
-    torso: tuple[float, float, float]
-    turns: tuple[float, float]
-    upright: bool
+    torso: tuple[float, float, float]  # roll, pitch and yaw [rad]
+    turns: tuple[float, float]  # yaw of the left and of the right foot [rad]
+    upright: bool  # an upright torso comes first
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LevelTick:
-    """Outcome of a tick.
+class LevelTick(NamedTuple):
+    """Outcome of a tick."""
 
-    Attributes:
-        footing: as the robot stands.
-        target: where the swing foot is sent [m].
-        cart_table_zmp: CT-ZMP (26) of the commanded acceleration [m].
-        ended: end of the last step; None while one goes on.
-        walked: whether a walk by velocity has ended in this tick.
-    """
-
-    footing: Footing
-    target: Float64[np.ndarray, "3"]
-    cart_table_zmp: Float64[np.ndarray, "2"]
-    ended: StepEnd | None
-    walked: bool = False
+    target: Float64[np.ndarray, "3"]  # of the swing foot [m]
+    zmp_reference: Float64[np.ndarray, "2"]  # [m]
+    cart_table_zmp: Float64[np.ndarray, "2"]  # (26) of the commanded acceleration [m]
+    ended: StepEnd | None  # None while a step goes on, and before the first
 
 
-class Level(Protocol):
+class Level(ABC):
     """Leader of a stack that is solved for torques, or for velocities."""
 
-    @property
-    def stack(self) -> Stack:
-        """Stack whose targets it sets."""
-        ...
+    def __init__(
+        self,
+        biped: Biped,
+        parameters: TeleopParameters,
+        reach: FootRange,
+        estimator: StanceEstimator,
+        stack: Stack,
+    ) -> None:
+        self._biped, self._parameters, self._reach = biped, parameters, reach
+        self._estimator, self.stack = estimator, stack
+        self.footing: Footing | None = None  # of the last tick
+
+    @abstractmethod
+    def reset(self, sensor: ZmpSensor) -> None:
+        """Stand on both feet as at the start."""
+
+    @abstractmethod
+    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
+        """Return the controller of the stack."""
 
     @property
+    @abstractmethod
     def mode(self) -> Mode:
         """Feet that carry the robot."""
-        ...
 
-    def reset(self, sensor: ZmpSensor) -> None:
-        """Stand on both feet as at the start.
+    @abstractmethod
+    def outcome(self, footing: Footing) -> LevelTick:
+        """Return the outcome of the last tick, before the next one begins."""
 
-        Args:
-            sensor: of the soles.
-        """
-        ...
+    @abstractmethod
+    def lead(self, state: RobotState, operator: OperatorTick) -> bool:
+        """Set the stack for a tick; return whether a walk by velocity has ended in it."""
 
-    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
-        """Return the controller of the stack.
-
-        Args:
-            dynamics: of the estimated state.
-            time_limit: cap of one solve, None for none [s].
-
-        Raises:
-            ConfigurationError: the controller takes none.
-        """
-        ...
-
-    def lead(self, state: RobotState, operator: OperatorTick) -> LevelTick:
-        """Set the stack for a tick.
-
-        Args:
-            state: estimated.
-            operator: command of the tick.
-        """
-        ...
+    def _begin(self, sensor: ZmpSensor, omega: float, region: SingleSupportRegion) -> None:
+        """Stand on both feet as at the start, over what stays the same of each `Footing`."""
+        estimator, biped = self._estimator, self._biped
+        self._stance = StanceChoice(estimator, sensor, self._parameters, biped.weight)
+        self.footing = None
+        self._stand = partial(
+            Footing,
+            biped=biped,
+            dynamics=estimator.dynamics,
+            anchors=estimator.anchors,
+            omega=omega,
+            region=region,
+            sensor=sensor,
+        )

@@ -66,22 +66,21 @@ def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | 
         return None, None
     whole = _of_kind("sample", sample, OperatorSample)
     # Without buttons and sticks, which no controller reads.
+    (left, right), (one, other) = _two("feet", whole.feet), _two("hands", whole.hands)
     members = {
-        name: _bare(getattr(whole, name)) for name in ("time", "velocity", "upright", "rest")
+        "time": whole.time,
+        "feet": [_members("left foot", left), _members("right foot", right)],
+        "hands": [_members("left hand", one), _members("right hand", other)],
+        "head": _members("head", whole.head),
+        "body": asdict(_of_kind("body", whole.body, BodyCommand)),
+        "velocity": whole.velocity,
+        "upright": whole.upright,
+        "rest": whole.rest,
     }
-    for group, (left, right) in _LIMBS.items():
-        one, other = _two(group, getattr(whole, group))
-        members[group] = [_members(left, one, TrackedPose), _members(right, other, TrackedPose)]
-    members["head"] = _members("head", whole.head, TrackedPose)
-    members["body"] = _members("body", _of_kind("body", whole.body, BodyCommand), BodyCommand)
-    faults = dict[str, str]()
-    while True:
-        try:
-            good = msgspec.convert(members, OperatorSample)
-        except msgspec.ValidationError as error:
-            _mend(members, whole, str(error), faults)
-        else:
-            return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
+    try:
+        return msgspec.convert(members, OperatorSample), None
+    except msgspec.ValidationError:
+        return _mended(members, whole)
 
 
 def checked_reading(arm: str, reading: object) -> TrackedPose | None:
@@ -91,6 +90,24 @@ def checked_reading(arm: str, reading: object) -> TrackedPose | None:
     place, clutch = _two(f"reading of {arm}", reading)
     place = _NOWHERE if place is None else _read(f"position of {arm}", place, Vector)
     return TrackedPose(place, bool(_read(f"clutch of {arm}", clutch, bool | int)))
+
+
+def _mended(
+    members: dict[str, Any], whole: OperatorSample
+) -> tuple[OperatorSample, FieldError | None]:
+    """Convert NumPy's numbers in a sample, and make good what are none."""
+    parts = (members["head"], members["body"], *members["feet"], *members["hands"])
+    for part in (members, *parts):
+        for name, value in (part or {}).items():
+            part[name] = _bare(value)
+    faults = dict[str, str]()
+    while True:
+        try:
+            good = msgspec.convert(members, OperatorSample)
+        except msgspec.ValidationError as error:
+            _mend(members, whole, str(error), faults)
+        else:
+            return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
 
 
 def _mend(
@@ -142,10 +159,8 @@ def _fault(field: str, value: object) -> FieldError:
     return FieldError((field,), f"{field} is {_BRIEF.repr(value)}, not {wanted}")
 
 
-def _members(field: str, part: object, kind: type[msgspec.Struct]) -> dict[str, Any] | None:
-    if part is None:
-        return None
-    return {name: _bare(value) for name, value in asdict(_of_kind(field, part, kind)).items()}
+def _members(field: str, part: object) -> dict[str, Any] | None:
+    return None if part is None else asdict(_of_kind(field, part, TrackedPose))
 
 
 def _bare(value: Any) -> Any:

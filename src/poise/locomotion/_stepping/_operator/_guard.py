@@ -19,8 +19,8 @@ from poise.locomotion._stepping._operator._sample import (
 from poise.locomotion._stepping._operator._sample_clock import SILENT_AFTER, Engagement, SampleClock
 from poise.locomotion._stepping._operator._tracking import Tracker, is_turned_away, rotation_of
 
-# Sticks do not rest at exactly zero [m/s, m/s, rad/s]
-_STICK_REST = (0.01, 0.01, 0.02)
+# Sticks do not rest at exactly zero [m/s, rad/s]
+_STICK_REST, _STICK_TURN_REST = 0.01, 0.02
 
 
 class DeviceStatus(Enum):
@@ -57,6 +57,7 @@ class OperatorGuard:
         error: of the device when it was read last, or of vectors in its sample; None if all was
             well.
         velocity: of a walk; zero without an operator.
+        held: the devices of the left and the right foot lead them.
         hands: followed, left and right.
         head: orientation of the head that leads the gaze; None while none does.
         rest: the last sample asks for rest of hands and gaze.
@@ -74,7 +75,7 @@ class OperatorGuard:
         self.rest = False
         self._body, self._upright = BodyCommand(), False
         self._refused, self._came_at = False, -math.inf
-        self.status = DeviceStatus.LOST
+        self.status, self.held = DeviceStatus.LOST, (False, False)
         self.error: Exception | None = None
         self._warn_once = WarnOnce()
         self._given: object = None
@@ -122,53 +123,53 @@ class OperatorGuard:
         news = sample if sample is not None and self._clock.accepts(sample.time, time) else None
         self._take(news, time)
         refused = news is None
-        for foot, (tracker, sole) in enumerate(zip(self._feet, soles, strict=False)):
-            part = None if news is None else news.feet[foot]
-            x, y, z = sole.tolist()
-            highest = float(grounds[foot][2]) + self._low
+        left, right = self._feet
+        parts = (None, None) if news is None else news.feet
+        for tracker, part, sole, ground in zip(self._feet, parts, soles, grounds, strict=False):
+            (x, y, z), highest = sole.tolist(), float(ground[2]) + self._low
             good = tracker.update(part, time, foot=((x, y, z), highest))
             refused = refused or (tracker.engaged and part is not None and not good)
+        self.held = left.engaged, right.engaged
         if sample is not None:
             self._refused, self._came_at = refused, time
         self.status = self._status(time)
         if not any(self.held):
             return None
-        lowest = min(float(ground[2]) for ground in grounds) - self._depth
-        left, right = (
-            TrackedPose(tracker.place, velocity=tracker.velocity(time))
-            if tracker.engaged
-            else TrackedPose((float(sole[0]), float(sole[1]), lowest))
-            for tracker, sole in zip(self._feet, soles, strict=True)
-        )
-        return OperatorSample(
-            self._clock.newest, (left, right), body=self._body, upright=self._upright
-        )
-
-    @property
-    def held(self) -> tuple[bool, bool]:
-        """The devices of the left and the right foot lead them."""
-        left, right = self._feet
-        return left.engaged, right.engaged
+        feet = self._goal(left, soles[0], grounds, time), self._goal(right, soles[1], grounds, time)
+        return OperatorSample(self._clock.newest, feet, body=self._body, upright=self._upright)
 
     def let_go(self, status: DeviceStatus) -> None:
         """Disengage both feet, which the robot leads by itself, with a status that says why."""
         for tracker in self._feet:
             tracker.lose()
-        self.status = status
+        self.held, self.status = (False, False), status
+
+    def _goal(
+        self,
+        tracker: Tracker,
+        sole: Float64[np.ndarray, "3"],
+        grounds: Sequence[Float64[np.ndarray, "3"]],
+        time: float,
+    ) -> TrackedPose:
+        """Place of a device that leads; straight down without one."""
+        if tracker.engaged:
+            return TrackedPose(tracker.place, velocity=tracker.velocity(time))
+        lowest = min(float(ground[2]) for ground in grounds)
+        return TrackedPose((float(sole[0]), float(sole[1]), lowest - self._depth))
 
     def _take(self, news: OperatorSample | None, time: float) -> None:
         self._walk.expire(time)
         self._look.expire(time)
-        left, right = (None, None) if news is None else news.hands
-        self.hands[0].update(left, time)
-        self.hands[1].update(right, time)
+        parts = (None, None) if news is None else news.hands
+        for hand, part in zip(self.hands, parts, strict=True):
+            if part is not None or hand.engaged:
+                hand.update(part, time)
         self.rest = news is not None and news.rest
         if news is not None:
             self._upright = news.upright
-            if all(map(math.isfinite, news.body.numbers)):
+            if news.body != self._body and all(map(math.isfinite, news.body.numbers)):
                 self._body = news.body
-            if all(map(math.isfinite, news.velocity)):
-                self._steer(news.velocity, time)
+            self._steer(news.velocity, time)
             if news.head is not None:
                 self._turn_head(news.head, time)
         if not self._walk.engaged:
@@ -178,8 +179,11 @@ class OperatorGuard:
 
     def _steer(self, velocity: Vector, time: float) -> None:
         """A velocity counts after one of zero: a stick that was held when it was found does not."""
-        if all(abs(part) <= least for part, least in zip(velocity, _STICK_REST, strict=True)):
+        ahead, aside, turn = map(abs, velocity)
+        if ahead <= _STICK_REST and aside <= _STICK_REST and turn <= _STICK_TURN_REST:
             self._walk.release(time)
+            return
+        if not all(map(math.isfinite, velocity)):
             return
         self._walk.engage()
         if self._walk.engaged:
@@ -198,13 +202,13 @@ class OperatorGuard:
                 self._look.refresh(time)
 
     def _status(self, time: float) -> DeviceStatus:
-        held = self.held
-        if not any(held):
+        left, right = self.held
+        if not (left or right):
             return DeviceStatus.LOST if self._clock.is_lost(time) else DeviceStatus.WAITING
         # The robot's clock may have gone back.
         silent = abs(time - self._came_at) > SILENT_AFTER
         if self._refused and not silent:
             return DeviceStatus.REFUSED
-        if not all(held):
+        if not (left and right):
             return DeviceStatus.WAITING
         return DeviceStatus.STALE if silent else DeviceStatus.OK

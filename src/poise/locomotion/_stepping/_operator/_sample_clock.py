@@ -60,7 +60,7 @@ class Engagement:
         if abs(time - self._good_at) <= LOST_AFTER:
             return False
         engaged = self.engaged
-        self.lose()
+        self.engaged = self._released = False
         return engaged
 
     def lose(self) -> None:

@@ -94,13 +94,14 @@ class VelocityCheck:
         return self._velocity if 0.0 <= time - self._at <= SILENT_AFTER else None
 
 
-class Tracker:
+class Tracker(Engagement):
     """Follow a foot or a hand of the operator while it leads."""
 
     def __init__(self, dt: float) -> None:
+        super().__init__()
         self._limiter = RateLimiter(dt * SPEED_MAX, BURST)
         self._turning = RateLimiter(dt * TURN_SPEED_MAX, TURN_BURST)
-        self._engagement, self._velocity = Engagement(), VelocityCheck()
+        self._velocity = VelocityCheck()
         self.place: Vector = (0.0, 0.0, 0.0)
         self._goal = self.place
         self._rotation: Rotation | None = None
@@ -108,18 +109,9 @@ class Tracker:
         self.step = self.turn = _STILL
 
     @property
-    def engaged(self) -> bool:
-        """The part leads."""
-        return self._engagement.engaged
-
-    @property
     def turns(self) -> bool:
         """The part leads by its orientation, too."""
         return self.engaged and self._rotation is not None
-
-    def lose(self) -> None:
-        """Disengage: something else leads."""
-        self._engagement.lose()
 
     def velocity(self, time: float) -> Vector | None:
         """Return its velocity at a time of the robot [m/s]; None while unknown or not engaged."""
@@ -131,7 +123,7 @@ class Tracker:
         """Take one tick."""
         self.step = self.turn = _STILL
         # For a tick at least: what is followed does not jump from one place to another.
-        if self._engagement.expire(time):
+        if self.expire(time):
             return False
         good = part is not None and self._accepts(part, time, foot)
         if not self.engaged:
@@ -153,7 +145,7 @@ class Tracker:
         point, rotation = part.position, None
         if foot is None:
             if not part.clutch:
-                self._engagement.release(time)
+                self.release(time)
                 return False
             if part.orientation is not None:
                 rotation = rotation_of(part.orientation)
@@ -162,27 +154,37 @@ class Tracker:
         elif part.clutch is not None:
             # A tracker's position is in no world; `FootTracker` makes a place of it.
             return False
-        if point is None or not all(map(math.isfinite, point)):
+        if point is None:
             return False
-        begin = point
-        if foot is not None and not self.engaged:
-            begin, highest = foot
-            if math.dist(point, begin) > JUMP or point[2] > highest:
+        if self.engaged:
+            if self._is_elsewhere(point, rotation):
                 return False
-            self._engagement.release(time)
-        if self._engagement.engage():
-            self.place, self._rotation = begin, None
-        elif not self.engaged or self._is_elsewhere(point, rotation):
+        elif not self._begins(point, time, foot):
             return False
         if rotation is None or self._rotation is None:
             self._rotation = rotation
         self._goal, self._turn_goal = point, rotation
-        self._engagement.refresh(time)
+        self.refresh(time)
         self._velocity.update(part.velocity, point, time)
         return True
 
+    def _begins(self, point: Vector, time: float, foot: tuple[Vector, float] | None) -> bool:
+        if not all(map(math.isfinite, point)):
+            return False
+        begin = point
+        if foot is not None:
+            begin, highest = foot
+            if math.dist(point, begin) > JUMP or point[2] > highest:
+                return False
+            self.release(time)
+        if not self.engage():
+            return False
+        self.place, self._rotation = begin, None
+        return True
+
     def _is_elsewhere(self, point: Vector, rotation: Rotation | None) -> bool:
-        if math.dist(point, self.place) > JUMP:
+        # Not a number is nowhere near.
+        if not math.dist(point, self.place) <= JUMP:
             return True
         return rotation is not None and is_turned_away(rotation, self._rotation)
 

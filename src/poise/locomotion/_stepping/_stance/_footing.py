@@ -86,35 +86,29 @@ class StanceChoice:
 
 @dataclass(kw_only=True, eq=False)
 class Footing:
-    """Estimated state, mode and stance of a tick; what follows from them is computed once.
-
-    Attributes:
-        biped: the robot.
-        dynamics: of the estimated state.
-        mode: feet that carry the robot.
-        stance: foot that is taken to be at rest; the stance foot in single support.
-        anchors: where each sole was last put down, left then right [m].
-        omega: sqrt(g / H) [1/s].
-        region: of the ZMP and the DCM in single support.
-        sensor: loads and centres of pressure of the soles.
-        pressed: how far below its place the other foot is sent in double support [m].
-        parts: loaded area of each sole in double support, left then right; None for all.
-        com_velocity: of the CoM, observed, x and y; that of `dynamics` when None [m/s].
-        has_left: whether the swing foot has left the ground.
-    """
+    """State, mode and stance of a tick; places stay those of the tick when `dynamics` moves on."""
 
     biped: Biped
     dynamics: Dynamics
     mode: Mode
-    stance: int
-    anchors: list[Float64[np.ndarray, "3"]]
-    omega: float
+    stance: int  # foot that is taken to be at rest; the stance foot in single support
+    anchors: list[Float64[np.ndarray, "3"]]  # where each sole was last put down [m]
+    omega: float  # sqrt(g / H) [1/s]
     region: SingleSupportRegion
     sensor: ZmpSensor
-    pressed: float = 0.0
-    parts: Sequence[SolePart | None] = (None, None)
-    com_velocity: Float64[np.ndarray, "2"] | None = None
-    has_left: bool = True
+    pressed: float = 0.0  # how far below its place the other foot is sent in double support [m]
+    parts: Sequence[SolePart | None] = (None, None)  # loaded areas; None for all of a sole
+    com_velocity: Float64[np.ndarray, "2"] | None = None  # observed; that of `dynamics` when None
+    has_left: bool = True  # the swing foot has left the ground
+
+    def __post_init__(self) -> None:
+        biped, placement = self.biped, self.dynamics.placement
+        self.other = 1 - self.stance
+        left, right = biped.frames
+        self.soles = placement(left), placement(right)
+        self.pelvis, self.torso = placement(biped.pelvis), placement(biped.torso)
+        self.com = self.dynamics.com
+        self.yaws = yaw_of(self.soles[0][1]), yaw_of(self.soles[1][1])
 
     @cached_property
     def zmp_reference(self) -> Float64[np.ndarray, "2"]:
@@ -123,22 +117,19 @@ class Footing:
         if carries is None:
             (x, y, _), (other_x, other_y, _) = self.sole(0).tolist(), self.sole(1).tolist()
             return np.array([0.5 * (x + other_x), 0.5 * (y + other_y)])
-        _, rotation = self.dynamics.placement(self.biped.frames[carries])
-        return np.array(self.region.rest(carries, self.anchors[carries], rotation))
+        return np.array(self.region.rest(carries, self.anchors[carries], self.soles[carries][1]))
 
     @cached_property
     def heading(self) -> Float64[np.ndarray, "2"]:
         """Unit vector where the pelvis faces, along the ground: legs cross or not as it turns."""
-        _, pelvis = self.dynamics.placement(self.biped.pelvis)
-        (x, _, _), (y, _, _), _ = pelvis.tolist()
+        (x, _, _), (y, _, _), _ = self.pelvis[1].tolist()
         length = math.hypot(x, y)
         return np.array([x / length, y / length])
 
-    @cached_property
+    @property
     def tilt(self) -> float:
         """Angle of the torso against upright [rad]."""
-        _, torso = self.dynamics.placement(self.biped.torso)
-        return math.acos(max(-1.0, min(1.0, float(torso[2, 2]))))
+        return math.acos(max(-1.0, min(1.0, float(self.torso[1][2, 2]))))
 
     @cached_property
     def support(self) -> SupportPolygon:
@@ -147,32 +138,21 @@ class Footing:
         In double support that is both, whatever their load: a foot that happens to carry nothing
         carries as soon as the ZMP moves towards it.
         """
-        biped, placement = self.biped, self.dynamics.placement
         if self.mode.single:
-            return self.region.support(self.stance, *placement(biped.frames[self.stance]))
-        placements = [placement(frame) for frame in biped.frames]
-        return both_soles(placements, biped.sizes, self.region.margin, self.parts)
+            return self.region.support(self.stance, *self.soles[self.stance])
+        return both_soles(self.soles, self.biped.sizes, self.region.margin, self.parts)
 
     @cached_property
     def capture_depth(self) -> float:
         """Depth of the DCM p + pdot / omega inside the support [m]."""
-        dynamics = self.dynamics
-        velocity = dynamics.com_velocity[:2] if self.com_velocity is None else self.com_velocity
-        (x, y, _), (speed_x, speed_y) = dynamics.com.tolist(), velocity.tolist()
+        velocity = self.com_velocity
+        velocity = self.dynamics.com_velocity[:2] if velocity is None else velocity
+        (x, y, _), (speed_x, speed_y) = self.com.tolist(), velocity.tolist()
         return self.support.depth((x + speed_x / self.omega, y + speed_y / self.omega))
 
-    @property
-    def other(self) -> int:
-        """The foot that is not the stance: the swing foot in single support."""
-        return 1 - self.stance
-
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
-        """Where a sole's centre is [m]."""
-        return self.dynamics.placement(self.biped.frames[foot])[0]
-
-    def yaw(self, foot: int) -> float:
-        """How a sole is turned, to the left of the world's x axis, from -pi to pi [rad]."""
-        return yaw_of(self.dynamics.placement(self.biped.frames[foot])[1])
+        """Return the position of a sole's centre [m]."""
+        return self.soles[foot][0]
 
     @property
     def ground(self) -> float:
@@ -184,12 +164,12 @@ class Footing:
     @property
     def lowest_ground(self) -> float:
         """Height of the lower of the places where the feet were put down [m]."""
-        return min(float(anchor[2]) for anchor in self.anchors)
+        return min(float(self.anchors[0][2]), float(self.anchors[1][2]))
 
     @property
     def highest_ground(self) -> float:
         """Height of the higher of them [m]."""
-        return max(float(anchor[2]) for anchor in self.anchors)
+        return max(float(self.anchors[0][2]), float(self.anchors[1][2]))
 
     @property
     def ground_below(self) -> float:

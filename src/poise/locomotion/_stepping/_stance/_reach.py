@@ -78,7 +78,7 @@ class FootRange:
     def bring_back(
         self,
         foot: int,
-        target: Float64[np.ndarray, "3"],
+        target: tuple[float, float, float],
         support: Float64[np.ndarray, "3"],
         hip: Float64[np.ndarray, "3"],
         heading: Float64[np.ndarray, "2"],
@@ -87,7 +87,7 @@ class FootRange:
         turns: tuple[float, float] = (0.0, 0.0),
     ) -> Float64[np.ndarray, "3"]:
         """The nearest position that the foot can be sent to."""
-        (x, y, z), (support_x, support_y, support_z) = target.tolist(), support.tolist()
+        (x, y, z), (support_x, support_y, support_z) = target, support.tolist()
         forward_x, forward_y = heading.tolist()
         across_x, across_y = (-forward_y, forward_x) if foot == 0 else (forward_y, -forward_x)
         x, y, z = x - support_x, y - support_y, min(z, support_z + self._lift_max)

@@ -86,7 +86,7 @@ class GazeLeader:
     @property
     def torso(self) -> tuple[float, float, float]:
         """Roll, pitch and yaw by which the torso shall look there; zero where a neck does [rad]."""
-        if not self._turns_torso:
+        if self.gaze is _AHEAD or not self._turns_torso:
             return (0.0, 0.0, 0.0)
         x, y, z = self.gaze[:, 0].tolist()
         return (0.0, math.atan2(-z, math.hypot(x, y)), math.atan2(y, x))

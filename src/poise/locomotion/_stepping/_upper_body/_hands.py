@@ -135,9 +135,10 @@ class HandLeader:
             operator: the guard that has checked this tick's sample.
             state: as it is measured or estimated.
         """
-        if self.task is None:
+        left, right = operator.hands
+        if self.task is None or (self._rested and not (left.engaged or right.engaged)):
             return
-        trackers = [operator.hands[side] if side < 2 else _UNLED for side in self._sides]
+        trackers = [(left, right, _UNLED)[min(side, 2)] for side in self._sides]
         for hand, tracker in enumerate(trackers):
             self._turn(hand, tracker)
             if tracker.engaged:
@@ -161,10 +162,8 @@ class HandLeader:
         self._feedback.stiffen(led=moving or not all(rests))
         if self._feedback.learns:
             self._feedback.learn(self._arms.q - state.q[-self._joints :][self._arms.index])
-        # What rests, and learns nothing, has been told where.
-        rested, self._rested = self._rested, self._arms.rests and not self._feedback.learns
-        if not (rested and self._rested):
-            self._set_target()
+        self._set_target()
+        self._rested = self._arms.rests and self._feedback.rests
 
     def targets(
         self, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]

@@ -79,6 +79,11 @@ class LimbFeedback:
                 self.bias = np.zeros(self._task.dim)
 
     @property
+    def rests(self) -> bool:
+        """True while the joints are as soft as at rest, and nothing is learned."""
+        return self._stiff == 0.0
+
+    @property
     def learns(self) -> bool:
         """Whether joints are led, or were lately, and lag says something: at rest they forget."""
         return self._stiff > 0.0 and self._firmness.learning > 0.0
