@@ -190,7 +190,7 @@ class TorqueTasks:
         places = footing.pelvis, footing.torso
         # A torso without a waist is the pelvis.
         for k in range(-len(self._trunk), 0):
-            target, (_, here) = self._trunk[k].overwrite_target(), places[k]
+            target, (_, here) = self._trunk[k].overwrite_target().ravel(), places[k]
             target[3:12] = goals[k].ravel()
             self._lasting[k].apply(target, here, learns=learns)
             if most < math.inf:
