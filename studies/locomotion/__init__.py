@@ -1,5 +1,6 @@
 """The study of locomotion: legs on what they can measure, led, pushed, told absurd things."""
 
+from studies.locomotion.cells_section import cells_section
 from studies.locomotion.estimation_section import estimation_section
 from studies.locomotion.ground_section import ground_section
 from studies.locomotion.led_section import led_section
@@ -20,6 +21,7 @@ PLAN = StudyPlan(
     "“Contact-aided invariant extended Kalman filtering for robot state estimation” (2020).",
     parts=(
         Part("estimation", "The estimate on walks", estimation_section),
+        Part("cells", "Load cells with faults", cells_section),
         Part("led", "Led by velocities", led_section),
         Part("standing", "Pushed without a step", standing_section),
         Part("ground", "Ground and bodies that nobody told of", ground_section),

@@ -1,5 +1,6 @@
 """`LateEstimate`: what studies control by, an estimate carried on over the sensors' delay."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +37,7 @@ class LateEstimate:
         config: of the estimator; its defaults when None.
         q_start: where the robot begins; home when None.
         delay: of the sensors [s].
+        fault: changes what is measured; nothing does when None.
     """
 
     def __init__(
@@ -45,14 +47,17 @@ class LateEstimate:
         *,
         q_start: Float64[np.ndarray, " nq"] | None = None,
         delay: float = DELAY,
+        fault: Callable[[RobotState], RobotState] | None = None,
     ) -> None:
+        self._fault = fault
         payload = PayloadEstimator(robot)
         self._estimator = StateEstimator(robot, config, q_start=q_start, payload=payload)
         self._predictor = StatePredictor(robot, delay, PERIOD)
 
     def update(self, state: RobotState) -> RobotState:
         """The state of now."""
-        return self._predictor.predict(self._estimator.update(state))
+        measured = state if self._fault is None else self._fault(state)
+        return self._predictor.predict(self._estimator.update(measured))
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
         """Takes in what the robot was commanded."""

@@ -1,7 +1,7 @@
 """One robot that is led by velocities, on some course, and pushed, on the estimate of its base."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,6 +114,7 @@ def walk_course(
     course: Course,
     pushes: Sequence[tuple[float, float, float]],
     sensors: SensorConfig | None = None,
+    fault: Callable[[RobotState], RobotState] | None = None,
 ) -> LedOutcome:
     """Walk a course with robot and seed of a trial, whose own course and push do not count.
 
@@ -122,6 +123,7 @@ def walk_course(
         course: to be walked.
         pushes: when each begins [s], its change of velocity [m/s], and its direction [rad].
         sensors: of the robot; the typical ones, as late as the course says, when None.
+        fault: changes what is measured.
     """
     robot = load_robot(trial.robot)
     config = PlantConfig(
@@ -146,6 +148,7 @@ def walk_course(
         EstimatorConfig(ground=course.height),
         q_start=q,
         delay=course.delay,
+        fault=fault,
     )
     poses: list[tuple[float, float, float]] = []
     changes = TorqueSteps(robot)
