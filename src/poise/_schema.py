@@ -177,9 +177,6 @@ def checked(error: type[PoiseError] = ConfigurationError) -> Callable[[type[T]],
 
     Lists become the tuples that are annotated, whole numbers floats. Its `__post_init__` comes
     afterwards and may rely on the fields.
-
-    Args:
-        error: the class of what is raised for a wrong field.
     """
 
     def decorate(kind: type[T]) -> type[T]:
@@ -205,17 +202,7 @@ def checked(error: type[PoiseError] = ConfigurationError) -> Callable[[type[T]],
 
 
 def read(kind: Any, data: Mapping[Any, Any], where: str, *, error: type[PoiseError]) -> Any:
-    """Makes a checked dataclass from the content of a file; its fields are the keys.
-
-    Args:
-        kind: the dataclass, or another type that Pydantic knows.
-        data: the content, with its lines where `read_yaml` has read it.
-        where: the file, for messages.
-        error: the class of what is raised for a wrong key or value.
-
-    Raises:
-        PoiseError: an unknown key, a missing key, a value of the wrong kind or out of its bounds.
-    """
+    """Makes a checked dataclass from the content of a file; its fields are the keys."""
     try:
         return _validator(kind).validate_python(data)
     except ValidationError as problem:
@@ -255,11 +242,7 @@ def _dataclass_schema(kind: Any, source: Any, handler: GetCoreSchemaHandler) -> 
 
 
 def mapping_schema(keys: Mapping[str, tuple[CoreSchema, bool]]) -> CoreSchema:
-    """The schema of a mapping in a file.
-
-    Args:
-        keys: what each key may hold, and whether it is needed.
-    """
+    """The schema of a mapping in a file."""
     needed = {key: required for key, (_, required) in keys.items()}
     return core_schema.no_info_before_validator_function(
         partial(_check_keys, needed),
@@ -300,13 +283,7 @@ def _check_keys(keys: Mapping[str, bool], data: object) -> object:
 
 
 def key_error(what: str, *, key: str | None = None, **said: Any) -> PydanticCustomError:
-    """An error of a mapping's keys, for Pydantic to hand on with its place.
-
-    Args:
-        what: what is wrong, with "{subject}" for the place.
-        key: the key, whose line is said.
-        said: got, wanted and choices of a `PoiseError`.
-    """
+    """An error of a mapping's keys, for Pydantic to hand on with its place."""
     return PydanticCustomError("keys", "keys", {"what": what, "key": key, "said": said})
 
 
