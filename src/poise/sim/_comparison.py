@@ -53,7 +53,7 @@ _SHOWN = 8
 
 
 def find_base(robot: Robot, model: mujoco.MjModel, prefix: str) -> pin.SE3 | None:
-    """Return the pose of the robot's base in the body of the free joint, from all joints' places."""
+    """Return the pose of the base in the body of the free joint, from all joints' places."""
     mapping = StateMap(robot, model, prefix=prefix)
     home, swung = robot.q_home[-robot.nj :], _swung(robot)[-robot.nj :]
     postures = [_with_base_at_origin(robot, joints) for joints in (home, swung)]
