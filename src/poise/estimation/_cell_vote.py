@@ -31,8 +31,9 @@ class LoadCellVote:
     All soles together carry m (g + a), as the inertial unit at the base has it. Once their cells
     differ from that, a `MomentumObserver` estimates each wrench from the joint torques. Where the
     sums of cells and estimates differ by a quarter of the weight, the cell that differs most is
-    faulty, and joint torques and all other soles determine the wrench on its sole. A push moves
-    the estimates of both feet against each other, and leaves their sum.
+    faulty, and joint torques and all other soles determine the wrench on its sole. A push moves the
+    estimates of both feet against each other, and leaves their sum. Estimates whose own sum is not
+    what the inertial unit measures accuse nobody: a rope carries the robot, or a knee is straight.
 
     Nothing is replaced where the joint torques are not measured.
 
@@ -54,7 +55,7 @@ class LoadCellVote:
         self.estimated: tuple[str, ...] = ()
         # By faulty sole, the time for which its cell has agreed with its estimate [s].
         self._faulty = dict[str, float]()
-        self._differs, self._watch = 0.0, 0.0
+        self._differs = self._unexplained = self._watch = 0.0
         self._apart = np.zeros(len(self._names))
         self._observer.reset()
 
@@ -95,12 +96,14 @@ class LoadCellVote:
             self._watch = _WATCH
         if self._watch <= 0.0 and not self._faulty and len(loads) == len(found):
             self._observer.reset()
-            self._apart[:] = 0.0
+            self._apart[:], self._unexplained = 0.0, 0.0
             return state
         self._watch -= dt
         self._observer.update(before, torque, dt)
         estimates = self._observer.wrenches
         apart = [loads[n] - estimates[n][2] if n in loads else 0.0 for n in self._names]
+        total = sum(float(wrench[2]) for wrench in estimates.values())
+        self._unexplained += gain * ((total - expected) / self._weight - self._unexplained)
         self._apart += gain * (np.array(apart) / self._weight - self._apart)
         self._judge(payload / self._weight, dt)
         self.estimated = tuple(n for n in self._names if n in self._faulty or n not in loads)
@@ -112,7 +115,8 @@ class LoadCellVote:
                 self._faulty[name] = self._faulty[name] + dt if abs(apart) < _AGREES else 0.0
                 if self._faulty[name] > _AGREED:
                     del self._faulty[name]
-        if not self._faulty and abs(float(self._apart.sum()) - payload) > _WRONG:
+        explained = abs(self._unexplained) < _AGREES
+        if not self._faulty and explained and abs(float(self._apart.sum()) - payload) > _WRONG:
             self._faulty[self._names[int(np.argmax(np.abs(self._apart)))]] = 0.0
 
     def _replaced(self, state: RobotState, before: RobotState) -> RobotState:
