@@ -58,10 +58,6 @@ def _never(*_: object, **__: object) -> bool:
     return False
 
 
-def _no_correction(*_: object, **__: object) -> np.ndarray:
-    return np.zeros(3)
-
-
 def _same_state(_tare: object, state: object, *_: object) -> object:
     return state
 
@@ -147,9 +143,9 @@ MECHANISMS = (
     ),
     Mechanism(
         name="TrunkFeedback",
-        off={f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.acceleration": _no_correction},
-        watched=f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.acceleration",
-        acts=lambda _, acceleration: bool(acceleration.any()),
+        off={f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.apply": _nothing},
+        watched=f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.apply",
+        acts=lambda call, _: bool(call[1][-3:].any()),
     ),
     Mechanism(
         name="LoadCellTare",
