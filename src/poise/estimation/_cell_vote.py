@@ -19,7 +19,7 @@ _LOW_PASS = 0.02
 
 _EVIDENCE = 0.005
 """Excess of the difference over that of sound cells, summed over time, that accuses one [s]: a dead
-cell under half the weight reaches it in 0.035 s, a hard landing 0.0003."""
+cell under half the weight reaches it in 0.04 s, a hard landing 0.0003."""
 
 _WATCH, _AGREED = 0.5, 2.0
 """Time of watching after a suspicion, and time of agreement, two steps, that clears a cell [s]."""
