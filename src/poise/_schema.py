@@ -314,7 +314,7 @@ def key_error(what: str, *, key: str | None = None, **said: Any) -> PydanticCust
 
     Args:
         what: what is wrong, with "{subject}" for the place.
-        key: the key, whose line is said.
+        key: the key at fault; its line goes into the message.
         said: got, wanted and choices of a `PoiseError`.
     """
     return PydanticCustomError("keys", "keys", {"what": what, "key": key, "said": said})

@@ -107,7 +107,7 @@ def _made_with(
 
 
 class LiveLoop(RealTimeLoop):
-    """A biped whose feet somebody leads, in real time.
+    """Real-time loop of a biped whose feet an operator moves.
 
     Args:
         robot: a biped.
