@@ -114,7 +114,6 @@ def _without_legs(leg_ratios: Callable[..., Any]) -> Callable[..., Any]:
 
 _region = _of_any_width(resolve_name(f"{_WALKING}._parts.single_support_region"))
 _margin = resolve_name(f"{_TASKS}._CAUGHT_MARGIN")
-_settings = WalkSettings()
 
 MECHANISMS = (
     Mechanism(
@@ -172,9 +171,7 @@ MECHANISMS = (
     Mechanism(
         name="capture constants",
         off={
-            f"{_LEVEL}._CAUGHT_MARGIN": _settings.zmp_margin,
-            f"{_LEVEL}._APART": _settings.clearance,
-            f"{_LEVEL}._BOUNCE_TIME": _settings.bounce_time,
+            f"{_LEVEL}._CAPTURE": WalkSettings(),
             f"{_LEVEL}._HIGHER": 1.0,
             f"{_LEVEL}._CLOSING": _FOREVER,
             f"{_LEVEL}._ROCKING": _FOREVER,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from standing import PARAMETERS, biped, estimator
+from standing import PARAMETERS, ZMP_TIME, biped, estimator
 
 from poise.dynamics import RobotState
 from poise.locomotion._stepping._stance._estimator import ZmpSensor
@@ -19,7 +19,7 @@ def pressed(robot, *points):
 
 def fresh(robot):
     ours = biped(robot)
-    return ZmpSensor(ours.frames, ours.soles, ours.weight, PARAMETERS.zmp_time, PARAMETERS.dt)
+    return ZmpSensor(ours.frames, ours.soles, ours.weight, ZMP_TIME, PARAMETERS.dt)
 
 
 @pytest.mark.parametrize("point", [(0.05, 0.0), (0.0, 0.03), (-0.04, 0.02)])

@@ -153,6 +153,7 @@ class LiveLoop(RealTimeLoop):
             parameters=self._making.parameters,
             rotator=self._making.rotator,
             solved_by=self._making.solved_by,
+            servo_gains=(self._config.servo.stiffness, self._config.servo.damping),
         )
         check_period(self.teleoperator, self._dt)
         self.teleoperator.odometry = self._odometry = Odometry()
