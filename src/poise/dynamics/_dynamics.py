@@ -113,8 +113,15 @@ class CheckedWrenches(dict[str, Float64[np.ndarray, "6"]]):
 
     def __init__(self, contacts: Mapping[str, Float64[np.ndarray, "6"]]) -> None:
         super().__init__(contacts)
-        checked = ((name, _usable_wrench(found)) for name, found in contacts.items())
-        self.usable = {name: wrench for name, wrench in checked if wrench is not None}
+        usable: dict[str, Float64[np.ndarray, "6"]] = {}
+        self.usable = usable
+        if type(contacts) is CheckedWrenches:
+            usable.update(contacts.usable)
+            return
+        for name, found in contacts.items():
+            wrench = _usable_wrench(found)
+            if wrench is not None:
+                usable[name] = wrench
 
 
 def _usable_wrench(found: Numbers) -> Float64[np.ndarray, "6"] | None:

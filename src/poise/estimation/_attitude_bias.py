@@ -1,7 +1,6 @@
 """`AttitudeBiasEstimator`: how far an attitude is off, by what soles push along the ground."""
 
 import math
-from collections.abc import Iterable
 
 import numpy as np
 from jaxtyping import Float64
@@ -84,7 +83,7 @@ class AttitudeBiasEstimator:
     def update(
         self,
         time: float,
-        forces: Iterable[Float64[np.ndarray, "3"] | None],
+        force: Float64[np.ndarray, "3"] | None,
         com_velocity: Float64[np.ndarray, "3"],
         world_R_base: Float64[np.ndarray, "3 3"],
     ) -> None:
@@ -92,13 +91,15 @@ class AttitudeBiasEstimator:
 
         Args:
             time: of the state [s].
-            forces: of the soles along the world's axes [N]; None of one that measures nothing.
+            force: of all soles along the world's axes, in any unit; None if one measures nothing.
             com_velocity: velocity of the centre of mass [m/s].
             world_R_base: the attitude.
         """
         dt = time - self._time
-        felt = None if dt == 0.0 else _felt(forces, com_velocity)
-        if felt is None:
+        if dt == 0.0 or force is None:
+            return
+        felt = [*force.tolist(), *com_velocity.tolist()]
+        if not math.isfinite(sum(felt)):
             return
         self._time = time
         if self._low is None or not 0.0 < dt <= _LONGEST:
@@ -110,8 +111,9 @@ class AttitudeBiasEstimator:
         pairs = zip(self._low, felt, strict=True)
         low = self._low = [old + step * (new - old) for old, new in pairs]
         self._variance += b.walk**2 * dt
-        a_x, a_y, a_z = [(felt[k] - low[k]) / b.smoothing for k in (3, 4, 5)]
-        f_x, f_y, f_z, *_ = low
+        f_x, f_y, f_z, v_x, v_y, v_z = low
+        a_x, a_y, a_z = felt[3] - v_x, felt[4] - v_y, felt[5] - v_z
+        a_x, a_y, a_z = a_x / b.smoothing, a_y / b.smoothing, a_z / b.smoothing
         if f_z <= 0.0 or max(abs(a_x), abs(a_y), abs(a_z)) > b.shock:
             return
         part = (a_z + GRAVITY) / f_z
@@ -119,23 +121,8 @@ class AttitudeBiasEstimator:
         noise = b.noise * (1.0 + (left_x * left_x + left_y * left_y) / b.push**2)
         gain = self._variance / (self._variance + noise**2 / dt)
         self._variance -= gain * self._variance
-        along_x, along_y, _ = world_R_base[0].tolist()
-        across_x, across_y, _ = world_R_base[1].tolist()
-        x, y = self._bias
-        x += min(max(gain * (along_x * left_x + across_x * left_y), -b.rate * dt), b.rate * dt)
-        y += min(max(gain * (along_y * left_x + across_y * left_y), -b.rate * dt), b.rate * dt)
+        (along_x, along_y, _), (across_x, across_y, _), _ = world_R_base.tolist()
+        (x, y), most = self._bias, b.rate * dt
+        x += min(max(gain * (along_x * left_x + across_x * left_y), -most), most)
+        y += min(max(gain * (along_y * left_x + across_y * left_y), -most), most)
         self._bias = (min(max(x, -b.most), b.most), min(max(y, -b.most), b.most))
-
-
-def _felt(
-    forces: Iterable[Float64[np.ndarray, "3"] | None], com_velocity: Float64[np.ndarray, "3"]
-) -> list[float] | None:
-    """Force of the soles and velocity of the centre of mass; None where something is missing."""
-    x = y = z = 0.0
-    for force in forces:
-        if force is None:
-            return None
-        f_x, f_y, f_z = force.tolist()
-        x, y, z = x + f_x, y + f_y, z + f_z
-    felt = [x, y, z, *com_velocity.tolist()]
-    return felt if math.isfinite(sum(felt)) else None

@@ -74,6 +74,8 @@ class PayloadEstimator:
         belief: what it believes.
         payload: mass and offset as they are told, changed no faster than `belief` says; None until
             there is something to tell.
+        force: of all soles in the last state, along the world's axes, by the robot's mass [m/s^2];
+            None where one measures nothing of use.
 
     Raises:
         ConfigurationError: the robot has no floating base or no sole.
@@ -100,7 +102,7 @@ class PayloadEstimator:
             frames=FrameBlock(**frames_of(robot.model, frame_ids)._asdict()),
             momentum=self._data.hg.vector,
         )
-        self._rows = list(self._memory.wrenches)
+        self._rows, self._felt_force = list(self._memory.wrenches), self._memory.felt[:3]
         # What is told changes in these steps, and no faster than that.
         self._steps = np.array([_MASS_STEP, *[_OFFSET_STEP] * 3, *[_HELD_STEP] * hands])
         self._rates = np.array([b.mass_rate, *[b.offset_rate] * 3, *[b.held_rate] * hands])
@@ -113,6 +115,7 @@ class PayloadEstimator:
     def reset(self) -> None:
         """Forgets everything: the robot is as its description says."""
         self.payload: Payload | None = None
+        self.force: Float64[np.ndarray, "3"] | None = None
         self._time, self._since = math.nan, 0.0
         self._mean = np.zeros(4)
         b = self.belief
@@ -172,6 +175,7 @@ class PayloadEstimator:
 
     def _feel(self, state: RobotState, gain: float) -> bool:
         """Smooth what soles and hands do; False where there is nothing, or numbers of no use."""
+        self.force = None
         if state.q.shape != (self._model.nq,) or state.v.shape != (self._model.nv,):
             return False
         for row, name in zip(self._rows, self._soles, strict=True):
@@ -180,7 +184,10 @@ class PayloadEstimator:
                 return False
             row[:] = wrench
         pin.computeCentroidalMomentum(self._model, self._data, state.q, state.v)
-        return feel(self._memory.address, gain)
+        if not feel(self._memory.address, gain):
+            return False
+        self.force = self._felt_force
+        return True
 
     def _correct(self, dt: float) -> None:
         """One step of the filter, all by the robot's mass."""
