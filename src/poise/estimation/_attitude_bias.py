@@ -5,6 +5,7 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
+from poise._compiled import Block, allocate, compiled, view
 from poise.estimation._config import AttitudeBiasBelief
 from poise.robots import GRAVITY
 
@@ -13,6 +14,19 @@ _TINY = 1e-9
 
 _LONGEST = 0.05
 """A clock that jumps farther says nothing of what happened meanwhile [s]."""
+
+
+# Where the numbers of `_Memory.belief` stand.
+_SMOOTHING, _WALK, _SHOCK, _NOISE, _PUSH, _RATE, _MOST = range(7)
+
+
+class _Memory(Block):
+    belief: Float64[np.ndarray, " numbers"]
+    bias: Float64[np.ndarray, "2"]  # about the base's x and y [rad]
+    variance: Float64[np.ndarray, "1"]  # [rad^2]
+    felt: Float64[np.ndarray, "6"]  # force of the soles, and velocity of the CoM [m/s]
+    low: Float64[np.ndarray, "6"]  # `felt`, smoothed
+    world_R_base: Float64[np.ndarray, "3 3"]
 
 
 class AttitudeBiasEstimator:
@@ -42,20 +56,23 @@ class AttitudeBiasEstimator:
     """
 
     def __init__(self, belief: AttitudeBiasBelief | None = None) -> None:
-        self.belief = belief if belief is not None else AttitudeBiasBelief()
+        self.belief = b = belief if belief is not None else AttitudeBiasBelief()
+        believed = (b.smoothing, b.walk, b.shock, b.noise, b.push, b.rate, b.most)
+        sizes = {str(n): n for n in (1, 2, 3, 6)}
+        self._memory = allocate(_Memory, sizes, belief=np.array(believed))
+        # What is compiled is compiled now, not in the first tick.
+        _learn(self._memory.address, 0.0)
         self.reset()
 
     def reset(self) -> None:
         """Forgets everything: the attitude is right."""
-        self._bias = (0.0, 0.0)
-        self._variance = self.belief.likely**2
+        self._memory.bias[:], self._memory.variance[0] = 0.0, self.belief.likely**2
         self._time = math.nan
-        self._low: list[float] | None = None
 
     @property
     def bias(self) -> Float64[np.ndarray, "2"]:
         """Phi, about the base's x and y [rad]."""
-        return np.array(self._bias)
+        return self._memory.bias.copy()
 
     def corrected(self, quaternion: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "4"]:
         """An attitude less its error.
@@ -64,7 +81,7 @@ class AttitudeBiasEstimator:
             quaternion: of the base as measured, x, y, z, w.
         """
         x, y, z, w = quaternion.tolist()
-        a, b = self._bias
+        a, b = self._memory.bias.tolist()
         angle = math.hypot(a, b)
         # Of the turn by -phi: its quaternion's real part, and what of -phi its imaginary part is.
         c, part = math.cos(0.5 * angle), -0.5
@@ -98,31 +115,37 @@ class AttitudeBiasEstimator:
         dt = time - self._time
         if dt == 0.0 or force is None:
             return
-        felt = [*force.tolist(), *com_velocity.tolist()]
-        if not math.isfinite(sum(felt)):
-            return
-        self._time = time
-        if self._low is None or not 0.0 < dt <= _LONGEST:
-            self._low = felt
-            return
-        b = self.belief
-        # A few numbers are several times as quick as such than as arrays.
-        step = -math.expm1(-dt / b.smoothing)
-        pairs = zip(self._low, felt, strict=True)
-        low = self._low = [old + step * (new - old) for old, new in pairs]
-        self._variance += b.walk**2 * dt
-        f_x, f_y, f_z, v_x, v_y, v_z = low
-        a_x, a_y, a_z = felt[3] - v_x, felt[4] - v_y, felt[5] - v_z
-        a_x, a_y, a_z = a_x / b.smoothing, a_y / b.smoothing, a_z / b.smoothing
-        if f_z <= 0.0 or max(abs(a_x), abs(a_y), abs(a_z)) > b.shock:
-            return
-        part = (a_z + GRAVITY) / f_z
-        left_x, left_y = (a_y - part * f_y) / GRAVITY, (part * f_x - a_x) / GRAVITY
-        noise = b.noise * (1.0 + (left_x * left_x + left_y * left_y) / b.push**2)
-        gain = self._variance / (self._variance + noise**2 / dt)
-        self._variance -= gain * self._variance
-        (along_x, along_y, _), (across_x, across_y, _), _ = world_R_base.tolist()
-        (x, y), most = self._bias, b.rate * dt
-        x += min(max(gain * (along_x * left_x + across_x * left_y), -most), most)
-        y += min(max(gain * (along_y * left_x + across_y * left_y), -most), most)
-        self._bias = (min(max(x, -b.most), b.most), min(max(y, -b.most), b.most))
+        m = self._memory
+        m.felt[:3], m.felt[3:], m.world_R_base[:] = force, com_velocity, world_R_base
+        if _learn(m.address, dt if 0.0 < dt <= _LONGEST else 0.0):
+            self._time = time
+
+
+@compiled
+def _learn(address: int, dt: float) -> bool:
+    """Go on by a time, or begin anew with none; False for what is not finite."""
+    m = view(_Memory, address)
+    felt, low, bias, R = m.felt, m.low, m.bias, m.world_R_base
+    b = m.belief
+    smoothing, push = b[_SMOOTHING], b[_PUSH]
+    for i in range(6):
+        if not abs(felt[i]) < math.inf:
+            return False
+    step = -math.expm1(-dt / smoothing) if dt > 0.0 else 1.0
+    for i in range(6):
+        low[i] = low[i] + step * (felt[i] - low[i]) if dt > 0.0 else felt[i]
+    m.variance[0] += b[_WALK] * b[_WALK] * dt
+    a_x, a_y, a_z = felt[3] - low[3], felt[4] - low[4], felt[5] - low[5]
+    a_x, a_y, a_z = a_x / smoothing, a_y / smoothing, a_z / smoothing
+    if dt == 0.0 or low[2] <= 0.0 or max(abs(a_x), abs(a_y), abs(a_z)) > b[_SHOCK]:
+        return True
+    part = (a_z + GRAVITY) / low[2]
+    left_x, left_y = (a_y - part * low[1]) / GRAVITY, (part * low[0] - a_x) / GRAVITY
+    noise = b[_NOISE] * (1.0 + (left_x * left_x + left_y * left_y) / (push * push))
+    gain = m.variance[0] / (m.variance[0] + noise * noise / dt)
+    m.variance[0] -= gain * m.variance[0]
+    for i in range(2):
+        change, most = gain * (R[0, i] * left_x + R[1, i] * left_y), b[_RATE] * dt
+        changed = bias[i] + min(max(change, -most), most)
+        bias[i] = min(max(changed, -b[_MOST]), b[_MOST])
+    return True
