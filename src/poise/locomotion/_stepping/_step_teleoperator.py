@@ -169,7 +169,7 @@ class StepTeleoperator:
         """Forget the past: both feet stand where they stood at the start."""
         biped, p = self._biped, self.parameters
         self.estimator.reset()
-        self.zmp_sensor = ZmpSensor(biped.frames, self.soles, biped.weight, p.zmp_time, p.dt)
+        self.zmp_sensor = ZmpSensor(biped.weight, p.zmp_time, p.dt)
         self._level.reset(self.zmp_sensor)
         self.hands.reset()
         self.gaze.reset()
@@ -267,7 +267,7 @@ class StepTeleoperator:
         # A device may read the status of the tick before.
         self._sample = guard.read(self.device, state.time)
         self._status = None
-        self.zmp_sensor.update(state, dynamics)
+        self.zmp_sensor.update(estimator.sense)
         soles = (estimator.sole(0), estimator.sole(1))
         command = guard.check(self._sample, state.time, soles, estimator.anchors)
         self.hands.lead(guard, state)

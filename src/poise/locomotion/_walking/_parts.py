@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._single_support import SingleSupportRegion, single_support_region
@@ -87,9 +86,9 @@ def make_parts(
     limits: VelocityLimits,
     ground: Ground,
     carry: Sequence[str] | None,
-    dynamics: Dynamics | None = None,
+    sense: WalkSense | None = None,
 ) -> WalkParts:
-    """The parts of a walk, for one robot and stack; who has a `Dynamics` of each state gives it."""
+    """The parts of a walk, for one robot and stack, with a sense of its own if none is given."""
     height = stand.com[2] - stand.middle[2] - gait.crouch
     ratios = leg_ratios(robot, stand.q, stand.soles)
     legs = LegMomentum(ratios.ahead, natural_frequency(height))
@@ -112,7 +111,7 @@ def make_parts(
         _check_width(gait.width, room, stand)
     commands = StepCommands(limits, room, gait.step_time, ground)
     tasks = find_walk_tasks(robot, stand, stack, carry)
-    sense = WalkSense(robot, stand.soles, dynamics)
+    sense = WalkSense(robot, stand.soles) if sense is None else sense
     areas = [CarryingArea(sense, foot, contact) for foot, contact in enumerate(tasks.contacts)]
     times = StepTimes(gait.swing_time, gait.double_support)
     stance = Stance(sense, stand, settings.zmp_margin, areas)

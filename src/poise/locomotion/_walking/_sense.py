@@ -35,6 +35,9 @@ LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
 
 
+_Pose = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]
+
+
 class _SoleMemory(Block):
     motion: MotionBlock
     frames: FrameBlock  # the soles
@@ -42,14 +45,16 @@ class _SoleMemory(Block):
 
 
 class WalkSense:
-    """Centre of mass, soles and loads of the last state; the next one overwrites all arrays.
+    """Centre of mass, soles and loads of the last state.
 
     With a `Dynamics`, whose last state each state is, nothing is evaluated twice.
 
     Attributes:
+        state: the last one.
         com: centre of mass [m].
         com_velocity: its velocity [m/s].
         positions: of the left and the right sole [m].
+        rotations: of both, world_R_sole row by row.
         velocities: of both, linear then angular, along their own axes [m/s, rad/s].
         weight: of the robot as it is described [N].
         wrenches: measured on the left and the right sole, see `RobotState.contacts`; None where
@@ -76,21 +81,22 @@ class WalkSense:
             frames=FrameBlock(**frames._asdict()),
         )
         self._seen, self._com, self._com_velocity = memory.seen, data.com[0], data.vcom[0]
-        self._poses = [
-            (row[:ROTATION], row[ROTATION:VELOCITY].reshape(3, 3)) for row in memory.seen
-        ]
+        self.state: RobotState | None = None
         # Compiled now, not in the first tick.
         self._look(self._com, self._com_velocity)
 
     def update(self, state: RobotState) -> None:
         """Take a state in."""
         if self._dynamics is not None:
+            if state is self.state:
+                return
             self._look(self._dynamics.com, self._dynamics.com_velocity)
         else:
             if state.payload is not self._payload:
                 self._carry(state.payload)
             pin.centerOfMass(self._model, self._data, state.q, state.v, False)
             self._look(self._com, self._com_velocity)
+        self.state = state
         found = [state.wrench(sole) for sole in self._soles]
         self.wrenches = [None if wrench is None else wrench.tolist() for wrench in found]
 
@@ -99,8 +105,11 @@ class WalkSense:
     ) -> None:
         """Copy what is evaluated, as plain numbers."""
         _see(self._memory.address)
-        left, right = self._seen.tolist()
+        self._rows = self._seen.copy()
+        self._poses: dict[int, _Pose] = {}
+        left, right = self._rows.tolist()
         self.positions = left[:ROTATION], right[:ROTATION]
+        self.rotations = left[ROTATION:VELOCITY], right[ROTATION:VELOCITY]
         self.velocities = left[VELOCITY:BIAS], right[VELOCITY:BIAS]
         self.com, self.com_velocity = com.tolist(), com_velocity.tolist()
 
@@ -112,13 +121,17 @@ class WalkSense:
         self._loaded.carry(payload)
         self._payload = payload
 
-    def sole(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
+    def sole(self, foot: int) -> _Pose:
         """Return position [m] and rotation of a sole in the world."""
-        return self._poses[foot]
+        pose = self._poses.get(foot)
+        if pose is None:
+            row = self._rows[foot]
+            pose = self._poses[foot] = row[:ROTATION], row[ROTATION:VELOCITY].reshape(3, 3)
+        return pose
 
-    def lower_edge(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
+    def lower_edge(self, foot: int) -> _Pose:
         """Return `sole`, but as high as the lower edge of one that leans."""
-        position, rotation = self._poses[foot]
+        position, rotation = self.sole(foot)
         return position - np.array([0.0, 0.0, self.edge_drop(foot)[0]]), rotation
 
     def edge_drop(self, foot: int) -> tuple[float, float]:
@@ -126,7 +139,7 @@ class WalkSense:
         half = self._edges[foot]
         if half == 0.0:
             return 0.0, 0.0
-        tilt = float(self._poses[foot][1][2, 1])
+        tilt = self.rotations[foot][7]
         return half * abs(tilt), math.copysign(half, tilt) * self.velocities[foot][3]
 
     def lower_edge_velocity(self, foot: int) -> tuple[float, float, float]:
@@ -136,9 +149,12 @@ class WalkSense:
 
     def _in_world(self, foot: int, vector: list[float]) -> tuple[float, float, float]:
         """Return a vector along a sole's axes along those of the world."""
-        x, y, z, *_ = vector
-        a, b, c = (i * x + j * y + k * z for i, j, k in self._poses[foot][1].tolist())
-        return a, b, c
+        (x, y, z, *_), R = vector, self.rotations[foot]
+        return (
+            R[0] * x + R[1] * y + R[2] * z,
+            R[3] * x + R[4] * y + R[5] * z,
+            R[6] * x + R[7] * y + R[8] * z,
+        )
 
     def placement(self, foot: int) -> Placement:
         """Return where a sole lies."""

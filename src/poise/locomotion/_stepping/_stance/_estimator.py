@@ -19,6 +19,7 @@ from poise.estimation import (
     StampedPredictor,
     StateEstimator,
 )
+from poise.locomotion._walking import WalkSense
 from poise.robots import Robot
 
 _DONE = 0.5
@@ -55,15 +56,8 @@ class ZmpSensor:
             where nothing presses.
     """
 
-    def __init__(
-        self,
-        frames: tuple[int, int],
-        names: tuple[str, str],
-        weight: float,
-        time_constant: float,
-        dt: float,
-    ) -> None:
-        self._frames, self._names, self._least = frames, names, _LEAST_LOAD * weight
+    def __init__(self, weight: float, time_constant: float, dt: float) -> None:
+        self._least = _LEAST_LOAD * weight
         self._gain = dt / (time_constant + dt)
         self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)
         self.loads: Float64[np.ndarray, "2"] = np.zeros(2)
@@ -71,20 +65,18 @@ class ZmpSensor:
         self.centres: list[tuple[float, float] | None] = [None, None]
         self._fresh = True
 
-    def update(self, state: RobotState, dynamics: Dynamics) -> None:
+    def update(self, sense: WalkSense) -> None:
         """Reads one measurement."""
         pressed_x = pressed_y = total = 0.0
-        for i, (frame_id, name) in enumerate(zip(self._frames, self._names, strict=True)):
-            wrench = state.wrench(name)
-            fx, fy, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench.tolist()
+        for i, wrench in enumerate(sense.wrenches):
+            fx, fy, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench
             self.loads[i] = load = load if load > 0.0 else 0.0
             self.pulls[i] = (fx, fy)
             self.centres[i] = (-my / load, mx / load) if load > self._least else None
             if load > self._least:
-                position, rotation = dynamics.placement(frame_id)
-                (x, y, _), (x_axis, y_axis, _) = position.tolist(), rotation.tolist()
-                pressed_x += load * x - x_axis[0] * my + x_axis[1] * mx
-                pressed_y += load * y - y_axis[0] * my + y_axis[1] * mx
+                (x, y, _), R = sense.positions[i], sense.rotations[i]
+                pressed_x += load * x - R[0] * my + R[1] * mx
+                pressed_y += load * y - R[3] * my + R[4] * mx
                 total += load
         if total <= 0.0:
             return
@@ -125,6 +117,7 @@ class StanceEstimator:
     ) -> None:
         self.dynamics = Dynamics(robot)
         self._robot, self._data = robot, robot.model.createData()
+        self._sense = WalkSense(robot, soles, self.dynamics)
         self._soles = [robot.frame_id(name) for name in soles]
         self._world_R_base = self.dynamics.motion.placements[_BASE, :9].reshape(3, 3).T
         self._start = RobotState(q_start, np.zeros(robot.nv))
@@ -145,7 +138,7 @@ class StanceEstimator:
             if part is not None:
                 part.reset()
         self.dynamics.update(self._start)
-        self.anchors[:] = [self.dynamics.placement(i)[0].copy() for i in self._soles]
+        self.anchors[:] = [self.sole(foot).copy() for foot in (0, 1)]
         self.stance = 1
 
     def update(self, state: RobotState) -> RobotState:
@@ -211,15 +204,21 @@ class StanceEstimator:
         """Whether a sole is clear of where it stood."""
         if foot == self.stance:
             return False
-        return float(self.sole(foot)[2] - self.anchors[foot][2]) > _CLEAR
+        return self.sense.positions[foot][2] - float(self.anchors[foot][2]) > _CLEAR
+
+    @property
+    def sense(self) -> WalkSense:
+        """CoM, soles and loads of the state of `dynamics`."""
+        self._sense.update(self.dynamics.state)
+        return self._sense
 
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Where a sole's centre is [m]."""
-        return self.dynamics.placement(self._soles[foot])[0]
+        return self.sense.sole(foot)[0]
 
     def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
         """How a sole is turned, world_R_sole."""
-        return self.dynamics.placement(self._soles[foot])[1]
+        return self.sense.sole(foot)[1]
 
     def put_down(self, foot: int) -> None:
         """A sole stands on the ground where it is now."""

@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float64
 
-from poise.dynamics import Dynamics
 from poise.locomotion._single_support import SingleSupportRegion
 from poise.locomotion._stepping._stance._biped import Biped
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
@@ -89,10 +88,9 @@ class Footing:
     """State, mode and stance of a tick; places stay those of the tick when `dynamics` moves on."""
 
     biped: Biped
-    dynamics: Dynamics
+    estimator: StanceEstimator
     mode: Mode
     stance: int  # foot that is taken to be at rest; the stance foot in single support
-    anchors: list[Float64[np.ndarray, "3"]]  # where each sole was last put down [m]
     omega: float  # sqrt(g / H) [1/s]
     region: SingleSupportRegion
     sensor: ZmpSensor
@@ -102,10 +100,12 @@ class Footing:
     has_left: bool = True  # the swing foot has left the ground
 
     def __post_init__(self) -> None:
-        biped, placement = self.biped, self.dynamics.placement
-        self.other = 1 - self.stance
-        left, right = biped.frames
-        self.soles = placement(left), placement(right)
+        biped, estimator = self.biped, self.estimator
+        # Places where each sole was last put down [m].
+        self.anchors, self.dynamics = estimator.anchors, estimator.dynamics
+        self.other, placement = 1 - self.stance, self.dynamics.placement
+        sense = estimator.sense
+        self.soles = sense.sole(0), sense.sole(1)
         self.pelvis, self.torso = placement(biped.pelvis), placement(biped.torso)
         self.com = self.dynamics.com
         self.yaws = yaw_of(self.soles[0][1]), yaw_of(self.soles[1][1])
