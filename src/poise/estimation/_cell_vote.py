@@ -11,8 +11,8 @@ from poise.estimation._momentum import MomentumObserver
 from poise.robots import GRAVITY, Robot
 
 _SUSPICIOUS, _WRONG, _AGREES = 0.15, 0.25, 0.125
-"""Parts of the weight: a difference to the inertial unit that is looked into, on walks at most 0.11;
-one of a faulty cell, half the load of each of two feet; and half of that."""
+"""Parts of the weight: a difference to the inertial unit that is looked into, on walks at most
+0.11; one of a faulty cell, half the load of each of two feet; and half of that."""
 
 _LOW_PASS = 0.02
 """Time constant of all differences, three times the observer's [s]."""

@@ -35,6 +35,13 @@ class SupportPolygon:
         # Inward unit normal and offset of each.
         self._edges: list[list[float]] = edges[:count].tolist()
 
+    @classmethod
+    def of_edges(cls, edges: list[list[float]]) -> "SupportPolygon":
+        """The polygon of inward unit normals and offsets, counter-clockwise."""
+        polygon = cls.__new__(cls)
+        polygon._edges = edges
+        return polygon
+
     def depth(self, point: Point) -> float:
         """How far a point is inside the shrunk polygon; negative outside [m]."""
         x, y = point
@@ -61,9 +68,7 @@ class SupportPolygon:
 
     def grown(self, by: float) -> "SupportPolygon":
         """The same with its edge farther out."""
-        grown = SupportPolygon([], 0.0)
-        grown._edges = [[nx, ny, c - by] for nx, ny, c in self._edges]
-        return grown
+        return SupportPolygon.of_edges([[nx, ny, c - by] for nx, ny, c in self._edges])
 
     def towards(self, start: Point, point: Point) -> Point:
         """The last point inside from a start that is inside towards a point; else the nearest."""
@@ -177,6 +182,21 @@ def _common(middle: float, size: float, lower: float, upper: float) -> tuple[flo
     return 0.5 * (begin + end), end - begin
 
 
+def one_sole(
+    part: SolePart,
+    position: Float64[np.ndarray, "3"],
+    rotation: Float64[np.ndarray, "3 3"],
+    margin: float,
+) -> SupportPolygon:
+    """Return the support polygon of a part of one foot."""
+    corners = part.corners(position, rotation, 0.0)
+    if _side(*corners[:3]) < 0.0:
+        corners.reverse()
+    # A rectangle is its own hull.
+    pairs = zip(corners, corners[1:] + corners[:1], strict=True)
+    return SupportPolygon.of_edges([_edge(a, b, margin) for a, b in pairs])
+
+
 def both_soles(
     placements: Sequence[tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]],
     sizes: Sequence[Point],
@@ -247,6 +267,19 @@ def _find_edges(
         nx, ny = nx / length, ny / length
         edges[i, 0], edges[i, 1], edges[i, 2] = nx, ny, nx * a[0] + ny * a[1] + margin
     return count
+
+
+def _side(a: Point, b: Point, c: Point) -> float:
+    """Positive where a way from `a` over `b` to `c` turns to the left."""
+    return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+
+
+def _edge(a: Point, b: Point, margin: float) -> list[float]:
+    """Inward normal and offset of the edge between two corners, counter-clockwise."""
+    nx, ny = a[1] - b[1], b[0] - a[0]
+    length = math.sqrt(nx * nx + ny * ny)
+    nx, ny = nx / length, ny / length
+    return [nx, ny, nx * a[0] + ny * a[1] + margin]
 
 
 def _meet(a: Sequence[float], b: Sequence[float]) -> Point:

@@ -100,9 +100,7 @@ class WalkSense:
         found = [state.wrench(sole) for sole in self._soles]
         self.wrenches = [None if wrench is None else wrench.tolist() for wrench in found]
 
-    def _look(
-        self, com: Float64[np.ndarray, "3"], com_velocity: Float64[np.ndarray, "3"]
-    ) -> None:
+    def _look(self, com: Float64[np.ndarray, "3"], com_velocity: Float64[np.ndarray, "3"]) -> None:
         """Copy what is evaluated, as plain numbers."""
         _see(self._memory.address)
         self._rows = self._seen.copy()

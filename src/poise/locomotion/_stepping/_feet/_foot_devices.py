@@ -6,12 +6,17 @@
 import math
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.locomotion._stepping._feet._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._operator import OperatorSample
-from poise.locomotion._stepping._stance import Footing, FootRange, TeleopParameters, wrapped
+from poise.locomotion._stepping._stance import (
+    Footing,
+    FootRange,
+    TeleopParameters,
+    turn_to_left,
+    wrapped,
+)
 from poise.locomotion._walking import HeldFlight, StepEnd
 
 _STUCK_TIME = 0.3
@@ -25,8 +30,6 @@ _TURN_RATE, _CLEAR = 1.0, 0.02
 
 FOOT_TURNS = (0.12, 0.6)
 """Largest turn of a foot inwards and outwards against the other one [rad]."""
-
-_LEVEL = np.eye(3)
 
 
 class LiftDetector:
@@ -214,8 +217,7 @@ class FootDevices(DeviceEvents):
         if here_z - footing.ground_below > _CLEAR:
             self._turn(foot, footing, dt)
         yaw = self._yaw
-        rotation = pin.exp3(np.array([0.0, 0.0, yaw])) if yaw else _LEVEL
-        flight.move(np.array([x, y, z]), velocity, rotation, yaw)
+        flight.move(np.array([x, y, z]), velocity, turn_to_left(yaw), yaw)
 
     def _turn(self, foot: int, footing: Footing, dt: float) -> None:
         """Turn a foot as far as it may be against the other one."""

@@ -7,6 +7,7 @@ from poise.locomotion._stepping._stance._footing import (
     Footing,
     StanceChoice,
     mean_angle,
+    turn_to_left,
     wrapped,
     yaw_of,
 )
@@ -30,6 +31,7 @@ __all__ = [
     "biped_of",
     "leg_joints",
     "mean_angle",
+    "turn_to_left",
     "wrapped",
     "yaw_of",
 ]

@@ -190,6 +190,12 @@ def yaw_of(rotation: Float64[np.ndarray, "3 3"]) -> float:
     return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
+def turn_to_left(angle: float) -> Float64[np.ndarray, "3 3"]:
+    """Rotation about the vertical [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+
+
 def wrapped(angle: float) -> float:
     """The same angle, from -pi to pi [rad]."""
     return math.remainder(angle, 2.0 * math.pi)
