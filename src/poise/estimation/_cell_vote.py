@@ -1,6 +1,7 @@
 """`LoadCellVote`: load cells outvoted by joint torques, the inertial unit and the other soles."""
 
 import math
+import operator
 
 import numpy as np
 from jaxtyping import Float64
@@ -79,12 +80,12 @@ class LoadCellVote:
         torque, force = reading.torque, reading.specific_force
         if not (is_array(torque, self._joints) and is_array(force, 3)):
             return state
-        lift = float(up.dot(force))
+        lift = sum(map(operator.mul, up.tolist(), force.tolist()))
         if not (math.isfinite(lift) and all_finite(torque)):
             # What the observer has found so far would never be numbers again.
             self._observer.reset()
             return state
-        loads = dict[str, float]()
+        loads: dict[str, float] = {}
         for name in self._names:
             wrench = state.wrench(name)
             if wrench is not None:

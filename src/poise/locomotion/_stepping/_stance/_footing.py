@@ -105,10 +105,11 @@ class Footing:
         self.anchors, self.dynamics = estimator.anchors, estimator.dynamics
         self.other, placement = 1 - self.stance, self.dynamics.placement
         sense = estimator.sense
-        self.soles = sense.sole(0), sense.sole(1)
+        self.soles, self.rotations = (sense.sole(0), sense.sole(1)), sense.rotations
         self.pelvis, self.torso = placement(biped.pelvis), placement(biped.torso)
         self.com = self.dynamics.com
-        self.yaws = yaw_of(self.soles[0][1]), yaw_of(self.soles[1][1])
+        left, right = sense.rotations
+        self.yaws = math.atan2(left[3], left[0]), math.atan2(right[3], right[0])
 
     @cached_property
     def zmp_reference(self) -> Float64[np.ndarray, "2"]:
