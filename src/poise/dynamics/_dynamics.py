@@ -86,8 +86,8 @@ class RobotState:
         payload: Payload | None = None,
     ) -> None:
         take = object.__setattr__
-        take(self, "q", _as_numbers(q))
-        take(self, "v", _as_numbers(v))
+        take(self, "q", q if type(q) is np.ndarray and q.dtype == _NUMBER else _as_numbers(q))
+        take(self, "v", v if type(v) is np.ndarray and v.dtype == _NUMBER else _as_numbers(v))
         take(self, "contacts", {} if contacts is None else contacts)
         take(self, "time", time.item() if isinstance(time, np.generic) else time)
         take(self, "readings", readings)
@@ -135,8 +135,6 @@ def _usable_wrench(found: Numbers) -> Float64[np.ndarray, "6"] | None:
 
 def _as_numbers(value: Numbers) -> Numbers:
     """An array of float64, or what was given where it cannot become one."""
-    if type(value) is np.ndarray and value.dtype == _NUMBER:
-        return value
     # An array of a kind of its own, as one that counts operations, stays that.
     if type(value) not in (np.ndarray, list, tuple):
         return value

@@ -90,6 +90,7 @@ class PayloadEstimator:
             )
         self.belief = belief if belief is not None else PayloadBelief()
         self._model, self._data, self._mass = robot.model, robot.model.createData(), robot.mass
+        self._shapes = (robot.nq,), (robot.nv,)
         self._soles, self._torso = tuple(robot.soles), robot.frame_id(robot.torso)
         names = (*self._soles, *robot.hands)
         self._hands = HandLoads(robot, self.belief)
@@ -176,7 +177,7 @@ class PayloadEstimator:
     def _feel(self, state: RobotState, gain: float) -> bool:
         """Smooth what soles and hands do; False where there is nothing, or numbers of no use."""
         self.force = None
-        if state.q.shape != (self._model.nq,) or state.v.shape != (self._model.nv,):
+        if state.q.shape != self._shapes[0] or state.v.shape != self._shapes[1]:
             return False
         for row, name in zip(self._rows, self._soles, strict=True):
             wrench = state.wrench(name)

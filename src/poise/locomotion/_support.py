@@ -188,13 +188,26 @@ def one_sole(
     rotation: Float64[np.ndarray, "3 3"],
     margin: float,
 ) -> SupportPolygon:
-    """Return the support polygon of a part of one foot."""
-    corners = part.corners(position, rotation, 0.0)
-    if _side(*corners[:3]) < 0.0:
-        corners.reverse()
-    # A rectangle is its own hull.
-    pairs = zip(corners, corners[1:] + corners[:1], strict=True)
-    return SupportPolygon.of_edges([_edge(a, b, margin) for a, b in pairs])
+    """Return the support polygon of a part of one foot, a parallelogram seen from above."""
+    (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
+    (x, y, _), length, width = position.tolist(), max(part.length, _THIN), max(part.width, _THIN)
+    x, y = x + part.x * forward_x + part.y * left_x, y + part.x * forward_y + part.y * left_y
+    edges: list[list[float]] = []
+    # Inward normals of the left and of the front edge, and halves of the sides across them.
+    area = forward_x * left_y - forward_y * left_x
+    for (along_x, along_y), half in (
+        ((forward_x, forward_y), 0.5 * width),
+        ((left_x, left_y), 0.5 * length),
+    ):
+        size = math.hypot(along_x, along_y)
+        nx, ny = along_y / size, -along_x / size
+        middle, inside = nx * x + ny * y, margin - half * abs(area) / size
+        edges.append([nx, ny, middle + inside])
+        edges.append([-nx, -ny, inside - middle])
+    left, right, back, front = edges
+    return SupportPolygon.of_edges(
+        [left, back, right, front] if area > 0.0 else [left, front, right, back]
+    )
 
 
 def both_soles(
@@ -267,19 +280,6 @@ def _find_edges(
         nx, ny = nx / length, ny / length
         edges[i, 0], edges[i, 1], edges[i, 2] = nx, ny, nx * a[0] + ny * a[1] + margin
     return count
-
-
-def _side(a: Point, b: Point, c: Point) -> float:
-    """Positive where a way from `a` over `b` to `c` turns to the left."""
-    return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
-
-
-def _edge(a: Point, b: Point, margin: float) -> list[float]:
-    """Inward normal and offset of the edge between two corners, counter-clockwise."""
-    nx, ny = a[1] - b[1], b[0] - a[0]
-    length = math.sqrt(nx * nx + ny * ny)
-    nx, ny = nx / length, ny / length
-    return [nx, ny, nx * a[0] + ny * a[1] + margin]
 
 
 def _meet(a: Sequence[float], b: Sequence[float]) -> Point:

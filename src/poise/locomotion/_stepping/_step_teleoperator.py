@@ -267,8 +267,9 @@ class StepTeleoperator:
         # A device may read the status of the tick before.
         self._sample = guard.read(self.device, state.time)
         self._status = None
-        self.zmp_sensor.update(estimator.sense)
-        soles = (estimator.sole(0), estimator.sole(1))
+        sense = estimator.sense
+        self.zmp_sensor.update(sense)
+        soles = (sense.sole(0)[0], sense.sole(1)[0])
         command = guard.check(self._sample, state.time, soles, estimator.anchors)
         self.hands.lead(guard, state)
         self.gaze.lead(guard)

@@ -153,7 +153,7 @@ class StanceEstimator:
         if inertial is not None:
             known = self._vote.update(known, self._last, inertial.filter.rotation[2])
         estimated = self._vote.estimated
-        known = self.tare.update(known, [self._airborne(foot) for foot in (0, 1)], estimated)
+        known = self.tare.update(known, self._airborne(), estimated)
         q, v = known.q, known.v
         if self._attitude is not None:
             q[3:7] = self._attitude.corrected(q[3:7])
@@ -166,7 +166,7 @@ class StanceEstimator:
             v[:3] = self._resting_velocity(q, v)
         sole = self._soles[self.stance]
         place = pin.updateFramePlacement(self._robot.model, self._data, sole)
-        q[:3] = self.anchors[self.stance] - place.translation
+        np.subtract(self.anchors[self.stance], place.translation, out=q[:3])
         if self._payload is not None and not estimated:
             known = self._payload.update(known)
         self._last = known
@@ -200,11 +200,11 @@ class StanceEstimator:
         contacts = CheckedWrenches(state.contacts)
         return RobotState(q, v, contacts, state.time, state.readings, payload)
 
-    def _airborne(self, foot: int) -> bool:
-        """Whether a sole is clear of where it stood."""
-        if foot == self.stance:
-            return False
-        return self.sense.positions[foot][2] - float(self.anchors[foot][2]) > _CLEAR
+    def _airborne(self) -> tuple[bool, bool]:
+        """Return whether each sole is clear of where it stood; the stance never is."""
+        other = 1 - self.stance
+        clear = self.sense.positions[other][2] - float(self.anchors[other][2]) > _CLEAR
+        return clear and other == 0, clear and other == 1
 
     @property
     def sense(self) -> WalkSense:
