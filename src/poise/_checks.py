@@ -15,6 +15,7 @@ Numbers = np.ndarray | Sequence[Any] | float | int
 
 T = TypeVar("T")
 
+_NUMBER = np.dtype(np.float64)
 _REAL, _LARGEST_FLOAT = (float, int), sys.float_info.max
 """Made once: `is_time` is asked in every tick."""
 
@@ -64,7 +65,7 @@ def all_finite(numbers: np.ndarray) -> bool:
 
 def is_array(value: object, size: int) -> TypeGuard[Float64[np.ndarray, " n"]]:
     """Check for a vector of floats."""
-    return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64
+    return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == _NUMBER
 
 
 def laid_out(numbers: np.ndarray) -> np.ndarray:

@@ -26,8 +26,7 @@ def learnt(bias, seconds, *, yaw=0.0, push=lambda t: 0.0, sway=0.0, estimator=No
         # The robot is seen turned by what of the error is not known yet.
         left = world_R_base @ np.array([*(np.array(bias) - estimator.bias), 0.0])
         seen = pin.exp3(left)
-        forces = [seen @ (0.5 * force)] * 2
-        estimator.update(t, forces, seen @ velocity, seen @ world_R_base)
+        estimator.update(t, seen @ force, seen @ velocity, seen @ world_R_base)
     return estimator
 
 
@@ -61,38 +60,33 @@ def test_it_stays_within_its_bounds_and_changes_no_faster_than_it_may():
 
 
 @pytest.mark.parametrize(
-    "forces",
-    [
-        [None, np.array([1.0, 0.0, 300.0])],
-        [np.array([np.nan, 0.0, 300.0])],
-        [np.array([50.0, 0.0, 0.0])],
-        [],
-    ],
-    ids=["one sole silent", "not a number", "no load", "no sole"],
+    "force",
+    [None, np.array([np.nan, 0.0, 300.0]), np.array([50.0, 0.0, 0.0])],
+    ids=["one sole silent", "not a number", "no load"],
 )
-def test_what_is_of_no_use_changes_nothing(forces):
+def test_what_is_of_no_use_changes_nothing(force):
     estimator = AttitudeBiasEstimator()
     for k in range(1000):
-        estimator.update(k * DT, forces, np.zeros(3), np.eye(3))
+        estimator.update(k * DT, force, np.zeros(3), np.eye(3))
     assert not estimator.bias.any()
 
 
 def test_a_clock_that_jumps_changes_nothing():
     estimator = AttitudeBiasEstimator()
     for time in (0.0, 10.0, 3.0, 3.0, math.nan, 8.0):
-        estimator.update(time, [np.array([30.0, 0.0, 300.0])], np.zeros(3), np.eye(3))
+        estimator.update(time, np.array([30.0, 0.0, 300.0]), np.zeros(3), np.eye(3))
     assert not estimator.bias.any()
 
 
 def test_a_stamp_that_comes_twice_and_a_force_that_is_missing_change_nothing():
     clean, spoiled = AttitudeBiasEstimator(), AttitudeBiasEstimator()
-    force, still = np.array([10.0, 0.0, 300.0]), np.zeros(3)
+    force, still = np.array([20.0, 0.0, 600.0]), np.zeros(3)
     for tick in range(2000):
         time = 0.002 * tick
         for estimator in (clean, spoiled):
-            estimator.update(time, [force, force], still, np.eye(3))
+            estimator.update(time, force, still, np.eye(3))
         if tick % 50 == 0:
-            spoiled.update(time, [force, force], still, np.eye(3))
-            spoiled.update(time + 0.001, [np.full(3, np.nan), force], still, np.eye(3))
+            spoiled.update(time, force, still, np.eye(3))
+            spoiled.update(time + 0.001, np.full(3, np.nan), still, np.eye(3))
     assert np.linalg.norm(clean.bias) > 1e-3
     np.testing.assert_allclose(spoiled.bias, clean.bias, rtol=1e-6)

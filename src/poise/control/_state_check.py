@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import is_time, laid_out
+from poise._checks import is_array, is_time, laid_out
 from poise._compiled import compiled
 from poise.dynamics import Payload, RobotState
 from poise.robots import Robot
@@ -23,7 +23,7 @@ def is_usable(state: object, robot: Robot) -> bool:
     if not isinstance(state, RobotState):
         return False
     q, v = state.q, state.v
-    if not (_is_vector(q, robot.nq) and _is_vector(v, robot.nv) and is_time(state.time)):
+    if not (is_array(q, robot.nq) and is_array(v, robot.nv) and is_time(state.time)):
         return False
     if not _is_payload(state.payload):
         return False
@@ -37,7 +37,7 @@ def fault_of(state: object, robot: Robot) -> str:
     if not isinstance(state, RobotState):
         return f"the state is of kind {type(state).__name__}, wanted RobotState"
     for name, value, size in (("q", state.q, robot.nq), ("v", state.v, robot.nv)):
-        if not _is_vector(value, size):
+        if not is_array(value, size):
             return f"{name} is {_kind(value)}, wanted {size} numbers"
     if not is_time(state.time):
         return f"the time is {state.time!r}, wanted seconds"
@@ -69,11 +69,6 @@ def _is_sane(
         return True
     square = q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6]
     return abs(square - 1.0) < 2.0 * _QUATERNION_TOLERANCE
-
-
-def _is_vector(value: object, size: int) -> bool:
-    # Pinocchio takes nothing but doubles.
-    return isinstance(value, np.ndarray) and value.shape == (size,) and value.dtype == np.float64
 
 
 def _kind(value: object) -> str:

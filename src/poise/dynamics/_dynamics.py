@@ -86,8 +86,8 @@ class RobotState:
         payload: Payload | None = None,
     ) -> None:
         take = object.__setattr__
-        take(self, "q", _as_numbers(q))
-        take(self, "v", _as_numbers(v))
+        take(self, "q", q if type(q) is np.ndarray and q.dtype == _NUMBER else _as_numbers(q))
+        take(self, "v", v if type(v) is np.ndarray and v.dtype == _NUMBER else _as_numbers(v))
         take(self, "contacts", {} if contacts is None else contacts)
         take(self, "time", time.item() if isinstance(time, np.generic) else time)
         take(self, "readings", readings)
@@ -113,8 +113,15 @@ class CheckedWrenches(dict[str, Float64[np.ndarray, "6"]]):
 
     def __init__(self, contacts: Mapping[str, Float64[np.ndarray, "6"]]) -> None:
         super().__init__(contacts)
-        checked = ((name, _usable_wrench(found)) for name, found in contacts.items())
-        self.usable = {name: wrench for name, wrench in checked if wrench is not None}
+        usable: dict[str, Float64[np.ndarray, "6"]] = {}
+        self.usable = usable
+        if type(contacts) is CheckedWrenches:
+            usable.update(contacts.usable)
+            return
+        for name, found in contacts.items():
+            wrench = _usable_wrench(found)
+            if wrench is not None:
+                usable[name] = wrench
 
 
 def _usable_wrench(found: Numbers) -> Float64[np.ndarray, "6"] | None:
@@ -128,8 +135,6 @@ def _usable_wrench(found: Numbers) -> Float64[np.ndarray, "6"] | None:
 
 def _as_numbers(value: Numbers) -> Numbers:
     """An array of float64, or what was given where it cannot become one."""
-    if type(value) is np.ndarray and value.dtype == _NUMBER:
-        return value
     # An array of a kind of its own, as one that counts operations, stays that.
     if type(value) not in (np.ndarray, list, tuple):
         return value

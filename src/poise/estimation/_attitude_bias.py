@@ -1,11 +1,11 @@
 """`AttitudeBiasEstimator`: how far an attitude is off, by what soles push along the ground."""
 
 import math
-from collections.abc import Iterable
 
 import numpy as np
 from jaxtyping import Float64
 
+from poise._compiled import Block, allocate, compiled, view
 from poise.estimation._config import AttitudeBiasBelief
 from poise.robots import GRAVITY
 
@@ -14,6 +14,19 @@ _TINY = 1e-9
 
 _LONGEST = 0.05
 """A clock that jumps farther says nothing of what happened meanwhile [s]."""
+
+
+# Where the numbers of `_Memory.belief` stand.
+_SMOOTHING, _WALK, _SHOCK, _NOISE, _PUSH, _RATE, _MOST = range(7)
+
+
+class _Memory(Block):
+    belief: Float64[np.ndarray, " numbers"]
+    bias: Float64[np.ndarray, "2"]  # about the base's x and y [rad]
+    variance: Float64[np.ndarray, "1"]  # [rad^2]
+    felt: Float64[np.ndarray, "6"]  # force of the soles, and velocity of the CoM [m/s]
+    low: Float64[np.ndarray, "6"]  # `felt`, smoothed
+    world_R_base: Float64[np.ndarray, "3 3"]
 
 
 class AttitudeBiasEstimator:
@@ -43,20 +56,23 @@ class AttitudeBiasEstimator:
     """
 
     def __init__(self, belief: AttitudeBiasBelief | None = None) -> None:
-        self.belief = belief if belief is not None else AttitudeBiasBelief()
+        self.belief = b = belief if belief is not None else AttitudeBiasBelief()
+        believed = (b.smoothing, b.walk, b.shock, b.noise, b.push, b.rate, b.most)
+        sizes = {str(n): n for n in (1, 2, 3, 6)}
+        self._memory = allocate(_Memory, sizes, belief=np.array(believed))
+        # What is compiled is compiled now, not in the first tick.
+        _learn(self._memory.address, 0.0)
         self.reset()
 
     def reset(self) -> None:
         """Forgets everything: the attitude is right."""
-        self._bias = (0.0, 0.0)
-        self._variance = self.belief.likely**2
+        self._memory.bias[:], self._memory.variance[0] = 0.0, self.belief.likely**2
         self._time = math.nan
-        self._low: list[float] | None = None
 
     @property
     def bias(self) -> Float64[np.ndarray, "2"]:
         """Phi, about the base's x and y [rad]."""
-        return np.array(self._bias)
+        return self._memory.bias.copy()
 
     def corrected(self, quaternion: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "4"]:
         """An attitude less its error.
@@ -65,7 +81,7 @@ class AttitudeBiasEstimator:
             quaternion: of the base as measured, x, y, z, w.
         """
         x, y, z, w = quaternion.tolist()
-        a, b = self._bias
+        a, b = self._memory.bias.tolist()
         angle = math.hypot(a, b)
         # Of the turn by -phi: its quaternion's real part, and what of -phi its imaginary part is.
         c, part = math.cos(0.5 * angle), -0.5
@@ -84,7 +100,7 @@ class AttitudeBiasEstimator:
     def update(
         self,
         time: float,
-        forces: Iterable[Float64[np.ndarray, "3"] | None],
+        force: Float64[np.ndarray, "3"] | None,
         com_velocity: Float64[np.ndarray, "3"],
         world_R_base: Float64[np.ndarray, "3 3"],
     ) -> None:
@@ -92,50 +108,44 @@ class AttitudeBiasEstimator:
 
         Args:
             time: of the state [s].
-            forces: of the soles along the world's axes [N]; None of one that measures nothing.
+            force: of all soles along the world's axes, in any unit; None if one measures nothing.
             com_velocity: velocity of the centre of mass [m/s].
             world_R_base: the attitude.
         """
         dt = time - self._time
-        felt = None if dt == 0.0 else _felt(forces, com_velocity)
-        if felt is None:
+        if dt == 0.0 or force is None:
             return
-        self._time = time
-        if self._low is None or not 0.0 < dt <= _LONGEST:
-            self._low = felt
-            return
-        b = self.belief
-        # A few numbers are several times as quick as such than as arrays.
-        step = -math.expm1(-dt / b.smoothing)
-        pairs = zip(self._low, felt, strict=True)
-        low = self._low = [old + step * (new - old) for old, new in pairs]
-        self._variance += b.walk**2 * dt
-        a_x, a_y, a_z = [(felt[k] - low[k]) / b.smoothing for k in (3, 4, 5)]
-        f_x, f_y, f_z, *_ = low
-        if f_z <= 0.0 or max(abs(a_x), abs(a_y), abs(a_z)) > b.shock:
-            return
-        part = (a_z + GRAVITY) / f_z
-        left_x, left_y = (a_y - part * f_y) / GRAVITY, (part * f_x - a_x) / GRAVITY
-        noise = b.noise * (1.0 + (left_x * left_x + left_y * left_y) / b.push**2)
-        gain = self._variance / (self._variance + noise**2 / dt)
-        self._variance -= gain * self._variance
-        along_x, along_y, _ = world_R_base[0].tolist()
-        across_x, across_y, _ = world_R_base[1].tolist()
-        x, y = self._bias
-        x += min(max(gain * (along_x * left_x + across_x * left_y), -b.rate * dt), b.rate * dt)
-        y += min(max(gain * (along_y * left_x + across_y * left_y), -b.rate * dt), b.rate * dt)
-        self._bias = (min(max(x, -b.most), b.most), min(max(y, -b.most), b.most))
+        m = self._memory
+        m.felt[:3], m.felt[3:], m.world_R_base[:] = force, com_velocity, world_R_base
+        if _learn(m.address, dt if 0.0 < dt <= _LONGEST else 0.0):
+            self._time = time
 
 
-def _felt(
-    forces: Iterable[Float64[np.ndarray, "3"] | None], com_velocity: Float64[np.ndarray, "3"]
-) -> list[float] | None:
-    """Force of the soles and velocity of the centre of mass; None where something is missing."""
-    x = y = z = 0.0
-    for force in forces:
-        if force is None:
-            return None
-        f_x, f_y, f_z = force.tolist()
-        x, y, z = x + f_x, y + f_y, z + f_z
-    felt = [x, y, z, *com_velocity.tolist()]
-    return felt if math.isfinite(sum(felt)) else None
+@compiled
+def _learn(address: int, dt: float) -> bool:
+    """Go on by a time, or begin anew with none; False for what is not finite."""
+    m = view(_Memory, address)
+    felt, low, bias, R = m.felt, m.low, m.bias, m.world_R_base
+    b = m.belief
+    smoothing, push = b[_SMOOTHING], b[_PUSH]
+    for i in range(6):
+        if not abs(felt[i]) < math.inf:
+            return False
+    step = -math.expm1(-dt / smoothing) if dt > 0.0 else 1.0
+    for i in range(6):
+        low[i] = low[i] + step * (felt[i] - low[i]) if dt > 0.0 else felt[i]
+    m.variance[0] += b[_WALK] * b[_WALK] * dt
+    a_x, a_y, a_z = felt[3] - low[3], felt[4] - low[4], felt[5] - low[5]
+    a_x, a_y, a_z = a_x / smoothing, a_y / smoothing, a_z / smoothing
+    if dt == 0.0 or low[2] <= 0.0 or max(abs(a_x), abs(a_y), abs(a_z)) > b[_SHOCK]:
+        return True
+    part = (a_z + GRAVITY) / low[2]
+    left_x, left_y = (a_y - part * low[1]) / GRAVITY, (part * low[0] - a_x) / GRAVITY
+    noise = b[_NOISE] * (1.0 + (left_x * left_x + left_y * left_y) / (push * push))
+    gain = m.variance[0] / (m.variance[0] + noise * noise / dt)
+    m.variance[0] -= gain * m.variance[0]
+    for i in range(2):
+        change, most = gain * (R[0, i] * left_x + R[1, i] * left_y), b[_RATE] * dt
+        changed = bias[i] + min(max(change, -most), most)
+        bias[i] = min(max(changed, -b[_MOST]), b[_MOST])
+    return True

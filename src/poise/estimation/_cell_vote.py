@@ -1,11 +1,12 @@
 """`LoadCellVote`: load cells outvoted by joint torques, the inertial unit and the other soles."""
 
 import math
+import operator
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import is_array
+from poise._checks import all_finite, is_array
 from poise.dynamics import RobotState
 from poise.estimation._momentum import MomentumObserver
 from poise.robots import GRAVITY, Robot
@@ -85,13 +86,16 @@ class LoadCellVote:
         torque, force = reading.torque, reading.specific_force
         if not (is_array(torque, self._joints) and is_array(force, 3)):
             return state
-        lift = float(up.dot(force))
-        if not math.isfinite(lift + float(torque.sum())):
+        lift = sum(map(operator.mul, up.tolist(), force.tolist()))
+        if not (math.isfinite(lift) and all_finite(torque)):
             # What the observer has found so far would never be numbers again.
             self._observer.reset()
             return state
-        found = {name: state.wrench(name) for name in self._names}
-        loads = {name: float(w[2]) for name, w in found.items() if w is not None}
+        loads: dict[str, float] = {}
+        for name in self._names:
+            wrench = state.wrench(name)
+            if wrench is not None:
+                loads[name] = float(wrench[2])
         payload = 0.0 if before.payload is None else before.payload.mass * GRAVITY
         gain = dt / (_LOW_PASS + dt)
         expected = (self._weight + payload) * lift / GRAVITY
@@ -99,7 +103,7 @@ class LoadCellVote:
         self._differs += gain * (differs - self._differs)
         if abs(self._differs) > _SUSPICIOUS:
             self._watch = _WATCH
-        if self._watch <= 0.0 and not self._faulty and len(loads) == len(found):
+        if self._watch <= 0.0 and not self._faulty and len(loads) == len(self._names):
             self._observer.reset()
             self._apart[:], self._unexplained = 0.0, 0.0
             return state

@@ -74,6 +74,8 @@ class PayloadEstimator:
         belief: what it believes.
         payload: mass and offset as they are told, changed no faster than `belief` says; None until
             there is something to tell.
+        force: of all soles in the last state, along the world's axes, by the robot's mass [m/s^2];
+            None where one measures nothing of use.
 
     Raises:
         ConfigurationError: the robot has no floating base or no sole.
@@ -88,6 +90,7 @@ class PayloadEstimator:
             )
         self.belief = belief if belief is not None else PayloadBelief()
         self._model, self._data, self._mass = robot.model, robot.model.createData(), robot.mass
+        self._shapes = (robot.nq,), (robot.nv,)
         self._soles, self._torso = tuple(robot.soles), robot.frame_id(robot.torso)
         names = (*self._soles, *robot.hands)
         self._hands = HandLoads(robot, self.belief)
@@ -100,7 +103,7 @@ class PayloadEstimator:
             frames=FrameBlock(**frames_of(robot.model, frame_ids)._asdict()),
             momentum=self._data.hg.vector,
         )
-        self._rows = list(self._memory.wrenches)
+        self._rows, self._felt_force = list(self._memory.wrenches), self._memory.felt[:3]
         # What is told changes in these steps, and no faster than that.
         self._steps = np.array([_MASS_STEP, *[_OFFSET_STEP] * 3, *[_HELD_STEP] * hands])
         self._rates = np.array([b.mass_rate, *[b.offset_rate] * 3, *[b.held_rate] * hands])
@@ -113,6 +116,7 @@ class PayloadEstimator:
     def reset(self) -> None:
         """Forgets everything: the robot is as its description says."""
         self.payload: Payload | None = None
+        self.force: Float64[np.ndarray, "3"] | None = None
         self._time, self._since = math.nan, 0.0
         self._mean = np.zeros(4)
         b = self.belief
@@ -172,7 +176,8 @@ class PayloadEstimator:
 
     def _feel(self, state: RobotState, gain: float) -> bool:
         """Smooth what soles and hands do; False where there is nothing, or numbers of no use."""
-        if state.q.shape != (self._model.nq,) or state.v.shape != (self._model.nv,):
+        self.force = None
+        if state.q.shape != self._shapes[0] or state.v.shape != self._shapes[1]:
             return False
         for row, name in zip(self._rows, self._soles, strict=True):
             wrench = state.wrench(name)
@@ -180,7 +185,10 @@ class PayloadEstimator:
                 return False
             row[:] = wrench
         pin.computeCentroidalMomentum(self._model, self._data, state.q, state.v)
-        return feel(self._memory.address, gain)
+        if not feel(self._memory.address, gain):
+            return False
+        self.force = self._felt_force
+        return True
 
     def _correct(self, dt: float) -> None:
         """One step of the filter, all by the robot's mass."""

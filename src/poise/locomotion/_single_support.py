@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._support import Point, SolePart, SupportPolygon, sole_rectangle
+from poise.locomotion._support import Point, SolePart, SupportPolygon, one_sole
 from poise.robots import Robot
 
 _PUSH, _INWARDS_MAX = 0.2, 0.65
@@ -76,12 +76,13 @@ class SingleSupportRegion:
 
     def support(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
         """Return the sole, less the margin."""
-        return SupportPolygon(sole_rectangle(place, rotation, self.sizes[foot]), self.margin)
+        part = SolePart(0.0, 0.0, *self.sizes[foot])
+        return one_sole(part, place, rotation, self.margin)
 
     def held(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
         """Return where the DCM is held."""
         part = self._widened(foot, self.sizes[foot], self.inner, self.outer)
-        return SupportPolygon(part.corners(place, rotation, 0.0), self.margin)
+        return one_sole(part, place, rotation, self.margin)
 
     def asked(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
         """Return where the CT-ZMP may be asked for: beyond the outer edge of a narrow sole only."""
@@ -89,7 +90,7 @@ class SingleSupportRegion:
         size = (length + 2.0 * _MOMENTUM, width)
         inner = -_INNER_MARGIN if self.narrow else _MOMENTUM
         part = self._widened(foot, size, inner, self.momentum)
-        return SupportPolygon(part.corners(place, rotation, 0.0), 0.0)
+        return one_sole(part, place, rotation, 0.0)
 
     def caught(self, foot: int, place: Vector3, rotation: Rotation) -> list[Point] | None:
         """Return corners of the foothold that a swing foot offers beside a narrow sole [m]."""

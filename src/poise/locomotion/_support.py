@@ -35,6 +35,13 @@ class SupportPolygon:
         # Inward unit normal and offset of each.
         self._edges: list[list[float]] = edges[:count].tolist()
 
+    @classmethod
+    def of_edges(cls, edges: list[list[float]]) -> "SupportPolygon":
+        """The polygon of inward unit normals and offsets, counter-clockwise."""
+        polygon = cls.__new__(cls)
+        polygon._edges = edges
+        return polygon
+
     def depth(self, point: Point) -> float:
         """How far a point is inside the shrunk polygon; negative outside [m]."""
         x, y = point
@@ -61,9 +68,7 @@ class SupportPolygon:
 
     def grown(self, by: float) -> "SupportPolygon":
         """The same with its edge farther out."""
-        grown = SupportPolygon([], 0.0)
-        grown._edges = [[nx, ny, c - by] for nx, ny, c in self._edges]
-        return grown
+        return SupportPolygon.of_edges([[nx, ny, c - by] for nx, ny, c in self._edges])
 
     def towards(self, start: Point, point: Point) -> Point:
         """The last point inside from a start that is inside towards a point; else the nearest."""
@@ -175,6 +180,34 @@ def _common(middle: float, size: float, lower: float, upper: float) -> tuple[flo
     low, high = middle - 0.5 * size, middle + 0.5 * size
     begin, end = min(max(lower, low), high), min(max(upper, low), high)
     return 0.5 * (begin + end), end - begin
+
+
+def one_sole(
+    part: SolePart,
+    position: Float64[np.ndarray, "3"],
+    rotation: Float64[np.ndarray, "3 3"],
+    margin: float,
+) -> SupportPolygon:
+    """Return the support polygon of a part of one foot, a parallelogram seen from above."""
+    (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
+    (x, y, _), length, width = position.tolist(), max(part.length, _THIN), max(part.width, _THIN)
+    x, y = x + part.x * forward_x + part.y * left_x, y + part.x * forward_y + part.y * left_y
+    edges: list[list[float]] = []
+    # Inward normals of the left and of the front edge, and halves of the sides across them.
+    area = forward_x * left_y - forward_y * left_x
+    for (along_x, along_y), half in (
+        ((forward_x, forward_y), 0.5 * width),
+        ((left_x, left_y), 0.5 * length),
+    ):
+        size = math.hypot(along_x, along_y)
+        nx, ny = along_y / size, -along_x / size
+        middle, inside = nx * x + ny * y, margin - half * abs(area) / size
+        edges.append([nx, ny, middle + inside])
+        edges.append([-nx, -ny, inside - middle])
+    left, right, back, front = edges
+    return SupportPolygon.of_edges(
+        [left, back, right, front] if area > 0.0 else [left, front, right, back]
+    )
 
 
 def both_soles(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import wraps
+from functools import cached_property, wraps
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar
@@ -176,12 +176,12 @@ class Robot:
         model.appendBodyToJoint(held.parentJoint, load, place)
         return replace(self, model=model)
 
-    @property
+    @cached_property
     def nq(self) -> int:
         """Length of the configuration vector."""
         return self.model.nq
 
-    @property
+    @cached_property
     def nv(self) -> int:
         """Length of the velocity vector."""
         return self.model.nv

@@ -250,6 +250,10 @@ class Task(Copied, ABC):
         """
         self._give(ACCELERATION, acceleration)
 
+    def overwrite_acceleration(self) -> Float64[np.ndarray, " m"]:
+        """Return the row that `set_acceleration` sets, for a leader: nothing is checked."""
+        return self._gain_rows[ACCELERATION]
+
     def set_velocity(self, velocity: Numbers | None) -> None:
         """Replaces the reference velocity by a given one; None brings the target's back.
 

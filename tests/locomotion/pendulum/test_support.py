@@ -3,10 +3,12 @@
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.spatial import ConvexHull
 
 from poise.locomotion import SupportPolygon, convex_hull, signed_margin, sole_rectangle
+from poise.locomotion._support import SolePart, one_sole
 
 CORNERS = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)]
 
@@ -144,3 +146,17 @@ def test_a_grown_polygon_reaches_farther_by_so_much():
     support = SupportPolygon([(0.1, 0.05), (-0.1, 0.05), (-0.1, -0.05), (0.1, -0.05)], 0.01)
     assert support.grown(0.03).depth((0.0, 0.0)) == pytest.approx(support.depth((0.0, 0.0)) + 0.03)
     assert support.grown(0.03).nearest((0.0, 0.2)) == pytest.approx((0.0, 0.07))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_one_sole_however_it_lies_is_the_hull_of_its_corners(seed):
+    rng = np.random.default_rng(seed)
+    rotation = pin.exp3(rng.uniform(-3.0, 3.0, 3))
+    part, place = SolePart(*rng.uniform(0.01, 0.2, 4).tolist()), rng.uniform(-1.0, 1.0, 3)
+    found = one_sole(part, place, rotation, 0.001)
+    expected = SupportPolygon(part.corners(place, rotation, 0.0), 0.001)
+    for point in (place[:2] + rng.uniform(-0.2, 0.2, (50, 2))).tolist():
+        assert found.depth(tuple(point)) == pytest.approx(expected.depth(tuple(point)), abs=1e-6)
+        assert found.nearest(tuple(point)) == pytest.approx(
+            expected.nearest(tuple(point)), abs=1e-6
+        )

@@ -33,8 +33,7 @@ def estimator(robot):
 
 def sensor(robot, left, right):
     """Soles that carry so much [N]."""
-    ours = biped(robot)
-    sensor = ZmpSensor(ours.frames, ours.soles, ours.weight, ZMP_TIME, PARAMETERS.dt)
+    sensor = ZmpSensor(biped(robot).weight, ZMP_TIME, PARAMETERS.dt)
     sensor.loads[:] = left, right
     return sensor
 
@@ -58,10 +57,9 @@ def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0
     height = float(ours.dynamics.com[2])
     return Footing(
         biped=biped(robot),
-        dynamics=ours.dynamics,
         mode=mode,
         stance=0,
-        anchors=ours.anchors,
+        estimator=ours,
         omega=float(np.sqrt(9.81 / height)),
         region=SingleSupportRegion(
             sizes=biped(robot).sizes,

@@ -179,7 +179,7 @@ class StepTeleoperator:
         """Forget the past: both feet stand where they stood at the start."""
         biped, p = self._biped, self.parameters
         self.estimator.reset()
-        self.zmp_sensor = ZmpSensor(biped.frames, self.soles, biped.weight, _ZMP_TIME, p.dt)
+        self.zmp_sensor = ZmpSensor(biped.weight, _ZMP_TIME, p.dt)
         self._level.reset(self.zmp_sensor)
         self.hands.reset()
         self.gaze.reset()
@@ -277,8 +277,9 @@ class StepTeleoperator:
         # A device may read the status of the tick before.
         self._sample = guard.read(self.device, state.time)
         self._status = None
-        self.zmp_sensor.update(state, dynamics)
-        soles = (estimator.sole(0), estimator.sole(1))
+        sense = estimator.sense
+        self.zmp_sensor.update(sense)
+        soles = (sense.sole(0)[0], sense.sole(1)[0])
         command = guard.check(self._sample, state.time, soles, estimator.anchors)
         self.hands.lead(guard, state)
         self.gaze.lead(guard)

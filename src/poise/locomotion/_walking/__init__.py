@@ -25,6 +25,7 @@ from poise.locomotion._walking._modes import (
 from poise.locomotion._walking._parts import make_parts as make_parts
 from poise.locomotion._walking._phases import FootMotion as FootMotion
 from poise.locomotion._walking._plan import plan_footsteps
+from poise.locomotion._walking._sense import WalkSense as WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import (
     CarriedTarget,

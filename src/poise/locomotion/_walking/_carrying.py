@@ -66,9 +66,10 @@ class CarryingArea:
 
     def part(self, size: Point) -> SolePart | None:
         """Return the loaded area of the sole as estimated; None for all of it."""
-        edges, ends = self._average, list[Point]()
+        edges = self._average
         if edges == self._all_of_it:
             return None
+        ends: list[Point] = []
         for axis, side in enumerate(size):
             low, high, most = edges[axis], edges[2 + axis], self._reach[axis]
             # An edge that is where it can be at most is the sole's: contacts keep a margin.

@@ -18,7 +18,13 @@ from poise.locomotion._walking._parts import WalkParts
 from poise.locomotion._walking._phases import FootMotion, StepPhases
 from poise.locomotion._walking._sense import LONGEST_TICK
 from poise.locomotion._walking._settings import WalkStatus
-from poise.locomotion._walking._trouble import RESPONSES, Hanging, HangWatch, Response, TroubleWatch
+from poise.locomotion._walking._trouble import (
+    NO_RESPONSE,
+    RESPONSES,
+    Hanging,
+    HangWatch,
+    TroubleWatch,
+)
 from poise.stack import Stack
 
 _MISPLACED = 0.03
@@ -141,7 +147,7 @@ class SteppingEngine:
         flight = self._steps.flight
         trouble = self._watch.look(flight, error, dt)
         self.status = trouble or self._plain_status
-        response = Response() if trouble is None else RESPONSES[trouble]
+        response = NO_RESPONSE if trouble is None else RESPONSES[trouble]
         self.commands.pace = response.pace
         if response.lands and flight is not None:
             flight.land()

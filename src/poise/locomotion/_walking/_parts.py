@@ -86,8 +86,9 @@ def make_parts(
     limits: VelocityLimits,
     ground: Ground,
     carry: Sequence[str] | None,
+    sense: WalkSense | None = None,
 ) -> WalkParts:
-    """The parts of a walk, for one robot and stack."""
+    """The parts of a walk, for one robot and stack, with a sense of its own if none is given."""
     height = stand.com[2] - stand.middle[2] - gait.crouch
     ratios = leg_ratios(robot, stand.q, stand.soles)
     legs = LegMomentum(ratios.ahead, natural_frequency(height))
@@ -110,7 +111,7 @@ def make_parts(
         _check_width(gait.width, room, stand)
     commands = StepCommands(limits, room, gait.step_time, ground)
     tasks = find_walk_tasks(robot, stand, stack, carry)
-    sense = WalkSense(robot, stand.soles)
+    sense = WalkSense(robot, stand.soles) if sense is None else sense
     areas = [CarryingArea(sense, foot, contact) for foot, contact in enumerate(tasks.contacts)]
     times = StepTimes(gait.swing_time, gait.double_support)
     stance = Stance(sense, stand, settings.zmp_margin, areas)

@@ -6,16 +6,19 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._compiled import compiled
+from poise._compiled import Block, allocate, compiled, view
 from poise.dynamics import (
+    BIAS,
     KINEMATICS,
     ROTATION,
     VELOCITY,
-    Frames,
+    Dynamics,
+    FrameBlock,
     LoadedModel,
-    Motion,
+    MotionBlock,
     Payload,
     RobotState,
+    block_of,
     frames_of,
     motion_of,
     place_frame,
@@ -35,55 +38,81 @@ LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
 
 
+_Pose = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]
+
+
+class _SoleMemory(Block):
+    motion: MotionBlock
+    frames: FrameBlock  # the soles
+    seen: Float64[np.ndarray, "soles room"]  # of each, as `place_frame` fills it
+
+
 class WalkSense:
-    """Centre of mass, soles and loads of the last state; the next one overwrites all arrays.
+    """Centre of mass, soles and loads of the last state.
+
+    With a `Dynamics`, whose last state each state is, nothing is evaluated twice.
 
     Attributes:
+        state: the last one.
         com: centre of mass [m].
         com_velocity: its velocity [m/s].
         positions: of the left and the right sole [m].
+        rotations: of both, world_R_sole row by row.
         velocities: of both, linear then angular, along their own axes [m/s, rad/s].
         weight: of the robot as it is described [N].
         wrenches: measured on the left and the right sole, see `RobotState.contacts`; None where
             none is.
     """
 
-    def __init__(self, robot: Robot, soles: tuple[str, str]) -> None:
-        self._robot, self._model, self._data = robot, robot.model, robot.model.createData()
+    def __init__(
+        self, robot: Robot, soles: tuple[str, str], dynamics: Dynamics | None = None
+    ) -> None:
+        self._robot, self._model, self._dynamics = robot, robot.model, dynamics
+        self._data = data = robot.model.createData()
         self._payload: Payload | None = None
         self._loaded: LoadedModel | None = None
         self._soles, self.weight = soles, robot.weight
-        self._frames = frames_of(robot.model, [robot.frame_id(name) for name in soles])
-        self._motion = motion_of(robot.model, self._data)
         found = [robot.soles[name] for name in soles]
         self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
         self.wrenches: list[list[float] | None] = [None, None]
-        self._numbers, self._com_velocity = np.zeros(2 * KINEMATICS + 6), self._data.vcom[0]
-        feet = self._numbers[:-6].reshape(2, KINEMATICS)
-        self._poses = [(row[:ROTATION], row[ROTATION:VELOCITY].reshape(3, 3)) for row in feet]
+        frames = frames_of(robot.model, [robot.frame_id(name) for name in soles])
+        motion = motion_of(robot.model, data) if dynamics is None else dynamics.motion
+        self._memory = memory = allocate(
+            _SoleMemory,
+            {"soles": 2, "room": KINEMATICS},
+            motion=block_of(motion),
+            frames=FrameBlock(**frames._asdict()),
+        )
+        self._seen, self._com, self._com_velocity = memory.seen, data.com[0], data.vcom[0]
+        self.state: RobotState | None = None
         # Compiled now, not in the first tick.
-        _read(self._motion, self._frames, self._com_velocity, self._numbers)
-        self._take(self._numbers.tolist())
+        self._look(self._com, self._com_velocity)
 
     def update(self, state: RobotState) -> None:
         """Take a state in."""
-        if state.payload is not self._payload:
-            self._carry(state.payload)
-        pin.centerOfMass(self._model, self._data, state.q, state.v, False)
-        _read(self._motion, self._frames, self._com_velocity, self._numbers)
-        self._take(self._numbers.tolist())
+        if self._dynamics is not None:
+            if state is self.state:
+                return
+            self._look(self._dynamics.com, self._dynamics.com_velocity)
+        else:
+            if state.payload is not self._payload:
+                self._carry(state.payload)
+            pin.centerOfMass(self._model, self._data, state.q, state.v, False)
+            self._look(self._com, self._com_velocity)
+        self.state = state
         found = [state.wrench(sole) for sole in self._soles]
         self.wrenches = [None if wrench is None else wrench.tolist() for wrench in found]
 
-    def _take(self, numbers: list[float]) -> None:
-        """Cut what `_read` gives, as plain numbers."""
-        right = numbers[KINEMATICS:]
-        self.positions = numbers[:ROTATION], right[:ROTATION]
-        self.velocities = (
-            numbers[VELOCITY : VELOCITY + 6],
-            right[VELOCITY : VELOCITY + 6],
-        )
-        self.com, self.com_velocity = numbers[-6:-3], numbers[-3:]
+    def _look(self, com: Float64[np.ndarray, "3"], com_velocity: Float64[np.ndarray, "3"]) -> None:
+        """Copy what is evaluated, as plain numbers."""
+        _see(self._memory.address)
+        self._rows = self._seen.copy()
+        self._poses: dict[int, _Pose] = {}
+        left, right = self._rows.tolist()
+        self.positions = left[:ROTATION], right[:ROTATION]
+        self.rotations = left[ROTATION:VELOCITY], right[ROTATION:VELOCITY]
+        self.velocities = left[VELOCITY:BIAS], right[VELOCITY:BIAS]
+        self.com, self.com_velocity = com.tolist(), com_velocity.tolist()
 
     def _carry(self, payload: Payload | None) -> None:
         """Where the COM is with a payload."""
@@ -93,13 +122,17 @@ class WalkSense:
         self._loaded.carry(payload)
         self._payload = payload
 
-    def sole(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
+    def sole(self, foot: int) -> _Pose:
         """Return position [m] and rotation of a sole in the world."""
-        return self._poses[foot]
+        pose = self._poses.get(foot)
+        if pose is None:
+            row = self._rows[foot]
+            pose = self._poses[foot] = row[:ROTATION], row[ROTATION:VELOCITY].reshape(3, 3)
+        return pose
 
-    def lower_edge(self, foot: int) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]:
+    def lower_edge(self, foot: int) -> _Pose:
         """Return `sole`, but as high as the lower edge of one that leans."""
-        position, rotation = self._poses[foot]
+        position, rotation = self.sole(foot)
         return position - np.array([0.0, 0.0, self.edge_drop(foot)[0]]), rotation
 
     def edge_drop(self, foot: int) -> tuple[float, float]:
@@ -107,7 +140,7 @@ class WalkSense:
         half = self._edges[foot]
         if half == 0.0:
             return 0.0, 0.0
-        tilt = float(self._poses[foot][1][2, 1])
+        tilt = self.rotations[foot][7]
         return half * abs(tilt), math.copysign(half, tilt) * self.velocities[foot][3]
 
     def lower_edge_velocity(self, foot: int) -> tuple[float, float, float]:
@@ -117,9 +150,12 @@ class WalkSense:
 
     def _in_world(self, foot: int, vector: list[float]) -> tuple[float, float, float]:
         """Return a vector along a sole's axes along those of the world."""
-        x, y, z, *_ = vector
-        a, b, c = (i * x + j * y + k * z for i, j, k in self._poses[foot][1].tolist())
-        return a, b, c
+        (x, y, z, *_), R = vector, self.rotations[foot]
+        return (
+            R[0] * x + R[1] * y + R[2] * z,
+            R[3] * x + R[4] * y + R[5] * z,
+            R[6] * x + R[7] * y + R[8] * z,
+        )
 
     def placement(self, foot: int) -> Placement:
         """Return where a sole lies."""
@@ -152,15 +188,8 @@ class WalkSense:
 
 
 @compiled
-def _read(
-    motion: Motion,
-    soles: Frames,
-    com_velocity: Float64[np.ndarray, "3"],
-    out: Float64[np.ndarray, "54"],
-) -> None:
-    """Copy kinematics of both soles, then the CoM and its velocity."""
-    place_frame(motion, soles, 0, out, 0)
-    place_frame(motion, soles, 1, out, KINEMATICS)
-    for i in range(3):
-        out[2 * KINEMATICS + i] = motion.com[i]
-        out[2 * KINEMATICS + 3 + i] = com_velocity[i]
+def _see(address: int) -> None:
+    """Evaluate both soles."""
+    m = view(_SoleMemory, address)
+    for sole in range(len(m.seen)):
+        place_frame(m.motion, m.frames, sole, m.seen[sole], 0)

@@ -163,8 +163,9 @@ class WalkTasks:
         task, (place, velocity, acceleration) = self.com, com
         task.overwrite_target()[:] = com
         height, speed = place[2] - sense.com[2], velocity[2] - sense.com_velocity[2]
-        z = acceleration[2] + task.kp[2] * height + task.kd[2] * speed
-        task.set_acceleration(np.array((*horizontal, z)))
+        asked = task.overwrite_acceleration()
+        asked[0], asked[1] = horizontal
+        asked[2] = acceleration[2] + float(task.kp[2]) * height + float(task.kd[2]) * speed
 
 
 def find_walk_tasks(

@@ -37,6 +37,8 @@ class Response(NamedTuple):
     lasts: float = 0.0
 
 
+NO_RESPONSE = Response()
+
 RESPONSES: Mapping[WalkStatus, Response] = {
     WalkStatus.FALLEN: Response(pace=0.0, hangs=True, lasts=0.3),
     WalkStatus.LIFTED: Response(pace=0.0, hangs=True, lasts=0.05),
@@ -99,6 +101,7 @@ class TroubleWatch:
     def __init__(self, sense: WalkSense, settings: WalkSettings, height: float) -> None:
         self._sense, self._settings, self._height = sense, settings, height
         self._signs = {status: _Sign(status) for status in RESPONSES}
+        self._lifted = self._signs[WalkStatus.LIFTED]
         self._calm = True
 
     def look(
@@ -109,11 +112,10 @@ class TroubleWatch:
         lowest = min(sense.positions[0][2], sense.positions[1][2])
         flying = None if flight is None else flight.foot
         left, right = sense.load(0, stands=flying != 0), sense.load(1, stands=flying != 1)
-        hanging = self._signs[WalkStatus.LIFTED].there
         # In the order of the signs.
         seen = (
             sense.com[2] - lowest < _FALLEN * height,
-            left + right < (_SETTLED if hanging else _HANGING),
+            left + right < (_SETTLED if self._lifted.there else _HANGING),
             flight is not None and flight.waited > settings.patience,
             flight is not None and self._is_caught(flight),
             error > _LOST * height,

@@ -81,6 +81,7 @@ class TorqueLevel(Level):
                 VelocityLimits(),
                 level_floor(stand.start),
                 (),
+                estimator.sense,
             ),
         )
         # The CoM shifter's k_p under its gain rule: one setting of the DCM feedback.

@@ -6,17 +6,16 @@
 import math
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.locomotion._stepping._feet._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._operator import OperatorSample
 from poise.locomotion._stepping._stance import (
     LANDED,
-    LEVEL,
     Footing,
     FootRange,
     TeleopParameters,
+    turn_to_left,
     wrapped,
 )
 from poise.locomotion._walking import HeldFlight, StepEnd
@@ -224,8 +223,7 @@ class FootDevices(DeviceEvents):
         if here_z - footing.ground_below > _CLEAR:
             self._turn(foot, footing, dt)
         yaw = self._yaw
-        rotation = pin.exp3(np.array([0.0, 0.0, yaw])) if yaw else LEVEL
-        flight.move(np.array([x, y, z]), velocity, rotation, yaw)
+        flight.move(np.array([x, y, z]), velocity, turn_to_left(yaw), yaw)
 
     def _turn(self, foot: int, footing: Footing, dt: float) -> None:
         """Turn a foot as far as it may be against the other one."""

@@ -90,8 +90,7 @@ class Level(ABC):
         self._stand = partial(
             Footing,
             biped=biped,
-            dynamics=estimator.dynamics,
-            anchors=estimator.anchors,
+            estimator=estimator,
             omega=omega,
             region=region,
             sensor=sensor,

@@ -8,6 +8,7 @@ from poise.locomotion._stepping._stance._footing import (
     Footing,
     StanceChoice,
     mean_angle,
+    turn_to_left,
     wrapped,
     yaw_of,
 )
@@ -44,6 +45,7 @@ __all__ = [
     "biped_of",
     "leg_joints",
     "mean_angle",
+    "turn_to_left",
     "wrapped",
     "yaw_of",
 ]

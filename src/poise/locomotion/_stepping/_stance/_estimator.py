@@ -7,8 +7,9 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._checks import is_array
 from poise.control import is_usable
-from poise.dynamics import Dynamics, RobotState
+from poise.dynamics import CheckedWrenches, Dynamics, RobotState
 from poise.estimation import (
     AttitudeBiasEstimator,
     EstimatorConfig,
@@ -18,6 +19,7 @@ from poise.estimation import (
     StampedPredictor,
     StateEstimator,
 )
+from poise.locomotion._walking import WalkSense
 from poise.robots import Robot
 
 _DONE = 0.5
@@ -54,15 +56,8 @@ class ZmpSensor:
             where nothing presses.
     """
 
-    def __init__(
-        self,
-        frames: tuple[int, int],
-        names: tuple[str, str],
-        weight: float,
-        time_constant: float,
-        dt: float,
-    ) -> None:
-        self._frames, self._names, self._least = frames, names, _LEAST_LOAD * weight
+    def __init__(self, weight: float, time_constant: float, dt: float) -> None:
+        self._least = _LEAST_LOAD * weight
         self._gain = dt / (time_constant + dt)
         self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)
         self.loads: Float64[np.ndarray, "2"] = np.zeros(2)
@@ -70,20 +65,18 @@ class ZmpSensor:
         self.centres: list[tuple[float, float] | None] = [None, None]
         self._fresh = True
 
-    def update(self, state: RobotState, dynamics: Dynamics) -> None:
+    def update(self, sense: WalkSense) -> None:
         """Reads one measurement."""
         pressed_x = pressed_y = total = 0.0
-        for i, (frame_id, name) in enumerate(zip(self._frames, self._names, strict=True)):
-            wrench = state.wrench(name)
-            fx, fy, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench.tolist()
+        for i, wrench in enumerate(sense.wrenches):
+            fx, fy, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench
             self.loads[i] = load = load if load > 0.0 else 0.0
             self.pulls[i] = (fx, fy)
             self.centres[i] = (-my / load, mx / load) if load > self._least else None
             if load > self._least:
-                position, rotation = dynamics.placement(frame_id)
-                (x, y, _), (x_axis, y_axis, _) = position.tolist(), rotation.tolist()
-                pressed_x += load * x - x_axis[0] * my + x_axis[1] * mx
-                pressed_y += load * y - y_axis[0] * my + y_axis[1] * mx
+                (x, y, _), R = sense.positions[i], sense.rotations[i]
+                pressed_x += load * x - R[0] * my + R[1] * mx
+                pressed_y += load * y - R[3] * my + R[4] * mx
                 total += load
         if total <= 0.0:
             return
@@ -124,8 +117,9 @@ class StanceEstimator:
     ) -> None:
         self.dynamics = Dynamics(robot)
         self._robot, self._data = robot, robot.model.createData()
+        self._sense = WalkSense(robot, soles, self.dynamics)
         self._soles = [robot.frame_id(name) for name in soles]
-        self._names = soles
+        self._world_R_base = self.dynamics.motion.placements[_BASE, :9].reshape(3, 3).T
         self._start = RobotState(q_start, np.zeros(robot.nv))
         self._inertial = StateEstimator(robot, _CORRECTED, q_start=q_start) if inertial else None
         self._payload = PayloadEstimator(robot) if inertial else None
@@ -144,7 +138,7 @@ class StanceEstimator:
             if part is not None:
                 part.reset()
         self.dynamics.update(self._start)
-        self.anchors[:] = [self.dynamics.placement(i)[0].copy() for i in self._soles]
+        self.anchors[:] = [self.sole(foot).copy() for foot in (0, 1)]
         self.stance = 1
 
     def update(self, state: RobotState) -> RobotState:
@@ -152,23 +146,19 @@ class StanceEstimator:
 
         Never raises: a state that cannot be used comes back as it is, for the controller to refuse.
         """
-        known = _without_base_motion(state)
+        known = self._without_base_motion(state)
         if known is None or not is_usable(known, self._robot):
             return state
-        q, v = known.q, known.v
-        if self._inertial is not None and state.readings is not None:
-            state = self._vote.update(state, self._last, self._inertial.filter.rotation[2])
+        inertial = None if known.readings is None else self._inertial
+        if inertial is not None:
+            known = self._vote.update(known, self._last, inertial.filter.rotation[2])
         estimated = self._vote.estimated
-        state = self.tare.update(state, [self._airborne(foot) for foot in (0, 1)], estimated)
-        # That of the last state, so that `known` is made anew only when it changes.
-        payload = state.payload if self._payload is None else self._payload.payload
-        known = RobotState(q, v, state.contacts, state.time, payload=payload)
+        known = self.tare.update(known, self._airborne(), estimated)
+        q, v = known.q, known.v
         if self._attitude is not None:
             q[3:7] = self._attitude.corrected(q[3:7])
-        fused = None
-        if self._inertial is not None and state.readings is not None:
-            fused = self._inertial.update(state)
-        if self._inertial is not None and fused is not None and self._inertial.status.ok:
+        fused = None if inertial is None else inertial.update(known)
+        if inertial is not None and fused is not None and inertial.status.ok:
             # Along the base's own axes it does not matter how upright either says the base is.
             v[:3] = fused.v[:3]
             pin.forwardKinematics(self._robot.model, self._data, q)
@@ -176,13 +166,14 @@ class StanceEstimator:
             v[:3] = self._resting_velocity(q, v)
         sole = self._soles[self.stance]
         place = pin.updateFramePlacement(self._robot.model, self._data, sole)
-        q[:3] = self.anchors[self.stance] - place.translation
+        np.subtract(self.anchors[self.stance], place.translation, out=q[:3])
         if self._payload is not None and not estimated:
             known = self._payload.update(known)
         self._last = known
         self.dynamics.update(known)
-        if self._attitude is not None and not estimated:
-            self._learn_attitude(self._attitude, known)
+        if self._attitude is not None and self._payload is not None and not estimated:
+            force, velocity = self._payload.force, self.dynamics.com_velocity
+            self._attitude.update(known.time, force, velocity, self._world_R_base)
         if self._now is None:
             return known
         now = self._now.predict(known)
@@ -195,29 +186,39 @@ class StanceEstimator:
         if self._now is not None:
             self._now.command(acceleration, time)
 
-    def _learn_attitude(self, estimator: AttitudeBiasEstimator, state: RobotState) -> None:
-        """Takes in what the soles push along the ground."""
-        wrenches = [state.wrench(name) for name in self._names]
-        forces = [
-            None if wrench is None else self.rotation(foot).dot(wrench[:3])
-            for foot, wrench in enumerate(wrenches)
-        ]
-        world_R_base = self.dynamics.motion.placements[_BASE, :9].reshape(3, 3).T
-        estimator.update(state.time, forces, self.dynamics.com_velocity, world_R_base)
+    def _without_base_motion(self, state: object) -> RobotState | None:
+        """A copy less what no sensor gives: where the base is and how fast it goes along."""
+        robot = self._robot
+        if not isinstance(state, RobotState):
+            return None
+        if not (is_array(state.q, robot.nq) and is_array(state.v, robot.nv)):
+            return None
+        q, v = state.q.copy(), state.v.copy()
+        q[:3], v[:3] = 0.0, 0.0
+        # The payload of the last state: the estimate is made anew only where it changes.
+        payload = state.payload if self._payload is None else self._payload.payload
+        contacts = CheckedWrenches(state.contacts)
+        return RobotState(q, v, contacts, state.time, state.readings, payload)
 
-    def _airborne(self, foot: int) -> bool:
-        """Whether a sole is clear of where it stood."""
-        if foot == self.stance:
-            return False
-        return float(self.sole(foot)[2] - self.anchors[foot][2]) > _CLEAR
+    def _airborne(self) -> tuple[bool, bool]:
+        """Return whether each sole is clear of where it stood; the stance never is."""
+        other = 1 - self.stance
+        clear = self.sense.positions[other][2] - float(self.anchors[other][2]) > _CLEAR
+        return clear and other == 0, clear and other == 1
+
+    @property
+    def sense(self) -> WalkSense:
+        """CoM, soles and loads of the state of `dynamics`."""
+        self._sense.update(self.dynamics.state)
+        return self._sense
 
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         """Where a sole's centre is [m]."""
-        return self.dynamics.placement(self._soles[foot])[0]
+        return self.sense.sole(foot)[0]
 
     def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
         """How a sole is turned, world_R_sole."""
-        return self.dynamics.placement(self._soles[foot])[1]
+        return self.sense.sole(foot)[1]
 
     def put_down(self, foot: int) -> None:
         """A sole stands on the ground where it is now."""
@@ -239,16 +240,3 @@ class StanceEstimator:
         # That of the base stands in its own axes: a rotation.
         base_R_world = jacobian[:3, :3].T
         return -base_R_world.dot(jacobian[:3, 3:].dot(v[3:]))
-
-
-def _without_base_motion(state: object) -> RobotState | None:
-    """A copy less what no sensor gives: where the base is and how fast it goes along."""
-    if not isinstance(state, RobotState) or not _are_arrays(state.q, state.v):
-        return None
-    q, v = state.q.copy(), state.v.copy()
-    q[:3], v[:3] = 0.0, 0.0
-    return RobotState(q, v, state.contacts, state.time, payload=state.payload)
-
-
-def _are_arrays(*values: object) -> bool:
-    return all(isinstance(value, np.ndarray) and value.ndim == 1 for value in values)

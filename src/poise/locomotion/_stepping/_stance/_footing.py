@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float64
 
-from poise.dynamics import Dynamics
 from poise.locomotion._single_support import SingleSupportRegion
 from poise.locomotion._stepping._stance._biped import Biped
 from poise.locomotion._stepping._stance._desired import POSITION_GAIN
@@ -98,10 +97,9 @@ class Footing:
     """State, mode and stance of a tick; places stay those of the tick when `dynamics` moves on."""
 
     biped: Biped
-    dynamics: Dynamics
+    estimator: StanceEstimator
     mode: Mode
     stance: int  # foot that is taken to be at rest; the stance foot in single support
-    anchors: list[Float64[np.ndarray, "3"]]  # where each sole was last put down [m]
     omega: float  # sqrt(g / H) [1/s]
     region: SingleSupportRegion
     sensor: ZmpSensor
@@ -111,13 +109,16 @@ class Footing:
     has_left: bool = True  # the swing foot has left the ground
 
     def __post_init__(self) -> None:
-        biped, placement = self.biped, self.dynamics.placement
-        self.other = 1 - self.stance
-        left, right = biped.frames
-        self.soles = placement(left), placement(right)
+        biped, estimator = self.biped, self.estimator
+        # Places where each sole was last put down [m].
+        self.anchors, self.dynamics = estimator.anchors, estimator.dynamics
+        self.other, placement = 1 - self.stance, self.dynamics.placement
+        sense = estimator.sense
+        self.soles, self.rotations = (sense.sole(0), sense.sole(1)), sense.rotations
         self.pelvis, self.torso = placement(biped.pelvis), placement(biped.torso)
         self.com = self.dynamics.com
-        self.yaws = yaw_of(self.soles[0][1]), yaw_of(self.soles[1][1])
+        left, right = sense.rotations
+        self.yaws = math.atan2(left[3], left[0]), math.atan2(right[3], right[0])
 
     @cached_property
     def zmp_reference(self) -> Float64[np.ndarray, "2"]:
@@ -198,6 +199,12 @@ class Footing:
 def yaw_of(rotation: Float64[np.ndarray, "3 3"]) -> float:
     """How something is turned, to the left of the world's x axis, from -pi to pi [rad]."""
     return math.atan2(rotation[1, 0], rotation[0, 0])
+
+
+def turn_to_left(angle: float) -> Float64[np.ndarray, "3 3"]:
+    """Rotation about the vertical [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
 
 
 def wrapped(angle: float) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._stance._footing import Footing, wrapped
+from poise.locomotion._stepping._stance._footing import Footing, turn_to_left, wrapped
 
 _RATE = 0.3
 """How fast it leans over a foot, and back [rad/s]."""
@@ -75,17 +75,11 @@ class TrunkPose:
         # The shorter way, also where angles pass from pi to -pi.
         turn = wrapped(facing - before)
         self._facing = before + max(-most, min(most, turn))
-        most = _POSE_RATE * self._dt
-        before, allowed = self._torso, zip(torso, TORSO_MOST, strict=True)
-        roll, pitch, yaw = (max(-largest, min(largest, angle)) for angle, largest in allowed)
-        self._torso = (
-            _moved(before[0], roll, most),
-            _moved(before[1], pitch, most),
-            _moved(before[2], yaw, most),
-        )
+        if torso != self._torso:
+            self._torso = self._moved(torso)
         pelvis = self._lean.rotation(footing)
         if self._facing != 0.0:
-            turn = pin.exp3(np.array([0.0, 0.0, self._facing]))
+            turn = turn_to_left(self._facing)
             pelvis = turn if pelvis is LEVEL else pelvis.dot(turn)
         if self.upright:
             return pelvis, pelvis
@@ -98,7 +92,11 @@ class TrunkPose:
             pelvis = turned @ pin.rpy.rpyToMatrix(np.array(bent)).T
         return pelvis, turned
 
-
-def _moved(before: float, goal: float, most: float) -> float:
-    """Towards a goal by no more than that."""
-    return before + max(-most, min(most, goal - before))
+    def _moved(self, torso: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Roll, pitch and yaw of the torso, rate-limited towards what is commanded [rad]."""
+        most = _POSE_RATE * self._dt
+        roll, pitch, yaw = (
+            before + max(-most, min(most, max(-largest, min(largest, angle)) - before))
+            for before, angle, largest in zip(self._torso, torso, TORSO_MOST, strict=True)
+        )
+        return roll, pitch, yaw
