@@ -45,11 +45,11 @@ from dataclasses import replace
 from unittest.mock import patch
 from poise.locomotion._stepping._by_velocity import velocity_numbers
 from studies.bad_operator.falls_section import Trial, run_trial
-from poise.locomotion import StepTeleoperator
+from poise.locomotion import teleop_parameters
 from poise.apps.teleoperation import read_recording, replay_teleop
 from poise.robots import load_robot
 # Soft feet that may leave the ground whenever the ZMP is near: it falls soon.
-careless = replace(StepTeleoperator(load_robot("biped20")).parameters, lower_speed=1.0,
+careless = replace(teleop_parameters(load_robot("biped20"), "velocity"), lower_speed=1.0,
                    stoop_max=1e-9)
 leads, usual = "poise.locomotion._stepping._step_teleoperator", velocity_numbers
 patch("poise.locomotion._stepping._feet._foot._TOUCH_SPEED", 1.0).start()

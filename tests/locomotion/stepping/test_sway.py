@@ -51,6 +51,12 @@ def test_a_robot_with_weak_ankles_is_refused_with_the_reason_and_what_helps(get_
     assert StepTeleoperator(robot, actuation="velocity", servo_gains=(700.0, 25.0))
 
 
+@pytest.mark.parametrize("gains", [(0.0, 2.5), (70.0, -1.0), (np.nan, 2.5)])
+def test_servo_gains_that_cannot_be_are_refused(get_robot, gains):
+    with pytest.raises(ConfigurationError, match="of the servos"):
+        StepTeleoperator(get_robot("biped20"), actuation="velocity", servo_gains=gains)
+
+
 def test_weak_ankles_for_pitch_let_it_sway_forward(get_robot):
     robot = get_robot("biped20")
     torque = robot.tau_max.copy()

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
+from poise._checks import checked_number
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import ComShifter
@@ -64,7 +65,9 @@ def check_sway(
     biped: Biped, dynamics: Dynamics, shifter: ComShifter, gains: tuple[float, float], leak: float
 ) -> None:
     """Refuses a robot that the COM shifter would throw over through servos that are too soft."""
-    robot, (gain, damping) = biped.robot, gains
+    robot = biped.robot
+    gain = checked_number(gains[0], "stiffness of the servos [1/rad]", above=0.0)
+    damping = checked_number(gains[1], "damping of the servos [s/rad]")
     for foot, sole in enumerate(biped.soles):
         stiffnesses, weakest = sway_stiffness(biped, dynamics, foot, gain)
         for way, stiffness, joint in zip(_WAYS, stiffnesses / robot.mass, weakest, strict=True):

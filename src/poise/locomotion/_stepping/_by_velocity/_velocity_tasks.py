@@ -195,15 +195,7 @@ def _weigh(task: Task, row_weight: float) -> None:
 
 
 class _Turn:
-    """The whole robot turning about its stance sole, which is turned onto its ground.
-
-    A controller takes the stance to be at rest. A sole that is off its ground is turned back
-    slowly, or a robot on the edge of a sole would stay there; what body and feet do by that alone
-    comes off what they are asked for.
-
-    Attributes:
-        rate: angular velocity of the robot, horizontal [rad/s].
-    """
+    """Motion of the whole robot about a stance sole that is turned onto its ground, at a rate."""
 
     def __init__(self, footing: Footing, rate: Float64[np.ndarray, "3"]) -> None:
         self._footing, self.rate = footing, rate

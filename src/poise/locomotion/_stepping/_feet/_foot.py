@@ -31,17 +31,12 @@ _PATIENCE, _DRAWN = 0.4, 0.05
 
 
 class FootTarget:
-    """Eq. (15d): after the device while in the air, and held while on the ground.
-
-    Attributes:
-        rescuing: whether the foot in the air is put down, whatever the operator commands.
-        rate: how fast the operator moves the place where it is sent [m/s]; zero where it is sent
-            elsewhere than they say, or they do not say how fast.
-    """
+    """Eq. (15d): after the device while in the air, and held while on the ground."""
 
     def __init__(self, reach: FootRange, parameters: TeleopParameters) -> None:
         self._range, self._parameters = reach, parameters
         self.restart()
+        # Velocity of the device, where the foot is sent to its place [m/s].
         self.rate = _AT_REST
 
     def restart(self) -> None:
@@ -152,11 +147,7 @@ _SWING_TIME = 0.05
 
 
 class FootVelocity:
-    """Eq. (17c), gently down and smoothed; and as fast as the operator says that they are.
-
-    With (17c) alone the foot is behind a device that moves by 1 / k_v: where its velocity is known,
-    that is added.
-    """
+    """Eq. (17c) with the device's velocity as feedforward, gently down and smoothed."""
 
     def __init__(self, parameters: TeleopParameters) -> None:
         self._lower_speed = parameters.lower_speed
