@@ -21,22 +21,14 @@ _REAL, _LARGEST_FLOAT = (float, int), sys.float_info.max
 
 
 def checked_kind(value: object, kind: type[T], what: str) -> T:
-    """A value of the right kind.
-
-    Raises:
-        ConfigurationError: it is of another.
-    """
+    """A value of the right kind."""
     if not isinstance(value, kind):
         raise ConfigurationError(f"{what} is of the wrong kind", got=value, wanted=kind.__name__)
     return value
 
 
 def checked_number(value: float, what: str, *, above: float | None = None) -> float:
-    """A finite number, not negative, or strictly above a bound.
-
-    Raises:
-        ConfigurationError: it is not.
-    """
+    """A finite number, not negative, or strictly above a bound."""
     wanted = "a finite number >= 0" if above is None else f"a finite number > {above:g}"
     try:
         given = np.asarray(value)
@@ -53,20 +45,12 @@ def checked_number(value: float, what: str, *, above: float | None = None) -> fl
 
 
 def checked_time_limit(seconds: float | None) -> float | None:
-    """A cap on the time of a solve [s]; None for none.
-
-    Raises:
-        ConfigurationError: it is no positive number.
-    """
+    """A cap on the time of a solve [s]; None for none."""
     return None if seconds is None else checked_number(seconds, "time_limit [s]", above=0.0)
 
 
 def checked_count(value: object, what: str) -> int:
-    """A whole number, not negative, as a seed or the number of a tick is.
-
-    Raises:
-        ConfigurationError: it is something else.
-    """
+    """A whole number, not negative, as a seed or the number of a tick is."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
         raise ConfigurationError(f"{what} is no whole number", got=value, wanted="0, 1, 2, ...")
     return int(value)

@@ -36,12 +36,7 @@ class Copied:
 
 
 def restore(thing: object, saved: object) -> None:
-    """Gives an object the numbers of a copy of it, and leaves its arrays where they are.
-
-    Args:
-        thing: the object, changed in place; what is `foreign` in it stays.
-        saved: a copy of it, or of one that was made alike.
-    """
+    """Gives an object the numbers of a copy of it, and leaves its arrays where they are."""
     foreign = getattr(thing, "foreign", ())
     for name, value in vars(saved).items():
         if name not in foreign:

@@ -172,18 +172,19 @@ Triple = Annotated[tuple[float, float, float], Vector(3)]
 Point = Annotated[Float64[np.ndarray, "3"], Vector(3)]
 
 
-def checked(error: type[PoiseError] = ConfigurationError) -> Callable[[type[T]], type[T]]:
+def checked(
+    error: type[PoiseError] = ConfigurationError, *, removed: Mapping[str, str] | None = None
+) -> Callable[[type[T]], type[T]]:
     """Makes a dataclass check its fields by their annotations whenever one is made.
 
     Lists become the tuples that are annotated, whole numbers floats. Its `__post_init__` comes
     afterwards and may rely on the fields.
-
-    Args:
-        error: the class of what is raised for a wrong field.
     """
+    removed = removed or {}
 
     def decorate(kind: type[T]) -> type[T]:
         kind.__pydantic_config__ = _CONFIG  # pyright: ignore[reportAttributeAccessIssue]
+        kind.__removed__ = removed  # pyright: ignore[reportAttributeAccessIssue]
         kind.__get_pydantic_core_schema__ = classmethod(_dataclass_schema)  # pyright: ignore[reportAttributeAccessIssue]
         if "__post_init__" in vars(kind):
             kind.__post_init__ = locatable(kind.__post_init__)  # pyright: ignore[reportAttributeAccessIssue]
@@ -192,9 +193,11 @@ def checked(error: type[PoiseError] = ConfigurationError) -> Callable[[type[T]],
 
         @wraps(kind.__init__)
         def init(self: T, *args: object, **values: object) -> None:
-            given = parameters.bind(*args, **values).arguments
+            given: object = values
+            if not removed.keys() & values.keys():
+                given = ArgsKwargs((), parameters.bind(*args, **values).arguments)
             try:
-                _validator(kind).validate_python(ArgsKwargs((), given), self_instance=self)
+                _validator(kind).validate_python(given, self_instance=self)
             except ValidationError as problem:
                 raise _explain(problem, None, kind.__name__, error) from None
 
@@ -205,17 +208,7 @@ def checked(error: type[PoiseError] = ConfigurationError) -> Callable[[type[T]],
 
 
 def read(kind: Any, data: Mapping[Any, Any], where: str, *, error: type[PoiseError]) -> Any:
-    """Makes a checked dataclass from the content of a file; its fields are the keys.
-
-    Args:
-        kind: the dataclass, or another type that Pydantic knows.
-        data: the content, with its lines where `read_yaml` has read it.
-        where: the file, for messages.
-        error: the class of what is raised for a wrong key or value.
-
-    Raises:
-        PoiseError: an unknown key, a missing key, a value of the wrong kind or out of its bounds.
-    """
+    """Makes a checked dataclass from the content of a file; its fields are the keys."""
     try:
         return _validator(kind).validate_python(data)
     except ValidationError as problem:
@@ -250,19 +243,15 @@ def locatable(function: Callable[..., T]) -> Callable[..., T]:
 
 def _dataclass_schema(kind: Any, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
     return core_schema.no_info_before_validator_function(
-        partial(_check_keys, _keys(kind)), handler(source)
+        partial(_check_keys, _keys(kind), kind.__removed__), handler(source)
     )
 
 
 def mapping_schema(keys: Mapping[str, tuple[CoreSchema, bool]]) -> CoreSchema:
-    """The schema of a mapping in a file.
-
-    Args:
-        keys: what each key may hold, and whether it is needed.
-    """
+    """The schema of a mapping in a file."""
     needed = {key: required for key, (_, required) in keys.items()}
     return core_schema.no_info_before_validator_function(
-        partial(_check_keys, needed),
+        partial(_check_keys, needed, {}),
         core_schema.typed_dict_schema(
             {
                 key: core_schema.typed_dict_field(schema, required=required)
@@ -285,12 +274,15 @@ def _keys(kind: Any) -> dict[str, bool]:
     return keys
 
 
-def _check_keys(keys: Mapping[str, bool], data: object) -> object:
-    """Looks for unknown and missing keys in the content of a file."""
+def _check_keys(keys: Mapping[str, bool], removed: Mapping[str, str], data: object) -> object:
+    """Looks for removed, unknown and missing keys in the content of a file."""
     if isinstance(data, dict):
         for key in data:
             if not isinstance(key, str):
                 raise key_error("a key of {subject} is not text", got=key, wanted="a name")
+            if key in removed:
+                what = "{subject} has a key that was removed"
+                raise key_error(what, key=key, got=key, wanted=removed[key])
             if key not in keys:
                 raise key_error("{subject} has an unknown key", key=key, got=key, choices=keys)
         for key, needed in keys.items():
@@ -300,13 +292,7 @@ def _check_keys(keys: Mapping[str, bool], data: object) -> object:
 
 
 def key_error(what: str, *, key: str | None = None, **said: Any) -> PydanticCustomError:
-    """An error of a mapping's keys, for Pydantic to hand on with its place.
-
-    Args:
-        what: what is wrong, with "{subject}" for the place.
-        key: the key, whose line is said.
-        said: got, wanted and choices of a `PoiseError`.
-    """
+    """An error of a mapping's keys, for Pydantic to hand on with its place."""
     return PydanticCustomError("keys", "keys", {"what": what, "key": key, "said": said})
 
 

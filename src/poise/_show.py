@@ -42,15 +42,7 @@ def html_table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]
 
 
 def new_figure(width: float, height: float) -> Any:
-    """An empty `matplotlib.figure.Figure`, which a notebook shows where it is a cell's result.
-
-    Args:
-        width: [inch].
-        height: [inch].
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """An empty `matplotlib.figure.Figure`, which a notebook shows where it is a cell's result."""
     try:
         plt: Any = import_module("matplotlib.pyplot")
     except ModuleNotFoundError as error:

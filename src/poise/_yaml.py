@@ -26,11 +26,7 @@ class LinedList(list[Any]):
 
 
 def read_yaml(text: str, where: str, *, error: type[PoiseError]) -> LinedDict:
-    """Parse YAML text whose top is a mapping, with no key given twice.
-
-    Raises:
-        PoiseError: the text is no YAML, or not a mapping.
-    """
+    """Parse YAML text whose top is a mapping, with no key given twice."""
     try:
         data = yaml.load(text, Loader=_StrictLoader)
     # A date that does not exist is a ValueError, and lists may be nested without end.
@@ -42,11 +38,7 @@ def read_yaml(text: str, where: str, *, error: type[PoiseError]) -> LinedDict:
 
 
 def read_text(path: Path, *, error: type[PoiseError]) -> str:
-    """Read a text file.
-
-    Raises:
-        PoiseError: there is no such file, or it is not text.
-    """
+    """Read a text file."""
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError:

@@ -58,10 +58,6 @@ def _never(*_: object, **__: object) -> bool:
     return False
 
 
-def _no_correction(*_: object, **__: object) -> np.ndarray:
-    return np.zeros(3)
-
-
 def _same_state(_tare: object, state: object, *_: object) -> object:
     return state
 
@@ -118,7 +114,6 @@ def _without_legs(leg_ratios: Callable[..., Any]) -> Callable[..., Any]:
 
 _region = _of_any_width(resolve_name(f"{_WALKING}._parts.single_support_region"))
 _margin = resolve_name(f"{_TASKS}._CAUGHT_MARGIN")
-_settings = WalkSettings()
 
 MECHANISMS = (
     Mechanism(
@@ -147,9 +142,9 @@ MECHANISMS = (
     ),
     Mechanism(
         name="TrunkFeedback",
-        off={f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.acceleration": _no_correction},
-        watched=f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.acceleration",
-        acts=lambda _, acceleration: bool(acceleration.any()),
+        off={f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.apply": _nothing},
+        watched=f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.apply",
+        acts=lambda call, _: bool(call[1][-3:].any()),
     ),
     Mechanism(
         name="LoadCellTare",
@@ -176,9 +171,7 @@ MECHANISMS = (
     Mechanism(
         name="capture constants",
         off={
-            f"{_LEVEL}._CAUGHT_MARGIN": _settings.zmp_margin,
-            f"{_LEVEL}._APART": _settings.clearance,
-            f"{_LEVEL}._BOUNCE_TIME": _settings.bounce_time,
+            f"{_LEVEL}._CAPTURE": WalkSettings(),
             f"{_LEVEL}._HIGHER": 1.0,
             f"{_LEVEL}._CLOSING": _FOREVER,
             f"{_LEVEL}._ROCKING": _FOREVER,

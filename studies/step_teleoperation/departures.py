@@ -5,8 +5,11 @@ At velocity level; the table in docs/teleoperation.md has the same rows.
 
 from dataclasses import dataclass, field
 
+_STEPPING = "poise.locomotion._stepping"
+_FOOT, _FOOTING = f"{_STEPPING}._feet._foot", f"{_STEPPING}._stance._footing"
+
 _NONE, _ANY = 1e-9, 1e3
-"""Parameters that take a rule's effect away: nothing of it, or as much as one likes."""
+"""Numbers that take a rule's effect away: nothing of it, or as much as one likes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +20,8 @@ class Departure:
         rule: Poise's.
         paper: the paper's.
         reason: for the departure.
-        taken_back: parameters with which it is as in the paper; empty where none does that.
+        taken_back: changes with which it is as in the paper, see `changed`; empty where none
+            does that.
     """
 
     rule: str
@@ -43,10 +47,10 @@ DEPARTURES = (
         "is followed at 2.5 m/s at most. One that is silent for 0.5 s lets go of its foot",
     ),
     Departure(
-        rule="the measured ZMP is smoothed (`zmp_time`)",
+        rule="the measured ZMP is smoothed",
         paper="the ZMP as measured",
         reason="load cells have noise, and soles that touch the ground knock",
-        taken_back={"zmp_time": _NONE},
+        taken_back={f"{_STEPPING}._step_teleoperator._ZMP_TIME": _NONE},
     ),
     Departure(
         rule="other foot firm in double support (`w_S2`)",
@@ -55,11 +59,11 @@ DEPARTURES = (
         taken_back={"w_S2": 100.0},
     ),
     Departure(
-        rule="foot firm and straight up near the ground (`clear_height`)",
+        rule="foot firm and straight up near the ground",
         paper="the foot is soft and goes anywhere as soon as the mode says so",
         reason="a foot that still touches is dragged over the ground, by angular momentum or by "
         "the operator",
-        taken_back={"clear_height": _NONE},
+        taken_back={f"{_FOOTING}._CLEAR_HEIGHT": _NONE},
     ),
     Departure(
         rule="angular momentum leaks (`momentum_leak`)",
@@ -154,13 +158,13 @@ DEPARTURES = (
         "weight stays where it was",
     ),
     Departure(
-        rule="foot without load pressed down (`press_speed`)",
+        rule="foot without load pressed down",
         paper="a foot that stays where it was when landing was felt",
         reason="one that touched with an edge would hang in the air; without load it goes down, by "
-        "at most `press_speed`, and stands where it is as soon as it carries: pressed further it "
+        "at most 0.1 m/s, and stands where it is as soon as it carries: pressed further it "
         "would tip the robot over the edge of the other sole. One that is about to be lifted is "
         "not pressed: that drums it on the ground, and throws the ZMP to the far edge of the other",
-        taken_back={"press_speed": _NONE},
+        taken_back={f"{_FOOTING}._PRESS_SPEED": _NONE},
     ),
     Departure(
         rule="COM comes down for the legs to reach (`stoop_max`)",
@@ -173,22 +177,23 @@ DEPARTURES = (
         taken_back={"stoop_max": _NONE},
     ),
     Departure(
-        rule="gentle heights of COM and foot (`lift_speed`, `lower_speed`, `touch_speed`)",
+        rule="gentle heights of COM and foot (`lift_speed`, `lower_speed`)",
         paper="v_lim for everything",
         reason="at 1 m/s down the robot falls faster than it can carry, and a foot that lands hard "
-        "kicks it: from `clear_height` to the ground its speed falls from `lower_speed` to "
-        "`touch_speed`",
+        "kicks it: from 4 cm above the ground its speed falls from `lower_speed` to "
+        "0.15 m/s",
         taken_back={
-            "lift_speed": 1.0, "lift_acceleration": _ANY, "lower_speed": 1.0, "touch_speed": 1.0,
+            "lift_speed": 1.0, "lift_acceleration": _ANY, "lower_speed": 1.0,
+            f"{_FOOT}._TOUCH_SPEED": 1.0,
         },
     ),
     Departure(
-        rule="smooth swing (`swing_time`)",
+        rule="smooth swing",
         paper="a foot velocity that jumps, however near the robot is to tipping",
         reason="the ZMP jumps with it; and swinging takes angular momentum that the balance needs, "
         "so along the ground the foot is slower the nearer the divergent component is to the "
         "sole's edge",
-        taken_back={"swing_time": _NONE},
+        taken_back={f"{_FOOT}._SWING_TIME": _NONE},
     ),
     Departure(
         rule="commands within reach",

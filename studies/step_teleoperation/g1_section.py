@@ -86,6 +86,6 @@ def _landing(after: float, script: Script, run: TeleopRun) -> Finding:
         unit="s",
         ok=late is not None and late <= after,
         note="asked: before the left device is lifted. Near the ground a foot is led at "
-        "`lower_speed` to `touch_speed`, and a lift that comes before the other foot carries is "
+        "`lower_speed` or less, and a lift that comes before the other foot carries is "
         "not taken: the device has to be lowered and lifted again",
     )

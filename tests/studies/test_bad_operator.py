@@ -41,15 +41,21 @@ def test_outcomes_do_not_depend_on_the_processes():
 FALL = """
 import json, sys
 from pathlib import Path
-from dataclasses import asdict, replace
+from dataclasses import replace
+from unittest.mock import patch
+from poise.locomotion._stepping._by_velocity import velocity_numbers
 from studies.bad_operator.falls_section import Trial, run_trial
 from poise.locomotion import StepTeleoperator
 from poise.apps.teleoperation import read_recording, replay_teleop
 from poise.robots import load_robot
 # Soft feet that may leave the ground whenever the ZMP is near: it falls soon.
-careless = replace(StepTeleoperator(load_robot("biped20")).parameters, w_S2=1.0, capture_max=1e3,
-                   ct_zmp_max=1e3, momentum_leak=1e-9, velocity_leak=1e-9, lower_speed=1.0,
-                   touch_speed=1.0, stoop_max=1e-9)
+careless = replace(StepTeleoperator(load_robot("biped20")).parameters, lower_speed=1.0,
+                   stoop_max=1e-9)
+leads, usual = "poise.locomotion._stepping._step_teleoperator", velocity_numbers
+patch("poise.locomotion._stepping._feet._foot._TOUCH_SPEED", 1.0).start()
+patch(f"{leads}.velocity_numbers", lambda size: replace(
+    usual(size), w_S2=1.0, capture_max=1e3, ct_zmp_max=1e3, momentum_leak=1e-9,
+    velocity_leak=1e-9)).start()
 for seed in range(200_012, 200_020):
     trial = Trial(seed=seed, seconds=15.0, folder=Path(sys.argv[1]), parameters=careless)
     outcome = run_trial(trial)

@@ -36,11 +36,7 @@ class _Teller(event.Listener):
 
 @contextmanager
 def compiling_told(note: Callable[[str], None]) -> Generator[None]:
-    """Within, tells of each function that is compiled, and shows nothing else of it.
-
-    Args:
-        note: told the name of each function.
-    """
+    """Within, tells of each function that is compiled, and shows nothing else of it."""
     teller = _Teller(note)
     event.register(EVENT, teller)
     _TOLD.add(teller)
@@ -57,11 +53,7 @@ def is_told() -> bool:
 
 
 def find_unkept(skipped: tuple[str, ...] = ()) -> list[Any]:
-    """Functions of the imported modules that Python calls and no file has machine code of.
-
-    Args:
-        skipped: modules and packages whose functions do not matter.
-    """
+    """Functions of the imported modules that Python calls and no file has machine code of."""
     return [
         function
         for function in _functions()
@@ -76,11 +68,7 @@ def names_of(functions: list[Any]) -> set[str]:
 
 
 def code_folder() -> str:
-    """The folder below which machine code is kept.
-
-    Raises:
-        ConfigurationError: there is none, or the one that was asked for cannot be written.
-    """
+    """The folder below which machine code is kept."""
     asked = str(cast("Any", numba).config.CACHE_DIR)
     paths = [function._cache.cache_path for function in _functions()]
     if not paths or (asked and not os.path.abspath(paths[0]).startswith(os.path.abspath(asked))):
@@ -91,14 +79,7 @@ def code_folder() -> str:
 
 
 def check_kept(compiled: set[str]) -> None:
-    """Sees whether functions that were compiled are kept.
-
-    Args:
-        compiled: their names; those of parts, which are kept with their callers, do not matter.
-
-    Raises:
-        ConfigurationError: some are not.
-    """
+    """Sees whether functions that were compiled are kept."""
     left = [name for one in find_unkept() if (name := _name(one)) in compiled]
     if left:
         raise ConfigurationError(

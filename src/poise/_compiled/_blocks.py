@@ -141,13 +141,7 @@ _LIVE: WeakValueDictionary[int, Block] = WeakValueDictionary()
 
 
 def allocate(kind: type[B], sizes: Mapping[str, int], **given: Any) -> B:
-    """Makes a block of arrays of zeros.
-
-    Args:
-        kind: its class.
-        sizes: of the arrays, by the names that stand in the annotations.
-        given: fields that are there already.
-    """
+    """Makes a block of arrays of zeros."""
     shapes = dict[str, list[int]]()
     for name, field in kind.fields.items():
         if name not in given and field.kind == "array":
@@ -161,12 +155,7 @@ def allocate(kind: type[B], sizes: Mapping[str, int], **given: Any) -> B:
 
 
 def view(kind: type[B], address: int) -> B:
-    """The block whose table lies at an address; how a compiled function gets it from Python.
-
-    Args:
-        kind: its class.
-        address: as in `Block`.
-    """
+    """The block whose table lies at an address; how a compiled function gets it from Python."""
     block = _LIVE[address]
     assert isinstance(block, kind)
     return block

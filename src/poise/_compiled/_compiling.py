@@ -50,10 +50,6 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     Compiled functions may call each other. The code that was kept is made anew when the file of a
     function changes, or that of any compiled function or a number that its file imports. Where it
     cannot be kept, every process makes its own.
-
-    Args:
-        function: of arrays and numbers, in the part of Python that Numba compiles. It may neither
-            make an array nor return one that it did not get.
     """
     return _whole(function, {})
 
@@ -63,9 +59,6 @@ def compiled_for_threads(function: Callable[P, R]) -> Callable[P, R]:
 
     Where others wait to run, whoever calls it may have to wait for them when it ends: so it is
     nothing for a control loop.
-
-    Args:
-        function: as for `compiled`; nobody may touch what it works on until it ends.
     """
     return _whole(function, {"nogil": True})
 
@@ -88,9 +81,6 @@ def part(function: Callable[P, R]) -> Callable[P, R]:
     """Compiles a function that nobody but compiled functions calls.
 
     It becomes machine code only as a part of them. Calling it from Python ends the process.
-
-    Args:
-        function: as for `compiled`.
     """
     plain = cast("FunctionType", inspect.unwrap(function))
     if _DISABLED:
@@ -104,12 +94,7 @@ def part(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def say_if_slow(function: Callable[..., object], what: str) -> None:
-    """Lets what is to be seen of compiling be seen, unless the machine code is there already.
-
-    Args:
-        function: a compiled function, about to be called for the first time.
-        what: what it belongs to.
-    """
+    """Lets what is to be seen of compiling be seen, unless the machine code is there already."""
     dispatcher = cast("Any", function)
     if _DISABLED or dispatcher.signatures or is_told():
         return

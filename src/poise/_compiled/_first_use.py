@@ -21,11 +21,6 @@ class FirstUse(event.Listener):
     """Says what is compiled and how far that is, and for how long it took.
 
     Where somebody looks on there is a bar, elsewhere a line in the log before and one after.
-
-    Args:
-        function: the compiled function that is about to be called for the first time.
-        what: what it belongs to.
-        kept: the folder where its code will be kept, None for none.
     """
 
     def __init__(self, function: Any, what: str, kept: str | None) -> None:
@@ -69,13 +64,7 @@ class FirstUse(event.Listener):
 
 
 def draw_bar(what: str, share: float, spent: float) -> None:
-    """Shows how far compiling is, where somebody looks on.
-
-    Args:
-        what: is compiled.
-        share: that is done, above zero.
-        spent: time since it began [s].
-    """
+    """Show the progress of compiling on a terminal."""
     if not sys.stderr.isatty():
         return
     bar = "#" * round(_WIDTH * share)

@@ -10,15 +10,7 @@ from poise._compiled._compiling import compiled
 
 @compiled
 def make_reflection(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"]) -> float:
-    """The reflection that turns x into (|x|, 0, ..., 0), a length that is never negative.
-
-    Args:
-        x: overwritten with that.
-        v: receives the reflection's vector, which begins with one.
-
-    Returns:
-        tau, zero where nothing has to be turned.
-    """
+    """The reflection that turns x into (|x|, 0, ..., 0), a length that is never negative."""
     first, rest = x[0], 0.0
     for i in range(1, len(x)):
         rest += x[i] * x[i]
@@ -37,13 +29,7 @@ def make_reflection(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"]) 
 
 @compiled
 def reflect(x: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], tau: float) -> None:
-    """X <- (I - tau v v^T) x.
-
-    Args:
-        x: overwritten.
-        v: the reflection's vector.
-        tau: and its factor.
-    """
+    """X <- (I - tau v v^T) x."""
     share = 0.0
     for i in range(len(v)):
         share += v[i] * x[i]
@@ -60,15 +46,7 @@ def reflect_rows(
     v: Float64[np.ndarray, " k"],
     tau: float,
 ) -> None:
-    """X <- X (I - tau v v^T): reflects some rows, four at a time so that no sum is waited for.
-
-    Args:
-        X: whose rows are overwritten.
-        chosen: which of them.
-        column: where v begins in them.
-        v: the reflection's vector.
-        tau: and its factor.
-    """
+    """X <- X (I - tau v v^T): reflects some rows, four at a time so that no sum is waited for."""
     end, i = column + len(v), 0
     while i + 4 <= len(chosen):
         a, b = X[chosen[i], column:end], X[chosen[i + 1], column:end]
@@ -101,17 +79,7 @@ def reflect_columns(
     tau: float,
     shares: Float64[np.ndarray, " n"],
 ) -> None:
-    """X <- (I - tau v v^T) X: reflects all columns from one on.
-
-    Args:
-        X: overwritten.
-        begin: the first row that v moves.
-        end: where they end.
-        column: the first column.
-        v: the reflection's vector, with a number for every row.
-        tau: and its factor.
-        shares: scratch.
-    """
+    """X <- (I - tau v v^T) X: reflects all columns from one on."""
     total = shares[column:]
     for i in range(len(total)):
         total[i] = 0.0

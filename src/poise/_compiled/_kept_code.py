@@ -15,15 +15,7 @@ _SAID: set[str] = set()
 
 
 class KeptCode(FunctionCache):
-    """Numba's files of one function, in its own folder or in the one that NUMBA_CACHE_DIR names.
-
-    Args:
-        function: the plain function.
-        stamp: names the source that it is compiled from.
-
-    Raises:
-        RuntimeError: there is no folder that can be written.
-    """
+    """Numba's files of one function, in its own folder or in the one that NUMBA_CACHE_DIR names."""
 
     def __init__(self, function: Any, stamp: str) -> None:
         super().__init__(function)

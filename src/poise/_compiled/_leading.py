@@ -13,15 +13,7 @@ from poise._compiled._compiling import part
 
 @part
 def factor_leading(G: Float64[np.ndarray, "n n"], m: int) -> bool:
-    """Cholesky factor of the leading block of a symmetric matrix, in its lower triangle.
-
-    Args:
-        G: overwritten.
-        m: size of the block.
-
-    Returns:
-        Whether the block is positive definite; False for NaN, too.
-    """
+    """Cholesky factor of the leading block of a symmetric matrix, in its lower triangle."""
     for i in range(m):
         for j in range(i):
             rest = G[i, j]
@@ -39,13 +31,7 @@ def factor_leading(G: Float64[np.ndarray, "n n"], m: int) -> bool:
 
 @part
 def solve_leading(G: Float64[np.ndarray, "n n"], m: int, x: Float64[np.ndarray, " n"]) -> None:
-    """X <- G^-1 x with the factor that `factor_leading` left.
-
-    Args:
-        G: the factor.
-        m: its size.
-        x: overwritten.
-    """
+    """X <- G^-1 x with the factor that `factor_leading` left."""
     solve_lower(G, 0, m, x)
     solve_lower_transposed(G, m, x)
 
@@ -54,14 +40,7 @@ def solve_leading(G: Float64[np.ndarray, "n n"], m: int, x: Float64[np.ndarray, 
 def solve_lower(
     L: Float64[np.ndarray, "n n"], begin: int, end: int, y: Float64[np.ndarray, " n"]
 ) -> None:
-    """Solves some rows of L y = b, given y above them, in place.
-
-    Args:
-        L: its lower triangle is read.
-        begin: the first row.
-        end: where the rows end.
-        y: holds b in these places, and receives y.
-    """
+    """Solves some rows of L y = b, given y above them, in place."""
     for i in range(begin, end):
         rest = y[i]
         for j in range(i):
@@ -73,13 +52,7 @@ def solve_lower(
 def solve_lower_transposed(
     L: Float64[np.ndarray, "n n"], m: int, x: Float64[np.ndarray, " n"]
 ) -> None:
-    """X <- L^-T x with the leading block of L.
-
-    Args:
-        L: its lower triangle is read.
-        m: size of the block.
-        x: overwritten.
-    """
+    """X <- L^-T x with the leading block of L."""
     for i in range(m - 1, -1, -1):
         x[i] /= L[i, i]
         for k in range(i):

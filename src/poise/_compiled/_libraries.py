@@ -49,11 +49,7 @@ class WholeCompiler(Compiler):
 
 
 def compile_once_for_all_numbers(function: Any) -> None:
-    """Keeps Numba from compiling a function anew for each whole number in the source of a call.
-
-    Args:
-        function: a dispatcher of Numba's.
-    """
+    """Keeps Numba from compiling a function anew for each whole number in the source of a call."""
     resolve = function.get_call_template
 
     def resolve_any(args: Any, kws: Any) -> Any:

@@ -20,14 +20,6 @@ def factor(
     """Upper factor A = U U^T of a symmetric positive definite matrix.
 
     Begun at the leaves it has zeros wherever A has them between branches.
-
-    Args:
-        A: its upper triangle is read.
-        reach: where the tree on each number ends.
-        U: receives the factor; what is below its diagonal and between branches is left as it is.
-
-    Returns:
-        Whether A is positive definite; False for NaN, too. If not, U is of no use.
     """
     for j in range(len(A) - 1, -1, -1):
         rest = A[j, j]
@@ -49,13 +41,7 @@ def factor(
 def solve_columns(
     U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], X: Float64[np.ndarray, "n m"]
 ) -> None:
-    """X <- U^-1 X.
-
-    Args:
-        U: of `factor`.
-        reach: of `factor`.
-        X: overwritten.
-    """
+    """X <- U^-1 X."""
     for i in range(len(U) - 1, -1, -1):
         row, scale = X[i], 1.0 / U[i, i]
         for k in range(i + 1, reach[i]):
@@ -70,13 +56,7 @@ def solve_columns(
 def solve_transposed(
     U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], x: Float64[np.ndarray, " n"]
 ) -> None:
-    """X <- U^-T x.
-
-    Args:
-        U: of `factor`.
-        reach: of `factor`.
-        x: overwritten.
-    """
+    """X <- U^-T x."""
     for i in range(len(U)):
         x[i] /= U[i, i]
         for k in range(i + 1, reach[i]):

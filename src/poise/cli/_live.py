@@ -21,12 +21,7 @@ _SEEDS = {
 
 
 def add_live_options(parser: argparse.ArgumentParser, verb: str) -> None:
-    """Adds port, noise, seed, seconds, and where to write.
-
-    Args:
-        parser: of the verb.
-        verb: its name.
-    """
+    """Adds port, noise, seed, seconds, and where to write."""
     parser.add_argument(
         "--port",
         metavar="N",
@@ -58,24 +53,13 @@ def add_live_options(parser: argparse.ArgumentParser, verb: str) -> None:
 
 
 def check_seconds(options: argparse.Namespace) -> None:
-    """Refuses a run that ends before it begins.
-
-    Raises:
-        ConfigurationError: --seconds is not positive.
-    """
+    """Refuses a run that ends before it begins."""
     if not options.seconds > 0.0:
         raise ConfigurationError("--seconds is out of range", got=options.seconds, wanted="> 0")
 
 
 def run_live(session: Any, robot: str, hint: str, options: argparse.Namespace) -> None:
-    """Runs a session until its time is up or somebody ends it.
-
-    Args:
-        session: to run.
-        robot: its robot's name.
-        hint: how to begin.
-        options: the command line's.
-    """
+    """Run a session until its time is up or it is ended."""
     # Whoever ends the process ends it as Ctrl-C does: what is recorded is finished first.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:

@@ -28,12 +28,7 @@ def strategies_text() -> str:
 
 
 def add_output_options(parser: argparse.ArgumentParser, default: str) -> None:
-    """Adds `--out` and `--json`.
-
-    Args:
-        parser: the verb's parser.
-        default: what the help calls the folder that is used without `--out`.
-    """
+    """Adds `--out` and `--json`."""
     parser.add_argument("--out", metavar="DIR", help=f"folder to write into (default: {default})")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
 
@@ -61,11 +56,7 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
 
 
 def make_workers(options: argparse.Namespace) -> Any:
-    """Who works, as the command line says.
-
-    Raises:
-        ConfigurationError: options that do not go together.
-    """
+    """Who works, as the command line says."""
     from poise.apps.campaigns import DaskWorkers, LocalWorkers, SlurmWorkers
 
     if options.scheduler is not None:
@@ -101,11 +92,7 @@ def output_folder(given: Path | str | None, default: Path | str) -> Generator[Pa
 
 
 def whole_number(text: str) -> int:
-    """A whole number >= 0 of the command line.
-
-    Raises:
-        argparse.ArgumentTypeError: it is something else.
-    """
+    """A whole number >= 0 of the command line."""
     if not (text.isascii() and text.isdigit()):
         raise argparse.ArgumentTypeError(f"got {text!r}, wanted 0, 1, 2, ...")
     return int(text)

@@ -85,18 +85,7 @@ def act(options: argparse.Namespace) -> int:
 def run_and_report(
     scenario: Any, folder: Path, *, video: bool, quiet: bool, view: bool = False
 ) -> tuple[Any, dict[str, object]]:
-    """Runs a scenario and writes everything that a run leaves behind.
-
-    Args:
-        scenario: what to run.
-        folder: where it is written.
-        video: whether a video is drawn, if this machine can.
-        quiet: whether nothing is printed.
-        view: whether the robot is shown in a window.
-
-    Returns:
-        The run and its summary.
-    """
+    """Runs a scenario and writes everything that a run leaves behind."""
     from poise.apps.scenarios import (
         LOG,
         discard_video,

@@ -23,14 +23,7 @@ _VERBS = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one verb.
-
-    Args:
-        arguments: the command line without the program's name; the process's own when None.
-
-    Returns:
-        The exit status; bad input gives one line on stderr and no traceback.
-    """
+    """Runs one verb."""
     parser = argparse.ArgumentParser(
         prog="poise",
         description="Whole-body control for humanoid robots.",

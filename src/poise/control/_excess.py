@@ -13,14 +13,7 @@ def excess(
     lower: Float64[np.ndarray, " m"],
     upper: Float64[np.ndarray, " m"],
 ) -> float:
-    """How far the worst of some coordinates is outside, zero for none; NaN stays NaN.
-
-    Args:
-        x: all coordinates.
-        first: the first of those that have bounds.
-        lower: their lower bounds.
-        upper: their upper bounds.
-    """
+    """Largest excess of some coordinates over their bounds, zero for none; NaN stays NaN."""
     worst = 0.0
     for i in range(len(lower)):
         value = x[first + i]

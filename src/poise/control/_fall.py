@@ -24,10 +24,6 @@ class FallWatch:
     """Watches how high the pelvis is over the lowest sole; it knows no ground.
 
     Robots with a fixed base, or without soles, do not fall.
-
-    Args:
-        robot: the robot.
-        ratio: see `height_ratio`; None for one that does not fall.
     """
 
     def __init__(self, robot: Robot, ratio: float | None) -> None:
@@ -65,11 +61,7 @@ class FallWatch:
         self._ratio = ratio
 
     def sees_fall(self, dynamics: Dynamics) -> bool:
-        """Whether the robot lies, and has for a while.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Return True once the robot has lain for a while."""
         if self._ratio is None:
             return False
         self._now = self._height(dynamics.motion)

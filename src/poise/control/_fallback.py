@@ -34,13 +34,6 @@ class Fallback:
     u = r u_last - (1 - r) D v with r = exp(-t / T) since the last good command; v is clipped to the
     joints' velocity limits and u to its own bounds. Before any good command u_last is zero. Torques
     decay towards damping, velocities, with D = 0, to a stop.
-
-    Args:
-        robot: the robot.
-        decay_time: T [s].
-        damping: D, by joint.
-        lower: lower bounds of the command, by joint.
-        upper: upper bounds.
     """
 
     def __init__(
@@ -59,22 +52,13 @@ class Fallback:
 
     @staticmethod
     def of_torque(robot: Robot, limit: TorqueLimit) -> "Fallback":
-        """Torques that decay towards damping of the joints.
-
-        Args:
-            robot: whose joints are damped.
-            limit: bounds of the torque, bound to the robot.
-        """
+        """Torques that decay towards damping of the joints."""
         damping = DAMPING_RATIO * robot.tau_max / robot.v_max
         return Fallback(robot, DECAY_TIME, damping, limit.lower, limit.upper)
 
     @staticmethod
     def of_velocity(robot: Robot) -> "Fallback":
-        """Velocities that decay to a stop.
-
-        Args:
-            robot: the robot.
-        """
+        """Velocities that decay to a stop."""
         unbounded = np.full(robot.nj, np.inf)
         return Fallback(robot, STOP_TIME, np.zeros(robot.nj), -unbounded, unbounded)
 
@@ -89,16 +73,7 @@ class Fallback:
         self._time, self._elapsed = time, 0.0
 
     def command(self, state: object) -> Float64[np.ndarray, " nj"]:
-        """The safe command; each call counts as a tick.
-
-        Args:
-            state: the state, or whatever came in its place. Velocities that are not finite or not
-                an array of the right size count as zero; where the time is of no use a millisecond
-                a tick is counted.
-
-        Returns:
-            Joint torques [N m] or velocities [rad/s].
-        """
+        """The safe command; each call counts as a tick."""
         v, time = (state.v, state.time) if isinstance(state, RobotState) else (None, None)
         ratio = self._ratio(time)
         command = ratio * self._last - (1.0 - ratio) * self._damping * self._joint_velocities(v)
@@ -132,14 +107,6 @@ class RateLimit:
 
     All joints go the same fraction of the line: torques that hold contacts and limits form a convex
     set at one state, so that what lies between two of them holds too.
-
-    Args:
-        robot: the robot.
-        bound: largest change of a torque in a tick [N m], one number or one a joint; infinite for
-            none; a tenth of the torque limits when None.
-
-    Raises:
-        ConfigurationError: a bound that is not positive, or of the wrong length.
     """
 
     def __init__(self, robot: Robot, bound: Numbers | None) -> None:

@@ -50,11 +50,6 @@ class FullProblem:
     Wrenches act on the robot, which turns the sign of the paper's F_c. Rows of contacts and tasks
     are written by `StackRows`, straight into this problem.
 
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks, bound to the robot.
-        contacts: those contacts of the stack that are active.
-
     Attributes:
         rows: the rows of the stack.
         problem: the hierarchical problem, filled by `fill`.
@@ -90,11 +85,7 @@ class FullProblem:
         answer(np.zeros(n), problem.A, np.zeros(nv), np.zeros(n), np.zeros(robot.nj))
 
     def fill(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows into the problem.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Writes one state's rows into the problem."""
         self.velocity = dynamics.v
         self.rows.update(dynamics)
         self._fill_dynamics(dynamics.M, dynamics.h)
@@ -131,15 +122,7 @@ class FullProblem:
     def answer(
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
     ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " nj"]]:
-        """A copy of a solution, and its joint torques [N m].
-
-        Args:
-            x: the solution.
-            dynamics: the state that it is for.
-
-        Returns:
-            The solution; and the actuated rows (7), M_l dv + h_l - J_c,l^T F.
-        """
+        """A copy of a solution, and its joint torques [N m]."""
         point, torque = np.empty(len(x)), np.empty(self._nv - self._base)
         answer(x, self.problem.A, dynamics.h, point, torque)
         return point, torque

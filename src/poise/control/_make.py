@@ -111,12 +111,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = {
 
 
 def check_plan(plan: ControllerPlan) -> ControllerKind:
-    """The kind of controller that a plan names.
-
-    Raises:
-        UnknownNameError: no such controller or strategy.
-        ConfigurationError: a setting that this controller does not take.
-    """
+    """The kind of controller that a plan names."""
     if plan.name not in CONTROLLERS:
         raise UnknownNameError("no such controller", got=plan.name, choices=CONTROLLERS)
     kind = CONTROLLERS[plan.name]
@@ -132,14 +127,7 @@ def check_plan(plan: ControllerPlan) -> ControllerKind:
 
 
 def refuse_solver_settings(plan: ControllerPlan) -> None:
-    """Refuses what only controllers take that leave their solver to the user.
-
-    Args:
-        plan: of a controller that does not.
-
-    Raises:
-        ConfigurationError: a backend or a time limit is given.
-    """
+    """Refuses what only controllers take that leave their solver to the user."""
     for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
         if value is not None:
             raise ConfigurationError(

@@ -18,14 +18,7 @@ from poise._compiled import factor_leading, part
 def factor_rows(
     X: Float64[np.ndarray, "n n"], begin: int, end: int, tau: Float64[np.ndarray, " n"]
 ) -> None:
-    """Factors a level's rows below those that are factored already.
-
-    Args:
-        X: whose rows `begin` to `end` are overwritten.
-        begin: how many rows are factored, and the level's first.
-        end: where the level ends; at most n.
-        tau: receives the factors of the new reflections.
-    """
+    """Factors a level's rows below those that are factored already."""
     turn(X, begin, end, X, 0, begin, tau)
     for k in range(begin, end):
         tau[k] = _make_reflection(X, k)
@@ -42,17 +35,7 @@ def turn(
     last: int,
     tau: Float64[np.ndarray, " n"],
 ) -> None:
-    """Turns rows into the coordinates of the staircase: T <- T Q^T, by some of the reflections.
-
-    Args:
-        T: whose rows are overwritten.
-        begin: first of them.
-        end: where they end.
-        X: the factored rows.
-        first: first reflection.
-        last: where the reflections end.
-        tau: their factors.
-    """
+    """Turns rows into the coordinates of the staircase: T <- T Q^T, by some of the reflections."""
     for k in range(first, last):
         _reflect(T, begin, end, X, k, tau[k])
 
@@ -66,16 +49,7 @@ def turn_back(
     last: int,
     tau: Float64[np.ndarray, " n"],
 ) -> None:
-    """Turns rows back from those coordinates: T <- T Q.
-
-    Args:
-        T: whose rows are overwritten.
-        begin: first of them.
-        end: where they end.
-        X: the factored rows.
-        last: how many reflections.
-        tau: their factors.
-    """
+    """Turns rows back from those coordinates: T <- T Q."""
     for k in range(last - 1, -1, -1):
         _reflect(T, begin, end, X, k, tau[k])
 
@@ -87,14 +61,7 @@ def fill_complement(
     taken: int,
     tau: Float64[np.ndarray, " n"],
 ) -> None:
-    """An orthonormal basis of what the first rows leave, in rows.
-
-    Args:
-        B: receives it in its first n - `taken` rows.
-        X: the factored rows.
-        taken: how many of them.
-        tau: factors of their reflections.
-    """
+    """An orthonormal basis of what the first rows leave, in rows."""
     n = len(B)
     for i in range(n - taken):
         for j in range(n):
@@ -111,15 +78,7 @@ def keeps_rank(
     least: float,
     G: Float64[np.ndarray, "n n"],
 ) -> bool:
-    """Whether all singular values of a level's own block of L are large enough; False for NaN.
-
-    Args:
-        X: the factored rows.
-        begin: the level's first row.
-        end: where it ends.
-        least: what is large enough.
-        G: scratch.
-    """
+    """Check that no singular value of a level's own block of L is too small; False for NaN."""
     square_level(X, begin, end, G)
     for i in range(end - begin):
         G[i, i] -= least * least
@@ -130,14 +89,7 @@ def keeps_rank(
 def square_level(
     X: Float64[np.ndarray, "n n"], begin: int, end: int, G: Float64[np.ndarray, "n n"]
 ) -> None:
-    """G = L L^T with a level's own block of L, in the lower triangle.
-
-    Args:
-        X: the factored rows.
-        begin: the level's first row.
-        end: where it ends.
-        G: whose leading block is overwritten.
-    """
+    """G = L L^T with a level's own block of L, in the lower triangle."""
     for i in range(end - begin):
         row = X[begin + i, begin:]
         for j in range(i + 1):
@@ -156,16 +108,7 @@ def add_row(
     weight: float,
     c: float,
 ) -> None:
-    """Adds a row a y = c to normal equations: G <- G + w a^T a, x <- x + w a^T c.
-
-    Args:
-        G: whose lower triangle is added to.
-        x: right-hand side, added to.
-        a: coefficients.
-        size: how many.
-        weight: w.
-        c: value.
-    """
+    """Adds a row a y = c to normal equations: G <- G + w a^T a, x <- x + w a^T c."""
     for i in range(size):
         own, factor = G[i], weight * a[i]
         x[i] += factor * c
@@ -175,15 +118,7 @@ def add_row(
 
 @part
 def _make_reflection(X: Float64[np.ndarray, "n n"], k: int) -> float:
-    """The reflection that turns a row from its diagonal on into (-+ length, 0, ..., 0), in place.
-
-    Args:
-        X: whose row k receives that length and the reflection's vector.
-        k: which row.
-
-    Returns:
-        tau, zero where nothing has to be turned.
-    """
+    """Reflection of a row, from its diagonal on, to (-+ length, 0, ..., 0), in place."""
     v, rest, first = X[k, k + 1 :], 0.0, X[k, k]
     for j in range(len(v)):
         rest += v[j] * v[j]
@@ -207,16 +142,7 @@ def _reflect(
     k: int,
     tau: float,
 ) -> None:
-    """Reflects rows, two at a time so that neither waits for its own sum.
-
-    Args:
-        T: whose rows are overwritten.
-        begin: first of them.
-        end: where they end.
-        X: the factored rows.
-        k: which reflection.
-        tau: its factor.
-    """
+    """Reflects rows, two at a time so that neither waits for its own sum."""
     # Rows by themselves are known to lie in one piece.
     v, row = X[k, k + 1 :], begin
     while row + 2 <= end:

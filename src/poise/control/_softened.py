@@ -11,12 +11,7 @@ from poise.hqp import SoftenedSolver, Solver
 
 
 class SoftenedFull(SoftenedSolver):
-    """A solver of a full problem that softens the levels of its stack.
-
-    Args:
-        full: the problem, filled before each solve.
-        make_solver: makes a solver with a workspace of its own.
-    """
+    """A solver of a full problem that softens the levels of its stack."""
 
     def __init__(self, full: FullProblem, make_solver: Callable[[], Solver]) -> None:
         softening, problem = full.rows.softening, full.problem

@@ -19,12 +19,7 @@ _MOST_NAMED = 3
 
 
 def is_usable(state: object, robot: Robot) -> bool:
-    """Whether kinds and sizes fit, numbers are finite and sane, and the base quaternion is a unit.
-
-    Args:
-        state: the state as it came.
-        robot: the robot it should belong to.
-    """
+    """Check kinds and sizes, finite and sane numbers, and the norm of the base quaternion."""
     if not isinstance(state, RobotState):
         return False
     q, v = state.q, state.v
@@ -36,12 +31,7 @@ def is_usable(state: object, robot: Robot) -> bool:
 
 
 def fault_of(state: object, robot: Robot) -> str:
-    """Why a state is of no use, in words; "" for one that is.
-
-    Args:
-        state: the state as it came.
-        robot: the robot it should belong to.
-    """
+    """Why a state is of no use, in words; "" for one that is."""
     if is_usable(state, robot):
         return ""
     if not isinstance(state, RobotState):

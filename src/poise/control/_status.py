@@ -87,13 +87,7 @@ class ControllerStatus:
 def task_statuses(
     stack: Stack, residuals: dict[str, float] | None, suspended: Collection[Task]
 ) -> tuple[TaskStatus, ...]:
-    """One `TaskStatus` a task of the stack.
-
-    Args:
-        stack: the tasks, evaluated at the last tick.
-        residuals: norm of what each task could not meet, by name; None without an answer.
-        suspended: tasks that did not act.
-    """
+    """One `TaskStatus` a task of the stack."""
     return tuple(
         TaskStatus(
             name=task.name,

@@ -115,23 +115,13 @@ class Strategy(Program, Protocol):
         ...
 
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
-        """Takes up what belongs to a set of active contacts.
-
-        Args:
-            contacts: the active contacts, in the order of the stack.
-
-        Returns:
-            Whether it is another set than that of the last tick.
-        """
+        """Takes up what belongs to a set of active contacts."""
         ...
 
     def rehearse(self, dynamics: Dynamics) -> None:
         """Goes through a tick under every prepared set of contacts, and forgets it.
 
         A first tick in fresh memory takes several times as long as those that follow.
-
-        Args:
-            dynamics: the controller's own, of any state; what they keep by frame is made, too.
         """
         ...
 
@@ -149,11 +139,6 @@ P = TypeVar("P", bound=ContactProgram)
 
 class Programs(Generic[P]):
     """A `Strategy` of torques that has one program, made once, for each set of active contacts.
-
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks, bound to the robot.
-        make: makes the program of one set of contacts.
 
     Attributes:
         robot: the robot.
@@ -245,15 +230,7 @@ USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
 
 
 def bound_stack(robot: Robot, stack: Stack | None) -> Stack:
-    """The stack of a controller with every name resolved on its robot.
-
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks; `default_stack(robot)` when None.
-
-    Raises:
-        PoiseError: a name that the robot does not have.
-    """
+    """The stack of a controller with every name resolved on its robot."""
     checked_kind(robot, Robot, "the controller's robot")
     stack = default_stack(robot) if stack is None else stack
     checked_kind(stack, Stack, "the controller's stack").bind(robot)
@@ -263,15 +240,6 @@ def bound_stack(robot: Robot, stack: Stack | None) -> Stack:
 def solver_maker(
     strategy: str, backend: str | None, time_limit: float | None
 ) -> Callable[[], Solver]:
-    """What makes the solvers of a controller, each with a workspace of its own.
-
-    Args:
-        strategy: how the hierarchy is solved: "direct", "cascade" or "weighted".
-        backend: QP solver of the cascade and weighted strategies.
-        time_limit: cap of one solve [s]; none when None.
-
-    Raises:
-        ConfigurationError: a time limit that is not positive.
-    """
+    """Factory of a controller's solvers, each with a workspace of its own."""
     checked_time_limit(time_limit)
     return lambda: make_solver(strategy, backend, time_limit=time_limit)

@@ -108,19 +108,7 @@ def warm_up(
     note: Note | None = None,
     others: Sequence[Callable[[], object]] = (),
 ) -> WarmUp:
-    """Compiles all that controllers and the estimator need, as far as it is not kept yet.
-
-    Args:
-        controllers: of `CONTROLLERS`.
-        processes: at most so many compile at a time; one a core when None. With one, or where no
-            other can be started, this process does it.
-        note: told how far it is.
-        others: make what else shall be ready, such as leaders, by compiling it.
-
-    Raises:
-        UnknownNameError: no such controller.
-        ConfigurationError: the code cannot be kept.
-    """
+    """Compiles all that controllers and the estimator need, as far as it is not kept yet."""
     begin, plans = perf_counter(), _plans(controllers)
     folder = code_folder()
     skipped = tuple(c for name, job in _JOBS.items() if name not in controllers for c in job.code)

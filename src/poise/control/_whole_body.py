@@ -19,10 +19,6 @@ from poise.stack import Stack, Task
 class FullProgram:
     """The full problem of one set of active contacts with a solver of its own; a `Program`.
 
-    Args:
-        full: the problem.
-        make_solver: makes a solver with a workspace of its own.
-
     Attributes:
         full: the problem.
     """

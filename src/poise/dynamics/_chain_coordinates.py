@@ -53,12 +53,7 @@ class ChainFactors(Block):
 def chain_factors(
     chains: Int64[np.ndarray, "chains 2"], reach: Int64[np.ndarray, " nu"]
 ) -> ChainFactors:
-    """Room for the chains of a robot.
-
-    Args:
-        chains: where each begins and ends in `u`.
-        reach: where the joints that hang on each joint end in `u`.
-    """
+    """Room for the chains of a robot."""
     starts = chains[:, :1] + np.arange(CENTROID_DIM)
     inside = np.setdiff1d(np.arange(len(reach)), starts)
     sizes = {"nu": len(reach), "nz": starts.size}
@@ -73,18 +68,7 @@ def find_coordinates(
     factors: ChainFactors,
     shares: Float64[np.ndarray, " k"],
 ) -> bool:
-    """Factors M_uu and turns each chain's wrench into its centroid.
-
-    Args:
-        M_uu: mass matrix of the chains.
-        rows: rows A of the wrench, then any others that map dv_u; overwritten with rows that map
-            (z, p), at the places that `ChainFactors.order` gives.
-        factors: receives the rest.
-        shares: scratch.
-
-    Returns:
-        Whether M_uu is positive definite.
-    """
+    """Factors M_uu and turns each chain's wrench into its centroid."""
     if not factor(M_uu, factors.reach, factors.U):
         return False
     solve_columns(factors.U, factors.reach, rows)
@@ -104,13 +88,7 @@ def find_coordinates(
 def to_coordinates(
     X: Float64[np.ndarray, "nu m"], factors: ChainFactors, shares: Float64[np.ndarray, " m"]
 ) -> None:
-    """Rows that map dv_u become rows that map (z, p), [X Jbar_z, X N_z], in place.
-
-    Args:
-        X: the rows, in its columns; coordinates take the places that `ChainFactors.order` gives.
-        factors: the coordinates.
-        shares: scratch.
-    """
+    """Rows that map dv_u become rows that map (z, p), [X Jbar_z, X N_z], in place."""
     solve_columns(factors.U, factors.reach, X)
     for chain in range(len(factors.chains)):
         first, end = factors.chains[chain]
@@ -123,13 +101,7 @@ def to_coordinates(
 def from_coordinates(
     zp: Float64[np.ndarray, " nu"], factors: ChainFactors, out: Float64[np.ndarray, " nu"]
 ) -> None:
-    """The dv_u of coordinates (z, p): Jbar_z z + N_z p.
-
-    Args:
-        zp: the coordinates.
-        factors: the coordinates' own.
-        out: receives dv_u.
-    """
+    """The dv_u of coordinates (z, p): Jbar_z z + N_z p."""
     for i in range(len(zp)):
         out[factors.order[i]] = zp[i]
     for chain in range(len(factors.chains)):

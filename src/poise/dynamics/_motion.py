@@ -46,12 +46,7 @@ class Motion(NamedTuple):
 
 
 def motion_of(model: pin.Model, data: pin.Data) -> Motion:
-    """The arrays of some data, which must live as long as they are read.
-
-    Args:
-        model: the robot's model.
-        data: made for it.
-    """
+    """The arrays of some data, which must live as long as they are read."""
     roots = [j for j in range(1, model.njoints) if model.parents[j] == 0]
     # A matrix of one column comes as a vector.
     J, momentum = (matrix.reshape(6, -1, order="F") for matrix in (data.J, data.Ag))
@@ -73,10 +68,6 @@ def _rows_of(first: Sequence[Any], width: int) -> Float64[np.ndarray, "joints wi
     """One array over the elements of one of Pinocchio's vectors, which stand side by side.
 
     Pinocchio gives views of the single elements alone.
-
-    Args:
-        first: what each element begins with.
-        width: numbers in an element.
     """
     places = [view.__array_interface__["data"][0] for view in first]
     step = np.dtype(np.float64).itemsize * width
@@ -104,12 +95,7 @@ class Frames(NamedTuple):
 
 
 def frames_of(model: pin.Model, frame_ids: Sequence[int]) -> Frames:
-    """The table of some frames.
-
-    Args:
-        model: the robot's model.
-        frame_ids: Pinocchio's indices of the frames.
-    """
+    """The table of some frames."""
     frames = [model.frames[i] for i in frame_ids]
     joints = [[j for j in model.supports[f.parentJoint] if j > 0] for f in frames]
     moved = [[model.idx_vs[j] + k for j in js for k in range(model.nvs[j])] for js in joints]
@@ -164,16 +150,7 @@ def place_frame(
     out: Float64[np.ndarray, " k"],
     at: int,
 ) -> None:
-    """Where a frame is, how it moves, and its classical acceleration at zero `dv`.
-
-    Args:
-        motion: the robot's motion.
-        frames: the table that the frame stands in.
-        frame: which one.
-        out: receives position, world_R_frame row by row, velocity and bias along the frame's own
-            axes, linear part first.
-        at: where in `out` they begin.
-    """
+    """Pose, velocity and classical acceleration at zero `dv` of a frame."""
     joint = frames.joints[frame]
     R, P = motion.placements[joint], frames.placements[frame]
     for i in range(3):
@@ -210,15 +187,7 @@ def turn_to_world(out: Float64[np.ndarray, " k"], at: int) -> None:
 def column_at(
     motion: Motion, column: int, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float]:
-    """A coordinate's part in the velocity of a point, along the world's axes, then in its turning.
-
-    Args:
-        motion: the robot's motion.
-        column: the coordinate.
-        x: the point [m].
-        y: its second coordinate [m].
-        z: its third coordinate [m].
-    """
+    """Velocity of a point by a coordinate, along the world's axes, linear before angular."""
     J = motion.J
     wx, wy, wz = J[3, column], J[4, column], J[5, column]
     return (
@@ -238,14 +207,7 @@ def evaluate_frame(
     out: Float64[np.ndarray, " k"],
     jacobian: Float64[np.ndarray, "6 nv"],
 ) -> None:
-    """Kinematics of the first frame of a table, along the world's axes.
-
-    Args:
-        motion: the robot's motion.
-        frames: the table.
-        out: receives position, rotation, velocity and bias, see `place_frame`.
-        jacobian: receives the Jacobian in the columns that move the frame; the others are left.
-    """
+    """Kinematics of the first frame of a table, along the world's axes."""
     place_frame(motion, frames, 0, out, 0)
     turn_to_world(out, 0)
     for k in range(frames.starts[0], frames.starts[1]):
@@ -260,11 +222,6 @@ def momentum_rate(motion: Motion | MotionBlock, out: Float64[np.ndarray, " k"], 
     """Rate of the centroidal momentum at zero `dv`, linear then angular about the COM [N, N m].
 
     The joints that the world carries bear that rate and the weight.
-
-    Args:
-        motion: the robot's motion.
-        out: receives the six numbers.
-        at: where in `out`.
     """
     for i in range(3):
         out[at + i] = motion.mass[0] * motion.gravity[i]

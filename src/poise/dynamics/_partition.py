@@ -20,9 +20,6 @@ class Selection:
     Neighbours are copied together as slices. A humanoid's legs, or its whole upper body, are one
     run of neighbours, and copying runs is quicker than picking single coordinates.
 
-    Args:
-        index: the coordinates, in the selection's order.
-
     Attributes:
         index: the coordinates, in the selection's order.
         runs: runs of neighbours: where each lies in `v`, and where in the selection.
@@ -43,22 +40,12 @@ class Selection:
         return len(self.index)
 
     def entries(self, source: Float64[np.ndarray, " nv"], out: Float64[np.ndarray, " k"]) -> None:
-        """Copies the entries of a vector.
-
-        Args:
-            source: in the order of `v`.
-            out: receives the entries, in the selection's order.
-        """
+        """Copies the entries of a vector."""
         for run, place in self.runs:
             out[place] = source[run]
 
     def columns(self, source: Float64[np.ndarray, "m nv"], out: Float64[np.ndarray, "m k"]) -> None:
-        """Copies the columns of a matrix, such as a Jacobian.
-
-        Args:
-            source: its columns in the order of `v`.
-            out: receives the columns, in the selection's order.
-        """
+        """Copies the columns of a matrix, such as a Jacobian."""
         for run, place in self.runs:
             out[:, place] = source[:, run]
 
@@ -68,24 +55,13 @@ class Selection:
         source: Float64[np.ndarray, "nv nv"],
         out: Float64[np.ndarray, "k c"],
     ) -> None:
-        """Copies the block of a square matrix with this selection's rows.
-
-        Args:
-            columns: the columns of the block.
-            source: rows and columns in the order of `v`.
-            out: receives the block, rows and columns in the order of their selections.
-        """
+        """Copies the block of a square matrix with this selection's rows."""
         for rows, row_place in self.runs:
             for run, place in columns.runs:
                 out[row_place, place] = source[rows, run]
 
     def scatter(self, entries: Float64[np.ndarray, " k"], out: Float64[np.ndarray, " nv"]) -> None:
-        """Writes entries where they belong in a vector, the reverse of `entries`.
-
-        Args:
-            entries: in the selection's order.
-            out: in the order of `v`; other entries are left as they are.
-        """
+        """Writes entries where they belong in a vector, the reverse of `entries`."""
         for run, place in self.runs:
             out[run] = entries[place]
 

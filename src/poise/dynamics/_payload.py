@@ -68,9 +68,6 @@ class LoadedModel:
     link stays a body that can be, and the mass matrix positive definite, for lighter robots too.
     What hands hold is a point at each hand's frame, as in `Robot.carrying`.
 
-    Args:
-        robot: whose model; it is not changed.
-
     Attributes:
         model: the copy; its data's layout is that of the robot's own model.
     """
@@ -95,12 +92,7 @@ class LoadedModel:
         self._link_R_torso = turn @ torso.placement.rotation
 
     def carry(self, payload: Payload | None) -> None:
-        """Takes a payload in place of the last one.
-
-        Args:
-            payload: None for the description as it is. Masses in hands that the robot has not
-                count for nothing.
-        """
+        """Takes a payload in place of the last one."""
         mass, offset = (0.0, np.zeros(3)) if payload is None else (payload.mass, payload.offset)
         ratio = max(1.0 + mass / self._mass, LEAST_MASS)
         masses, inertias = (ratio * self._masses).tolist(), ratio * self._inertias

@@ -275,17 +275,7 @@ def reduce_dynamics(
     h: Float64[np.ndarray, " nv"],
     momentum: Float64[np.ndarray, "six nv"],
 ) -> None:
-    """Computes everything for a state, and turns the caller's own rows on the way.
-
-    Args:
-        matrices: overwritten.
-        rows: in its columns rows that map dv_u, which become rows that map (z, p), at the places
-            that `ChainFactors.order` gives; the first columns, as many as `felt` has, are scratch.
-        shares: scratch.
-        M: mass matrix of the robot.
-        h: its nonlinear effects.
-        momentum: A_G.
-    """
+    """Computes everything for a state, and turns the caller's own rows on the way."""
     a, factors = matrices.a, matrices.factors
     _copy_blocks(matrices, M, h)
     if len(rows) == 0:

@@ -13,12 +13,7 @@ from poise._compiled import part
 
 
 def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
-    """Eq. (18) of Zhang and Kikuuwe: limit value / max(limit, |value|).
-
-    Args:
-        limit: largest norm of the answer, positive [unit of `value`].
-        value: the vector.
-    """
+    """Eq. (18) of Zhang and Kikuuwe: limit value / max(limit, |value|)."""
     return value * (limit / max(limit, math.hypot(*value.tolist())))
 
 
@@ -31,13 +26,6 @@ def rotation_vector(
     Teleoperation of Bipedal Robots". At an angle of pi, where the axis has two signs, either is
     returned; it never becomes zero or NaN there, as it does when the axis is taken from the
     antisymmetric part alone.
-
-    Args:
-        target: world_R_target.
-        actual: world_R_actual.
-
-    Returns:
-        Axis times angle along the world's axes, angle in [0, pi] [rad].
     """
     return pin.log3(target.dot(actual.T))
 
@@ -55,14 +43,6 @@ def turn_between(
 
     By the unit quaternion of target actual^T, whose largest component is found first, so that no
     angle loses digits.
-
-    Args:
-        target: holds the target.
-        t: where it begins.
-        actual: holds the actual orientation.
-        a: where it begins.
-        out: receives the three numbers [rad].
-        at: where they begin.
     """
     xx, xy, xz = _row_products(target, t, actual, a)
     yx, yy, yz = _row_products(target, t + 3, actual, a)
@@ -113,14 +93,6 @@ def sine_between(
 
     Equation (63) of (Park, Jin, Kang 2022), e_o = r sin(phi), meant for small errors: beyond a
     right angle it shrinks again, and at pi it is zero.
-
-    Args:
-        target: holds the target, row by row.
-        t: where it begins.
-        actual: holds the actual orientation.
-        a: where it begins.
-        out: receives the three numbers.
-        at: where they begin.
     """
     _, xy, xz = _row_products(target, t, actual, a)
     yx, _, yz = _row_products(target, t + 3, actual, a)

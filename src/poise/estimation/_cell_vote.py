@@ -11,12 +11,16 @@ from poise.dynamics import RobotState
 from poise.estimation._momentum import MomentumObserver
 from poise.robots import GRAVITY, Robot
 
-_SUSPICIOUS, _WRONG, _AGREES = 0.15, 0.25, 0.125
-"""Parts of the weight: a difference to the inertial unit that is looked into, on walks at most
-0.11; one of a faulty cell, half the load of each of two feet; and half of that."""
+_SUSPICIOUS, _AGREES = 0.15, 0.125
+"""Parts of the weight: a suspicious difference to the inertial unit, 0.11 at most on walks; and one
+of a sound cell, a quarter of what each of two feet carries."""
 
 _LOW_PASS = 0.02
 """Time constant of all differences, three times the observer's [s]."""
+
+_EVIDENCE = 0.005
+"""Excess of the difference over that of sound cells, summed over time, that accuses one [s]: a dead
+cell under half the weight reaches it in 0.04 s, a hard landing 0.0003."""
 
 _WATCH, _AGREED = 0.5, 2.0
 """Time of watching after a suspicion, and time of agreement, two steps, that clears a cell [s]."""
@@ -31,9 +35,11 @@ class LoadCellVote:
 
     All soles together carry m (g + a), as the inertial unit at the base has it. Once their cells
     differ from that, a `MomentumObserver` estimates each wrench from the joint torques. Where the
-    sums of cells and estimates differ by a quarter of the weight, the cell that differs most is
-    faulty, and joint torques and all other soles determine the wrench on its sole. A push moves
-    the estimates of both feet against each other, and leaves their sum.
+    sums of cells and estimates differ by much for long (a one-sided CUSUM), the cell that differs
+    most is faulty, and joint torques and all other soles determine the wrench on its sole. A push
+    moves the estimates of both feet against each other, and leaves their sum. Estimates whose own
+    sum is not what the inertial unit measures accuse no cell: a rope carries the robot, or a knee
+    is straight.
 
     Nothing is replaced where the joint torques are not measured.
 
@@ -55,7 +61,7 @@ class LoadCellVote:
         self.estimated: tuple[str, ...] = ()
         # By faulty sole, the time for which its cell has agreed with its estimate [s].
         self._faulty = dict[str, float]()
-        self._differs, self._watch = 0.0, 0.0
+        self._differs = self._unexplained = self._watch = self._evidence = 0.0
         self._apart = np.zeros(len(self._names))
         self._observer.reset()
 
@@ -99,12 +105,14 @@ class LoadCellVote:
             self._watch = _WATCH
         if self._watch <= 0.0 and not self._faulty and len(loads) == len(self._names):
             self._observer.reset()
-            self._apart[:] = 0.0
+            self._apart[:], self._unexplained = 0.0, 0.0
             return state
         self._watch -= dt
         self._observer.update(before, torque, dt)
         estimates = self._observer.wrenches
         apart = [loads[n] - estimates[n][2] if n in loads else 0.0 for n in self._names]
+        total = sum(float(wrench[2]) for wrench in estimates.values())
+        self._unexplained += gain * ((total - expected) / self._weight - self._unexplained)
         self._apart += gain * (np.array(apart) / self._weight - self._apart)
         self._judge(payload / self._weight, dt)
         self.estimated = tuple(n for n in self._names if n in self._faulty or n not in loads)
@@ -116,7 +124,10 @@ class LoadCellVote:
                 self._faulty[name] = self._faulty[name] + dt if abs(apart) < _AGREES else 0.0
                 if self._faulty[name] > _AGREED:
                     del self._faulty[name]
-        if not self._faulty and abs(float(self._apart.sum()) - payload) > _WRONG:
+        explained = abs(self._unexplained) < _AGREES
+        excess = abs(float(self._apart.sum()) - payload) - _AGREES if explained else -_AGREES
+        self._evidence = max(self._evidence + dt * excess, 0.0)
+        if not self._faulty and self._evidence > _EVIDENCE:
             self._faulty[self._names[int(np.argmax(np.abs(self._apart)))]] = 0.0
 
     def _replaced(self, state: RobotState, before: RobotState) -> RobotState:

@@ -139,11 +139,7 @@ def _repeat(
 
 
 class QpsolversBackend:
-    """Any other solver, through qpsolvers, from a cold start.
-
-    Args:
-        name: of the solver.
-    """
+    """Any other solver, through qpsolvers, from a cold start."""
 
     SETTINGS: ClassVar[dict[str, dict[str, float]]] = {
         "osqp": {"eps_abs": 1e-6, "eps_rel": 1e-6, "max_iter": 20000, "polishing": False},

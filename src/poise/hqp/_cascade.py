@@ -126,17 +126,7 @@ _SHORT = 1e-4
 
 
 class CascadeSolver(KeepsSolution):
-    """Solves level by level with any QP backend; nothing is kept from one solve to the next.
-
-    Args:
-        backend: a name from `ACCURACY`.
-        time_limit: cap on a solve [s]; None for none. Kept between levels, and inside the
-            level's QP by the backends that can (daqp, osqp).
-
-    Raises:
-        UnknownNameError: no such backend.
-        MissingExtraError: the backend is not installed.
-    """
+    """Solves level by level with any QP backend; nothing is kept from one solve to the next."""
 
     def __init__(self, backend: str = "daqp", time_limit: float | None = None) -> None:
         self.backend = backend

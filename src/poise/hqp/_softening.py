@@ -73,21 +73,6 @@ class SoftenedSolver:
     than `tolerance` the level is not softened but strict: a tick in which everything can be met
     takes one solve, and gives the answer of the problem as it stands.
 
-    Args:
-        problem: the problem; its numbers may change from solve to solve, its arrays may not.
-        solver: solves it, and keeps its workspace.
-        levels: indices of the levels that may be softened, all of them equalities, by a number by
-            which `follow` finds them in another problem.
-        columns: the variables J that have a reference.
-        weights: mu of each level of `levels`; 0 for strict.
-        reference: d.
-        find: finds `weights` and `reference` for the problem as it is, in place, and returns the
-            largest `mu_k |x_J - d|` at the point that it is given.
-        exact: whether the level below the last of `levels` consists of `x_J = d` alone, and is the
-            problem's last: then x_k of that level is the answer.
-        tolerance: change of a level's weighted rows that is none [units of the rows].
-        make_solver: makes a solver with a workspace of its own, one a level.
-
     Attributes:
         softened: mu of each level at the last solve, 0 where it was strict.
         x: the answer.

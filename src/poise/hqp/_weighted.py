@@ -25,19 +25,7 @@ from poise.hqp._tolerances import LEFT_OVER, MET_TOLERANCE, WEIGHT_SPAN
 
 
 class WeightedSolver(KeepsSolution):
-    """Solves one QP over x and all slacks.
-
-    Args:
-        backend: a name from `ACCURACY`.
-        ratio: how much dearer the square of a level's slack is than that of the next; less where
-            that many levels of cost would span more than `WEIGHT_SPAN`.
-        time_limit: cap on a solve [s]; None for none.
-
-    Raises:
-        ConfigurationError: a ratio that is not above 1 and finite.
-        UnknownNameError: no such backend.
-        MissingExtraError: the backend is not installed.
-    """
+    """Solves one QP over x and all slacks."""
 
     def __init__(
         self, backend: str = "daqp", ratio: float = 1e2, time_limit: float | None = None

@@ -41,18 +41,7 @@ def assemble(
     locked: Iterable[str] = (),
     taken: Iterable[str] = (),
 ) -> Assembly:
-    """Settle a document and build its model.
-
-    Args:
-        document: as read; changed in place.
-        base: whether its root is free.
-        limits: in place of the document's own.
-        locked: joints to weld at zero.
-        taken: names of frames that are roles.
-
-    Raises:
-        RobotError: the document cannot be a robot; the message says why.
-    """
+    """Settle a document and build its model."""
     facts, floating = document.facts, base == "floating"
     root = document.settle(base)
     document.write_limits(limits)

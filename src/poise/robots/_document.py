@@ -142,19 +142,11 @@ class Document(ABC):
 
     @abstractmethod
     def settle(self, base: Base) -> str:
-        """Give the document its final form, and return its root link.
-
-        Raises:
-            RobotError: no single root, or a joint that contradicts `base`.
-        """
+        """Give the document its final form, and return its root link."""
 
     @abstractmethod
     def build(self, *, floating: bool) -> pin.Model:
-        """Build Pinocchio's model of the settled document, with all its joints.
-
-        Raises:
-            RobotError: it cannot be built.
-        """
+        """Build Pinocchio's model of the settled document, with all its joints."""
 
     @abstractmethod
     def meshes(self) -> dict[str, Path | None]:

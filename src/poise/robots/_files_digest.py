@@ -20,12 +20,6 @@ def files_digest(path: str | Path) -> str:
     """The first letters of a digest of a model file and of all that is loaded along with it.
 
     These are the files that it includes, the meshes that are there, and the description beside it.
-
-    Args:
-        path: a URDF, MJCF or xacro file.
-
-    Raises:
-        RobotError: it cannot be read.
     """
     document = open_document(Path(path))
     digest = hashlib.sha256(document.text.encode())

@@ -60,11 +60,7 @@ def link_shapes(
 
 
 def load_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "t 3"]]:
-    """Vertices [m] and triangles of a mesh in any format that Assimp reads.
-
-    Raises:
-        RobotError: the file holds no mesh that can be read.
-    """
+    """Vertices [m] and triangles of a mesh in any format that Assimp reads."""
     data = path.read_bytes()
     count = int.from_bytes(data[80:_STL_HEADER], "little")
     binary = len(data) == _STL_HEADER + count * _STL_TRIANGLE.itemsize

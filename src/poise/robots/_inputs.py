@@ -30,11 +30,7 @@ _PATHS = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
 
 
 def path_of(given: RobotInput) -> Path | None:
-    """The file that an input names; None for one that is no file.
-
-    Raises:
-        RobotError: a module names none.
-    """
+    """The file that an input names; None for one that is no file."""
     if isinstance(given, ModuleType):
         path = next((getattr(given, key) for key in _PATHS if hasattr(given, key)), None)
         if not isinstance(path, str | os.PathLike):
@@ -48,16 +44,7 @@ def path_of(given: RobotInput) -> Path | None:
 
 
 def open_document(given: RobotInput, geometry: pin.GeometryModel | None = None) -> Document:
-    """Read a robot's document.
-
-    Args:
-        given: see `RobotInput`; text is XML where it begins with "<".
-        geometry: shapes of a `pin.Model`.
-
-    Raises:
-        RobotError: it is of no such kind, cannot be read, or has a fault that cannot be repaired.
-        MissingExtraError: it is a xacro file or MJCF and the extra that reads it is not installed.
-    """
+    """Read a robot's document."""
     path = path_of(given)
     if geometry is not None and not isinstance(given, pin.Model):
         raise RobotError("geometry comes with a model", got=given, wanted="a pinocchio.Model")

@@ -14,12 +14,7 @@ _PLACEHOLDER = b"version https://git-lfs"
 
 
 def drop_missing_meshes(document: Document) -> list[str]:
-    """Take the meshes that are not there out of a document, and return their names.
-
-    Raises:
-        RobotError: a mesh file is empty or a placeholder, or a body's mass would come from a mesh
-            that is missing.
-    """
+    """Take the meshes that are not there out of a document, and return their names."""
     missing = {n for n, path in document.meshes().items() if not _is_mesh(n, path, document.where)}
     lighter = document.drop_meshes(missing) if missing else []
     if lighter:
@@ -52,13 +47,6 @@ def mesh_path(filename: str, source: ModelSource) -> Path:
     """Find the file that a URDF means by `package://...`, `file://...` or a plain path.
 
     A package folder may be the one that holds the package or the package itself.
-
-    Args:
-        filename: the name as the document gives it.
-        source: the document.
-
-    Raises:
-        RobotError: there is no such file; the message says where it was looked for.
     """
     places = _candidates(filename, source.directory, source.package_dirs)
     found = next((place for place in places if place.is_file()), None)

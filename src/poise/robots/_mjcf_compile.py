@@ -89,13 +89,7 @@ def asset_folder(root: ET.Element, key: str) -> Path:
 
 
 def drop_meshes(mujoco: ModuleType, spec: Any, needed: Callable[[Any], bool]) -> None:
-    """Leave out mesh geometry that no inertia comes from, and the meshes that nothing else uses.
-
-    Args:
-        mujoco: MuJoCo.
-        spec: the specification, changed in place.
-        needed: whether a geom stays.
-    """
+    """Leave out mesh geometry that no inertia comes from, and the meshes that nothing else uses."""
     sources = mujoco.mjtInertiaFromGeom
     if spec.compiler.inertiafromgeom == sources.mjINERTIAFROMGEOM_TRUE:
         return

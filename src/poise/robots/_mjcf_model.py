@@ -15,9 +15,6 @@ def build_mjcf_model(compiled: Any, *, floating: bool, where: str) -> pin.Model:
 
     Joints are in MuJoCo's order. A hinge turns its body about `pos` by q - `ref`; several joints of
     one body follow each other, as MuJoCo has them.
-
-    Raises:
-        RobotError: a joint has more than one degree of freedom.
     """
     names = {compiled.joint(j).name for j in range(compiled.njnt)}
     names |= {compiled.body(b).name for b in range(compiled.nbody)}

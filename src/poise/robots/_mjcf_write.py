@@ -17,17 +17,7 @@ _NO_LIMIT = 1e300  # Pinocchio has the largest float where there is no limit
 
 
 def mjcf_of(given: Any, geometry: pin.GeometryModel | None = None) -> str:
-    """Write a model as MJCF.
-
-    Args:
-        given: a `mujoco.MjModel`, a `mujoco.MjSpec`, which is compiled for it and not changed, or a
-            `pin.Model` of hinges and slides behind a free base or none.
-        geometry: shapes of a `pin.Model`.
-
-    Raises:
-        RobotError: MuJoCo cannot compile the specification, or a joint of a `pin.Model` has more
-            than one degree of freedom.
-    """
+    """Write a model as MJCF."""
     if isinstance(given, pin.Model):
         return _of_pinocchio(given, geometry).text
     mujoco = mujoco_module("a MuJoCo model")

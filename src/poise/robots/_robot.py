@@ -273,11 +273,7 @@ class Robot:
 
 
 def _checked_numbers(value: Numbers, what: str, count: int) -> Float64[np.ndarray, " n"]:
-    """A copy of what a user gave as a list of numbers.
-
-    Raises:
-        ConfigurationError: it is none, of another length, or one of them is not finite.
-    """
+    """A copy of what a user gave as a list of numbers."""
     try:
         numbers = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):

@@ -20,10 +20,6 @@ class Actuators:
     at once, as if the robot had stood before. Position and velocity: each motor is a PD servo,
     tau = kp (q_d - q) + kd (v_d - v), saturated at the torque limit, where a velocity command moves
     q_d along with it, so that no position error builds up.
-
-    Args:
-        robot: the robot.
-        config: actuation and servo gains.
     """
 
     def __init__(self, robot: Robot, config: PlantConfig) -> None:
@@ -53,16 +49,7 @@ class Actuators:
     def reset(
         self, joints: Float64[np.ndarray, " nj"], load: Float64[np.ndarray, " nj"]
     ) -> Float64[np.ndarray, " nj"]:
-        """Stand still where the joints are.
-
-        Args:
-            joints: where they are [rad].
-            load: torques that hold them there; the targets of servos are moved by what gives
-                these [N m].
-
-        Returns:
-            Motor controls that hold the joints, until the first command.
-        """
+        """Stand still where the joints are."""
         self._torque[:] = 0.0
         self._motor = None
         self._target[:] = joints + load / self._stiffness
@@ -75,9 +62,6 @@ class Actuators:
 
         Values that are not finite are taken as zero torque, zero velocity or the last position, and
         counted in `rejected`: nothing raises inside the loop on account of a value.
-
-        Raises:
-            ConfigurationError: the command is of another kind than the plant's actuation.
         """
         offered = {
             "torque": None if command is None else command.torque,
@@ -144,15 +128,7 @@ def _move(
     times: tuple[float, float],
     controls: Float64[np.ndarray, "substeps nj"],
 ) -> None:
-    """Moves targets of servos along with a velocity, within limits, step by step.
-
-    Args:
-        target: q_d, moved on [rad].
-        velocity: v_d [rad/s].
-        limits: lower and upper limits of q_d [rad].
-        times: length of a step, and kd / kp [s].
-        controls: receives q_d + (kd / kp) v_d after each step [rad].
-    """
+    """Moves targets of servos along with a velocity, within limits, step by step."""
     (q_min, q_max), (dt, lead) = limits, times
     for step in range(len(controls)):
         for i in range(len(target)):

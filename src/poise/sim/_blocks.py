@@ -11,12 +11,7 @@ from poise.sim._world import FLOOR_ONLY
 
 
 class BlockWatch:
-    """Looks at the blocks of a plant; made once, asked as often as wanted.
-
-    Args:
-        plant: with its blocks.
-        distance_max: farther away than this nothing is measured [m].
-    """
+    """Looks at the blocks of a plant; made once, asked as often as wanted."""
 
     def __init__(self, plant: Plant, *, distance_max: float = 0.2) -> None:
         self._plant, self._far = plant, distance_max
@@ -70,10 +65,6 @@ class BlockWatch:
         """What each block is at least away from each limb, limb by limb of the first block first.
 
         The sphere around a limb lies that far from the box.
-
-        Args:
-            places: of the limbs [m].
-            radii: of the spheres around them [m].
         """
         # Along the axes of each box, and beyond its sides.
         beyond = np.abs((places - self._centers[:, None]) @ self._axes) - self._halves

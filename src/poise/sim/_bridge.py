@@ -231,11 +231,7 @@ class MujocoBridge:
 
 
 def _find_prefix(robot: Robot, model: mujoco.MjModel) -> str:
-    """What stands before the names of the robot's joints, where only one thing does.
-
-    Raises:
-        RobotError: several robots in the model fit.
-    """
+    """Return the prefix of the names of the robot's joints, if there is just one."""
     there = {model.joint(j).name for j in range(model.njnt)}
     first = robot.joint_names[0]
     fitting = sorted(

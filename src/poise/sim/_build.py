@@ -26,14 +26,6 @@ def apply_model_error(model: mujoco.MjModel, robot: Robot, config: PlantConfig) 
     """Scale masses and inertias and shift centres of mass in a compiled model.
 
     Payloads and geometry of our own keep their mass.
-
-    Args:
-        model: the compiled model, changed in place.
-        robot: the robot, not changed.
-        config: says what differs.
-
-    Raises:
-        UnknownNameError: a link of the configuration does not exist.
     """
     names = [model.body(i).name for i in range(model.nbody)]
     links = [i for i, name in enumerate(names) if name and name != "world"]
@@ -76,18 +68,6 @@ def build_model(robot: Robot, config: PlantConfig, *, pictures: bool = False) ->
 
     Bodies, joints and sites carry the names of links, joints and frame roles; motor i drives
     `robot.joint_names[i]`.
-
-    Args:
-        robot: the robot.
-        config: the plant's configuration.
-        pictures: whether to keep meshes that nothing can touch and no inertia comes from.
-
-    Returns:
-        The compiled model.
-
-    Raises:
-        RobotError: the document, or a link or joint in it, cannot be simulated.
-        UnknownNameError: the configuration names a link or frame that does not exist.
     """
     soles = [robot.roles[name] for name in robot.soles]
     spec = parse_document(robot.source)

@@ -68,18 +68,7 @@ def find_opengl() -> str | None:
 
 
 def make_context(width: int, height: int) -> Any:
-    """Make an OpenGL context without a screen, current in this thread.
-
-    Args:
-        width: largest picture [pixel].
-        height: largest picture [pixel].
-
-    Returns:
-        The context, to be freed with its `free()`.
-
-    Raises:
-        MissingExtraError: this machine cannot draw.
-    """
+    """Make an OpenGL context without a screen, current in this thread."""
     platform = find_opengl()
     if platform is None:
         raise missing_library()

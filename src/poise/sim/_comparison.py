@@ -53,19 +53,7 @@ _SHOWN = 8
 
 
 def find_base(robot: Robot, model: mujoco.MjModel, prefix: str) -> pin.SE3 | None:
-    """Where the robot's base is in the body of the free joint, from where all joints stand.
-
-    Args:
-        robot: the robot.
-        model: a MuJoCo model that has it.
-        prefix: what stands before the names of its joints.
-
-    Returns:
-        The placement, None where base and body are one, as for a fixed base.
-
-    Raises:
-        RobotError: a joint stands or turns elsewhere, or a fixed base stands elsewhere.
-    """
+    """Return the pose of the base in the body of the free joint, from all joints' places."""
     mapping = StateMap(robot, model, prefix=prefix)
     home, swung = robot.q_home[-robot.nj :], _swung(robot)[-robot.nj :]
     postures = [_with_base_at_origin(robot, joints) for joints in (home, swung)]
@@ -97,15 +85,7 @@ def find_base(robot: Robot, model: mujoco.MjModel, prefix: str) -> pin.SE3 | Non
 def differences(
     robot: Robot, model: mujoco.MjModel, mapping: StateMap, drives: Drives, prefix: str
 ) -> tuple[str, ...]:
-    """What the controller does not know of a MuJoCo model, a sentence each.
-
-    Args:
-        robot: the robot that the controller knows.
-        model: the MuJoCo model.
-        mapping: between the two.
-        drives: the actuators.
-        prefix: what stands before the names of the robot's joints and links in the model.
-    """
+    """Return what the controller does not know of a MuJoCo model, a sentence each."""
     joints = list(mapping.joints)
     dofs, names = model.jnt_dofadr[joints], robot.joint_names
     none = np.zeros(len(joints))

@@ -21,11 +21,7 @@ _SHORTEST = 0.01
 
 
 def add_sticks(spec: mujoco.MjSpec) -> None:
-    """Draw each link as sticks from its own joint to those of its children; nothing can touch them.
-
-    Args:
-        spec: the specification, changed in place.
-    """
+    """Draw each link as sticks, without collision, from its own joint to those of its children."""
     for body in spec.bodies[1:]:
         for child in body.bodies:
             length = float(np.linalg.norm(child.pos))
@@ -85,18 +81,7 @@ _MASSLESS = {"boundmass": "1e-12", "boundinertia": "1e-14"}
 
 
 def parse_document(source: ModelSource) -> mujoco.MjSpec:
-    """Parse the robot's document into a MuJoCo specification.
-
-    Args:
-        source: the document.
-
-    Returns:
-        The specification, not yet compiled: links, joints and geometry, and nothing else.
-        `convert_meshes` is for the meshes of a URDF.
-
-    Raises:
-        RobotError: the document cannot be read, or a mesh cannot be found.
-    """
+    """Parse the robot's document into a MuJoCo specification."""
     try:
         spec = _parse_urdf(source) if source.kind == "urdf" else _parse_mjcf(source)
     except (ValueError, ET.ParseError) as error:
@@ -130,14 +115,7 @@ def _parse_urdf(source: ModelSource) -> mujoco.MjSpec:
 
 
 def convert_meshes(spec: mujoco.MjSpec) -> None:
-    """Convert the meshes that a URDF's specification still has where MuJoCo cannot read the file.
-
-    Args:
-        spec: the specification, changed in place.
-
-    Raises:
-        RobotError: a file holds no mesh that can be read.
-    """
+    """Convert the meshes of a URDF's specification that MuJoCo cannot read."""
     assets: dict[str, bytes] = {}
     for mesh in spec.meshes:
         path = Path(mesh.file)

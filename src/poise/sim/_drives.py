@@ -45,19 +45,11 @@ class Drives:
 
     Implicit integrators evaluate b2 L' at the end of the step, see `end_of_step`.
 
-    Args:
-        robot: the robot.
-        model: the MuJoCo model.
-        joints: the model's index of each joint, in the robot's order.
-
     Attributes:
         unactuated: places, in the robot's order, of joints that no actuator moves.
         armature: inertia that the actuators bring to each joint [kg m^2].
         damping: damping that they bring besides that of servos [N m s/rad].
         delayed: joints whose actuators act late, through a filter or a delay.
-
-    Raises:
-        RobotError: an actuator is none of these.
     """
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, joints: Sequence[int]) -> None:
@@ -107,9 +99,6 @@ class Drives:
         """Least and greatest torque that the ranges of controls and forces leave at rest [N m].
 
         Without end for a joint that no actuator moves.
-
-        Args:
-            q: joint positions [rad].
         """
         ends = [self._torques_by_actuator(u, q, np.zeros_like(q)) for u in self._control_range]
         ends = np.sort(np.array(ends), axis=0)[:, self._main]
@@ -123,13 +112,7 @@ class Drives:
         q: Float64[np.ndarray, " nj"],
         v: Float64[np.ndarray, " nj"],
     ) -> Float64[np.ndarray, " nu"]:
-        """Controls that give the joints torques, as far as the ranges of controls allow.
-
-        Args:
-            torque: wanted [N m].
-            q: positions [rad].
-            v: velocities when the actuators' damping is evaluated, see `end_of_step` [rad/s].
-        """
+        """Controls that give the joints torques, as far as the ranges of controls allow."""
         force = np.where(self._main, torque[self._joint] / self._gear, 0.0)
         gain, bias = self._line(q, v)
         return np.clip((force - bias) / gain, *self._control_range)
@@ -140,27 +123,14 @@ class Drives:
         velocity: Float64[np.ndarray, " nj"],
         q: Float64[np.ndarray, " nj"],
     ) -> Float64[np.ndarray, " nu"]:
-        """Controls with which servos follow positions and velocities.
-
-        Args:
-            target: q_d [rad].
-            velocity: v_d [rad/s].
-            q: positions [rad].
-        """
+        """Controls with which servos follow positions and velocities."""
         gain, _ = self._line(q, velocity)
         _, bias = self._line(target, velocity)
         rate = self._gear * velocity[self._joint]
         return np.clip(np.where(self._integrates, rate, -bias / gain), *self._control_range)
 
     def lead(self, torque: Float64[np.ndarray, " nj"]) -> Float64[np.ndarray, " nj"]:
-        """How far ahead of resting joints the targets of servos are that give them torques.
-
-        Args:
-            torque: what the servos give [N m].
-
-        Returns:
-            q_d - q [rad], zero where there is no servo of positions.
-        """
+        """Return the lead of servo targets over resting joints that gives them their torques."""
         stiffness = np.zeros(len(torque))
         stiffness[self._joint[self._main]] = (-self._bias[1] * self._gear**2)[self._main]
         return np.divide(torque, stiffness, out=np.zeros(len(torque)), where=stiffness != 0.0)
@@ -168,12 +138,7 @@ class Drives:
     def end_of_step(
         self, v: Float64[np.ndarray, " nj"], acceleration: Float64[np.ndarray, " nj"] | None
     ) -> Float64[np.ndarray, " nj"]:
-        """Velocity with which the integrator evaluates the damping of actuators [rad/s].
-
-        Args:
-            v: now [rad/s].
-            acceleration: expected in this step [rad/s^2], None where nobody knows.
-        """
+        """Velocity with which the integrator evaluates the damping of actuators [rad/s]."""
         return v if acceleration is None or self._step == 0.0 else v + self._step * acceleration
 
     def torques(
@@ -182,13 +147,7 @@ class Drives:
         q: Float64[np.ndarray, " nj"],
         v: Float64[np.ndarray, " nj"],
     ) -> Float64[np.ndarray, " nj"]:
-        """What controls give the joints, all ranges taken into account [N m].
-
-        Args:
-            controls: of the robot's actuators.
-            q: positions [rad].
-            v: velocities [rad/s].
-        """
+        """Return the joints' torques of controls, all ranges included [N m]."""
         each = self._torques_by_actuator(controls, q, v)
         together = np.bincount(self._joint, each, minlength=len(q))
         return np.clip(together, *self._torque_range)
@@ -199,13 +158,7 @@ class Drives:
         torque: Float64[np.ndarray, " nj"],
         data: mujoco.MjData,
     ) -> None:
-        """Puts controls into MuJoCo's data, and the torques of joints without an actuator.
-
-        Args:
-            controls: of the robot's actuators.
-            torque: of the joints, looked at where there is no actuator [N m].
-            data: `ctrl` and `qfrc_applied` are written, where they belong to the robot.
-        """
+        """Puts controls into MuJoCo's data, and the torques of joints without an actuator."""
         data.ctrl[self._ctrl] = controls
         data.qfrc_applied[self._dofs] = torque[self.unactuated]
 
@@ -264,11 +217,7 @@ def _actuators_of(model: mujoco.MjModel, joints: Sequence[int]) -> list[tuple[in
 
 
 def _check_kinds(robot: Robot, model: mujoco.MjModel, found: list[tuple[int, int]]) -> None:
-    """Refuses actuators whose force is no linear function of one control.
-
-    Raises:
-        RobotError: says which they are, and why.
-    """
+    """Refuses actuators whose force is no linear function of one control."""
     wrong = [
         f"{model.actuator(i).name or i} of joint {robot.joint_names[k]} ({why})"
         for i, k in found
@@ -286,11 +235,7 @@ def _check_kinds(robot: Robot, model: mujoco.MjModel, found: list[tuple[int, int
 def _check_others(
     robot: Robot, model: mujoco.MjModel, joints: Sequence[int], ids: list[int]
 ) -> None:
-    """Refuses actuators that pull on the robot's joints through something else than a joint.
-
-    Raises:
-        RobotError: names actuators and joints.
-    """
+    """Refuses actuators that pull on the robot's joints through something else than a joint."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     moment = np.zeros((len(data.moment_rownnz), model.nv))

@@ -24,19 +24,6 @@ def check_equalities(
     A robot has no equalities: its joints move independently. One in the model acts on it if it
     couples a joint of the robot, or bodies that a joint of the robot, or its base, moves
     separately. Equalities of other things, or of what one link of the robot carries, do not.
-
-    Args:
-        robot: the robot that the controller knows.
-        model: the MuJoCo model.
-        mapping: between the two.
-        accepted: names of equalities to accept; one without a name is `equality K`.
-
-    Returns:
-        The accepted equalities that act on the robot, described.
-
-    Raises:
-        UnknownNameError: an accepted name is not an equality of the model.
-        RobotError: an equality acts on the robot and is not accepted.
     """
     names = [model.equality(k).name or f"equality {k}" for k in range(model.neq)]
     for name in accepted:
@@ -61,12 +48,7 @@ def check_equalities(
 
 
 def pulling_tendons(model: mujoco.MjModel, mapping: StateMap) -> list[str]:
-    """Names of tendons that act on the robot's joints without an actuator.
-
-    Args:
-        model: the MuJoCo model.
-        mapping: between the robot and the model.
-    """
+    """Names of tendons that act on the robot's joints without an actuator."""
     own = {*mapping.joints, mapping.free_joint}
     kinds = ("limited", "stiffness", "damping", "frictionloss", "armature")
     pulls = np.any([getattr(model, f"tendon_{kind}") for kind in kinds], axis=0)

@@ -16,12 +16,7 @@ from poise.sim._disturbances import Push
 
 
 class PushSchedule:
-    """The pushes of a run, applied each physics step.
-
-    Args:
-        robot: the robot.
-        model: its MuJoCo model.
-    """
+    """The pushes of a run, applied each physics step."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
         self._robot = robot
@@ -31,11 +26,7 @@ class PushSchedule:
         self._acting = False
 
     def add(self, push: Push) -> None:
-        """Schedule a push.
-
-        Raises:
-            UnknownNameError: no such frame or link.
-        """
+        """Schedule a push."""
         role = self._robot.roles.get(push.body)
         link = role.link if role else push.body
         body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, link)
@@ -89,10 +80,6 @@ class SoleForces:
     tree; pushes go in elsewhere, so on a foot this is the ground's reaction alone. Two soles are so
     few numbers that plain ones are three times as fast as arrays.
 
-    Args:
-        model: the MuJoCo model.
-        soles: of each sole, by name, the body that carries it and the sole's place in that body.
-
     Attributes:
         in_soles: wrench [force; moment] on the robot by sole name, in the sole's frame [N, N m].
     """
@@ -140,9 +127,6 @@ class SoleForces:
 
         With the total force f and total moment n about (0, 0, height), all in the world:
         x = -n_y / f_z, y = n_x / f_z.
-
-        Returns:
-            (x, y), NaN where the soles carry no load.
         """
         vertical = sum(force[2] for force, _, _ in self._in_world)
         if not vertical > _MIN_LOAD:

@@ -31,17 +31,7 @@ class InertialUnit:
         qvel: Float64[np.ndarray, " nv"],
         time: float,
     ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
-        """Looks at the base.
-
-        Args:
-            qpos: MuJoCo's configuration, its base first.
-            qvel: and velocity.
-            time: of the plant [s].
-
-        Returns:
-            Angular velocity [rad/s]; specific force, acceleration less gravity [m/s^2]; that of a
-            body at rest where the past is unknown.
-        """
+        """Looks at the base."""
         spin, force, turn = qvel[3:6].copy(), np.array([0.0, 0.0, GRAVITY]), self._turn
         turn[:] = qpos[3:7]
         elapsed = time - self._time

@@ -19,19 +19,9 @@ class StateMap:
 
     The model may have other joints besides, before, between and after those of the robot.
 
-    Args:
-        robot: the robot.
-        model: the MuJoCo model.
-        prefix: what stands before the names of the robot's joints in the model.
-        body_T_base: where the base is in the body of the free joint; None where they are one.
-
     Attributes:
         joints: the model's index of each joint of the robot, in the robot's order.
         free_joint: the model's index of the base's free joint, None for a fixed base.
-
-    Raises:
-        RobotError: a joint is missing on one side, is not a single hinge or slide, or the base has
-            no free joint in the model.
     """
 
     def __init__(
@@ -92,14 +82,7 @@ class StateMap:
         qpos: Float64[np.ndarray, " nqpos"],
         qvel: Float64[np.ndarray, " nqvel"],
     ) -> None:
-        """Puts a state of the robot into MuJoCo's vectors; what is not the robot's stays as it is.
-
-        Args:
-            q: Pinocchio's configuration [m, rad].
-            v: Pinocchio's velocity [m/s, rad/s].
-            qpos: receives MuJoCo's configuration [m, rad].
-            qvel: receives MuJoCo's velocity [m/s, rad/s].
-        """
+        """Write a state of the robot into MuJoCo's vectors; all else stays as it is."""
         base: Float64[np.ndarray, "7"] = q[:7]
         motion: Float64[np.ndarray, "6"] = v[:6]
         if self._offset is not None:

@@ -43,16 +43,6 @@ def find_rest(
     friction depends on: MuJoCo's friction creeps under load, by micrometres a second. On level
     ground these velocities are zero. The forces come from `mj_inverse`, the solution by Newton's
     method with differences.
-
-    Args:
-        model: the MuJoCo model.
-        data: the robot where it was put, at rest; `qpos` and `qvel` of its free joint are changed
-            if it can rest there, by less than a millimetre, and nothing if it cannot.
-        free_joint: the base's free joint.
-
-    Returns:
-        Generalized forces that hold the joints there [N m, N], zero on the base; None where nothing
-        carries the robot within a millimetre, or where it would tip over.
     """
     base = _Base(model, data, free_joint)
     if not base.find_height():
@@ -92,13 +82,7 @@ def _descend(
 
 
 class _Base:
-    """A floating base that is tried out in other places, its joints held.
-
-    Args:
-        model: the MuJoCo model.
-        data: the robot where it was put.
-        free_joint: the base's free joint.
-    """
+    """A floating base that is tried out in other places, its joints held."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, free_joint: int) -> None:
         self._model, self._data = model, data
@@ -113,11 +97,7 @@ class _Base:
         self._axes = np.eye(3)
 
     def find_height(self) -> bool:
-        """Bisects for the height at which the ground carries the weight, and looks at the ground.
-
-        Returns:
-            Whether there is one within reach.
-        """
+        """Bisect for the height at which the ground carries the weight."""
         low, high = -_REACH, _REACH
         if not self._weight > 0.0 or self._lift(low) < 0.0 or self._lift(high) > 0.0:
             return False
@@ -133,12 +113,7 @@ class _Base:
         return True
 
     def unbalanced(self, x: Float64[np.ndarray, "6"]) -> Float64[np.ndarray, "6"]:
-        """Force and moment on the base that nothing balances at rest, over the weight [-, m].
-
-        Args:
-            x: displacement along the normal, rotations about the two axes along the ground [m,
-                rad]; velocities along these, angular velocity about the normal [m/s, rad/s].
-        """
+        """Force and moment on the base that nothing balances at rest, over the weight [-, m]."""
         along, across, normal = self._axes
         qpos, turned = self._data.qpos[self._places], np.empty(4)
         qpos[:] = self._begin

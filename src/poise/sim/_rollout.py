@@ -77,13 +77,7 @@ class CommandedEstimator(Estimator, Protocol):
     """One that has to know what the robot is commanded, as who makes up for late sensors does."""
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
-        """Takes in what the robot was commanded, once a tick.
-
-        Args:
-            acceleration: that the command was computed for [m/s^2, rad/s^2]; None where there was
-                none.
-            time: the body's clock when the tick began [s].
-        """
+        """Takes in what the robot was commanded, once a tick."""
         ...
 
 
@@ -158,15 +152,7 @@ _SAME_PERIOD = 1e-9
 
 
 def check_period(leader: object, dt: float) -> None:
-    """Refuses a leader that has to be asked at another period than it will be.
-
-    Args:
-        leader: of a rollout; one that is no `PeriodicLeader` may be asked at any.
-        dt: of the plant's control [s].
-
-    Raises:
-        ConfigurationError: the periods differ.
-    """
+    """Refuses a leader that has to be asked at another period than it will be."""
     if isinstance(leader, PeriodicLeader) and abs(leader.dt - dt) > _SAME_PERIOD:
         raise ConfigurationError(
             f"{type(leader).__name__} and plant have different control periods",

@@ -40,9 +40,6 @@ def covers(spec: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
     """The geometry with which links meet each other.
 
     It is a link's collision geometry; of a link that has none, the convex hulls of its pictures.
-
-    Args:
-        spec: the specification, as the robot's document has it.
     """
     found: list[mujoco.MjsGeom] = []
     for body in spec.bodies[1:]:
@@ -52,12 +49,7 @@ def covers(spec: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
 
 
 def let_touch(geoms: Iterable[mujoco.MjsGeom], time_constant: float) -> None:
-    """Let geometry of the robot touch that of other links, besides what it touches already.
-
-    Args:
-        geoms: changed in place.
-        time_constant: how fast contacts give back penetration [s].
-    """
+    """Let geometry of the robot touch that of other links, besides what it touches already."""
     for geom in geoms:
         geom.contype, geom.conaffinity = geom.contype | _OWN, geom.conaffinity | _OWN
         geom.friction = (_FRICTION, 0.005, 0.0001)
@@ -65,13 +57,7 @@ def let_touch(geoms: Iterable[mujoco.MjsGeom], time_constant: float) -> None:
 
 
 def exclude_lasting_contacts(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> None:
-    """Keep those links from touching that are neighbours, or touch at home, or nearly always.
-
-    Args:
-        spec: the specification, to be compiled once more.
-        model: it compiled.
-        robot: the robot.
-    """
+    """Keep those links from touching that are neighbours, or touch at home, or nearly always."""
     solid = {int(b) for b in model.geom_bodyid[(model.geom_contype & _OWN) > 0]}
     welds, lasting = model.body_weldid.tolist(), _lasting_contacts(model, robot)
     for i, j in combinations(sorted(solid), 2):
@@ -130,9 +116,6 @@ def _way_to_world(model: mujoco.MjModel, group: int) -> list[int]:
 
 class SelfContacts:
     """Which links of the robot touched each other in a control period, and how hard.
-
-    Args:
-        model: the MuJoCo model.
 
     Attributes:
         forces: largest normal force of the last period by names of links [N].

@@ -107,12 +107,6 @@ class Sensors:
 
     The random numbers are drawn once a period in a fixed order, so a run depends on its seed and
     not on how often anybody looks.
-
-    Args:
-        config: resolution, noise and delay.
-        base_dofs: six for a floating base, zero for a fixed one.
-        delay_ticks: the delay in control periods.
-        seed: seed of the noise.
     """
 
     def __init__(
@@ -145,11 +139,7 @@ class Sensors:
         self._errors: _Errors | None = None
 
     def measure(self, state: RobotState) -> RobotState:
-        """Measure the true state of this control period.
-
-        Returns:
-            What is known now: the oldest measurement that the delay still holds back.
-        """
+        """Measure the true state of this control period."""
         self._buffer.append(self._corrupt(state))
         return self._buffer[0]
 

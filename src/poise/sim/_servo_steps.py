@@ -22,10 +22,6 @@ class ServoSteps:
     So steps are divided that begin with a servo at its limit, until that is short for the fastest
     joints: dt times the largest eigenvalue of D M^-1 is 1 or less, with the servos' damping D [N m
     s/rad] and the joint space inertia M.
-
-    Args:
-        model: whose actuators are servos, one for each of its joints but the free one.
-        data: of the model, as the robot is at home.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -39,11 +35,7 @@ class ServoSteps:
         self.parts = self._parts(data)
 
     def advance(self, data: mujoco.MjData) -> None:
-        """One physics step, in one or in `parts`.
-
-        Args:
-            data: with the controls of the step.
-        """
+        """One physics step, in one or in `parts`."""
         model = self._model
         if self.parts == 1 or not self._at_limit(data):
             mujoco.mj_step(model, data)

@@ -45,16 +45,6 @@ def run_markers(robot: Robot, record: RunRecord) -> Callable[[int], tuple[Marker
 
     The centre of mass is drawn as its projection on the ground. Forces are drawn before the toes:
     at the sole's centre, where they act, the leg would hide them.
-
-    Args:
-        robot: the robot.
-        record: of the run, as a `Recorder` made it.
-
-    Returns:
-        The function that `render_video` takes as `markers`.
-
-    Raises:
-        UnknownNameError: the record is not of a plant.
     """
     qs, coms, zmps = record["q"], record["com"], record["zmp"]
     wrenches = {name: record[f"wrench/{name}"] for name in robot.soles}

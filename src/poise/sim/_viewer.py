@@ -23,14 +23,7 @@ class NoDisplayError(PoiseError):
 
 
 class Viewer:
-    """A window that shows the plant as it goes, in real time.
-
-    Args:
-        plant: the plant.
-        handle: MuJoCo's viewer.
-        model: the plant's model with pictures.
-        data: what the viewer shows, of that model.
-    """
+    """A window that shows the plant as it goes, in real time."""
 
     def __init__(
         self, plant: Plant, handle: Any, model: mujoco.MjModel, data: mujoco.MjData
@@ -68,11 +61,7 @@ def _show(plant: Plant, model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 @contextmanager
 def open_viewer(plant: Plant) -> Generator[Viewer]:
-    """Open a window on a plant for a `with` block.
-
-    Raises:
-        NoDisplayError: there is no screen, or the window cannot be opened.
-    """
+    """Open a window on a plant for a `with` block."""
     if sys.platform == "linux" and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):

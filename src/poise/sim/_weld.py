@@ -14,13 +14,6 @@ def weld_joints(spec: mujoco.MjSpec, locked: Collection[str]) -> None:
     """Take joints out of a specification that are to stand at zero.
 
     MuJoCo leaves a body whose joint is taken out where it is at the joint's `ref`.
-
-    Args:
-        spec: the specification, changed in place.
-        locked: names of the joints.
-
-    Raises:
-        RobotError: MuJoCo cannot compile the specification.
     """
     joints = [joint for joint in spec.joints if joint.name in locked]
     if any(joint.ref != 0.0 for joint in joints):

@@ -22,11 +22,6 @@ def add_world(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
     """Add the floor, the blocks, sky and light to the specification.
 
     A fixed-base robot gets a floor to look at that it cannot touch.
-
-    Args:
-        spec: the specification, changed in place.
-        robot: the robot.
-        config: friction, slope, blocks.
     """
     contype, conaffinity = _GROUND if robot.floating_base else (0, 0)
     surface = {

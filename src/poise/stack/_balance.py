@@ -236,10 +236,6 @@ class BalanceLimit:
 class BalanceRows(Owner):
     """The rows of a balance limit for a set of active contacts: edges, angular momentum, legs.
 
-    Args:
-        limit: the limit.
-        legs: those that stand.
-
     Attributes:
         name: what reports call them.
         labels: names of the rows.

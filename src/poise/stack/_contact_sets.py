@@ -18,10 +18,6 @@ class ContactSets(Generic[T]):
 
     The active contacts are prepared when this is made; where there are few contacts, all their
     sets are, so that no tick has to make one. What is wrong is so refused before the first tick.
-
-    Args:
-        stack: whose contacts come and go.
-        make: makes what belongs to one set.
     """
 
     def __init__(self, stack: Stack, make: Callable[[tuple[Contact, ...]], T]) -> None:

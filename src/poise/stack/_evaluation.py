@@ -84,13 +84,6 @@ def _unmoved(robot: Robot) -> tuple[pin.Data, Motion]:
 class Evaluation:
     """Evaluates some tasks and contacts together.
 
-    Args:
-        robot: the robot that they are bound to.
-        owners: tasks and contacts.
-        places: the rows of each.
-        count: rows in all, those of others between them included.
-        wrench_dim: length of all wrenches; contacts come first.
-
     Attributes:
         rows: what was written.
         owners: tasks and contacts.

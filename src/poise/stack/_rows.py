@@ -46,19 +46,6 @@ class StackRows:
     that frame moves. A point contact leaves its frame free to turn and suspends position tasks
     only. Bounds on wrenches and, at acceleration level, on the joints come with the rows.
 
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks, bound to the robot.
-        contacts: the active contacts that have rows.
-        stance: one more active contact, which suspends tasks and is evaluated, but has no rows
-            because the strategy eliminates it.
-        own_rows: how many rows of the strategy's own stand between contacts and tasks.
-        balance: where the rows of the balance limit go: before all tasks, or behind them, out of
-            the way of a strategy that knows equalities alone; None for nowhere.
-        collisions: where those of the self-collision limit go; where both go to one side they
-            follow those of the balance limit.
-        joints: names of those that may move, for the self-collision limit; all when None.
-
     Attributes:
         contacts: the contacts that have rows.
         levels: the tasks that act, level by level; a level may be empty.

@@ -246,15 +246,6 @@ def _frame_of(robot: Robot, joint: int) -> int:
 class SelfCollisionRows(Owner):
     """The rows of a self-collision limit for a set of active contacts.
 
-    Args:
-        name: what reports call them.
-        parameters: what the compiled rows read.
-        frames: Pinocchio's frames of the joints that carry capsules.
-        table: number of capsules and of pairs; the frame of each capsule; the capsules of each
-            pair.
-        links: of each pair.
-        legs: which pairs are of a leg and a leg.
-
     Attributes:
         name: what reports call them.
         labels: names of the rows.

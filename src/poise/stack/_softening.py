@@ -57,13 +57,6 @@ class Softening:
     Errors count up to one metre or radian. The reference d of a joint is the reference acceleration
     of the lowest joint task that has the joint, and damping -`DAMPING` v where there is none.
 
-    Args:
-        robot: the robot.
-        levels: the tasks that act, level by level.
-        places: the rows of each task.
-        ends: where each level ends in the rows, after where the first one begins.
-        softening: s of the stack; nothing is softened where it is zero.
-
     Attributes:
         levels: indices of the levels that may be softened: those with rows that do not refer to
             every joint.

@@ -62,16 +62,6 @@ class ViableAcceleration:
     the limit and return to it at dt. The smallest one is its mirror image. Where the two cross,
     both become the one that brakes.
 
-    Args:
-        q_min: lower position limits [rad].
-        q_max: upper position limits [rad].
-        v_max: velocity limits [rad/s].
-        a_max: acceleration limit [rad/s^2].
-        dt: horizon [s].
-        braking: b, the decelerations that stopping is planned with [rad/s^2].
-        margin: what is left beyond the position limits until a joint's own stops [rad].
-        gentle: b beside contacts, see `bound_settling`; as elsewhere when None [rad/s^2].
-
     Attributes:
         viability: all of them.
     """

@@ -555,7 +555,7 @@ def test_a_gamepad_of_the_robots_machine_shakes_when_a_foot_lands(virtual_pad, m
 @pytest.mark.parametrize("both", [False, True])
 def test_with_one_foot_held_either_stick_moves_it_and_with_both_its_own(made, mode, both):
     operator, controller, device = made
-    controller._level = Mock(mode=mode)
+    controller._level = Mock(mode=mode, footing=None)
     foot = 1 - mode.support
     start = device.places[foot][0]
     lift = (True, True) if both else (foot == 0, foot == 1)
@@ -599,7 +599,7 @@ def test_forward_is_where_the_robot_faces(made, lead):
     controller._ahead = np.pi / 2.0
     begin = device.places[0].copy()
     if lead == "stick":
-        controller._level = Mock(mode=Mode.SR)
+        controller._level = Mock(mode=Mode.SR, footing=None)
         sample = run(operator, device, 20, OperatorSample(lift=(True, False), move=(1.0, 0.0)))
     else:
         run(operator, device, 2, tracked(0.0, 0.0, clutch=False))

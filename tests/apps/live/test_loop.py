@@ -270,7 +270,7 @@ def test_a_recording_is_played_with_the_parameters_that_it_was_made_with(
 ):
     robot = get_robot("biped20")
     parameters = replace(
-        StepTeleoperator(robot, actuation="velocity").parameters, hand_scale=1.7, lift_speed=0.2
+        StepTeleoperator(robot, actuation="velocity").parameters, hand_scale=1.7, lower_speed=0.2
     )
     made = recorded(robot, tmp_path / "made.mcap", parameters=parameters, rotator=False)
     loop = start(recording=made)

@@ -7,16 +7,24 @@ import numpy as np
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, TeleopParameters
 from poise.locomotion._single_support import SingleSupportRegion
+from poise.locomotion._stepping._by_velocity._velocity_numbers import velocity_numbers
+from poise.locomotion._stepping._scaling import size_of
 from poise.locomotion._stepping._stance._biped import biped_of
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._stance._footing import Footing
 
-PARAMETERS = TeleopParameters(r_lift=0.077)
+PARAMETERS = TeleopParameters()
+ZMP_TIME = 0.01
 
 
 @cache
 def biped(robot):
-    return biped_of(robot, PARAMETERS)
+    return biped_of(robot, size_of(robot, robot.q_home))
+
+
+def numbers(robot):
+    """Numbers of the velocity level."""
+    return velocity_numbers(biped(robot).size)
 
 
 def estimator(robot):
@@ -25,7 +33,7 @@ def estimator(robot):
 
 def sensor(robot, left, right):
     """Soles that carry so much [N]."""
-    sensor = ZmpSensor(biped(robot).weight, PARAMETERS.zmp_time, PARAMETERS.dt)
+    sensor = ZmpSensor(biped(robot).weight, ZMP_TIME, PARAMETERS.dt)
     sensor.loads[:] = left, right
     return sensor
 
@@ -55,8 +63,8 @@ def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0
         omega=float(np.sqrt(9.81 / height)),
         region=SingleSupportRegion(
             sizes=biped(robot).sizes,
-            margin=PARAMETERS.support_margin,
-            arrived=PARAMETERS.capture_max,
+            margin=biped(robot).size.margin,
+            arrived=numbers(robot).capture_max,
         ),
         sensor=loaded if loaded is not None else sensor(robot, 320.0, 320.0),
     )

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from msgspec import structs
 from odd import odd
-from standing import PARAMETERS, footing
+from standing import footing
 from unchecked import run_unchecked
 from walker import hands, up_and_down
 
@@ -32,9 +32,10 @@ from poise.locomotion import (
     WayPoint,
 )
 from poise.locomotion._pendulum import ComShifter
+from poise.locomotion._stepping._by_velocity import velocity_numbers
 from poise.locomotion._stepping._by_velocity._com_motion import ShifterDriver
 from poise.locomotion._stepping._operator._fields import FieldError, checked_sample
-from poise.locomotion._stepping._scaling import scaled_parameters
+from poise.locomotion._stepping._scaling import size_of
 from poise.locomotion._stepping._stance._biped import biped_of, leg_geometry
 from poise.robots import Sole, standing_posture
 from poise.sim import PlantConfig
@@ -56,39 +57,28 @@ def test_legs_of_five_joints_are_refused(get_robot):
         StepTeleoperator(replace(robot, model=model), actuation="velocity")
 
 
-def test_a_sole_that_is_hardly_there_is_scaled_to(get_robot):
+def test_the_lift_radius_fits_a_sole_that_is_hardly_there(get_robot):
     robot = get_robot("biped20")
     small = {n: Sole(name=n, length=0.2, width=0.05) for n in robot.soles}
-    parameters = scaled_parameters(replace(robot, soles=small), 0.765, 0.27)
-    assert parameters.r_lift <= 0.025
-
-
-def test_a_sole_smaller_than_the_lift_radius_is_refused(get_robot):
-    robot = get_robot("biped20")
-    small = {n: Sole(name=n, length=0.2, width=0.05) for n in robot.soles}
-    with pytest.raises(ConfigurationError, match="r_lift.*sole"):
-        StepTeleoperator(
-            replace(robot, soles=small),
-            parameters=TeleopParameters(r_lift=0.12),
-            actuation="velocity",
-        )
+    size = size_of(replace(robot, soles=small), robot.q_home)
+    assert velocity_numbers(size).r_lift <= 0.025
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_gains_that_break_38_are_refused(get_robot, share):
     robot = get_robot("biped20")
     square = StepTeleoperator(robot, actuation="velocity").driver.omega ** 2
-    parameters = replace(scaled_parameters(robot, 0.765, 0.27), kp=share * square)
+    parameters = TeleopParameters(kp=share * square)
     with pytest.raises(ConfigurationError, match=r"k_p.*omega\^2"):
         StepTeleoperator(robot, parameters=parameters, actuation="velocity")
     assert StepTeleoperator(
-        robot, parameters=TeleopParameters(kp=1.01 * square, r_lift=0.07), actuation="velocity"
+        robot, parameters=TeleopParameters(kp=1.01 * square), actuation="velocity"
     )
 
 
 @pytest.mark.parametrize(
     "bad",
-    [{"dt": 0.0}, {"r_lift": np.nan}, {"lower_height": 0.03}, {"land_load": 0.01}, {"kp": np.inf}],
+    [{"dt": 0.0}, {"step_max": np.nan}, {"lower_height": 0.03}, {"kp": np.inf}],
 )
 @pytest.mark.filterwarnings("ignore")
 def test_numbers_that_cannot_be_are_refused(bad):
@@ -96,9 +86,30 @@ def test_numbers_that_cannot_be_are_refused(bad):
         TeleopParameters(**bad)
 
 
+@pytest.mark.parametrize(
+    ("name", "replacement"),
+    [
+        ("w_S2", "the velocity level has the paper's number"),
+        ("touch_speed", "it follows from the robot's CoM height and soles"),
+        ("land_load", "it is the same for every robot"),
+        ("servo_stiffness", "servo_gains of the StepTeleoperator"),
+    ],
+)
+def test_a_parameter_that_was_removed_is_refused_with_what_is_there_now(name, replacement):
+    with pytest.raises(ConfigurationError, match=f"removed; got '{name}'; wanted .*{replacement}"):
+        TeleopParameters(**{name: 1.0})
+    with pytest.raises(ConfigurationError, match=f"removed; got '{name}'"):
+        replace(TeleopParameters(), **{name: 1.0})
+
+
 def test_feet_too_close_are_refused(get_robot):
+    robot = get_robot("biped20")
+    model = robot.model.copy()
+    left, right = (model.frames[model.getFrameId(name)] for name in robot.soles)
+    left.parentJoint, left.placement = right.parentJoint, right.placement
+    together = replace(robot, model=model)
     with pytest.raises(ConfigurationError, match="too close"):
-        scaled_parameters(get_robot("biped20"), 0.765, 0.0)
+        size_of(together, together.q_home)
 
 
 def test_a_plant_that_takes_positions_or_has_another_tick_is_refused(get_robot):
@@ -233,7 +244,7 @@ def test_a_posture_stands_as_asked(get_robot):
     com = controller.estimator.dynamics.com
     assert left - right == pytest.approx([0.0, 0.42, 0.0], abs=1e-8)
     assert com == pytest.approx([0.0, 0.0, 0.72], abs=1e-8)
-    assert controller.parameters.r_lift == pytest.approx(0.12)
+    assert controller._numbers.r_lift == pytest.approx(0.12)
 
 
 def test_a_plant_survives_json():
@@ -259,8 +270,8 @@ def test_what_holds_arrays_is_compared_as_the_thing_it_is(get_robot):
     """Not number by number, which would be no answer."""
     robot = get_robot("biped20")
     makes = (
-        lambda: leg_geometry(robot, next(iter(robot.soles)), 0.1),
-        lambda: biped_of(robot, PARAMETERS),
+        lambda: leg_geometry(robot, next(iter(robot.soles))),
+        lambda: biped_of(robot, size_of(robot, robot.q_home)),
         lambda: footing(robot),
     )
     for make in makes:
@@ -497,11 +508,11 @@ def test_a_walk_by_numbers_of_a_joystick_ends_no_loop(get_robot):
 
 def test_how_far_feet_are_apart_is_along_the_robot(get_robot):
     robot = get_robot("biped20")
-    usual = StepTeleoperator(robot, actuation="torque").parameters
+    usual = StepTeleoperator(robot, actuation="torque")._numbers
     for yaw in (0.5, 1.5708, -2.5):
         turned = StepTeleoperator(robot, q_start=facing(robot, yaw), actuation="torque")
         assert turned.ahead == pytest.approx(yaw)
-        assert turned.parameters.r_lift == pytest.approx(usual.r_lift)
+        assert turned._numbers.r_lift == pytest.approx(usual.r_lift)
 
 
 def test_at_velocity_level_a_turned_start_is_refused(get_robot):

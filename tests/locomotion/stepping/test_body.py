@@ -7,15 +7,14 @@ import pinocchio as pin
 import pytest
 from msgspec import structs
 from slow import slow
-from standing import footing
+from standing import biped, footing
 from walker import hands, sample, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion import BodyCommand, Mode, StepTeleoperator, teleop_parameters
+from poise.locomotion import BodyCommand, Mode, StepTeleoperator
 from poise.locomotion._stepping._by_torque._waist import waist_ranges
 from poise.locomotion._stepping._operator._guard import OperatorGuard
-from poise.locomotion._stepping._stance._biped import biped_of
 from poise.locomotion._stepping._stance._lean import TrunkPose
 
 
@@ -96,7 +95,7 @@ def test_the_body_comes_down_and_the_torso_bows_and_turns(get_robot, name):
 @pytest.mark.parametrize("name", ["talos", "humanoid33"])
 def test_the_pelvis_does_what_the_waist_cannot(get_robot, name):
     robot, now = get_robot(name), footing(get_robot("biped20"))
-    waist = waist_ranges(biped_of(robot, teleop_parameters(robot)))
+    waist = waist_ranges(biped(robot))
     pose, asked = TrunkPose((0.0, 0.0), 1.0, waist), (0.2, -0.4, 0.3)
     pelvis, torso = pose.rotations(now, 0.1, asked)
     turned = pin.rpy.rpyToMatrix(0.0, 0.0, 0.1) @ pin.rpy.rpyToMatrix(*asked)

@@ -12,7 +12,7 @@ STILL = np.zeros(2)
 
 
 def motion():
-    return ComMotion(ShifterDriver(ComShifter(0.765)), PARAMETERS)
+    return ComMotion(ShifterDriver(ComShifter(0.765)), PARAMETERS.dt, 5.0)
 
 
 def test_the_shock_of_a_landing_is_not_taken_for_the_velocity_of_the_com():

@@ -377,14 +377,14 @@ def test_a_device_that_rests_a_little_above_a_foot_that_has_settled_is_not_up(re
 
 
 def test_landing_is_armed_by_a_foot_without_load():
-    landing = LandingDetector(TeleopParameters())
+    landing = LandingDetector(0.005)
     assert not any(landing.update(0.47, lifting=False) for _ in range(50))
     assert not any(landing.update(0.0, lifting=False) for _ in range(10))
     assert landing.update(0.0625, lifting=False)
 
 
 def test_a_foot_that_scrapes_while_it_is_lifted_has_not_landed():
-    landing = LandingDetector(TeleopParameters())
+    landing = LandingDetector(0.005)
     for _ in range(10):
         landing.update(0.0, lifting=True)
     assert not landing.update(0.156, lifting=True)

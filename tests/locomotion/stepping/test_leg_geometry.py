@@ -19,7 +19,7 @@ ROBOTS = [("biped20", EXACT, 9.0), ("talos", EXACT, 9.0), ("g1", NEAR, 0.5)]
 
 def measured(robot, foot):
     sole = list(robot.soles)[foot]
-    return sole, leg_joints(robot, sole), leg_geometry(robot, sole, KNEE_MIN)
+    return sole, leg_joints(robot, sole), leg_geometry(robot, sole)
 
 
 def random_posture(robot, seed, spread):
@@ -120,7 +120,7 @@ def test_a_strong_hip_needs_no_relief_and_a_weak_one_a_bounded_one(get_robot, fo
     for part in (0.4, 0.3, 0.2, 0.01):
         torque = robot.tau_max.copy()
         torque[joints[:3]] *= part
-        reliefs.append(leg_geometry(replace(robot, tau_max=torque), sole, KNEE_MIN).relief)
+        reliefs.append(leg_geometry(replace(robot, tau_max=torque), sole).relief)
     assert reliefs == sorted(reliefs)
     assert reliefs[-1] == pytest.approx(0.2)
 
@@ -132,7 +132,7 @@ def test_a_hip_that_does_not_turn_in_needs_relief(get_robot, foot):
     stiff = replace(robot, q_min=robot.q_min.copy(), q_max=robot.q_max.copy())
     for joint in joints[:3]:
         stiff.q_min[joint] = stiff.q_max[joint] = robot.q_home[7 + joint]
-    assert leg_geometry(stiff, sole, KNEE_MIN).relief > 0.05
+    assert leg_geometry(stiff, sole).relief > 0.05
 
 
 def test_both_legs_are_mirror_images(get_robot):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from legs import bent, soles_of
+from standing import biped
 
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import StepTeleoperator, TeleopParameters
@@ -10,18 +11,17 @@ from poise.locomotion._stepping._stance._biped import leg_geometry, leg_joints
 from poise.locomotion._stepping._stance._reach import FootRange
 from poise.robots import standing_posture
 
-MARGIN, LEAN_SHARE = 0.02, 0.9
+GAP, MARGIN, LEAN_SHARE = 0.01, 0.02, 0.9
 FORWARD = np.array([1.0, 0.0])
 STAY = (0.0, 0.0)
 
 
 def range_of(robot, **changes):
-    numbers = {"reach_margin": MARGIN, "step_max": 0.46} | changes
-    return FootRange(robot, tuple(list(robot.soles)[:2]), TeleopParameters(**numbers))
+    return FootRange(biped(robot), TeleopParameters(**changes), servos=True)
 
 
 def leg_of(robot):
-    return leg_geometry(robot, next(iter(robot.soles)), TeleopParameters().knee_min)
+    return leg_geometry(robot, next(iter(robot.soles)))
 
 
 def knee_for(leg, distance):
@@ -120,17 +120,17 @@ def test_a_robot_that_squats_is_too_low_for_one_leg_when_its_knee_holds_no_more(
 
 
 @pytest.mark.parametrize(("name", "off"), [("biped20", 1e-9), ("talos", 1e-9), ("g1", 0.02)])
-def test_the_hip_is_too_low_for_a_leg_that_folds_no_deeper(get_robot, name, off):
+def test_the_hip_is_too_low_for_a_leg_that_folds_no_deeper(get_robot, monkeypatch, name, off):
     robot = get_robot(name)
     dynamics = bent(robot, -0.4, 0.8, -0.4)
     place = soles_of(dynamics)[0]
     hip = range_of(robot).hip(0, dynamics)
     leg = leg_of(robot)
     long = np.linalg.norm(hip - place - leg.ankle) / leg.length
-    missing = [
-        range_of(robot, fold_min=fold).too_low(0, place, hip, FORWARD, alone=False)
-        for fold in (long - 0.05, long, long + 0.05)
-    ]
+    missing = []
+    for fold in (long - 0.05, long, long + 0.05):
+        monkeypatch.setattr(f"{FootRange.__module__}._SERVO_FOLD", fold)
+        missing.append(range_of(robot).too_low(0, place, hip, FORWARD, alone=False))
     assert missing[1] == pytest.approx(0.0, abs=off)
     assert missing[0] < missing[1] < missing[2]
     assert missing[2] == pytest.approx(0.05 * leg.length, abs=off + 0.01)
@@ -184,7 +184,7 @@ def test_a_foot_stays_on_its_side_and_within_a_step(get_robot, foot):
         x, y, _ = reach.bring_back(foot, tuple(target), support, hip, FORWARD) - support
         return float(x), side * float(y)
 
-    assert sent(0.0, -0.2) == pytest.approx((0.0, width + TeleopParameters().feet_gap))
+    assert sent(0.0, -0.2) == pytest.approx((0.0, width + GAP))
     assert sent(0.0, 0.8)[1] <= 0.3 + 1e-12
     assert sent(0.8, 0.27)[0] <= 0.3 + 1e-12
     assert sent(-0.8, 0.27)[0] >= -0.3 - 1e-12
@@ -208,7 +208,7 @@ def test_soles_that_are_turned_come_no_nearer_than_their_edges_are_clear(get_rob
     reach, dynamics = range_of(robot), bent(robot, -0.5, 1.0, -0.5)
     support, hip = soles_of(dynamics)[1 - foot], reach.hip(foot, dynamics)
     sole, side = next(iter(robot.soles.values())), 1.0 - 2.0 * foot
-    least = sole.width + TeleopParameters().feet_gap
+    least = sole.width + GAP
     rng, wider = np.random.default_rng(4), 0
     for _ in range(60):
         turns, ahead = tuple(rng.uniform(-0.6, 0.6, 2)), rng.uniform(-0.2, 0.2)
@@ -240,7 +240,7 @@ def test_beside_is_across_where_the_pelvis_faces(get_robot):
     left, right = soles_of(dynamics)
     turned = np.array([np.cos(0.4), np.sin(0.4)])
     answer = reach.bring_back(0, tuple(right), right, reach.hip(0, dynamics), turned)
-    gap = next(iter(robot.soles.values())).width + TeleopParameters().feet_gap
+    gap = next(iter(robot.soles.values())).width + GAP
     assert float((answer - right)[:2] @ turned) == pytest.approx(0.0, abs=1e-12)
     assert float((answer - right)[:2] @ [-turned[1], turned[0]]) == pytest.approx(gap)
     assert left[2] == pytest.approx(answer[2])

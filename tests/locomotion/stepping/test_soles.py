@@ -39,7 +39,7 @@ def pitch(grounds, foot):
 
 def test_a_sole_that_lies_flat_says_how_its_ground_is_tilted(get_robot):
     robot = get_robot("biped20")
-    grounds, ours = SoleGrounds(PARAMETERS), pressed(robot, (0.01, 0.0), (0.0, -0.01))
+    grounds, ours = SoleGrounds(PARAMETERS.dt), pressed(robot, (0.01, 0.0), (0.0, -0.01))
     stands = tilted(robot, TILT, ours)
     for _ in range(TICKS):
         grounds.update(stands)
@@ -53,7 +53,7 @@ def test_a_sole_that_lies_flat_says_how_its_ground_is_tilted(get_robot):
 @pytest.mark.parametrize(("toe", "known"), [(0.149, 0.0), (-0.149, TILT)])
 def test_a_sole_on_its_edge_is_tilted_only_towards_that_edge(get_robot, toe, known):
     robot = get_robot("biped20")
-    grounds, flat = SoleGrounds(PARAMETERS), pressed(robot, (0.0, 0.0), (0.0, 0.0))
+    grounds, flat = SoleGrounds(PARAMETERS.dt), pressed(robot, (0.0, 0.0), (0.0, 0.0))
     upright = tilted(robot, 0.0, flat)
     for _ in range(TICKS):
         grounds.update(upright)
@@ -72,7 +72,7 @@ def test_a_sole_on_its_edge_is_tilted_only_towards_that_edge(get_robot, toe, kno
 )
 def test_a_sole_that_has_not_lain_flat_yet_turns_its_free_edge_down(get_robot, point, turn):
     robot = get_robot("biped20")
-    grounds, ours = SoleGrounds(PARAMETERS), pressed(robot, point, point)
+    grounds, ours = SoleGrounds(PARAMETERS.dt), pressed(robot, point, point)
     stands = tilted(robot, 0.0, ours)
     grounds.update(stands)
     assert grounds.seeking(stands, 0)[:2] == pytest.approx(turn)
@@ -83,7 +83,7 @@ def test_a_sole_that_has_not_lain_flat_yet_turns_its_free_edge_down(get_robot, p
 
 def test_the_ground_of_a_foot_in_the_air_is_the_stances_and_is_forgotten(get_robot):
     robot = get_robot("biped20")
-    grounds, both = SoleGrounds(PARAMETERS), pressed(robot, (0.0, 0.0), (0.0, 0.0))
+    grounds, both = SoleGrounds(PARAMETERS.dt), pressed(robot, (0.0, 0.0), (0.0, 0.0))
     grounds.update(tilted(robot, 0.0, both))
     alone = tilted(robot, TILT, pressed(robot, (0.0, 0.0), None, (640.0, 0.0)), Mode.SL)
     for _ in range(TICKS):

@@ -11,7 +11,7 @@ TICKS = 400
 
 
 def choice(robot, where, loads):
-    return StanceChoice(where, loads, PARAMETERS, biped(robot).weight)
+    return StanceChoice(where, loads, biped(robot), PARAMETERS.dt)
 
 
 @pytest.mark.parametrize("mode", [Mode.D, Mode.TL, Mode.TR])
@@ -40,14 +40,14 @@ def test_on_one_foot_that_foot_is_the_stance_whatever_the_loads_say(get_robot):
 
 def test_a_foot_that_carries_nothing_is_pressed_down_no_faster_than_it_may(get_robot):
     robot = get_robot("biped20")
-    p, where = PARAMETERS, estimator(robot)
+    where = estimator(robot)
     ours, height = choice(robot, where, sensor(robot, 0.0, 640.0)), float(where.sole(0)[2])
     ours.follow(Mode.D)
-    assert ours.pressed == pytest.approx(p.dt * p.press_speed)
+    assert ours.pressed == pytest.approx(PARAMETERS.dt * 0.1)
     for _ in range(TICKS):
         ours.follow(Mode.D)
     # How far below itself it is sent, times the gain (17c), is the speed of the foot.
-    assert p.k_v * ours.pressed == pytest.approx(p.press_speed)
+    assert 10.0 * ours.pressed == pytest.approx(0.1)
     # The ground is where the foot is: the body does not come down with what is pressed.
     assert where.anchors[0][2] == pytest.approx(height, abs=1e-9)
     assert where.anchors[1][2] == pytest.approx(0.0, abs=1e-9)

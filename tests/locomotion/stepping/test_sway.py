@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from standing import biped as biped_at_home
 
 from poise.apps.teleoperation import SCRIPTS, VELOCITY_TELEOP_PLANT, run_teleop
 from poise.errors import ConfigurationError
@@ -13,23 +14,18 @@ from poise.locomotion import (
     Mode,
     ScriptedDevice,
     StepTeleoperator,
-    TeleopParameters,
     WayPoint,
 )
 from poise.locomotion._stepping._by_velocity._com_motion import ShifterDriver
 from poise.locomotion._stepping._by_velocity._sway import sway_growth, sway_stiffness
-from poise.locomotion._stepping._stance._biped import biped_of, leg_joints
+from poise.locomotion._stepping._stance._biped import leg_joints
 from poise.robots import GRAVITY
 
-OMEGA = 3.5
+OMEGA, LEAK = 3.5, 5.0
 
 
 def shifter_of(kp=40.0, kd=None):
     return ComShifter(GRAVITY / OMEGA**2, kp=kp, kd=kd)
-
-
-def scaled(robot):
-    return StepTeleoperator(robot, actuation="torque").parameters
 
 
 def with_ankles(robot, share):
@@ -49,11 +45,10 @@ def test_a_robot_with_weak_ankles_is_refused_with_the_reason_and_what_helps(get_
     robot = with_ankles(get_robot("biped20"), 0.15)
     with pytest.raises(ConfigurationError, match="sway sideways") as refused:
         StepTeleoperator(robot, actuation="velocity")
-    for said in ("left_ankle_roll", "9.65 N m", "/s", "actuation 'torque'", "servo_stiffness"):
+    for said in ("left_ankle_roll", "9.65 N m", "/s", "actuation 'torque'", "servo_gains"):
         assert said in str(refused.value)
     assert StepTeleoperator(robot, actuation="torque")
-    stiff = replace(scaled(robot), dt=5e-3, servo_stiffness=700.0, servo_damping=25.0)
-    assert StepTeleoperator(robot, parameters=stiff, actuation="velocity")
+    assert StepTeleoperator(robot, actuation="velocity", servo_gains=(700.0, 25.0))
 
 
 def test_weak_ankles_for_pitch_let_it_sway_forward(get_robot):
@@ -64,19 +59,23 @@ def test_weak_ankles_for_pitch_let_it_sway_forward(get_robot):
         StepTeleoperator(replace(robot, tau_max=torque), actuation="velocity")
 
 
+class Stiff(StepTeleoperator):
+    def __init__(self, robot, *, servo_gains, **options):
+        super().__init__(robot, servo_gains=(1e4, servo_gains[1]), **options)
+
+
 def test_human_is_refused_and_would_not_stay_on_one_foot(get_robot):
     robot = get_robot("human")
     with pytest.raises(ConfigurationError, match=r"sway sideways.*left_ankle_X, 20 N m"):
         StepTeleoperator(robot, actuation="velocity")
     # Servos that are said to be stiff, and are not; the foot is to stay up.
     points = [WayPoint(at=0.5, right=(0.0, 0.0, 0.0)), WayPoint(at=1.0, right=(0.0, 0.0, 0.08))]
-    wrong = replace(scaled(robot), dt=VELOCITY_TELEOP_PLANT.control_dt, servo_stiffness=1e4)
     run = run_teleop(
         robot,
         lambda teleoperator: ScriptedDevice(points, *teleoperator.estimator.anchors),
         VELOCITY_TELEOP_PLANT,
         duration=3.5,
-        parameters=wrong,
+        leader=Stiff,
         q_start=SCRIPTS["lift_one_foot"](robot).posture(robot),
     )
     lifted = run.log.entries(Mode.SL)[0]
@@ -86,22 +85,21 @@ def test_human_is_refused_and_would_not_stay_on_one_foot(get_robot):
 
 
 def test_stiff_servos_leave_the_pendulums_own_pole():
-    parameters = TeleopParameters(servo_stiffness=1e6, servo_damping=1e5)
-    assert sway_growth(1e6, shifter_of(), parameters) == pytest.approx(-OMEGA, rel=1e-3)
+    assert sway_growth(1e6, 1e5, shifter_of(), LEAK) == pytest.approx(-OMEGA, rel=1e-3)
 
 
 @pytest.mark.parametrize(("kp", "kd"), [(40.0, None), (60.0, None), (40.0, 12.0)])
 def test_sway_grows_as_the_difference_equations_do(kp, kd):
     """The model marched on in steps of 0.1 ms, by itself."""
-    parameters, stiffness = TeleopParameters(), 2.0 * OMEGA**2
+    stiffness = 2.0 * OMEGA**2
     p, v, at, command = 0.01, 0.0, 0.0, 0.0
     gains = shifter_of(kp, kd)
     kd = kp / OMEGA + OMEGA if kd is None else kd
-    damping = stiffness * parameters.servo_damping / parameters.servo_stiffness
+    damping = stiffness * 2.5 / 70.0
     dt, peaks = 1e-4, []
     for _ in range(100_000):
         force = -stiffness * (p - at) - damping * (v - command)
-        wanted = -kp * p - kd * command + parameters.velocity_leak * (v - command)
+        wanted = -kp * p - kd * command + LEAK * (v - command)
         before = v
         v += dt * (OMEGA**2 * p + force)
         p += dt * v
@@ -109,15 +107,14 @@ def test_sway_grows_as_the_difference_equations_do(kp, kd):
         command += dt * wanted
         if before > 0.0 >= v:
             peaks.append(p)
-    period = 2.0 * np.pi / np.abs(frequency(stiffness, parameters, kp, kd))
+    period = 2.0 * np.pi / np.abs(frequency(stiffness, damping, kp, kd))
     rate = np.log(peaks[-1] / peaks[-2]) / period
-    assert rate == pytest.approx(sway_growth(stiffness, gains, parameters), rel=0.01)
+    assert rate == pytest.approx(sway_growth(stiffness, damping, gains, LEAK), rel=0.01)
 
 
-def frequency(stiffness, parameters, kp, kd):
+def frequency(stiffness, damping, kp, kd):
     """Of the swing that grows [rad/s], from the characteristic polynomial."""
-    k, d = stiffness, stiffness * parameters.servo_damping / parameters.servo_stiffness
-    leak = parameters.velocity_leak
+    k, d, leak = stiffness, damping, LEAK
     plant, spring = np.poly1d([1.0, d, k - OMEGA**2]), np.poly1d([d, k])
     s = np.poly1d([1.0, 0.0])
     # p (plant) = spring P, s P = V, V (s + kd + leak) = (leak s - kp) p.
@@ -129,7 +126,7 @@ def frequency(stiffness, parameters, kp, kd):
 def test_the_stiffness_is_that_of_springs_one_after_the_other(get_robot, foot):
     robot = get_robot("biped20")
     dynamics = StepTeleoperator(robot, actuation="velocity").estimator.dynamics
-    biped = biped_of(robot, scaled(robot))
+    biped = biped_at_home(robot)
     sole, data, step = biped.soles[foot], robot.model.createData(), 1e-6
 
     def com(joint, angle):

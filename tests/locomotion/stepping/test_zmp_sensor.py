@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from standing import PARAMETERS, biped, estimator
+from standing import PARAMETERS, ZMP_TIME, biped, estimator
 
 from poise.dynamics import RobotState
 from poise.locomotion._stepping._stance._estimator import ZmpSensor
@@ -18,7 +18,7 @@ def pressed(robot, *points):
 
 
 def fresh(robot):
-    return ZmpSensor(biped(robot).weight, PARAMETERS.zmp_time, PARAMETERS.dt)
+    return ZmpSensor(biped(robot).weight, ZMP_TIME, PARAMETERS.dt)
 
 
 def read(sensor, where, state):

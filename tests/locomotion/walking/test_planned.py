@@ -281,7 +281,8 @@ def test_steps_beyond_the_legs_are_refused_before_anything_moves(get_robot, robo
 
 
 @pytest.mark.parametrize(
-    "values", [{"dcm_gain": 0.0}, {"early": 1.5}, {"patience": -1.0}, {"adjust": float("nan")}]
+    "values",
+    [{"dcm_gain": 0.0}, {"touchdown_force": 1.5}, {"patience": -1.0}, {"clearance": float("nan")}],
 )
 def test_settings_that_cannot_be_right_are_refused(values):
     with pytest.raises(ConfigurationError):

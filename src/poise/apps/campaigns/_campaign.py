@@ -206,16 +206,7 @@ class Campaign:
 
 
 class Design:
-    """A campaign with its scenario: says what each episode is.
-
-    Args:
-        campaign: content of the campaign's file.
-        scenario: content of the scenario's file.
-        where: what messages call the campaign's file.
-
-    Raises:
-        PoiseError: a key or a field does not exist, or cannot have one of its values.
-    """
+    """A campaign with its scenario: says what each episode is."""
 
     def __init__(
         self, campaign: Mapping[str, Any], scenario: Mapping[str, Any], where: str
@@ -231,11 +222,7 @@ class Design:
 
     @classmethod
     def load(cls, path: Path) -> "Design":
-        """A campaign from its file; the scenario's file is looked for from the same folder.
-
-        Raises:
-            PoiseError: a file cannot be read, or is not right.
-        """
+        """A campaign from its file; the scenario's file is looked for from the same folder."""
         data = read_yaml(
             read_text(path, error=ConfigurationError), path.name, error=ConfigurationError
         )
@@ -246,11 +233,7 @@ class Design:
 
     @classmethod
     def of(cls, folder: CampaignFolder) -> "Design":
-        """The campaign whose results are in a folder.
-
-        Raises:
-            ConfigurationError: the folder holds no campaign.
-        """
+        """The campaign whose results are in a folder."""
         content = folder.content()
         return cls(content["campaign"], content["scenario"], str(folder.path))
 
@@ -267,12 +250,7 @@ class Design:
         return (self.job(number) for number in range(self.count))
 
     def trial(self, trial: int, values: Mapping[str, Any]) -> list[Job]:
-        """The episodes of a trial; seeds and draws are the same for every trial.
-
-        Args:
-            trial: its number.
-            values: of the fields that are tuned.
-        """
+        """The episodes of a trial; seeds and draws are the same for every trial."""
         count = self.campaign.tune.episodes if self.campaign.tune is not None else 0
         labels = {"trial": trial}
         return [
@@ -287,14 +265,7 @@ class Design:
         values: Mapping[str, Any] | None = None,
         labels: Mapping[str, Any] | None = None,
     ) -> Job:
-        """One episode; it does not depend on how many there are.
-
-        Args:
-            number: of the episode.
-            draws: which draws it has; as its number when None.
-            values: of further fields.
-            labels: further columns of its row.
-        """
+        """One episode; it does not depend on how many there are."""
         index = number if draws is None else draws
         rng = np.random.default_rng([self.campaign.seed, index])
         seed = int(rng.integers(_SEEDS))
@@ -357,11 +328,7 @@ class Design:
 
 
 def robot_files(robots: Iterable[Any]) -> dict[str, str]:
-    """A digest of the files of each robot that comes from one, by its path.
-
-    Raises:
-        RobotError: a file cannot be read.
-    """
+    """A digest of the files of each robot that comes from one, by its path."""
     files = {Path(r).resolve() for r in robots if isinstance(r, str) and Path(r).is_file()}
     return {str(file): files_digest(file) for file in sorted(files)}
 

@@ -35,9 +35,6 @@ class DaskWorkers(Workers):
 
     A worker that dies is the scheduler's business: it gives the episode to another one, and says so
     after three deaths (its setting `allowed-failures`).
-
-    Args:
-        address: of the scheduler, as in `tcp://10.0.0.1:8786`.
     """
 
     def __init__(self, address: str) -> None:
@@ -158,11 +155,6 @@ class SlurmWorkers(DaskWorkers):
     """Workers that are jobs of Slurm, for as long as they are needed.
 
     The scheduler is in this process; jobs connect to it over the cluster's network.
-
-    Args:
-        count: how many jobs.
-        logs: folder, which the jobs see too, for what they print.
-        executor: "local" runs the jobs as processes of this machine.
     """
 
     def __init__(
@@ -214,11 +206,7 @@ class SlurmWorkers(DaskWorkers):
 
 
 def serve(address: str) -> None:
-    """What a job of Slurm does: works for a scheduler until that is gone.
-
-    Args:
-        address: of the scheduler.
-    """
+    """Job of Slurm: works for a scheduler until that is gone."""
     import asyncio
 
     async def work() -> None:

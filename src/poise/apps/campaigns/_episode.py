@@ -81,11 +81,7 @@ class Job:
     version: str = field(default_factory=lambda: version())
 
     def make(self) -> Scenario:
-        """The scenario with the job's values and seed.
-
-        Raises:
-            PoiseError: a field does not exist, or cannot have its value.
-        """
+        """The scenario with the job's values and seed."""
         made = make_scenario(with_fields(self.scenario, self.values), self.where)
         return replace(made, seed=self.seed)
 
@@ -101,15 +97,7 @@ def version() -> str:
 
 
 def run_episode(job: Job, describe: Callable[[Job, Run], Row] | None = None) -> Row:
-    """Runs an episode. Whatever goes wrong in it is its result.
-
-    Args:
-        job: the episode.
-        describe: makes a row of its run; `row_of` when None.
-
-    Raises:
-        PoiseError: this process has other code than the job asks for.
-    """
+    """Runs an episode. Whatever goes wrong in it is its result."""
     _check_version(job)
     begin = perf_counter()
     try:
@@ -133,11 +121,7 @@ def crashed(job: Job, reason: str) -> Row:
 
 
 def row_of(job: Job, run: Run) -> Row:
-    """The row of a job whose scenario has been run.
-
-    Raises:
-        PoiseError: something that is to be measured is not on this robot or in its stack.
-    """
+    """The row of a job whose scenario has been run."""
     validate_checks([*job.figures.values()], run.controller.stack, run.robot)
     summary: Any = summarise(run)
     failed = [check.name for check in run.checks if not check.ok]
@@ -178,17 +162,6 @@ def warm_up(kinds: Sequence[Kind]) -> bool:
 
     The first job of each kind that can be is set up and run for two ticks: all that is compiled is
     compiled then, and kept in the folder that all workers of a machine share.
-
-    Args:
-        kinds: each once.
-
-    Returns:
-        Whether anything was compiled. Code that has just been compiled may round otherwise in the
-        last bit than the same code from the disk, so the process should do nothing else.
-
-    Raises:
-        PoiseError: no scenario of a kind that is not begun fits its robot, or this process has
-            other code.
     """
     with install_recorder("numba:compile") as compiling:
         for kind in kinds:

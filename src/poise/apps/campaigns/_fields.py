@@ -19,11 +19,7 @@ Step = str | int
 
 
 def steps(path: str) -> tuple[Step, ...]:
-    """The keys and places of a path.
-
-    Raises:
-        ConfigurationError: it is no path.
-    """
+    """The keys and places of a path."""
     if _PATH.fullmatch(path) is None:
         raise ConfigurationError(
             "not the path of a field", got=path, wanted="one as in pushes[0].velocity_change[1]"
@@ -36,13 +32,6 @@ def with_fields(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str,
 
     Sections that the file leaves out are made; places in lists have to be there. Whether a field
     exists is for the scenario to say when it is made of the result.
-
-    Args:
-        data: content of the file; stays as it is.
-        values: by path.
-
-    Raises:
-        ConfigurationError: a path leads to no place.
     """
     changed: dict[str, Any] = copy.deepcopy(dict(data))
     for path, value in values.items():

@@ -32,15 +32,7 @@ _ENDLESS = ("episodes", "trials")
 
 
 class CampaignFolder:
-    """A campaign's results on disk, and in memory as `rows`, by number.
-
-    Args:
-        path: of the folder.
-
-    Raises:
-        MissingExtraError: pyarrow is not installed.
-        PoiseError: the results cannot be read.
-    """
+    """A campaign's results on disk, and in memory as `rows`, by number."""
 
     def __init__(self, path: Path) -> None:
         _require_pyarrow()
@@ -49,11 +41,7 @@ class CampaignFolder:
         self._parts = len(self._files())
 
     def content(self) -> dict[str, Any]:
-        """What `claim` has been given.
-
-        Raises:
-            ConfigurationError: the folder holds no campaign.
-        """
+        """Hold the result of `claim`."""
         try:
             return json.loads((self.path / MANIFEST).read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -62,14 +50,7 @@ class CampaignFolder:
             ) from None
 
     def row(self, number: int) -> Row:
-        """The row of an episode.
-
-        Args:
-            number: the episode's.
-
-        Raises:
-            ConfigurationError: the episode has none.
-        """
+        """The row of an episode."""
         if number not in self.rows:
             raise ConfigurationError(
                 "this episode has no result",
@@ -84,15 +65,7 @@ class CampaignFolder:
 
     @contextmanager
     def claimed(self, content: Mapping[str, Any]) -> Generator[None]:
-        """The folder for one campaign and one run of it alone, which may write rows meanwhile.
-
-        Args:
-            content: which campaign, as JSON: `campaign`, `scenario`, and `robots`, see
-                `robot_files`.
-
-        Raises:
-            ConfigurationError: the folder is another campaign's, or another run writes into it.
-        """
+        """The folder for one campaign and one run of it alone, which may write rows meanwhile."""
         self._dataset.mkdir(parents=True, exist_ok=True)
         with (self.path / _LOCK).open("a+", encoding="utf-8") as lock:
             try:
@@ -118,11 +91,7 @@ class CampaignFolder:
                     self._compact()
 
     def pace(self, total: int) -> dict[str, Any]:
-        """Whether a run writes here now, how many rows a second, and how long it takes yet [s].
-
-        Args:
-            total: how many rows there will be.
-        """
+        """Return activity, rows per second and remaining time [s]."""
         if not self._is_written():
             return {"running": False}
         begun = (self.path / _LOCK).stat().st_mtime

@@ -43,11 +43,7 @@ def run_campaign(
 
 
 def replay_job(folder: CampaignFolder, number: int) -> Job:
-    """The job of a recorded episode, made of what its row says.
-
-    Raises:
-        ConfigurationError: the folder holds no campaign, or no such episode.
-    """
+    """The job of a recorded episode, made of what its row says."""
     design = Design.of(folder)
     row = folder.row(number)
     return Job(

@@ -22,15 +22,7 @@ _TRIED = 8
 
 
 class Runner:
-    """Runs jobs, once each however often they are asked for.
-
-    Args:
-        workers: who runs them; inside their `with`.
-        folder: where rows are kept; inside its `claimed`.
-        progress: told how many rows there are, of how many.
-        total: how many jobs there will be; those of the first `run` when None.
-        function: what makes a row of a job.
-    """
+    """Runs jobs, once each however often they are asked for."""
 
     def __init__(
         self,
@@ -47,18 +39,7 @@ class Runner:
         self._begun: set[str] = set()
 
     def run(self, jobs: Sequence[Job]) -> list[Row]:
-        """Runs those jobs that have no row yet.
-
-        Args:
-            jobs: each with a number of its own among all that this folder ever sees.
-
-        Returns:
-            A row a job, in their order.
-
-        Raises:
-            PoiseError: no scenario of a kind fits its robot, a worker has other code, or nobody is
-                left who could work. What was recorded stays.
-        """
+        """Runs those jobs that have no row yet."""
         left = [job for job in jobs if job.number not in self._folder.rows]
         self._begun |= {same_kind(job) for job in jobs if job.number in self._folder.rows}
         total = len(jobs) if self._total is None else self._total
@@ -75,9 +56,6 @@ class Runner:
         """Has everything compiled before all workers would do it at once.
 
         `run` does it with its jobs; it is for those who know better ones, that fit their robots.
-
-        Raises:
-            PoiseError: no scenario of a kind fits its robot.
         """
         kinds: defaultdict[str, list[Job]] = defaultdict(list)
         for job in jobs:

@@ -35,19 +35,6 @@ def tune(design: Design, plan: TunePlan, runner: Runner, folder: Path) -> list[R
 
     Trials are chosen a batch at a time. Each is chosen by a sampler with a seed of its own, so that
     a tuning goes on after an interruption as if there had been none.
-
-    Args:
-        design: of the campaign.
-        plan: its section `tune`.
-        runner: runs the episodes.
-        folder: of the campaign, for Optuna's storage and plots.
-
-    Returns:
-        The rows of all episodes, by number.
-
-    Raises:
-        MissingExtraError: Optuna is not installed.
-        PoiseError: as `Runner.run`, or Optuna's storage cannot be read or written.
     """
     rows: list[Row] = []
     with _stored(folder):
@@ -72,12 +59,7 @@ def cost(rows: list[Row], plan: TunePlan) -> float:
 
 
 def best_trial(campaign: Campaign, plan: TunePlan, folder: Path) -> dict[str, Any] | None:
-    """The best trial so far: its number, its value, and the values of its fields.
-
-    Raises:
-        MissingExtraError: Optuna is not installed.
-        PoiseError: Optuna's storage cannot be read.
-    """
+    """The best trial so far: its number, its value, and the values of its fields."""
     with _stored(folder):
         study = _study(campaign, plan, folder)
         if not _finished(study):

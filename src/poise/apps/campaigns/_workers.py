@@ -51,33 +51,15 @@ class Workers(ABC):
 
     @abstractmethod
     def submit(self, ticket: int, function: Callable[[T], R], item: T) -> None:
-        """Has a worker call a function of a module.
-
-        Args:
-            ticket: names the call.
-            function: what is called; found in the worker by its module and its name.
-            item: its argument, which has to be picklable, as its result.
-        """
+        """Has a worker call a function of a module."""
 
     @abstractmethod
     def wait(self) -> list[tuple[int, Any]]:
-        """Waits until some calls have come to an end.
-
-        Returns:
-            Tickets with results, or with a `WorkerLostError`.
-
-        Raises:
-            PoiseError: as the function raised it, or nobody is there any more.
-        """
+        """Waits until some calls have come to an end."""
 
     @abstractmethod
     def warm(self, function: Callable[[T], bool], item: T) -> None:
-        """Calls a function once on each machine, before anything else is done there.
-
-        Args:
-            function: of a module; returns whether its process is to do nothing else.
-            item: its argument.
-        """
+        """Calls a function once on each machine, before anything else is done there."""
 
     @abstractmethod
     def __enter__(self) -> "Workers": ...
@@ -91,14 +73,6 @@ class Workers(ABC):
         """Calls a function with each of many items, as many at a time as there are workers.
 
         An item whose worker dies is given to another one, `attempts` times in all.
-
-        Args:
-            function: of a module; what it returns must not depend on the worker.
-            items: asked for one by one, when a worker is free.
-            attempts: how often an item is tried.
-
-        Yields:
-            Each item with its result, or with the last `WorkerLostError`, as they come to an end.
         """
         left, again = iter(items), deque[tuple[T, int]]()
         running: dict[int, tuple[T, int]] = {}
@@ -214,12 +188,7 @@ class _Worker:
             self.pipe.send((function, item))
 
     def answer(self) -> Any:
-        """What it answers.
-
-        Raises:
-            WorkerLostError: nothing, it has ended.
-            PoiseError: the function raised.
-        """
+        """Return its answer."""
         try:
             raised, result = self.pipe.recv()
         except (EOFError, OSError):

@@ -73,16 +73,6 @@ class _Driver:
 class DriveLoop(RealTimeLoop):
     """A humanoid that somebody drives.
 
-    Args:
-        robot: a humanoid.
-        inputs: what the operator does.
-        folder: where each run is logged, from reset to reset.
-        plant: with torque actuation.
-        seed: of the sensor noise.
-
-    Raises:
-        ConfigurationError: the robot cannot walk.
-
     Attributes:
         takes: where each run is logged.
     """
@@ -107,11 +97,7 @@ class DriveLoop(RealTimeLoop):
         return self._driver.walker
 
     def start(self) -> None:
-        """Starts the thread.
-
-        Raises:
-            OSError: the folder cannot be made.
-        """
+        """Starts the thread."""
         self.takes.room.open()
         super().start()
 

@@ -113,17 +113,7 @@ class Desk(Protocol):
 
 
 class Front:
-    """A server on 127.0.0.1 with the page and one channel.
-
-    Args:
-        desk: takes the commands.
-        port: to listen on; 0 for any that is free.
-        shapes: what the robot looks like, as the page reads it.
-
-    Raises:
-        PortInUseError: the port is taken.
-        ConfigurationError: no such port.
-    """
+    """A server on 127.0.0.1 with the page and one channel."""
 
     def __init__(self, desk: Desk, *, port: int, shapes: dict[str, Any]) -> None:
         self._desk = desk

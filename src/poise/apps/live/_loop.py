@@ -39,15 +39,7 @@ from poise.sim import PlantConfig, Tick, check_period, rollout
 def support_polygon(
     teleoperator: StepTeleoperator, status: TeleopStatus
 ) -> Float64[np.ndarray, "h 2"]:
-    """The corners of what the robot stands on, in the teleoperator's world.
-
-    Args:
-        teleoperator: knows where the soles are and how they are turned.
-        status: of the last tick.
-
-    Returns:
-        x and y, counter-clockwise [m].
-    """
+    """The corners of what the robot stands on, in the teleoperator's world."""
     robot, placement = teleoperator.robot, teleoperator.estimator.dynamics.placement
     names = teleoperator.soles
     if status.mode.single and status.mode.support is not None:
@@ -107,24 +99,7 @@ def _made_with(
 
 
 class LiveLoop(RealTimeLoop):
-    """A biped whose feet somebody leads, in real time.
-
-    Args:
-        robot: a biped.
-        inputs: what the operator does.
-        takes: where the run is recorded.
-        recording: drives in place of a person when given. The robot, actuation and start of the
-            recording repeat it, with its settings where none are given.
-        plant: takes what the teleoperator is to command, at its tick.
-        seed: of the sensor noise; a recording that is repeated has its own.
-        parameters: of the teleoperator; of the recording, or scaled to the robot, when None.
-        solved_by: name of the controller that solves the stack, see `StepTeleoperator`.
-
-    Raises:
-        ConfigurationError: the robot cannot be walked, or not at the plant's tick.
-        UnknownNameError: no such controller of what the plant takes.
-        RecordingError: the recording has no samples, or settings that cannot be.
-    """
+    """Real-time loop of a biped with step teleoperation."""
 
     def __init__(
         self,
@@ -148,11 +123,7 @@ class LiveLoop(RealTimeLoop):
         self._start()
 
     def start(self) -> None:
-        """Starts the thread.
-
-        Raises:
-            OSError: the folder cannot be made.
-        """
+        """Starts the thread."""
         self.takes.room.open()
         super().start()
 
@@ -182,6 +153,7 @@ class LiveLoop(RealTimeLoop):
             parameters=self._making.parameters,
             rotator=self._making.rotator,
             solved_by=self._making.solved_by,
+            servo_gains=(self._config.servo.stiffness, self._config.servo.damping),
         )
         check_period(self.teleoperator, self._dt)
         self.teleoperator.odometry = self._odometry = Odometry()

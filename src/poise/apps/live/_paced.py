@@ -97,11 +97,7 @@ class PacedConnection(ServerConnection):
         super().process_event(event)
 
     def _read(self, *, waited: bool) -> None:
-        """Reads what may be read by now, and then rests.
-
-        Args:
-            waited: whether there was more to read since the last time than was read.
-        """
+        """Reads what may be read by now, and then rests."""
         pace, now = self.pace, self.loop.time()
         self._reckon(now - self._read_at if waited else self._read_at - now)
         self._allowed = min(self._allowed + pace.rate * (now - self._read_at), pace.burst)

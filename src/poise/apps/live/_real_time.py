@@ -40,12 +40,7 @@ _FLUSH_EVERY = 0.25
 
 
 def command_time(begin: float, tick: Tick) -> float:
-    """When a tick's command was there, which is before the plant's step.
-
-    Args:
-        begin: of the tick [s].
-        tick: that has ended.
-    """
+    """When a tick's command was there, which is before the plant's step."""
     return begin + tick.estimator_seconds + tick.leader_seconds + tick.controller_seconds
 
 
@@ -56,11 +51,6 @@ class RealTimeLoop(ABC):
     for that, and a push that comes while the robot is being pushed is dropped: however many orders
     come, they cost the robot no time. An error ends the thread, finishes what is recorded and stays
     in `error`.
-
-    Args:
-        robot: the robot.
-        plant: what it is simulated by.
-        seed: of the sensor noise.
 
     Attributes:
         robot: the robot.
@@ -137,11 +127,7 @@ class RealTimeLoop(ABC):
         return self._thread.is_alive()
 
     def push(self, direction: str) -> None:
-        """Pushes the torso as the robot faces; not while it is pushed, or has only just been.
-
-        Args:
-            direction: one of `PUSHES`.
-        """
+        """Pushes the torso as the robot faces; not while it is pushed, or has only just been."""
         force = self.robot.mass * _PUSH_SPEED / _PUSH_TIME * np.array(PUSHES[direction])
 
         def act() -> None:

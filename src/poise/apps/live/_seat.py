@@ -95,12 +95,7 @@ def is_local(host: str | None) -> bool:
 
 
 def is_same_origin(origin: str | None, host: str | None) -> bool:
-    """Whether a page of this very server opens a connection, or no page at all.
-
-    Args:
-        origin: the Origin header; browsers always send it, programs need not.
-        host: the Host header.
-    """
+    """Accept connections of this server's own page, and those of no page."""
     return origin is None or (is_local(host) and origin == f"http://{host}")
 
 

@@ -76,13 +76,6 @@ _WAIT = {"error": "Not again within a second."}
 class _Session(ABC):
     """A robot, whoever leads it and whoever looks on.
 
-    Args:
-        loop: of the robot.
-        inputs: what the operator does.
-        port: of the page; 0 for any that is free.
-        gamepad: on this machine, in place of the page; None for none.
-        source: where the robot is led from.
-
     Attributes:
         kind: "feet" where they are led, "velocity" where the robot is driven.
     """
@@ -131,14 +124,7 @@ class _Session(ABC):
         self.front.stop()
 
     def wait(self, seconds: float = math.inf) -> None:
-        """Waits until time is up.
-
-        Args:
-            seconds: [s].
-
-        Raises:
-            Exception: whatever ended the loop.
-        """
+        """Waits until time is up."""
         end = clock.monotonic() + seconds
         while self.loop.running and clock.monotonic() < end:
             clock.sleep(0.1)
@@ -148,17 +134,7 @@ class _Session(ABC):
     # What the front asks for ---------------------------------------------------------------------
 
     def order(self, text: str | bytes) -> Answer | Callable[[], Answer]:
-        """Carries out a message of the operator's page.
-
-        Args:
-            text: JSON of one of `_ORDERS`.
-
-        Returns:
-            An answer for the page, or what takes a while and has one in the end.
-
-        Raises:
-            ConfigurationError: no such message.
-        """
+        """Carries out a message of the operator's page."""
         try:
             message = _ORDERS.decode(text)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

@@ -44,11 +44,7 @@ def html_document(title: str, body: Iterable[str]) -> str:
 
 
 def asset(name: str) -> str:
-    """The text of a file that goes into pages.
-
-    Args:
-        name: its name in `assets`.
-    """
+    """The text of a file that goes into pages."""
     return files("poise.apps.report").joinpath("assets", name).read_text(encoding="utf-8")
 
 
@@ -176,15 +172,7 @@ _VIEWS = ("corner", "front", "side", "top")
 
 
 def page_html(record: RunView, figures: list[PlotFigure]) -> str:
-    """The whole page as text.
-
-    Args:
-        record: the run.
-        figures: its plots, in the order in which they shall stand.
-
-    Returns:
-        An HTML document that refers to nothing but the video beside it.
-    """
+    """The whole page as text."""
     title = f"{record.scenario} on {record.robot}"
     body = [
         _header(record),

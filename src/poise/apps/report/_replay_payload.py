@@ -18,15 +18,7 @@ _STEPS = 65535
 
 
 def replay_json(record: RunView, replay: Replay) -> str:
-    """Everything the page's 3D replay draws, as one JSON object that is safe inside a script.
-
-    Args:
-        record: the run; COM, ZMP and support polygons come from its ticks.
-        replay: the motion of the bodies.
-
-    Returns:
-        JSON without any "<".
-    """
+    """Everything the page's 3D replay draws, as one JSON object that is safe inside a script."""
     ticks = _nearest(record.time, replay.time)
     payload = {
         "bodies": len(replay.body_names),
@@ -65,14 +57,7 @@ def _quantised(quaternion: Float64[np.ndarray, "F B 4"]) -> Shaped[np.ndarray, "
 
 
 def shapes_payload(geometries: Iterable[Geometry]) -> dict[str, list[dict[str, Any]]]:
-    """What `scene.js` draws bodies from, as JSON can hold it.
-
-    Args:
-        geometries: the shapes on the bodies.
-
-    Returns:
-        `geometries`, and the `meshes` that they name by index: each once, however often it is used.
-    """
+    """Return the bodies of `scene.js` as JSON can hold them."""
     meshes: list[dict[str, Any]] = []
     known: dict[bytes, int] = {}
     placed: list[dict[str, Any]] = []

@@ -38,17 +38,6 @@ def write_report(run: RunView, directory: Path) -> Path:
     """Write one self-contained page about a run; it needs no network and no server.
 
     The same record gives the same bytes.
-
-    Args:
-        run: what happened.
-        directory: where `report.html` goes; made if it does not exist. A video named in the
-            record is looked for beside the page.
-
-    Returns:
-        Path of the page.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
     """
     page = page_html(run, draw_plots(run))
     directory.mkdir(parents=True, exist_ok=True)
@@ -58,11 +47,7 @@ def write_report(run: RunView, directory: Path) -> Path:
 
 
 def draw_plots(run: RunView) -> list[PlotFigure]:
-    """All plots for which the record has something to show.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """All plots for which the record has something to show."""
     figures: list[PlotFigure] = []
     with house_style():
         for draw in _PLOTS:

@@ -50,16 +50,7 @@ class DevicePlan:
             )
 
     def device(self, teleoperator: StepTeleoperator, script: Script | None, seed: int) -> Device:
-        """The devices at the robot's end.
-
-        Args:
-            teleoperator: whose feet they lead.
-            script: of the plan, for its robot; None where it has none.
-            seed: of everything random.
-
-        Raises:
-            RecordingError: the recording cannot be read, or has no samples.
-        """
+        """The devices at the robot's end."""
         if self.recording:
             device: Device = read_recording(self.recording).device(teleoperator)
         elif self.bad_operator:

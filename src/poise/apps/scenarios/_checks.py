@@ -49,12 +49,7 @@ class CheckResult:
 
 
 def validate_checks(checks: Sequence[Measurement], stack: Stack, robot: Robot) -> None:
-    """Finds checks on tasks, soles or levels that do not exist.
-
-    Raises:
-        UnknownNameError: no such task or sole.
-        ConfigurationError: no such level, or nothing that could be measured.
-    """
+    """Finds checks on tasks, soles or levels that do not exist."""
     levels = PHYSICS_LEVELS + len(stack.levels)
     tasks = [task.name for _, task in stack.tasks()]
     for check in checks:
@@ -83,18 +78,7 @@ def evaluate_checks(
     fell: bool,
     ended_early: str,
 ) -> tuple[CheckResult, ...]:
-    """Measures everything that must hold of a run.
-
-    Args:
-        scenario: with checks of its own.
-        run: what was recorded.
-        robot: that ran.
-        fell: whether the robot fell.
-        ended_early: why the run stopped before its end, "" where it did not.
-
-    Returns:
-        The checks of every run first, then the scenario's.
-    """
+    """Measures everything that must hold of a run."""
     results = _of_every_run(run, fell, ended_early)
     names = ("dynamics and torque limits", "contacts and joint limits")
     for level, name in enumerate(names if run.level_names else (), 1):

@@ -65,12 +65,7 @@ def strategy_of(plan: ControllerPlan) -> str:
 
 
 def with_actuation(scenario: Scenario) -> Scenario:
-    """The scenario on a plant that takes what its controller commands.
-
-    Raises:
-        UnknownNameError: no such controller or strategy.
-        ConfigurationError: the controller does not fit the scenario or its plant.
-    """
+    """The scenario on a plant that takes what its controller commands."""
     plan, plant = scenario.controller, scenario.plant
     _check_walk(scenario)
     if _check_by_hand(scenario):
@@ -91,11 +86,7 @@ def with_actuation(scenario: Scenario) -> Scenario:
 
 
 def cast_of(scenario: Scenario, robot: Robot) -> Cast:
-    """Who takes part in a scenario that `with_actuation` has passed.
-
-    Raises:
-        PoiseError: the scenario does not fit the robot.
-    """
+    """Who takes part in a scenario that `with_actuation` has passed."""
     if scenario.devices is not None:
         return _by_hand(robot, scenario.devices, scenario)
     stack = scenario.stack.build() if scenario.stack is not None else None

@@ -31,19 +31,6 @@ def reach_point(
 
     The shoulder is the first joint between torso and hand; the arm's length is the sum of its
     links' lengths, an upper bound that offsets between joint axes keep from being reached exactly.
-
-    Args:
-        robot: the robot.
-        dynamics: its state, up to date.
-        hand: frame of the hand.
-        direction: unit vector in the world.
-        ratio: distance from the shoulder over the arm's length; above one is out of reach.
-
-    Returns:
-        The point in the world [m].
-
-    Raises:
-        ConfigurationError: the frame has no arm of its own.
     """
     chain = require_arm(robot, hand)
     model = robot.model
@@ -55,15 +42,7 @@ def reach_point(
 
 
 def require_arm(robot: Robot, hand: str) -> list[int]:
-    """Pinocchio's indices of the joints from the torso to a hand, shoulder first.
-
-    Args:
-        robot: the robot.
-        hand: frame of the hand.
-
-    Raises:
-        ConfigurationError: the frame has no arm of its own.
-    """
+    """Pinocchio's indices of the joints from the torso to a hand, shoulder first."""
     model = robot.model
     torso = model.frames[robot.frame_id(robot.torso)].parentJoint
     torso_chain = set(model.supports[torso].tolist())
@@ -97,18 +76,9 @@ class _Running:
 class Director:
     """Moves targets and contacts of a stack along a scenario: a `poise.stack.Leader`.
 
-    Args:
-        scenario: what should happen when.
-        stack: the controller's stack, bound.
-        robot: the robot.
-
     Attributes:
         stack: what it leads.
         walker: what leads the feet and the balance of a robot that walks; None for others.
-
-    Raises:
-        UnknownNameError: the scenario names a task, contact, sole or joint that does not exist.
-        ConfigurationError: a goal that does not fit its task, or something that the walk leads.
     """
 
     def __init__(self, scenario: Scenario, stack: Stack, robot: Robot) -> None:

@@ -57,16 +57,7 @@ class DrivePlan:
             )
 
     def walker(self, robot: Robot, stack: Stack, ground: Ground) -> Walker:
-        """The walker of a robot from its home posture.
-
-        Args:
-            robot: the robot.
-            stack: its controller's.
-            ground: what the walker knows of the ground.
-
-        Raises:
-            PoiseError: the robot cannot walk, or its stack cannot be led.
-        """
+        """The walker of a robot from its home posture."""
         return Walker(
             robot, stack, self.gait, self.feedback, self.limits, ground=ground, carry=self.carry
         )

@@ -8,12 +8,7 @@ from poise.sim import RunRecord
 
 
 class BaseKnowledge:
-    """The base as it was estimated and as it was, over a run.
-
-    Args:
-        record: of the run.
-        ticks: how many it has.
-    """
+    """The base as it was estimated and as it was, over a run."""
 
     def __init__(self, record: RunRecord, ticks: int) -> None:
         self._ticks = ticks
@@ -45,12 +40,6 @@ class BaseKnowledge:
 
         A reference that the robot follows by its estimate lies there for whoever knows the truth:
         as far from the true robot as it is, for the robot, from the estimated one.
-
-        Args:
-            points: a tick each [m]; with two coordinates they are on the ground.
-
-        Returns:
-            The same points in the world [m].
         """
         if not self._estimated:
             return points

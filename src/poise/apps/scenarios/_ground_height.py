@@ -10,15 +10,7 @@ from poise.sim import PlantConfig
 def ground_heights(
     config: PlantConfig, points: Float64[np.ndarray, "n 2"]
 ) -> Float64[np.ndarray, " n"]:
-    """Height of the floor in the world, or of a block's top that is above it, under points.
-
-    Args:
-        config: slope and blocks.
-        points: along x and y of the world [m].
-
-    Returns:
-        Heights [m].
-    """
+    """Height of the floor in the world, or of a block's top that is above it, under points."""
     floor = pin.SE3(pin.exp3(np.array([*config.floor_slope, 0.0])), np.zeros(3))
     heights = _plane_heights(floor, points)
     for block in config.blocks:

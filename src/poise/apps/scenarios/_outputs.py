@@ -26,13 +26,7 @@ VIDEO, POSTER = "video.mp4", "video.jpg"
 
 
 def summarise(run: Run) -> dict[str, object]:
-    """The figures of `summary.json`.
-
-    Returns:
-        robot, controller, scenario, seed, fell, checks, com_error_max_m, torque_ratio_max,
-        torque_step_max, residual_max (one a level, relative), missed_ticks, tick_us (p50, p99, max)
-        and real_time_factor; figures that could not be measured are None.
-    """
+    """The figures of `summary.json`."""
     signals = run.signals
     com_error = np.linalg.norm(signals.com_reference - signals.com, axis=1)
     total = np.sum(list(signals.tick_us.values()), axis=0)
@@ -78,16 +72,7 @@ def write_summary(summary: dict[str, object], directory: Path) -> Path:
 
 
 def write_video(run: Run, directory: Path, progress: Progress | None = None) -> str:
-    """Draws the video of a run.
-
-    Args:
-        run: the run.
-        directory: folder of the run.
-        progress: told how far the drawing is.
-
-    Returns:
-        "" where the video was drawn, else why not and what to install.
-    """
+    """Draws the video of a run."""
     discard_video(directory)
     try:
         render_video(
@@ -108,11 +93,7 @@ def write_video(run: Run, directory: Path, progress: Progress | None = None) -> 
 
 
 def discard_video(directory: Path) -> None:
-    """Removes a video that an earlier run has left, which would pass for this one's.
-
-    Args:
-        directory: folder of the run.
-    """
+    """Removes a video that an earlier run has left, which would pass for this one's."""
     for name in (VIDEO, POSTER):
         (directory / name).unlink(missing_ok=True)
 
@@ -186,15 +167,7 @@ def make_view(
     checks: Sequence[CheckResult] = (),
     summary: Mapping[str, object] | None = None,
 ) -> RunView:
-    """Everything that the report's page is made from.
-
-    Args:
-        record: of the run.
-        robot: that ran.
-        plant: that it ran on; made again from the record when None.
-        checks: what was demanded of it.
-        summary: its figures.
-    """
+    """Everything that the report's page is made from."""
     about, signals = record.metadata, collect_signals(record, robot)
     config = plant_from_json(json.loads(about["plant"]))
     plant = Plant(robot, config) if plant is None else plant

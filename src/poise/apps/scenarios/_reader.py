@@ -34,29 +34,12 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
 
 def parse_scenario(text: str, where: str) -> Scenario:
-    """A scenario from YAML text.
-
-    Args:
-        text: the file's text.
-        where: what messages call it.
-
-    Raises:
-        ConfigurationError: an unknown key, a missing key, or a value of the wrong kind.
-        ConfigurationError: values that cannot be right.
-    """
+    """A scenario from YAML text."""
     return make_scenario(read_yaml(text, where, error=ConfigurationError), where)
 
 
 def read_scenario(name_or_path: str | Path) -> tuple[dict[Any, Any], str]:
-    """The content of a scenario's file, as it is written, and what messages call the file.
-
-    Args:
-        name_or_path: one of `shipped_scenarios()`, or the path of a YAML file.
-
-    Raises:
-        UnknownNameError: neither a shipped scenario nor a file.
-        ConfigurationError: the file is no YAML.
-    """
+    """The content of a scenario's file, as it is written, and what messages call the file."""
     path = Path(name_or_path)
     if str(name_or_path) in shipped_scenarios():
         path = SHIPPED / f"{name_or_path}.yaml"
@@ -71,15 +54,6 @@ def read_scenario(name_or_path: str | Path) -> tuple[dict[Any, Any], str]:
 
 
 def make_scenario(data: Mapping[Any, Any], where: str) -> Scenario:
-    """A scenario from the content of a file.
-
-    Args:
-        data: what `read_scenario` gives, changed or not.
-        where: what messages call it.
-
-    Raises:
-        ConfigurationError: an unknown key, a missing key, or a value of the wrong kind.
-        ConfigurationError: values that cannot be right.
-    """
+    """A scenario from the content of a file."""
     scenario = read(Scenario, data, where, error=ConfigurationError)
     return replace(scenario, actuation_given="actuation" in (data.get("plant", {})))

@@ -30,13 +30,7 @@ _SIZES: dict[_Primitive, int] = {"box": 3, "sphere": 1, "ellipsoid": 3, "cylinde
 
 
 def make_replay(plant: Plant, run: RunSignals, pushes: Sequence[Push] = ()) -> Replay:
-    """Body poses at 30 frames a second, with shapes, contact forces, pushes and targets.
-
-    Args:
-        plant: for its model; its state is not touched.
-        run: what was recorded.
-        pushes: the pushes of the run.
-    """
+    """Body poses at 30 frames a second, with shapes, contact forces, pushes and targets."""
     rows = _frame_rows(run.time)
     model, data = plant.model, mujoco.MjData(plant.model)
     position = np.empty((len(rows), model.nbody, 3))
@@ -100,11 +94,7 @@ def _push_force(
 
 
 def drawn_shapes(model: mujoco.MjModel) -> list[Geometry]:
-    """What is drawn of the robot and the blocks on the floor; the floor has its own grid.
-
-    Args:
-        model: of a plant; a shape's body is its index there.
-    """
+    """Return the drawing of robot and blocks; the floor has its own grid."""
     shapes: list[Geometry] = []
     for geom in range(model.ngeom):
         kind = int(model.geom_type[geom])

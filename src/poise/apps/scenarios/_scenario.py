@@ -305,16 +305,7 @@ class WalkPlan:
             )
 
     def walker(self, robot: Robot, stack: Stack, ground: Ground) -> Walker:
-        """The walker of a robot from its home posture.
-
-        Args:
-            robot: the robot.
-            stack: its controller's.
-            ground: what the walker knows of the ground.
-
-        Raises:
-            PoiseError: the robot cannot walk like this, or its stack cannot be led.
-        """
+        """The walker of a robot from its home posture."""
         plan = plan_footsteps(robot, self.strides, self.gait, ground=ground)
         return Walker(robot, stack, settings=self.feedback, plan=plan, carry=self.carry)
 

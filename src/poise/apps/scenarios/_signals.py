@@ -107,17 +107,7 @@ def support_phases(
     planned: Mapping[str, Float64[np.ndarray, " T"]],
     poses: Mapping[str, tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, "T 3 3"]]],
 ) -> tuple[SupportPhase, ...]:
-    """One polygon for each interval with the same soles on the ground.
-
-    Args:
-        robot: whose soles.
-        time: time of each tick [s].
-        planned: whether each sole counts as standing, 0 or 1 a tick.
-        poses: position [m] and rotation of each sole in the world, a tick.
-
-    Returns:
-        Phases in order of time; a polygon is taken at the middle of its interval.
-    """
+    """One polygon for each interval with the same soles on the ground."""
     if not planned:
         return ()
     names = list(planned)
@@ -163,15 +153,7 @@ TOUCHING = 1.0
 
 
 def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
-    """Arrays with one row a tick, from the record of a run.
-
-    Args:
-        record: of a run with at least one tick.
-        robot: the robot.
-
-    Returns:
-        The run's signals; ticks with nothing to measure hold NaN.
-    """
+    """Arrays with one row a tick, from the record of a run."""
     tasks = tuple(TaskEntry(*entry) for entry in json.loads(record.metadata["tasks"]))
     level_names = tuple(json.loads(record.metadata["levels"]))
     plant = plant_from_json(json.loads(record.metadata["plant"]))

@@ -24,10 +24,6 @@ def size_ratio(scenario: Scenario, robot: Robot) -> float:
 
     It is the ratio of the heights of their centres of mass at home; one where the scenario says
     nothing of the kind.
-
-    Args:
-        scenario: as its file has it.
-        robot: the robot that it is run on.
     """
     if scenario.reference_com_height is None:
         return 1.0
@@ -48,10 +44,6 @@ def without_hands(scenario: Scenario, robot: Robot) -> Scenario:
 
     A walk on the robot's own stack goes on without them. What a scenario's own stack asks of hands
     is left: its robot must have them.
-
-    Args:
-        scenario: as its file has it.
-        robot: the robot that it is run on.
     """
     if robot.hands or scenario.stack is not None or scenario.walk is None:
         return scenario
@@ -69,10 +61,6 @@ def sized(scenario: Scenario, ratio: float) -> Scenario:
     Changes of speed are scaled by the root of the ratio: a pendulum c high takes an equal share of
     its height to brake v = share sqrt(g c). Times, angles, forces and what is given by the arm's
     length stay.
-
-    Args:
-        scenario: as its file has it.
-        ratio: of the sizes.
     """
     if ratio == 1.0:
         return scenario
@@ -93,11 +81,6 @@ def sized_checks(
     """Checks with their bounds in metres, or metres a second, scaled.
 
     Errors of a whole pose, which are metres and radians at once, keep theirs.
-
-    Args:
-        checks: as the file has them.
-        stack: with the tasks that they name.
-        ratio: of the sizes.
     """
     units = {task.name: task.unit for _, task in stack.tasks()}
     return tuple(

@@ -70,13 +70,7 @@ class Symptom(NamedTuple):
 
 
 def symptoms_of(signals: RunSignals, robot: Robot, scenario: Scenario) -> list[Symptom]:
-    """Everything that can go wrong, after the first push where there is one.
-
-    Args:
-        signals: of the run.
-        robot: that ran.
-        scenario: that it ran.
-    """
+    """Everything that can go wrong, after the first push where there is one."""
     pushes = [push.at for push in scenario.pushes]
     since = max(_SETTLED, min(pushes, default=0.0))
     joints = robot.joint_names
@@ -103,14 +97,7 @@ def symptoms_of(signals: RunSignals, robot: Robot, scenario: Scenario) -> list[S
 
 
 def tell(symptoms: list[Symptom], time: Float64[np.ndarray, " T"], begin: float, end: float) -> str:
-    """The first symptoms of a window of time, one of a kind, in words; "" for none.
-
-    Args:
-        symptoms: of the run.
-        time: of its ticks [s].
-        begin: of the window [s].
-        end: of the window [s].
-    """
+    """The first symptoms of a window of time, one of a kind, in words; "" for none."""
     first: dict[str, tuple[float, str]] = {}
     for symptom in symptoms:
         at = symptom.between(time, begin, end).begin(time)

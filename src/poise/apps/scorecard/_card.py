@@ -151,11 +151,7 @@ class Card:
 
 
 def read_card(path: Path) -> Card:
-    """A card from its file, or from the folder with the file.
-
-    Raises:
-        ConfigurationError: it is none.
-    """
+    """A card from its file, or from the folder with the file."""
     path = path / CARD if path.is_dir() else path
     wanted = f"a {CARD} that `poise scorecard` wrote, or its folder"
     try:
@@ -194,11 +190,7 @@ class Difference:
 
 
 def compare(first: Card, second: Card) -> list[Difference]:
-    """Two cards case by case.
-
-    Raises:
-        ConfigurationError: the cards say things that cannot be compared.
-    """
+    """Two cards case by case."""
     for name, what in (
         ("robot", "robots"),
         ("trials_version", "versions of the trials"),

@@ -52,14 +52,7 @@ class Bar:
 
 
 def polar(series: Sequence[Sequence[Spoke]], limit: float, unit: str, label: str) -> str:
-    """Directions around a robot that looks up the page.
-
-    Args:
-        series: the directions of one card, or of two.
-        limit: amount at the outermost ring.
-        unit: of amounts.
-        label: what is shown, for screen readers.
-    """
+    """Directions around a robot that looks up the page."""
     rings = [limit * (i + 1) / _RINGS for i in range(_RINGS)]
     parts = [_circle(ring / limit * _RADIUS, "#cbd2d9") for ring in rings]
     parts += [_line_out(30.0 * i) for i in range(12)]
@@ -76,12 +69,7 @@ def polar(series: Sequence[Sequence[Spoke]], limit: float, unit: str, label: str
 
 
 def bars(rows: Sequence[Bar], label: str) -> str:
-    """A row a case, with a bar a card from the easy end on the left to the hard one.
-
-    Args:
-        rows: from top to bottom.
-        label: what is shown, for screen readers.
-    """
+    """A row a case, with a bar a card from the easy end on the left to the hard one."""
     parts: list[str] = []
     y = 6.0
     for row in rows:

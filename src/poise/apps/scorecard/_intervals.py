@@ -34,9 +34,6 @@ def median_of(values: Sequence[float]) -> Estimate:
     The r-th smallest and the r-th largest of n values hold the median between them with probability
     1 - 2 P(B < r), B binomial with n and 1/2 (David and Nagaraja, Order Statistics, 2003, 7.1). r
     is the largest for which that is `CONFIDENCE` or more; 1 where none is.
-
-    Args:
-        values: one or more.
     """
     found = sorted(values)
     n = len(found)
@@ -49,12 +46,7 @@ def median_of(values: Sequence[float]) -> Estimate:
 
 
 def share_of(count: int, of: int) -> Estimate:
-    """A share, with Wilson's interval (Wilson 1927, J. Am. Stat. Assoc. 22).
-
-    Args:
-        count: how often it was so.
-        of: how often it could have been, one or more.
-    """
+    """A share, with Wilson's interval (Wilson 1927, J. Am. Stat. Assoc. 22)."""
     share, z2 = count / of, _NORMAL**2
     middle = (share + z2 / (2 * of)) / (1 + z2 / of)
     half = _NORMAL / (1 + z2 / of) * math.sqrt(share * (1 - share) / of + z2 / (4 * of**2))

@@ -59,15 +59,7 @@ def write_page(card: Card, folder: Path, other: Card | None = None) -> Path:
 
 
 def page_html(card: Card, other: Card | None = None) -> str:
-    """The page as text.
-
-    Args:
-        card: the card.
-        other: a card that it is shown beside.
-
-    Raises:
-        ConfigurationError: the cards cannot be compared.
-    """
+    """The page as text."""
     cards = [card] if other is None else [card, other]
     if other is not None:
         compare(card, other)
@@ -259,15 +251,7 @@ def _pair(difference: Difference, names: Sequence[str]) -> list[str]:
 
 
 def _row(name: str, trial: TrialResult, case: CaseResult, verdict: str, *, spread: int) -> str:
-    """The figures of a case, and below them how it came that it was not survived further.
-
-    Args:
-        name: of the card; empty where there is but one.
-        trial: the trial.
-        case: the case.
-        verdict: how it stands to the other card's.
-        spread: how many columns there are.
-    """
+    """The figures of a case, and below them how it came that it was not survived further."""
     seeds = ", ".join(f"{seed.amount:.3g}" for seed in case.seeds[:10])
     cells = [
         trial.title,

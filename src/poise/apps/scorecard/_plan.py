@@ -142,12 +142,7 @@ class Plan:
         return {"campaign": about, "scenario": {}, "robots": robot_files([self.robot])}
 
     def card(self, trials: Sequence[TrialResult], left_out: Mapping[str, str]) -> Card:
-        """The plan's card.
-
-        Args:
-            trials: results, in the table's order.
-            left_out: why trials could not be made, by name.
-        """
+        """The plan's card."""
         return Card(
             robot=self.loaded.name,
             controller=self.controller,
@@ -193,17 +188,7 @@ class Plan:
         return range(self.extent.operators if trial.share else self.extent.seeds)
 
     def job(self, case: Case, seed: int, look: int, level: float) -> Job:
-        """An episode; its number and content do not depend on who runs it, or when.
-
-        Args:
-            case: what is tried.
-            seed: of the episode.
-            look: how many looks came before it.
-            level: where it looks, 0 at the easy end and 1 at the hard one.
-
-        Raises:
-            PoiseError: the robot lacks what the trial needs.
-        """
+        """An episode; its number and content do not depend on who runs it, or when."""
         trial, scene = case.trial, self._scene(case.trial)
         place = Place(
             robot=self.loaded,

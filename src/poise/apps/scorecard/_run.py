@@ -48,16 +48,6 @@ def make_card(
     The first seed of every case is searched without a guess; the others begin at the edge that it
     found, which most of them only confirm. A round has the next look of all searches at once, so
     that many workers have something to do.
-
-    Args:
-        plan: robot, controller, trials.
-        folder: where rows are kept.
-        workers: who runs the episodes; one process a core when None. They start here.
-        progress: told how many episodes are done, of how many as far as one can tell.
-        function: what makes a row of an episode.
-
-    Raises:
-        PoiseError: the folder is another card's or in use, or nobody is left who could work.
     """
     cases, left_out = plan.cases()
     searches = [search for case in cases for search in _searches(plan, case)]
@@ -92,11 +82,7 @@ def make_card(
 
 
 def replay_job(folder: CampaignFolder, number: int) -> Job:
-    """The job of an episode that a card's folder has a row of.
-
-    Raises:
-        ConfigurationError: the folder holds no card, or no such episode.
-    """
+    """The job of an episode that a card's folder has a row of."""
     about = folder.content()["campaign"]
     if about.get("name") != NAME:
         raise ConfigurationError("no scorecard in this folder", got=str(folder.path))

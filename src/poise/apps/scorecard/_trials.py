@@ -190,11 +190,7 @@ class Trial:
         return self.easy + level * (self.hard - self.easy)
 
     def values(self, level: float, place: Place) -> dict[str, Any]:
-        """Values of the scene's fields, by path.
-
-        Raises:
-            ConfigurationError: the robot lacks what the trial needs.
-        """
+        """Values of the scene's fields, by path."""
         amount = self.amount(level)
         return {path: formula(amount, place) for path, formula in self.fields.items()}
 

@@ -29,9 +29,7 @@ VELOCITY_TELEOP_PLANT = PlantConfig(
     actuation="velocity",
     control_dt=5e-3,
     physics_dt=1e-3,
-    servo=PlantConfig.Servo(
-        stiffness=TeleopParameters().servo_stiffness, damping=TeleopParameters().servo_damping
-    ),
+    servo=PlantConfig.Servo(stiffness=70.0, damping=2.5),
 )
 """Velocity servos with position feedback, physics 1 ms, control 5 ms, by Zhang and Kikuuwe.
 
@@ -85,7 +83,7 @@ def run_teleop(
     driver: ComDriver | None = None,
     q_start: Float64[np.ndarray, " nq"] | None = None,
     recording: str | Path | None = None,
-    leader: type[StepTeleoperator] = StepTeleoperator,
+    leader: Callable[..., StepTeleoperator] = StepTeleoperator,
     pushes: Sequence[Push] = (),
     solved_by: str | None = None,
 ) -> TeleopRun:
@@ -123,6 +121,7 @@ def run_teleop(
         driver=driver,
         actuation=plant.actuation,
         solved_by=solved_by,
+        servo_gains=(plant.servo.stiffness, plant.servo.damping),
     )
     check_period(teleoperator, plant.control_dt)
     if round(duration / plant.control_dt) < 1:
@@ -131,7 +130,7 @@ def run_teleop(
     usual = driver is None and leader is StepTeleoperator
     if recording is not None and not usual:
         what = "a run with a driver or a leader of its own cannot be recorded"
-        raise ConfigurationError(what, got=(driver, leader.__name__))
+        raise ConfigurationError(what, got=(driver, leader))
     body = Plant(robot, plant, seed=seed)
     body.reset(q_start)
     source = device(teleoperator) if callable(device) else device

@@ -25,10 +25,6 @@ class Batch:
 
     Pinocchio's part and what is written in Python are done by one thread at a time; all else of a
     chunk of states is one compiled call, during which other threads go on.
-
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks, bound to the robot.
     """
 
     def __init__(self, robot: Robot, stack: Stack) -> None:
@@ -46,13 +42,7 @@ class Batch:
         threads: int | None,
         before_each: Callable[[int], None] | None,
     ) -> Commands:
-        """The commands for some states.
-
-        Args:
-            states: the states.
-            threads: how many work; as many as there are processors when None.
-            before_each: called before a state is taken up, with its number.
-        """
+        """The commands for some states."""
         first = next((state for state in states if is_usable(state, self._robot)), None)
         if first is not None:
             for contact in self._stack.contacts:

@@ -21,13 +21,7 @@ ends soon enough for the others, and their numbers stay in the processor's cache
 
 
 class Lane:
-    """What one thread needs: dynamics, rows, problem and workspace of its own.
-
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks, bound to the robot.
-        contacts: the active contacts.
-    """
+    """Dynamics, rows, problem and workspace of one thread."""
 
     def __init__(self, robot: Robot, stack: Stack, contacts: tuple[Contact, ...]) -> None:
         self._robot, self._stack = robot, stack
@@ -89,15 +83,7 @@ class Lane:
         holding: Sequence[Owner],
         before_each: Callable[[int], None] | None,
     ) -> None:
-        """Takes a chunk of states up: all that compiled code cannot do.
-
-        Args:
-            states: all states.
-            chunk: which of them.
-            answers: receives which of them are of use.
-            holding: tasks that hold what the robot does.
-            before_each: called before each, with its number.
-        """
+        """Takes a chunk of states up: all that compiled code cannot do."""
         dynamics, joints = self._dynamics, self._stack.joint_limit
         torques = self._stack.torque_limit
         self._bounds[0], self._bounds[1] = torques.lower, torques.upper
@@ -120,12 +106,7 @@ class Lane:
                 owner.reset()
 
     def solve(self, chunk: slice, answers: Answers) -> None:
-        """Solves the states that were taken up last.
-
-        Args:
-            chunk: which they are.
-            answers: receives what is found.
-        """
+        """Solves the states that were taken up last."""
         own = Answers(*(numbers[chunk] for numbers in answers))
         solve_states(self._packed, self._program, own)
         solved = (own.found != UNUSABLE) & (own.found != UNSOUND) & (own.found != LOST)

@@ -102,12 +102,7 @@ class Program(NamedTuple):
 
 @compiled
 def gather(places: Int64[np.ndarray, " places"], packed: Float64[np.ndarray, " size"]) -> None:
-    """Copies numbers from where they lie into one row.
-
-    Args:
-        places: addresses of `Numbers`.
-        packed: receives them.
-    """
+    """Copies numbers from where they lie into one row."""
     at = 0
     for place in places:
         numbers = view(Numbers, place).all
@@ -120,13 +115,7 @@ def gather(places: Int64[np.ndarray, " places"], packed: Float64[np.ndarray, " s
 def solve_states(
     packed: Float64[np.ndarray, "chunk size"], program: Program, answers: Answers
 ) -> None:
-    """Solves some states, each by itself.
-
-    Args:
-        packed: numbers of each state.
-        program: what they are solved with.
-        answers: receives what is found; states that are of no use are left out.
-    """
+    """Solves some states, each by itself."""
     work = view(Work, program.work_at)
     x, side = work.points.x, work.rows.side
     torques, joints, problem, p = program.torques, program.joints, program.problem, program

@@ -22,12 +22,6 @@ class VelocityBounds:
     same. Bounds never cross: a joint that is beyond a limit by far comes back at v_max. Limits are
     those of the stack's `JointLimit`, with its velocity scale.
 
-    Args:
-        robot: the robot.
-        limit: position limits and velocity scale; bound to the robot.
-        limit_time: T [s].
-        joints: indices of the joints that may move.
-
     Attributes:
         q_min: lower position limits, margin included [rad].
         q_max: upper position limits.
@@ -94,12 +88,6 @@ def limit_weights(
 
     which goes to infinity at the limit and says nothing beyond it. Here it ends at
     `LARGEST_WEIGHT`, which also holds beyond a limit for a joint that moves further out.
-
-    Args:
-        q: joint positions [rad].
-        rate: joint velocities [rad/s].
-        q_min: lower limits [rad].
-        q_max: upper limits [rad].
     """
     weight = np.empty(len(q))
     _weigh(q, rate, q_min, q_max, weight)

@@ -84,15 +84,6 @@ def solve_levels(
 
     where the first `exact` levels take the right inverse and the others the SR-inverse. What the
     SR-inverse leaves of its level is not filled by those below.
-
-    Args:
-        levels: most important first; levels without rows are passed over.
-        joint_weight: diagonal of W_B, positive; infinite for joints that must not move.
-        exact: how many levels, from the top, are met exactly where that is possible.
-        rank: what happens to directions that are lost.
-
-    Returns:
-        Joint velocities u [rad/s].
     """
     form = ClosedForm(len(joint_weight), exact, rank)
     return form.solve(VelocityLevels.of(levels), joint_weight)
@@ -105,11 +96,6 @@ class ClosedForm:
     substitution with L, and (22e) is about L's diagonal blocks. From the first level that loses
     rank on, levels are taken one by one by projectors and the eigenvalues of their rows; both ways
     give the same numbers where both apply. The first way is compiled.
-
-    Args:
-        n: number of joints.
-        exact: how many levels, from the top, are met exactly where that is possible.
-        rank: what happens to directions that are lost.
 
     Attributes:
         exact: as given.

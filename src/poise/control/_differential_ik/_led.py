@@ -18,16 +18,6 @@ class LedJoints:
     for, so nobody has to give way to them; what led joints do to the other tasks is taken off what
     those ask for.
 
-    Args:
-        robot: the robot.
-        stack: bound to the robot.
-        names: of the tasks.
-        limit_time: see `VelocityBounds` [s].
-
-    Raises:
-        ConfigurationError: no such task, no joint task, two for one joint, or others in or below
-            their levels.
-
     Attributes:
         index: which of the robot's joints they are, in the order of the tasks' rows.
         levels: how many levels of the stack are theirs.

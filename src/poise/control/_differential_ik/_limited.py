@@ -30,10 +30,6 @@ class LimitedLevels:
     the contacts and above all that tasks ask for, until none is broken. Joints' bounds come before
     them: what those leave no room for is missed, and contacts are held all the same. Rows are
     looked for by compiled code, whatever their number, and three times at most.
-
-    Args:
-        levels: most important first, the contacts' among them; views that others write.
-        limits: rows, whose velocities are the least ones; views as well.
     """
 
     def __init__(self, levels: VelocityLevels, limits: VelocityLevel) -> None:

@@ -35,9 +35,6 @@ class RowWeights:
     |W w|; whoever leads the stack may as well say `Task.set_weight`. Weights count within a level,
     and in the closed form against the joint velocities; the exact levels of the closed form have
     none.
-
-    Args:
-        stack: whose tasks have rows; bound to the robot.
     """
 
     def __init__(self, stack: Stack) -> None:
@@ -80,9 +77,6 @@ def base_from_joints(
     From J_b v_base + J_j u = 0 follows X = -J_b^-1 J_j: equation (11) of Zhang and Kikuuwe for any
     frame, in any axes. J_b only moves a velocity from the base to the contact and can always be
     inverted.
-
-    Args:
-        contact_jacobian: Jacobian of the contact frame, six rows.
     """
     jacobian = np.array(contact_jacobian, order="C")
     joints = np.arange(jacobian.shape[1] - BASE)
@@ -97,10 +91,6 @@ def constrained(
     """A Jacobian under the stance constraint, J_j + J_b X, which maps joint velocities alone.
 
     For the COM and the centroidal momentum this is (13) of Zhang and Kikuuwe.
-
-    Args:
-        jacobian: maps the whole velocity v = [v_base; u].
-        base_map: X.
     """
     found = np.zeros((len(jacobian), base_map.shape[1]))
     constrain(np.array(jacobian, order="C"), np.arange(base_map.shape[1]), base_map, found)
@@ -112,11 +102,6 @@ class HomeJacobians:
 
     Loss of rank is measured against them, so that metres, radians and momenta, wrists and hips can
     be compared.
-
-    Args:
-        robot: the robot.
-        stack: contacts and tasks, bound to the robot; tasks forget targets that they took from
-            the robot.
     """
 
     def __init__(self, robot: Robot, stack: Stack) -> None:
@@ -148,15 +133,6 @@ class VelocityRows:
     the stack follow, with the velocities of `StackRows.update_velocities`. Joints of `led` have
     known velocities, and what these do to a row is taken off its velocity; their own rows are in no
     level.
-
-    Args:
-        robot: the robot.
-        stack: contacts and tasks, bound to the robot.
-        stance: the contact that stands; None for a fixed base.
-        held: other contacts that are active.
-        joints: indices of the joints that are solved for.
-        led: joints that are led.
-        home: Jacobians in the home posture, by which ranks are decided.
 
     Attributes:
         stance: the contact that stands.

@@ -45,12 +45,6 @@ class VelocityHierarchy:
         level 3.. the user's tasks
         cost      |u|^2
 
-    Args:
-        rows: its rows.
-        joint_names: joints that are solved for.
-        joints: their indices.
-        dt: control period [s].
-
     Attributes:
         problem: the problem of the last tick.
         solution: its solution, None before the first.
@@ -154,17 +148,6 @@ _Prepared = tuple[VelocityRows, VelocityHierarchy | None]
 
 class VelocityStrategy:
     """Solves a stack for joint velocities; a `Strategy`, see `DifferentialIK`.
-
-    Args:
-        robot: the robot.
-        stack: contacts and tasks, bound to the robot.
-        strategy: one of `STRATEGIES`.
-        stance: name of the contact to stand on, as `set_stance` takes it.
-        joints: indices of the joints that are solved for.
-        led: joints that are led.
-        bounds: bounds of the velocities of those that are solved for.
-        rank: what happens where an exact level of the closed form loses rank.
-        dt: control period [s].
 
     Attributes:
         robot: the robot.

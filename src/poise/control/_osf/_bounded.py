@@ -119,12 +119,6 @@ class BoundedAcceleration:
 
     of which the closed form is the answer without bounds. So motion does not jump where a bound
     becomes active, and comes to rest at it.
-
-    Args:
-        robot: the robot.
-        rows: whose levels and bounds are read at each solve.
-        cone: rows C of the cones of all contacts.
-        limit: of the torques.
     """
 
     def __init__(

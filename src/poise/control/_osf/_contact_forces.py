@@ -35,11 +35,6 @@ class ContactForces:
     limit, or the acceleration its own bounds, `BoundedAcceleration` finds other wrenches, and
     another acceleration where it has to.
 
-    Args:
-        robot: the robot.
-        stack: whose torque limits hold.
-        rows: of the active contacts, filled before each solve.
-
     Attributes:
         contacts: active contacts.
         slices: where each contact's wrench stands in `wrench`.

@@ -41,10 +41,6 @@ class OperationalRecursion:
     these directions: the null space for the levels below does not depend on mu. Where it loses rank
     without having an error, mu is as large as `RankTreatment.damp` says for its rows.
 
-    Args:
-        n: number of generalized coordinates.
-        rank: what happens where a level below the physics loses rank.
-
     Attributes:
         regular: number of leading levels that kept their rank at the last state.
     """

@@ -82,9 +82,6 @@ class RowScales:
     along itself, and that is what a singularity looks like. Metres, radians and momenta become
     comparable, and so do a wrist and a hip.
 
-    Args:
-        robot: the robot.
-
     Attributes:
         base: scales of the base's own equation of motion, one a base coordinate.
     """
@@ -132,12 +129,6 @@ class OperationalRows:
     carry every wrench of the base, as in flight or on points alone, the base obeys its own
     equation of motion, W (M_u dv + h_u) = 0 with W the projector on the wrenches that nobody
     carries. A fixed base has an empty first level. The levels of the stack follow.
-
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks, bound to the robot.
-        contacts: those contacts of the stack that are active.
-        scales: what rows are measured against.
 
     Attributes:
         stack_rows: the rows of the stack.

@@ -24,19 +24,11 @@ from poise.stack import Contact, ContactSets, Stack, Task, checked_target
 class OperationalStrategy:
     """Solves a stack by `OperationalRecursion`; a `Strategy`, see `OperationalSpaceController`.
 
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks, bound to the robot.
-        rank: what happens where a task loses rank.
-
     Attributes:
         robot: the robot.
         stack: contacts, limits and tasks.
         recursion: accelerations of the last tick.
         forces: wrenches of the last tick, and how well they keep to cones and limits.
-
-    Raises:
-        ConfigurationError: a stack without tasks.
     """
 
     commands: Literal["torque", "velocity"] = "torque"

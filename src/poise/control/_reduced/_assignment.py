@@ -51,11 +51,6 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
     - A task of joints is split, joint by joint.
     - A kind of task that is not known here: LQP 2. What of its rows the chain's own joints cannot
       decide `ChainElimination` leaves to LQP 1, which may be all of them.
-
-    Args:
-        task: a task bound to the robot.
-        robot: the robot.
-        partition: its chains.
     """
     rows, none = np.arange(task.dim), np.arange(0)
     if isinstance(task, ComTask | MomentumTask):
@@ -87,11 +82,6 @@ def _movers(robot: Robot, frame: str) -> set[int]:
 
 class AssignedRows:
     """The rows of a stack for the two problems: which of the tasks' rows each of them gets.
-
-    Args:
-        rows: the rows of the stack, updated by the caller.
-        robot: the robot.
-        partition: its chains for the same contacts.
 
     Attributes:
         stack_rows: the rows of the stack.

@@ -91,14 +91,6 @@ class ConstraintChainProblem:
 
     Levels are those of the stack; one whose tasks all need LQP 2 may be empty here.
 
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks, bound to the robot.
-        tasks: the rows of the stack and which of them are for LQP 1.
-        partition: the chains for these contacts.
-        chain: the unconstrained chain, eliminated by the caller; how many unknowns s and how many
-            rows in each level it leaves now is what this problem has room for.
-
     Attributes:
         problem: the hierarchical problem, filled by `fill`.
         block: the same memory for compiled code.
@@ -153,14 +145,7 @@ class ConstraintChainProblem:
         )
 
     def assemble(self, dynamics: Dynamics) -> bool:
-        """Reduces the dynamics, eliminates the unconstrained chain, and fills the problem.
-
-        Args:
-            dynamics: the state, up to date; the stack's rows are so, too.
-
-        Returns:
-            Whether there is room for what is left; where there is not, nothing is filled.
-        """
+        """Reduces the dynamics, eliminates the unconstrained chain, and fills the problem."""
         momentum = dynamics.momentum_matrix
         return _assemble(self.block.address, dynamics.M, dynamics.h, momentum)
 

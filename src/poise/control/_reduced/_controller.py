@@ -59,13 +59,6 @@ class ReducedProgram:
     worth nothing: the whole problem is solved after all, `FullProblem`, and stays so for `PATIENCE`
     ticks. So it is where a level is softened, see `SoftenedSolver`.
 
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks, bound to the robot.
-        contacts: those contacts of the stack that are active.
-        partition: the chains for these contacts.
-        make_solver: makes a solver with a workspace of its own.
-
     Attributes:
         reduced: the reduced dynamics.
         chain: the unconstrained chain, eliminated.
@@ -145,11 +138,7 @@ class ReducedProgram:
         self.whole.follow(last.whole)
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows: the reduced dynamics, the eliminated chain, LQP 1.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Writes one state's rows: the reduced dynamics, the eliminated chain, LQP 1."""
         self._dynamics = dynamics
         self._solved_whole = self._whole_ticks > 0
         if self._solved_whole:

@@ -87,13 +87,7 @@ class ChainRows(Block):
 
 
 def chain_rows(fixed: int, inside: int, ends: Int64[np.ndarray, " ends"]) -> ChainRows:
-    """Room for the rows of some tasks.
-
-    Args:
-        fixed: how many (x, 1) are.
-        inside: how many p are.
-        ends: where each level ends; the first entry is zero.
-    """
+    """Room for the rows of some tasks."""
     m = int(ends[-1])
     sizes = {"y": fixed, "np": inside, "y_np": fixed + inside, "m": m, "np_m": inside + m}
     sizes |= {"levels": len(ends) - 1, "x": fixed - 1}
@@ -102,11 +96,7 @@ def chain_rows(fixed: int, inside: int, ends: Int64[np.ndarray, " ends"]) -> Cha
 
 @part
 def eliminate(rows: ChainRows) -> None:
-    """Solves E y + P p = 0 for p, level by level, as far as the rows determine it.
-
-    Args:
-        rows: receives how p answers, and the rows that are left for x and s.
-    """
+    """Solves E y + P p = 0 for p, level by level, as far as the rows determine it."""
     rows.used = rows.kept = rows.turns = total = 0
     for level in range(len(rows.left)):
         begin, end = rows.ends[level], rows.ends[level + 1]
@@ -137,13 +127,7 @@ def eliminate(rows: ChainRows) -> None:
 
 @part
 def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray, " np"]) -> None:
-    """What p is when x and s are known, in the coordinates that it had before the elimination.
-
-    Args:
-        rows: the elimination.
-        y: (x, 1, s).
-        p: receives it.
-    """
+    """Return p for x and s, in the coordinates before the elimination."""
     fixed = len(rows.E)
     for k in range(len(p)):
         p[k] = 0.0
@@ -157,17 +141,7 @@ def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray,
 
 @part
 def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
-    """Turns p by reflections that make some rows lower triangular, weak pivots last.
-
-    Args:
-        rows: whose p are turned in all of them; these are put in the order of their pivots.
-        begin: the first row.
-        rank: how many.
-        floor: pivots up to this are rounding.
-
-    Returns:
-        Whether all pivots are more than rounding.
-    """
+    """Turns p by reflections that make some rows lower triangular, weak pivots last."""
     used, inside, P, pivot = rows.used, len(rows.P), rows.P, rows.pivot
     rest, moved, smallest, largest = rows.rest, rows.moved, np.inf, 0.0
     for k in range(rank):
@@ -280,17 +254,7 @@ def _keep(rows: ChainRows, place: int) -> None:
 
 @part
 def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
-    """Combines a level's rows so that the first ones are all that the freedom left can reach.
-
-    Args:
-        rows: of which a level's are overwritten.
-        begin: where the level begins.
-        end: where it ends.
-        floor: coefficients up to this are rounding.
-
-    Returns:
-        How many rows are reached; the others have no coefficient of p left.
-    """
+    """Combines a level's rows so that the first ones are all that the freedom left can reach."""
     used, free, rest, order = rows.used, len(rows.P) - rows.used, rows.rest, rows.order
     for i in range(free):
         order[i], rest[i] = used + i, _square(rows.P[used + i, begin:end])
@@ -337,17 +301,7 @@ def _square(x: Float64[np.ndarray, " n"]) -> float:
 
 @part
 def _compress(rows: ChainRows, begin: int, end: int, floor: float) -> int:
-    """Combines rows that p does not reach so that they are no more than they have unknowns.
-
-    Args:
-        rows: of which some are overwritten.
-        begin: the first of them.
-        end: where they end.
-        floor: coefficients up to this are rounding.
-
-    Returns:
-        How many of them have a coefficient left; what the others ask for, nothing can change.
-    """
+    """Combines rows that p does not reach so that they are no more than they have unknowns."""
     fixed, rank = len(rows.E), 0
     unknowns = fixed - 1 + rows.kept
     if end - begin <= unknowns:
@@ -367,17 +321,7 @@ def _compress(rows: ChainRows, begin: int, end: int, floor: float) -> int:
 
 @part
 def _combine(rows: ChainRows, own: Float64[np.ndarray, " n"], begin: int, done: int) -> float:
-    """Reflects x and s in some rows so that the first has all there is of one unknown.
-
-    Args:
-        rows: overwritten; receive the reflection's vector, too.
-        own: the unknown's coefficients in these rows.
-        begin: the first of them.
-        done: how many of x and s have nothing in these rows any more.
-
-    Returns:
-        The reflection's factor.
-    """
+    """Reflects x and s in some rows so that the first has all there is of one unknown."""
     turned, v = rows.turned[: len(own)], rows.vector[: len(own)]
     for k in range(len(own)):
         turned[k] = own[k]

@@ -81,10 +81,6 @@ class ChainElimination:
 
     A task that turns out to move with the centroids alone, N = 0, is left to LQP 1 as it is.
 
-    Args:
-        reduced: the reduced dynamics, updated on the way.
-        rows: the rows of the tasks, updated by the caller.
-
     Attributes:
         block: the same memory for compiled code.
     """
@@ -112,11 +108,7 @@ class ChainElimination:
         )
 
     def update(self, dynamics: Dynamics) -> None:
-        """Reduces the dynamics, and eliminates p for the state of the tasks.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Reduces the dynamics, and eliminates p for the state of the tasks."""
         _eliminate(self.block.address, dynamics.M, dynamics.h, dynamics.momentum_matrix)
 
     @property
@@ -125,14 +117,7 @@ class ChainElimination:
         return (self._rows.kept, *self._rows.left.tolist())
 
     def recover(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nu"]:
-        """Acceleration of the unconstrained chain for what LQP 1 decided.
-
-        Args:
-            x: (dv_a, z, s), or all of LQP 1's variables.
-
-        Returns:
-            dv_u = Jbar_z z + N_z (c - G x).
-        """
+        """Acceleration of the unconstrained chain for what LQP 1 decided."""
         _recover(self.block.address, np.ascontiguousarray(x))
         return self.block.dv_u.copy()
 
@@ -159,14 +144,7 @@ def eliminate_chain(
     h: Float64[np.ndarray, " nv"],
     momentum: Float64[np.ndarray, "six nv"],
 ) -> None:
-    """Reduces the dynamics, and eliminates p for the state of the tasks.
-
-    Args:
-        chain: receives what is left; the reduced dynamics are overwritten, too.
-        M: mass matrix of the robot.
-        h: its nonlinear effects.
-        momentum: A_G.
-    """
+    """Reduces the dynamics, and eliminates p for the state of the tasks."""
     _read_rows(chain)
     reduce_dynamics(chain.reduced, chain.turned, chain.shares, M, h, momentum)
     if len(chain.turned) > 0:
@@ -220,12 +198,7 @@ def _recover(address: int, x: Float64[np.ndarray, " n"]) -> None:
 
 @part
 def recover(chain: Elimination, x: Float64[np.ndarray, " n"]) -> None:
-    """Acceleration of the unconstrained chain for what LQP 1 decided.
-
-    Args:
-        chain: the elimination; receives it.
-        x: LQP 1's variables.
-    """
+    """Acceleration of the unconstrained chain for what LQP 1 decided."""
     if len(chain.dv_u) == 0:
         return
     nz, fixed, nr = len(chain.centroid), len(chain.variables), len(chain.reduced.M)

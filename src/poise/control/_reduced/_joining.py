@@ -31,12 +31,7 @@ class Joined(NamedTuple):
 
 
 def follow(first: ConstraintChainProblem, x: Float64[np.ndarray, " n"]) -> Joined:
-    """Both chains under a solution of LQP 1; the unconstrained one follows in closed form.
-
-    Args:
-        first: LQP 1.
-        x: its solution.
-    """
+    """Both chains under a solution of LQP 1; the unconstrained one follows in closed form."""
     dv, torque = np.empty(first.nv), np.empty(first.nj)
     return Joined(dv, torque, _join(first.block.address, x, True, dv, torque))
 
@@ -46,13 +41,7 @@ def join(
     x: Float64[np.ndarray, " n"],
     dv_u: Float64[np.ndarray, " nu"],
 ) -> Joined:
-    """Both chains under a solution of LQP 1 and one of LQP 2.
-
-    Args:
-        first: LQP 1.
-        x: its solution.
-        dv_u: acceleration of the unconstrained chain.
-    """
+    """Both chains under a solution of LQP 1 and one of LQP 2."""
     dv, torque = np.empty(first.nv), np.empty(first.nj)
     first.block.chain.dv_u[:] = dv_u
     return Joined(dv, torque, _join(first.block.address, x, False, dv, torque))
@@ -66,11 +55,7 @@ def _join(
     dv: Float64[np.ndarray, " nv"],
     torque: Float64[np.ndarray, " nj"],
 ) -> bool:
-    """Writes both chains' motion; the unconstrained one's is found before, if it follows.
-
-    Returns:
-        Whether the unconstrained chain keeps its limits.
-    """
+    """Writes both chains' motion; the unconstrained one's is found before, if it follows."""
     first = view(ConstraintChain, address)
     if follows:
         recover(first.chain, x)

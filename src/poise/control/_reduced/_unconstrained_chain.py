@@ -26,12 +26,6 @@ class UnconstrainedChainProblem:
     whole robot's. Where limits and centroids contradict each other the residuals of the first two
     levels say so, and the answer must not be used: base dynamics need the z of LQP 1.
 
-    Args:
-        robot: the robot.
-        stack: contacts, limits and tasks, bound to the robot.
-        tasks: the rows of the stack, updated by the caller, and which of them are for LQP 2.
-        reduced: the reduced dynamics, updated by the caller; its partition must have a chain.
-
     Attributes:
         problem: the hierarchical problem, filled by `fill`.
     """
@@ -74,12 +68,7 @@ class UnconstrainedChainProblem:
         self._values = slice(part.nu + part.nz + part.nu, None)
 
     def fill(self, x: Float64[np.ndarray, " nr"]) -> None:
-        """Writes one state's rows into the problem.
-
-        Args:
-            x: acceleration (dv_a, z) of the reduced robot, from LQP 1; the tasks, the joint limit
-                and the reduced dynamics are up to date.
-        """
+        """Writes one state's rows into the problem."""
         reduced, problem = self._reduced, self.problem
         part, nz = reduced.partition, self._nz
         dv_a, z = x[: part.na], x[part.na :]

@@ -38,16 +38,7 @@ def multiply(A: Matrix, x: Vector, out: Vector) -> None:
 
 @part
 def make_reflection(x: Vector, v: Vector, norm: float) -> float:
-    """The reflection that turns a row into (-+norm, 0, ..., 0), away from its first number.
-
-    Args:
-        x: overwritten with that.
-        v: receives the reflection's vector.
-        norm: of x, not zero.
-
-    Returns:
-        tau.
-    """
+    """The reflection that turns a row into (-+norm, 0, ..., 0), away from its first number."""
     first = x[0]
     end = -norm if first >= 0.0 else norm
     # Scaled so that v begins with one and no square leaves the range of numbers.
@@ -60,13 +51,7 @@ def make_reflection(x: Vector, v: Vector, norm: float) -> float:
 
 @part
 def reflect(x: Vector, v: Vector, tau: float) -> None:
-    """X <- (I - tau v v^T) x.
-
-    Args:
-        x: overwritten.
-        v: the reflection's vector.
-        tau: its factor.
-    """
+    """X <- (I - tau v v^T) x."""
     along = 0.0
     for i in range(len(v)):
         along += v[i] * x[i]
@@ -77,16 +62,7 @@ def reflect(x: Vector, v: Vector, tau: float) -> None:
 
 @part
 def reflect_rows(X: Matrix, begin: int, end: int, column: int, v: Vector, tau: float) -> None:
-    """Reflects rows from a column on.
-
-    Args:
-        X: whose rows are overwritten.
-        begin: first of them.
-        end: where they end.
-        column: where v begins in them.
-        v: the reflection's vector.
-        tau: its factor.
-    """
+    """Reflects rows from a column on."""
     n, i = len(v), begin
     while i + 4 <= end:
         # Single rows are known to lie in one piece, unlike a block of X.

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -16,6 +17,7 @@ from poise.locomotion._stepping._by_velocity import (
     ShifterDriver,
     VelocityLevel,
     check_sway,
+    velocity_numbers,
 )
 from poise.locomotion._stepping._feet import Level, OperatorTick
 from poise.locomotion._stepping._operator import (
@@ -25,7 +27,7 @@ from poise.locomotion._stepping._operator import (
     OperatorSample,
     TrackedPose,
 )
-from poise.locomotion._stepping._scaling import teleop_parameters
+from poise.locomotion._stepping._scaling import scaled_parameters, size_of
 from poise.locomotion._stepping._stance import (
     Footing,
     FootRange,
@@ -48,6 +50,9 @@ from poise.locomotion._support import SupportPolygon, two_soles
 from poise.locomotion._walking import Mode
 from poise.robots import Robot
 from poise.stack import Stack
+
+_ZMP_TIME = 0.01
+"""Time constant with which the measured ZMP is smoothed [s]."""
 
 
 class StepTeleoperator:
@@ -76,6 +81,8 @@ class StepTeleoperator:
         actuation: what is commanded: "torque", or "velocity" for robots whose joints take no more.
         solved_by: name of the controller of torques that solves the stack: "whole_body", "reduced"
             or "osf"; the first when None.
+        servo_gains: stiffness [1/rad] and damping [s/rad] of the joints' servos over the torque
+            limits, where velocities are commanded.
 
     Raises:
         ConfigurationError: no two feet, legs of too few joints, soles that do not fit; a device,
@@ -109,6 +116,8 @@ class StepTeleoperator:
         driver: ComDriver | None = None,
         actuation: str = "torque",
         solved_by: str | None = None,
+        servo_gains: tuple[float, float] = (70.0, 2.5),
+        _numbers: Mapping[str, float] | None = None,
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         self.device = None if device is None else checked_kind(device, Device, "the device")
@@ -117,24 +126,25 @@ class StepTeleoperator:
         self.actuation = checked_actuation(actuation, driver)
         self.solved_by = checked_controller(solved_by, actuation)
         self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
-        left, right = self.estimator.anchors
-        height = float(self.estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
         servos = actuation == "velocity"
         if servos:
             check_straight(self._faces())
+        size = size_of(robot, q_start)
         if parameters is None:
-            parameters = teleop_parameters(robot, actuation, q_start=q_start)
+            parameters = scaled_parameters(size, actuation)
         self.parameters = p = checked_kind(
             parameters, TeleopParameters, "parameters of the teleoperation"
         )
-        self._biped = biped = biped_of(robot, p)
+        self._biped = biped = biped_of(robot, size)
+        self._numbers = numbers = replace(velocity_numbers(size), **(_numbers or {}))
         if driver is None:
-            shifter = ComShifter(height, kp=p.kp, acceleration_max=p.acceleration_max)
+            shifter = ComShifter(size.height, kp=p.kp, acceleration_max=numbers.acceleration_max)
             driver = ShifterDriver(shifter)
         self.driver = driver
         if servos and isinstance(driver, ShifterDriver):
-            check_sway(biped, self.estimator.dynamics, driver.shifter, p)
-        reach = FootRange(robot, self.soles, p)
+            dynamics, leak = self.estimator.dynamics, numbers.velocity_leak
+            check_sway(biped, dynamics, driver.shifter, servo_gains, leak)
+        reach = FootRange(biped, p, servos=servos)
         self.hands = HandLeader(
             robot,
             dt=p.dt,
@@ -155,21 +165,21 @@ class StepTeleoperator:
         self._level: Level
         if servos:
             self._level = VelocityLevel(
-                biped, p, reach, self.estimator, limbs, driver, height, rotator=rotator
+                biped, p, numbers, reach, self.estimator, limbs, driver, rotator=rotator
             )
         else:
             self._level = TorqueLevel(
                 biped, p, reach, self.estimator, limbs, self.solved_by, q_start
             )
         # What is compiled is compiled now, not in the first tick.
-        SupportPolygon([], p.support_margin)
+        SupportPolygon([], 0.0)
         self.reset()
 
     def reset(self) -> None:
         """Forget the past: both feet stand where they stood at the start."""
         biped, p = self._biped, self.parameters
         self.estimator.reset()
-        self.zmp_sensor = ZmpSensor(biped.weight, p.zmp_time, p.dt)
+        self.zmp_sensor = ZmpSensor(biped.weight, _ZMP_TIME, p.dt)
         self._level.reset(self.zmp_sensor)
         self.hands.reset()
         self.gaze.reset()

@@ -4,6 +4,7 @@ from poise.locomotion._walking._commands import VelocityLimits
 from poise.locomotion._walking._engine import SteppingEngine as SteppingEngine
 from poise.locomotion._walking._flight import HeldFlight as HeldFlight
 from poise.locomotion._walking._footsteps import (
+    CLEARANCE as CLEARANCE,
     Footstep,
     FootstepPlan,
     Gait,

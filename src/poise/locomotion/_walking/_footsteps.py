@@ -33,7 +33,7 @@ _MOST_STEPS = 1e3
 _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
 
-_CLEARANCE = 0.01
+CLEARANCE = 0.01
 """Least distance between the feet's edges, side by side [m]."""
 
 _NARROW = 0.6
@@ -187,7 +187,7 @@ class Stand:
         apart = math.dist(left, right)
         if any(b.width > 0.0 for b in self.bearings):
             return apart
-        touching = _CLEARANCE + 0.5 * sum(width for _, width in self.sizes)
+        touching = CLEARANCE + 0.5 * sum(width for _, width in self.sizes)
         return touching + _NARROW * (apart - touching)
 
     @property
@@ -234,7 +234,7 @@ class FootstepPlan(Stand):
     steps: tuple[Footstep, ...]
     gait: Gait = field(default_factory=Gait)
     ground: Ground = field(default_factory=Ground)
-    clearance: float = _CLEARANCE
+    clearance: float = CLEARANCE
 
     def __post_init__(self) -> None:
         if not self.steps:

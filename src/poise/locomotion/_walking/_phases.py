@@ -41,6 +41,9 @@ _TIPPED = math.cos(0.1)
 """A stance sole that has turned by more than 0.1 rad since lift-off stands on an edge; one that
 lies turns by less than 0.01 rad."""
 
+_ADJUST = 0.2
+"""Distance by which a foothold may still move, for the balance limit [m]."""
+
 _HOVERING, _BOUNCES = 0.01, 0.15
 """A foot that carries less than this part of the weight for the bounce time of the settings, not
 later than this after it landed [s], has not landed."""
@@ -194,7 +197,7 @@ class StepPhases:
         else:
             goal = self._commands.steps(self.foot, self._standing_foot, AHEAD)[0]
         if goal is not self._announced[0]:
-            ends = 2.0 * self._parts.settings.adjust
+            ends = 2.0 * _ADJUST
             length, width = self._parts.stand.sizes[self.foot]
             rotation = pin.utils.rotate("z", goal.yaw)
             corners = sole_rectangle(

@@ -31,6 +31,9 @@ from poise.robots import Robot
 ENGAGE, RELEASE = 0.4, 0.5
 """Ratios of the double support in which the landed foot is loaded and the next one unloaded."""
 
+_EARLY = 0.5
+"""Phase of a swing from which ground counts as ground."""
+
 LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
 
@@ -181,7 +184,7 @@ class WalkSense:
             # Nothing is measured: the foot is down when it should be.
             return swing.phase >= 1.0
         loaded = wrench[2] >= settings.touchdown_force * self.weight
-        return loaded and (swing.phase >= settings.early or swing.searching)
+        return loaded and (swing.phase >= _EARLY or swing.searching)
 
 
 @compiled

@@ -8,12 +8,16 @@ from enum import Enum
 from typing import Annotated
 
 from poise._schema import Bounds, Ratio, checked
-from poise.locomotion._walking._footsteps import LARGEST
+from poise.locomotion._walking._footsteps import CLEARANCE, LARGEST
 
 _Distance = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")]
 
 
-@checked()
+@checked(
+    removed=dict.fromkeys(
+        ("early", "adjust", "com_bound"), "none: it is the same for every robot and walk"
+    )
+)
 @dataclass(frozen=True, kw_only=True)
 class WalkSettings:
     """Feedback, touchdown and limits of a walker.
@@ -23,28 +27,21 @@ class WalkSettings:
         zmp_margin: how far inside the soles' edges the ZMP that corrects it stays [m].
         touchdown_force: ratio of the robot's weight at which a foot counts as down.
         touchdown_depth: how far below the expected ground a foot aims [m].
-        early: phase of the swing after which ground counts as ground.
         search_depth: how far below the expected ground a late foot looks for it [m].
         patience: how long a foot may be late [s].
         bounce_time: for how long a foot that has just landed carries nothing when it has bounced
             off [s].
         clearance: least distance of the soles' edges when a foot comes down beside the other [m].
-        adjust: how far a foothold may still move, as the balance limit is told [m].
-        com_bound: distance of the divergent component from its reference, over the height of the
-            COM, beyond which the COM counts as lost.
     """
 
     dcm_gain: Annotated[float, Bounds(positive=True, most=LARGEST, unit="1/s")] = 4.0
     zmp_margin: _Distance = 0.01
     touchdown_force: Ratio = 0.05
     touchdown_depth: _Distance = 0.003
-    early: Ratio = 0.5
     search_depth: _Distance = 0.1
     patience: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.4
     bounce_time: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 0.01
-    clearance: _Distance = 0.01
-    adjust: _Distance = 0.2
-    com_bound: Annotated[float, Bounds(positive=True)] = 0.4
+    clearance: _Distance = CLEARANCE
 
 
 class WalkStatus(Enum):

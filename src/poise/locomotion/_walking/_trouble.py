@@ -49,6 +49,9 @@ RESPONSES: Mapping[WalkStatus, Response] = {
 }
 """Troubles, the worst first: of several at a time this one counts."""
 
+_LOST = 0.4
+"""Distance of the DCM from its reference, over the CoM's height, beyond which the CoM is lost."""
+
 _FALLEN = 0.5
 """A COM lower over the lower sole than this part of its height has fallen."""
 
@@ -115,7 +118,7 @@ class TroubleWatch:
             left + right < (_SETTLED if self._lifted.there else _HANGING),
             flight is not None and flight.waited > settings.patience,
             flight is not None and self._is_caught(flight),
-            error > settings.com_bound * height,
+            error > _LOST * height,
             self._slips(0, left) or self._slips(1, right),
         )
         if self._calm and not any(seen):

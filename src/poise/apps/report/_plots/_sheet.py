@@ -20,14 +20,6 @@ def decimate(
     """Keep the least and the greatest value of every bucket, at their own times.
 
     A bucket with nothing but NaN stays a gap. Short signals come back as they are.
-
-    Args:
-        time: times [s].
-        values: one value a time; NaN where there is none.
-        buckets: how many buckets of equal count at most; two points come from each.
-
-    Returns:
-        Times [s] and values that are left.
     """
     if len(time) <= 2 * buckets:
         return time, values
@@ -43,16 +35,7 @@ def decimate(
 def bucket_max(
     values: Float64[np.ndarray, "T n"], buckets: int = 600
 ) -> tuple[Float64[np.ndarray, "m n"], int]:
-    """Greatest value of every bucket of rows, NaN where a bucket holds nothing else.
-
-    Args:
-        values: one row a time.
-        buckets: how many buckets of equal count at most.
-
-    Returns:
-        One row a bucket, or `values` where it is short enough; and how many rows of `values` the
-        buckets stand for, which is more than there are where the last bucket is not full.
-    """
+    """Greatest value of every bucket of rows, NaN where a bucket holds nothing else."""
     if len(values) <= buckets:
         return values, len(values)
     padded = np.stack([_padded(column, buckets) for column in values.T], axis=2)
@@ -108,12 +91,7 @@ class PlotFigure:
 
 
 class TimeSheet:
-    """Rows of axes over the record's time.
-
-    Args:
-        record: the run.
-        heights: height of each row [in].
-    """
+    """Rows of axes over the record's time."""
 
     def __init__(self, record: RunView, heights: Sequence[float]) -> None:
         from matplotlib.figure import Figure
@@ -237,11 +215,7 @@ def above_zero(values: Float64[np.ndarray, "*s"]) -> Float64[np.ndarray, "*s"]:
 def _place_labels(
     events: Sequence[Event], start: float, end: float, width: float
 ) -> list[tuple[Event, int, str]]:
-    """Find a row and a side for each event's label; one that fits nowhere gets none.
-
-    Returns:
-        Event, row counted from the axes upwards, and side ("left": the text starts at the event).
-    """
+    """Find a row and a side for each event's label; one that fits nowhere gets none."""
     taken = [-np.inf] * _EVENT_ROWS_MAX
     placed: list[tuple[Event, int, str]] = []
     for event in sorted(events, key=lambda e: e.time):

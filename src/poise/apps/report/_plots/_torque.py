@@ -38,15 +38,7 @@ _SIDES = (
 def grouped_order(
     names: Sequence[str], groups: Sequence[str] = ()
 ) -> tuple[list[int], list[tuple[str, int]]]:
-    """Order joints so that those of one group stand together.
-
-    Args:
-        names: the joints.
-        groups: group of each joint; empty to guess it from the name.
-
-    Returns:
-        Indices of the joints in their new order, and each group's name with its number of joints.
-    """
+    """Order joints so that those of one group stand together."""
     of_joint = list(groups) or [guess_group(name) for name in names]
     order: list[int] = []
     counts: list[tuple[str, int]] = []

@@ -29,11 +29,7 @@ from poise.locomotion import signed_margin
 def support_over_time(
     record: RunView,
 ) -> tuple[Float64[np.ndarray, "T 2"], Float64[np.ndarray, "T 2"], Float64[np.ndarray, " T"]]:
-    """Least and greatest x, y of the support polygon, and the ZMP's margin in it, tick by tick.
-
-    Returns:
-        Lower bounds, upper bounds and margin [m]; NaN where nothing touches the ground.
-    """
+    """Least and greatest x, y of the support polygon, and the ZMP's margin in it, tick by tick."""
     low = np.full((len(record.time), 2), np.nan)
     high, margin = low.copy(), np.full(len(record.time), np.nan)
     for phase in record.support:

@@ -12,6 +12,7 @@ from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
 from poise.locomotion._stepping._feet import FootDevices, Level, LevelTick, OperatorTick
 from poise.locomotion._stepping._operator import DeviceStatus
 from poise.locomotion._stepping._stance import (
+    GIVES,
     Biped,
     Footing,
     FootRange,
@@ -41,22 +42,12 @@ robot may rock for ever."""
 _CLOSING = 6.0
 """For so long at most the robot goes on stepping only to have its feet nearer together [s]."""
 
-_CAUGHT_MARGIN = 0.005
-"""Distance of the ZMP from the soles' edges while the robot steps [m]."""
-
-_APART = 0.03
-"""Least distance of the soles' edges: feet that touch each other do not come down [m]."""
-
-_BOUNCE_TIME = 0.03
-"""For how long a foot that has just landed carries nothing when it has bounced off [s]: load cells
-have noise of as much as counts here, and a sole that came down on an edge turns over it."""
+_CAPTURE = WalkSettings(zmp_margin=0.005, clearance=0.03, bounce_time=0.03)
+"""Settings while the robot steps: feet that touch each other do not come down; load cells have
+noise of as much as counts as a bounce, and a sole that came down on an edge turns over it."""
 
 _HIGHER = 1.6
 """Swing height over that of a walk: what stumbles over a bump catches nobody."""
-
-
-_GIVES = 0.01
-"""Distance of the hip below where a knee holds it, beyond which the swing foot is put down [m]."""
 
 
 class TorqueLevel(Level):
@@ -77,9 +68,6 @@ class TorqueLevel(Level):
         stand = stand_of(biped.robot, q_start)
         gait = usual_gait(stand.com[2] - stand.middle[2])
         gait = replace(gait, swing_height=_HIGHER * gait.swing_height)
-        settings = WalkSettings(
-            zmp_margin=_CAUGHT_MARGIN, clearance=_APART, bounce_time=_BOUNCE_TIME
-        )
         self._crouch = gait.crouch
         self._engine = SteppingEngine(
             self._tasks.stack,
@@ -89,7 +77,7 @@ class TorqueLevel(Level):
                 self._tasks.stack,
                 stand,
                 gait,
-                settings,
+                _CAPTURE,
                 VelocityLimits(),
                 level_floor(stand.start),
                 (),
@@ -173,7 +161,7 @@ class TorqueLevel(Level):
             height = float(footing.com[2]) - footing.ground
             lowest = max(lowest, height + too_weak)
             self._devices.room_below = max(height - lowest, 0.0)
-            self._devices.falling = footing.mode.single and too_weak > _GIVES
+            self._devices.falling = footing.mode.single and too_weak > GIVES
         self._engine.lowest = lowest / usual
 
     def _drive(self, velocity: tuple[float, float, float]) -> None:

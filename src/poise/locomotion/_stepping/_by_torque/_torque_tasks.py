@@ -15,6 +15,7 @@ from poise.locomotion._stepping._by_torque._trunk_feedback import TrunkFeedback
 from poise.locomotion._stepping._by_torque._twist import twist_ranges
 from poise.locomotion._stepping._by_torque._waist import waist_ranges
 from poise.locomotion._stepping._stance import (
+    UPRIGHT,
     Biped,
     Footing,
     TrunkPose,
@@ -33,8 +34,6 @@ from poise.stack import (
     SurfaceContact,
     TorqueLimit,
 )
-
-_UPRIGHT = (0.0, 0.0, 0.0)
 
 _KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0
 """Stiffness of the COM's height, of the foot in the air, of pelvis and torso [1/s^2]."""
@@ -149,13 +148,13 @@ class TorqueTasks:
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
         com, foot = _eased_balance(self._eased), _foot_weight(footing, sent)
         self._weigh((com, foot, _URGENT_TRUNK if upright else _TRUNK), caught=False)
-        self._turn_trunk(footing, _UPRIGHT if upright else torso, learns=True)
+        self._turn_trunk(footing, UPRIGHT if upright else torso, learns=True)
 
     def accompany(self, footing: Footing, *, walks: bool) -> None:
         """Keep the trunk upright in a tick in which the robot steps by itself."""
         self._eased = 0.0
         self._weigh((_CATCHING, _CAUGHT_FOOT, _CAUGHT_TRUNK), caught=True)
-        self._turn_trunk(footing, _UPRIGHT, learns=walks, most=_RIGHTED)
+        self._turn_trunk(footing, UPRIGHT, learns=walks, most=_RIGHTED)
 
     def _weigh(self, weights: _Weights, *, caught: bool) -> None:
         """Set weights of CoM, feet and trunk, and how near to edges and legs a step may go."""

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.locomotion._pendulum import BodyRotator
-from poise.locomotion._stepping._stance import Footing, TeleopParameters
+from poise.locomotion._stepping._stance import Footing
 
 
 class BodyMomentum:
@@ -14,10 +14,10 @@ class BodyMomentum:
         reference: about the COM, x and y [kg m^2/s].
     """
 
-    def __init__(self, rotator: BodyRotator | None, parameters: TeleopParameters) -> None:
-        self._rotator, self._dt = rotator, parameters.dt
+    def __init__(self, rotator: BodyRotator | None, dt: float, leak: float) -> None:
+        self._rotator, self._dt = rotator, dt
         # A pure integral drives the torso in a limit cycle.
-        self._kept = 1.0 - parameters.dt * parameters.momentum_leak
+        self._kept = 1.0 - dt * leak
         self.restart()
 
     def restart(self) -> None:

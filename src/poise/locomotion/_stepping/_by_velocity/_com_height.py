@@ -6,7 +6,14 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._stance import Footing, FootRange, TeleopParameters
+from poise.locomotion._stepping._by_velocity._velocity_numbers import VelocityNumbers
+from poise.locomotion._stepping._stance import (
+    GIVES,
+    POSITION_GAIN,
+    Footing,
+    FootRange,
+    TeleopParameters,
+)
 
 _BRAKED = 0.2
 """Part of its largest acceleration with which the COM is braked before a knee is at its limit: by
@@ -15,9 +22,6 @@ torques it follows some 0.2 s late. With 0.5 Romeo's knee was at its torque befo
 _LATE = 0.2
 """How late that is where the knee of the leg that carries alone is at its limit [s]: beyond that
 nothing brakes."""
-
-_GIVES = 0.01
-"""How far below where a knee holds the hip may be before the other foot is put down [m]."""
 
 _DEEPER = 0.01
 """How far below a foot in the air the body comes down for it where it has felt no floor [m]."""
@@ -30,8 +34,15 @@ class ComHeight:
         offset: how much higher than at the start the operator asks for, as far as legs allow [m].
     """
 
-    def __init__(self, height: float, reach: FootRange, parameters: TeleopParameters) -> None:
-        self._height, self._range, self._parameters = height, reach, parameters
+    def __init__(
+        self,
+        height: float,
+        reach: FootRange,
+        parameters: TeleopParameters,
+        numbers: VelocityNumbers,
+    ) -> None:
+        self._height, self._range, self._numbers = height, reach, numbers
+        self._dt, self._stoop_max = parameters.dt, parameters.stoop_max
         self._velocity = self.offset = 0.0
 
     def restart(self, velocity: float) -> None:
@@ -43,11 +54,11 @@ class ComHeight:
         stance = footing.stance
         too_weak = self._too_weak(footing, stance, self._range.hip(stance, footing.dynamics))
         below = min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak)
-        return max(0.0, below), footing.mode.single and too_weak > _GIVES
+        return max(0.0, below), footing.mode.single and too_weak > GIVES
 
     def velocity(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
         """Velocity of the COM upwards [m/s]."""
-        p = self._parameters
+        p = self._numbers
         hips = [self._range.hip(foot, footing.dynamics) for foot in (0, 1)]
         too_low = self._too_low(footing, hips)
         way = self._reference(footing, target, hips, too_low) - float(footing.dynamics.com[2])
@@ -59,8 +70,8 @@ class ComHeight:
         if carries is not None:
             room = max(-self._too_weak(footing, carries, hips[carries]), 0.0)
             braked = min(braked, braking * (math.sqrt(_LATE**2 + 2.0 * room / braking) - _LATE))
-        velocity = max(-min(p.lift_speed, braked), min(p.lift_speed, p.k_v * way))
-        change = p.dt * p.lift_acceleration
+        velocity = max(-min(p.lift_speed, braked), min(p.lift_speed, POSITION_GAIN * way))
+        change = self._dt * p.lift_acceleration
         self._velocity = max(self._velocity - change, min(self._velocity + change, velocity))
         return self._velocity
 
@@ -105,7 +116,7 @@ class ComHeight:
         return min(asked, max(height - too_high, lowest))
 
     def _lowest(self, footing: Footing) -> float:
-        return (1.0 - self._parameters.stoop_max) * self._height + footing.ground
+        return (1.0 - self._stoop_max) * self._height + footing.ground
 
 
 def _felt(footing: Footing, target: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._stance import Footing, TeleopParameters
+from poise.locomotion._stepping._stance import Footing
 
 _OBSERVED = 20.0
 """How fast the observed velocity of the COM follows the measured one, beside what the commanded
@@ -69,21 +69,16 @@ class ShifterDriver:
 
 
 class ComMotion:
-    """Integrates the driver's reference, within what the soles can support.
+    """Integrate the driver's reference, within the support of the soles."""
 
-    Attributes:
-        omega: sqrt(g / H) [1/s].
-        velocity: commanded in the last tick [m/s].
-        acceleration: commanded in the last tick [m/s^2].
-        observed: velocity as measured, with what was commanded made smooth [m/s].
-    """
-
-    def __init__(self, driver: ComDriver, parameters: TeleopParameters) -> None:
+    def __init__(self, driver: ComDriver, dt: float, leak: float) -> None:
         self.omega = driver.omega
+        # Commanded in the last tick [m/s, m/s^2].
         self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
         self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
+        # As measured, smoothed with the commanded acceleration [m/s].
         self.observed: Float64[np.ndarray, "2"] = np.zeros(2)
-        self._driver, self._parameters = driver, parameters
+        self._driver, self._dt, self._leak = driver, dt, leak
 
     def observe(self, measured: Float64[np.ndarray, "2"]) -> None:
         """Takes a measured velocity, once a tick and before all else.
@@ -91,7 +86,7 @@ class ComMotion:
         Joint velocities and the gyroscope are noisy, and at the moment of a landing they are those
         of a shock: what begins anew from them alone begins with a jump, which robot and ZMP follow.
         """
-        dt = self._parameters.dt
+        dt = self._dt
         expected = self.observed + dt * self.acceleration
         gain = dt * _OBSERVED / (1.0 + dt * _OBSERVED)
         self.observed = expected + gain * (measured - expected)
@@ -106,20 +101,20 @@ class ComMotion:
 
     def drive(self, footing: Footing) -> None:
         """One tick."""
-        p, dynamics, before = self._parameters, footing.dynamics, self.velocity
+        dt, dynamics, before = self._dt, footing.dynamics, self.velocity
         com, reference = dynamics.com[:2], footing.zmp_reference
         # While a sole rocks on its edge the COM moves by itself, which an integral does not notice.
-        before = before + p.dt * p.velocity_leak * (dynamics.com_velocity[:2] - before)
+        before = before + dt * self._leak * (dynamics.com_velocity[:2] - before)
         driver = self._driver
         if not isinstance(driver, ShifterDriver):
-            self.velocity, self.acceleration = driver.drive(reference, com, before, p.dt)
+            self.velocity, self.acceleration = driver.drive(reference, com, before, dt)
             return
         unsupported, setting_off = _straight(driver.shifter, reference, com, before)
         (x, y), (goal_x, goal_y) = com.tolist(), (com - unsupported / self.omega**2).tolist()
         support, goal = footing.support, (goal_x, goal_y)
         kept_x, kept_y = support.towards((x, y), goal) if setting_off else support.nearest(goal)
         self.acceleration = self.omega**2 * np.array([x - kept_x, y - kept_y])
-        self.velocity = before + p.dt * self.acceleration
+        self.velocity = before + dt * self.acceleration
 
 
 def _straight(

@@ -3,6 +3,7 @@
 import numpy as np
 
 from poise.locomotion._stepping._by_velocity._com_motion import ComMotion
+from poise.locomotion._stepping._by_velocity._velocity_numbers import VelocityNumbers
 from poise.locomotion._stepping._feet import DeviceEvents
 from poise.locomotion._stepping._operator import OperatorSample
 from poise.locomotion._stepping._stance import Footing, TeleopParameters
@@ -16,8 +17,8 @@ class PaperEvents:
         ended: end of the last step; None while one goes on, and before the first.
     """
 
-    def __init__(self, parameters: TeleopParameters) -> None:
-        self._parameters, self._machine = parameters, StepMachine()
+    def __init__(self, parameters: TeleopParameters, numbers: VelocityNumbers) -> None:
+        self._dt, self._numbers, self._machine = parameters.dt, numbers, StepMachine()
         self._devices, self._shifted = DeviceEvents(parameters), 0.0
         self.ended: StepEnd | None = None
 
@@ -76,13 +77,12 @@ class PaperEvents:
 
     def _shift(self, footing: Footing, com: ComMotion) -> ModeEvent | None:
         """The weight is on the foot that shall carry, for long enough."""
-        p = self._parameters
-        self._shifted = self._shifted + p.dt if self._has_shifted(footing, com) else 0.0
-        return ModeEvent.SHIFTED if self._shifted > p.shift_time else None
+        self._shifted = self._shifted + self._dt if self._has_shifted(footing, com) else 0.0
+        return ModeEvent.SHIFTED if self._shifted > self._numbers.shift_time else None
 
     def _has_shifted(self, footing: Footing, motion: ComMotion) -> bool:
         """Eq. (14e), and the CoM too: while it brakes, the ZMP is there and the CoM is not."""
-        p, com, place = self._parameters, footing.dynamics.com[:2], footing.zmp_reference
+        p, com, place = self._numbers, footing.dynamics.com[:2], footing.zmp_reference
         if np.linalg.norm(footing.sensor.zmp - place) > p.r_lift:
             return False
         if np.linalg.norm(motion.cart_table_zmp(com) - place) > p.ct_zmp_max:

@@ -10,9 +10,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import rotation_vector
-from poise.locomotion._stepping._stance import Footing, TeleopParameters
-
-_LEVEL = np.eye(3)
+from poise.locomotion._stepping._stance import LEVEL, Footing
 
 _FOLLOW, _CORRECT = 5.0, 20.0
 """How fast the tilt of a ground follows that of a sole which lies flat on it, and how fast it is
@@ -37,8 +35,8 @@ class SoleGrounds:
     with its free edge down. Turns about the forward and the side axis are told apart.
     """
 
-    def __init__(self, parameters: TeleopParameters) -> None:
-        self._follow, self._correct = parameters.dt * _FOLLOW, parameters.dt * _CORRECT
+    def __init__(self, dt: float) -> None:
+        self._follow, self._correct = dt * _FOLLOW, dt * _CORRECT
         self.reset()
 
     def reset(self) -> None:
@@ -93,7 +91,7 @@ class SoleGrounds:
 def _sole_tilt(footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
     """How a sole is turned from level, horizontal axis times angle [rad]."""
     _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
-    tilt = rotation_vector(rotation, _LEVEL)
+    tilt = rotation_vector(rotation, LEVEL)
     tilt[2] = 0.0
     return tilt
 

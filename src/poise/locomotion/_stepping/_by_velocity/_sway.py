@@ -8,7 +8,7 @@ from jaxtyping import Float64
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._stance import Biped, TeleopParameters, leg_joints
+from poise.locomotion._stepping._stance import Biped, leg_joints
 
 _GROWTH_MAX = 0.5
 """Sway may grow by e in no less than two seconds, for which a foot is in the air [1/s].
@@ -39,7 +39,7 @@ def sway_stiffness(
     return 1.0 / gives.sum(axis=1), (first, second)
 
 
-def sway_growth(stiffness: float, shifter: ComShifter, parameters: TeleopParameters) -> float:
+def sway_growth(stiffness: float, damping: float, shifter: ComShifter, leak: float) -> float:
     """How fast sway on one foot grows under the COM shifter; negative where it dies away [1/s].
 
     The COM p of mass m over a sole at rest is an inverted pendulum on the servos' spring. They
@@ -51,9 +51,6 @@ def sway_growth(stiffness: float, shifter: ComShifter, parameters: TeleopParamet
 
     Soft servos are late, and a shifter that brakes late overshoots.
     """
-    p = parameters
-    damping = stiffness * p.servo_damping / p.servo_stiffness
-    leak = p.velocity_leak
     loop = np.array([
         [0.0, 1.0, 0.0, 0.0],
         [shifter.omega**2 - stiffness, -damping, stiffness, damping],
@@ -64,14 +61,15 @@ def sway_growth(stiffness: float, shifter: ComShifter, parameters: TeleopParamet
 
 
 def check_sway(
-    biped: Biped, dynamics: Dynamics, shifter: ComShifter, parameters: TeleopParameters
+    biped: Biped, dynamics: Dynamics, shifter: ComShifter, gains: tuple[float, float], leak: float
 ) -> None:
     """Refuses a robot that the COM shifter would throw over through servos that are too soft."""
-    p, robot = parameters, biped.robot
+    robot, (gain, damping) = biped.robot, gains
     for foot, sole in enumerate(biped.soles):
-        stiffnesses, weakest = sway_stiffness(biped, dynamics, foot, p.servo_stiffness)
+        stiffnesses, weakest = sway_stiffness(biped, dynamics, foot, gain)
         for way, stiffness, joint in zip(_WAYS, stiffnesses / robot.mass, weakest, strict=True):
-            growth, omega = sway_growth(float(stiffness), shifter, p), shifter.omega
+            held, omega = float(stiffness), shifter.omega
+            growth = sway_growth(held, held * damping / gain, shifter, leak)
             if growth > _GROWTH_MAX:
                 torque = float(robot.tau_max[robot.joint_names.index(joint)])
                 raise ConfigurationError(
@@ -82,6 +80,5 @@ def check_sway(
                     f"{math.sqrt(stiffness):.1f} rad/s over a pendulum of {omega:.1f}; what gives "
                     f"way most is {joint}, {torque:.3g} N m",
                     wanted=f"at most {_GROWTH_MAX:g} /s: actuation 'torque', which needs no "
-                    "servos; stronger joints; or servo_stiffness above "
-                    f"{p.servo_stiffness:g} /rad in the parameters, if the robot's servos are",
+                    f"servos; stronger joints; or servo_gains above {gain:g} /rad, if so they are",
                 )

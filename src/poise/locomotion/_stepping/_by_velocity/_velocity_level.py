@@ -12,6 +12,7 @@ from poise.locomotion._stepping._by_velocity._body_momentum import BodyMomentum
 from poise.locomotion._stepping._by_velocity._com_height import ComHeight
 from poise.locomotion._stepping._by_velocity._com_motion import ComDriver, ComMotion
 from poise.locomotion._stepping._by_velocity._paper_events import PaperEvents
+from poise.locomotion._stepping._by_velocity._velocity_numbers import VelocityNumbers
 from poise.locomotion._stepping._by_velocity._velocity_tasks import VelocityTasks
 from poise.locomotion._stepping._feet import (
     FootTarget,
@@ -40,20 +41,20 @@ class VelocityLevel(Level):
         self,
         biped: Biped,
         parameters: TeleopParameters,
+        numbers: VelocityNumbers,
         reach: FootRange,
         estimator: StanceEstimator,
         limbs: Sequence[JointTask],
         driver: ComDriver,
-        height: float,
         *,
         rotator: bool,
     ) -> None:
-        self._tasks = VelocityTasks(biped, parameters, limbs, rotator=rotator)
+        self._tasks = VelocityTasks(biped, parameters.dt, numbers, limbs, rotator=rotator)
         super().__init__(biped, parameters, reach, estimator, self._tasks.stack)
-        self._driver, self._com_height = driver, height
+        self._driver, self._numbers = driver, numbers
         self._rotates = rotator
         self._region = SingleSupportRegion(
-            sizes=biped.sizes, margin=parameters.support_margin, arrived=parameters.capture_max
+            sizes=biped.sizes, margin=biped.size.margin, arrived=numbers.capture_max
         )
 
     @property
@@ -74,12 +75,13 @@ class VelocityLevel(Level):
         """Stand on both feet as at the start."""
         self._tasks.reset()
         self._begin(sensor, self._driver.omega, self._region)
-        weight, p = self._biped.weight, self._parameters
-        self._com = ComMotion(self._driver, p)
-        self._events = PaperEvents(p)
-        self._momentum = BodyMomentum(BodyRotator(weight) if self._rotates else None, p)
+        p, numbers = self._parameters, self._numbers
+        self._com = ComMotion(self._driver, p.dt, numbers.velocity_leak)
+        self._events = PaperEvents(p, numbers)
+        rotator = BodyRotator(self._biped.weight) if self._rotates else None
+        self._momentum = BodyMomentum(rotator, p.dt, numbers.momentum_leak)
         self._target, self._foot = FootTarget(self._reach, p), FootVelocity(p)
-        self._height = ComHeight(self._com_height, self._reach, p)
+        self._height = ComHeight(self._biped.size.height, self._reach, p, numbers)
 
     def lead(self, state: RobotState, operator: OperatorTick) -> bool:
         """Set the stack for a tick."""

@@ -17,11 +17,12 @@ from poise.control import (
 )
 from poise.dynamics import Dynamics, rotation_vector, saturate
 from poise.locomotion._stepping._by_velocity._soles import SoleGrounds, SoleYield
+from poise.locomotion._stepping._by_velocity._velocity_numbers import VelocityNumbers
 from poise.locomotion._stepping._stance import (
+    LEVEL,
     Biped,
     DesiredMotion,
     Footing,
-    TeleopParameters,
     TrunkLean,
 )
 from poise.locomotion._walking import Mode
@@ -37,9 +38,6 @@ from poise.stack import (
     Task,
 )
 
-_UPRIGHT_WEIGHT = 100.0
-"""Weight of the torso's angular velocity while the operator asks for an upright torso."""
-
 _LIMIT_TIME = 0.05
 """Time in which a joint may at most reach its position limit [s]."""
 
@@ -48,70 +46,53 @@ _MARGIN = 0.01
 and feet are off by up to 9 mm where they land; those of knees are up to 4 cm larger than knees,
 which farther apart would hold ordinary steps."""
 
-_LEVEL = np.eye(3)
-
 
 class WA(NamedTuple):
-    """W_A of the second level in (20): one number for each task.
-
-    Attributes:
-        momentum: of the angular momentum.
-        torso: of the torso's angular velocity.
-        foot: of the velocity of the foot that is not the stance.
-    """
+    """W_A of the second level in (20)."""
 
     momentum: float
-    torso: float
-    foot: float
+    torso: float  # of its angular velocity
+    foot: float  # of the velocity of the foot that is not the stance
 
 
 class TaskWeights:
     """In place of (39c) and (39d): constant where those chatter with the measured ZMP."""
 
-    def __init__(self, parameters: TeleopParameters, *, rotator: bool) -> None:
-        self._parameters, self._rotator = parameters, rotator
+    def __init__(self, numbers: VelocityNumbers, *, rotator: bool) -> None:
+        self._numbers, self._rotator = numbers, rotator
 
     def at(self, footing: Footing, *, upright: bool) -> WA:
         """The weights."""
-        p = self._parameters
+        p = self._numbers
         if not footing.mode.single:
             return WA(p.epsilon, p.w_B, p.w_S2)
         # Firm on the ground, so that momentum does not drag the foot; the paper's once clear of it.
-        clear = footing.clearance(footing.ground_below, p.clear_height)
+        clear = footing.clearance(footing.ground_below)
         foot = p.w_S2 ** (1.0 - clear) * p.w_S1**clear
         if not self._rotator:
-            return WA(p.epsilon, _UPRIGHT_WEIGHT if upright else p.w_B, foot)
+            return WA(p.epsilon, p.w_B, foot)
         # A torso that leans as far as the momentum asks for takes the hips to their limits.
         torso = p.w_B1 * (1.0 + (footing.tilt / p.tilt_soft) ** 4)
-        return WA(p.w_L, _UPRIGHT_WEIGHT if upright else torso, foot)
+        return WA(p.w_L, p.w_B if upright else torso, foot)
 
 
 class VelocityTasks:
-    """The two levels of (19) as tasks of a stack, with (17b) and (17d) for torso and sole.
-
-    The first level has the COM's velocity and the other sole's angular velocity; the second has
-    angular momentum, the torso's angular velocity and the other sole's velocity. The stance is the
-    only active contact: tasks on it are suspended, and the other sole, on the ground or in the air,
-    is led by its tasks. Arms and neck move as their own tasks say; the legs make up for what that
-    does to COM and angular momentum.
-
-    Attributes:
-        stack: to be solved for joint velocities.
-    """
+    """The two levels of (19) as tasks of a stack, with (17b) and (17d) for torso and sole."""
 
     def __init__(
         self,
         biped: Biped,
-        parameters: TeleopParameters,
+        dt: float,
+        numbers: VelocityNumbers,
         limbs: Sequence[JointTask],
         *,
         rotator: bool,
     ) -> None:
-        self._biped, self._parameters = biped, parameters
+        self._biped, self._dt, self._numbers = biped, dt, numbers
         self._led = [task.name for task in limbs]
-        self._lean = TrunkLean(biped.relief, parameters.dt)
-        self._grounds, self._yield = SoleGrounds(parameters), SoleYield(parameters.dt)
-        self._weights = TaskWeights(parameters, rotator=rotator)
+        self._lean = TrunkLean(biped.relief, dt)
+        self._grounds, self._yield = SoleGrounds(dt), SoleYield(dt)
+        self._weights = TaskWeights(numbers, rotator=rotator)
         self._com = ComTask()
         self._momentum = MomentumTask("angular_xy")
         self._torso = FrameTask(biped.robot.torso, "orientation", name="torso")
@@ -143,7 +124,7 @@ class VelocityTasks:
         return DifferentialIK(
             self._biped.robot,
             self.stack,
-            dt=self._parameters.dt,
+            dt=self._dt,
             joints=self._biped.legs,
             led=self._led,
             limit_time=_LIMIT_TIME,
@@ -189,16 +170,16 @@ class VelocityTasks:
         return turn
 
     def _righting(self, footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
-        p = self._parameters
+        p = self._numbers
         return saturate(p.omega_lim, self._grounds.righting(footing, foot, p.k_level))
 
     def _upright(
         self,
         rotation: Float64[np.ndarray, "3 3"],
-        target: Float64[np.ndarray, "3 3"] = _LEVEL,
+        target: Float64[np.ndarray, "3 3"] = LEVEL,
     ) -> Float64[np.ndarray, "3"]:
         """Eqs (17b) and (17d) [rad/s]."""
-        p = self._parameters
+        p = self._numbers
         return saturate(p.omega_lim, p.k_omega * rotation_vector(target, rotation))
 
     def _stand_on(self, foot: int) -> None:

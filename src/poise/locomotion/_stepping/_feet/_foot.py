@@ -9,7 +9,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.locomotion._stepping._operator import OperatorSample, Vector
-from poise.locomotion._stepping._stance import Footing, FootRange, TeleopParameters, wrapped
+from poise.locomotion._stepping._stance import (
+    POSITION_GAIN,
+    Footing,
+    FootRange,
+    TeleopParameters,
+    wrapped,
+)
 
 _AT_REST: Vector = (0.0, 0.0, 0.0)
 
@@ -98,7 +104,7 @@ class FootTarget:
         x, y, _ = footing.sole(swing).tolist()
         to_x, to_y = self._range.below_hip(swing, footing.dynamics)
         far = math.hypot(to_x - x, to_y - y)
-        part = min(1.0, _DRAWN / self._parameters.k_v / max(far, _THERE))
+        part = min(1.0, _DRAWN / POSITION_GAIN / max(far, _THERE))
         target = x + part * (to_x - x), y + part * (to_y - y), height
         return self._within_reach(footing, target, room_below)
 
@@ -109,7 +115,7 @@ class FootTarget:
         swing = footing.other
         (x, y, z), (here_x, here_y, _) = device.place(swing), footing.sole(swing).tolist()
         # A foot that still touches would be dragged over the ground.
-        clear = footing.clearance(footing.ground_below, self._parameters.clear_height)
+        clear = footing.clearance(footing.ground_below)
         target = here_x + clear * (x - here_x), here_y + clear * (y - here_y), max(z, lowest)
         found = self._within_reach(footing, target, room_below)
         part = device.feet[swing]
@@ -138,6 +144,12 @@ class FootTarget:
 _CALM = 0.8
 """Depth of the divergent component in the sole, over the deepest place's, for full speed."""
 
+_TOUCH_SPEED = 0.15
+"""Largest speed of a foot downwards at the height of the ground, for the paper's soles [m/s]."""
+
+_SWING_TIME = 0.05
+"""Time constant with which the swing foot's velocity is smoothed [s]."""
+
 
 class FootVelocity:
     """Eq. (17c), gently down and smoothed; and as fast as the operator says that they are.
@@ -147,8 +159,8 @@ class FootVelocity:
     """
 
     def __init__(self, parameters: TeleopParameters) -> None:
-        self._parameters = parameters
-        self._gain = parameters.dt / (parameters.swing_time + parameters.dt)
+        self._lower_speed = parameters.lower_speed
+        self._gain = parameters.dt / (_SWING_TIME + parameters.dt)
         self.restart()
 
     def restart(self) -> None:
@@ -164,12 +176,14 @@ class FootVelocity:
         hurry: bool = False,
     ) -> Float64[np.ndarray, "3"]:
         """The velocity [m/s]."""
-        p, (x, y, z), (rate_x, rate_y, rate_z) = self._parameters, target.tolist(), rate
+        (x, y, z), (rate_x, rate_y, rate_z) = target.tolist(), rate
         here_x, here_y, here_z = footing.sole(footing.other).tolist()
-        x = p.k_v * (x - here_x) + rate_x
-        y = p.k_v * (y - here_y) + rate_y
-        z = p.k_v * (z - here_z) + rate_z
-        part = p.v_lim / max(p.v_lim, math.hypot(x, y, z))
+        x = POSITION_GAIN * (x - here_x) + rate_x
+        y = POSITION_GAIN * (y - here_y) + rate_y
+        z = POSITION_GAIN * (z - here_z) + rate_z
+        # v_lim: 1 m/s for the paper's robot.
+        fastest = footing.biped.size.tall
+        part = fastest / max(fastest, math.hypot(x, y, z))
         x, y, z = part * x, part * y, part * z
         if not hurry:
             z = max(z, -self._lowering_speed(footing))
@@ -188,9 +202,9 @@ class FootVelocity:
 
     def _lowering_speed(self, footing: Footing) -> float:
         """How fast the foot may come down: slowly where the ground may be [m/s]."""
-        p = self._parameters
-        clear = footing.clearance(footing.highest_ground, p.clear_height)
-        return p.touch_speed + clear * (p.lower_speed - p.touch_speed)
+        clear = footing.clearance(footing.highest_ground)
+        touching = _TOUCH_SPEED * footing.biped.size.wide
+        return touching + clear * (self._lower_speed - touching)
 
 
 def _calm(footing: Footing) -> float:

@@ -11,6 +11,7 @@ from jaxtyping import Float64
 from poise.locomotion._stepping._feet._foot import FootTarget, FootVelocity
 from poise.locomotion._stepping._operator import OperatorSample
 from poise.locomotion._stepping._stance import (
+    LANDED,
     Footing,
     FootRange,
     TeleopParameters,
@@ -21,6 +22,12 @@ from poise.locomotion._walking import HeldFlight, StepEnd
 
 _STUCK_TIME = 0.3
 """A foot that still carries so long after it should have been lifted stays on the ground [s]."""
+
+_UNLOADED = 0.02
+"""Time without load after which a foot has left the ground [s]."""
+
+_SHIFT_TIMEOUT = 3.0
+"""A weight shift that takes longer gives both feet back [s]."""
 
 _FARTHEST = 0.03
 """Largest distance of the reference of the swing foot from the foot [m]."""
@@ -62,9 +69,8 @@ class LiftDetector:
 class LandingDetector:
     """Touchdown of the swing foot, once it has been without load for a while (`armed`)."""
 
-    def __init__(self, parameters: TeleopParameters) -> None:
-        self._land, self._unload = parameters.land_load, parameters.unload_load
-        self._time, self._dt = parameters.unload_time, parameters.dt
+    def __init__(self, dt: float) -> None:
+        self._dt = dt
         self.reset()
 
     def reset(self) -> None:
@@ -75,19 +81,19 @@ class LandingDetector:
         """Take one tick."""
         self._since += self._dt
         if not self.armed:
-            self._unloaded = self._unloaded + self._dt if load < self._unload else 0.0
-            self.armed = self._unloaded >= self._time
-            return load > self._land and self._since > _STUCK_TIME
-        return load > self._land and not lifting
+            self._unloaded = self._unloaded + self._dt if load < 0.5 * LANDED else 0.0
+            self.armed = self._unloaded >= _UNLOADED
+            return load > LANDED and self._since > _STUCK_TIME
+        return load > LANDED and not lifting
 
 
 class DeviceEvents:
     """The events (14) of two foot devices, and those that the paper leaves open."""
 
     def __init__(self, parameters: TeleopParameters) -> None:
-        self._parameters = parameters
+        self._lower_height = parameters.lower_height
         self._lifts = (LiftDetector(parameters), LiftDetector(parameters))
-        self._landing = LandingDetector(parameters)
+        self._landing = LandingDetector(parameters.dt)
         self._command: OperatorSample | None = None
         self._held = (False, False)
         self._footing: Footing | None = None
@@ -126,7 +132,7 @@ class DeviceEvents:
 
     def end_of_shift(self, foot: int, since: float) -> StepEnd | None:
         """Return why a foot that is about to be lifted stays on the ground; None to go on."""
-        if since > self._parameters.shift_timeout:
+        if since > _SHIFT_TIMEOUT:
             return self._end(StepEnd.LATE, foot)
         return self._end(StepEnd.LOWERED, foot) if self._is_lowered(foot) else None
 
@@ -158,7 +164,7 @@ class DeviceEvents:
         if self._command is None or self._footing is None:
             return False
         above = self._command.place(foot)[2] - float(self._footing.sole(foot)[2])
-        return above > self._parameters.lower_height
+        return above > self._lower_height
 
     def _height(self, command: OperatorSample, foot: int) -> float:
         """Height of a device above its foot's place on the ground [m]."""

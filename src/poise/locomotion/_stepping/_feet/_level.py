@@ -85,7 +85,7 @@ class Level(ABC):
     def _begin(self, sensor: ZmpSensor, omega: float, region: SingleSupportRegion) -> None:
         """Stand on both feet as at the start, over what stays the same of each `Footing`."""
         estimator, biped = self._estimator, self._biped
-        self._stance = StanceChoice(estimator, sensor, self._parameters, biped.weight)
+        self._stance = StanceChoice(estimator, sensor, biped, self._parameters.dt)
         self.footing = None
         self._stand = partial(
             Footing,

@@ -1,9 +1,10 @@
 """How the robot stands: its mode, its soles and legs, and where its feet can go."""
 
 from poise.locomotion._stepping._stance._biped import KNEE, Biped, biped_of, leg_joints
-from poise.locomotion._stepping._stance._desired import DesiredMotion
+from poise.locomotion._stepping._stance._desired import POSITION_GAIN, DesiredMotion
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._stance._footing import (
+    LANDED,
     Footing,
     StanceChoice,
     mean_angle,
@@ -11,17 +12,30 @@ from poise.locomotion._stepping._stance._footing import (
     wrapped,
     yaw_of,
 )
-from poise.locomotion._stepping._stance._lean import TORSO_MOST, TrunkLean, TrunkPose
+from poise.locomotion._stepping._stance._lean import (
+    LEVEL,
+    TORSO_MOST,
+    UPRIGHT,
+    TrunkLean,
+    TrunkPose,
+)
 from poise.locomotion._stepping._stance._parameters import TeleopParameters
-from poise.locomotion._stepping._stance._reach import FootRange
+from poise.locomotion._stepping._stance._reach import GIVES, FootRange
+from poise.locomotion._stepping._stance._size import RobotSize
 
 __all__ = [
+    "GIVES",
     "KNEE",
+    "LANDED",
+    "LEVEL",
+    "POSITION_GAIN",
     "TORSO_MOST",
+    "UPRIGHT",
     "Biped",
     "DesiredMotion",
     "FootRange",
     "Footing",
+    "RobotSize",
     "StanceChoice",
     "StanceEstimator",
     "TeleopParameters",

@@ -12,18 +12,21 @@ from jaxtyping import Float64
 
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
-from poise.locomotion._stepping._stance._parameters import TeleopParameters
+from poise.locomotion._stepping._stance._size import RobotSize
 from poise.locomotion._support import two_soles
 from poise.robots import GRAVITY, Robot
 
 _HIP_JOINTS = 3
 """The first three joints of a leg are the hip's, in any order."""
 
-KNEE = 3
+KNEE = _HIP_JOINTS
 """Place of the knee among the joints of a leg: behind the hip's three."""
 
 _BASE_JOINT = 1
 """Pinocchio's index of the floating base; joint 0 is the world."""
+
+_KNEE_MIN = 0.08
+"""Least bend of a knee: straighter the leg is singular [rad]."""
 
 _PITCH, _ROLL = 1, 0
 """Axes of the ankle in the body: across the leg and along the foot."""
@@ -44,42 +47,26 @@ def leg_joints(robot: Robot, sole: str) -> list[int]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LegGeometry:
-    """A leg seen as a chain of thigh and shank between hip and ankle.
+    """Thigh and shank between ankle and hip, the point nearest to the axes of the hip's joints."""
 
-    The hip is the point nearest to the axes of its three joints, where they meet if they do.
-
-    Attributes:
-        hip: in the pelvis's frame [m].
-        ankle: origin of the last joint, in the sole's frame [m].
-        length: from hip to ankle with the knee as straight as it may be [m].
-        thigh: from hip to knee [m].
-        shank: from knee to ankle [m].
-        knee_range: angles of the knee that leave it bent [rad].
-        lean_max: how far the shank can lean forward over a level sole [rad].
-        roll_max: how far it can lean to either side [rad].
-        knee_lever: how far beside the line of the weight the knee can be and hold all of it [m].
-        relief: how far the body should lean over the foot that carries, for a hip that neither
-            holds it up nor turns in enough beside it [rad].
-    """
-
-    hip: Float64[np.ndarray, "3"]
-    ankle: Float64[np.ndarray, "3"]
-    length: float
-    thigh: float
-    shank: float
-    knee_range: tuple[float, float]
-    lean_max: float
-    roll_max: float
-    knee_lever: float
-    relief: float
+    hip: Float64[np.ndarray, "3"]  # in the pelvis's frame [m]
+    ankle: Float64[np.ndarray, "3"]  # origin of the last joint, in the sole's frame [m]
+    length: float  # from hip to ankle with the knee as straight as it may be [m]
+    thigh: float  # from hip to knee [m]
+    shank: float  # from knee to ankle [m]
+    knee_range: tuple[float, float]  # angles of the knee that leave it bent [rad]
+    lean_max: float  # largest lean of the shank forward over a level sole [rad]
+    roll_max: float  # largest lean to either side [rad]
+    knee_lever: float  # distance of the knee from the line of the weight at which it holds all [m]
+    relief: float  # lean of the body over the stance foot that a weak hip needs [rad]
 
 
-def leg_geometry(robot: Robot, sole: str, knee_min: float) -> LegGeometry:
+def leg_geometry(robot: Robot, sole: str) -> LegGeometry:
     """Measures a leg, with its knee as straight as it may be and the others near to zero."""
     joints = leg_joints(robot, sole)
     lower, upper = robot.q_min[joints].copy(), robot.q_max[joints].copy()
     dynamics = Dynamics(robot)
-    knee_range = _knee_range(dynamics, sole, knee_min)
+    knee_range = _knee_range(dynamics, sole)
     relief = _hip_relief(dynamics, sole)
     lower[KNEE], upper[KNEE] = max(lower[KNEE], knee_range[0]), min(upper[KNEE], knee_range[1])
     angles = np.clip(0.0, lower, upper)
@@ -171,7 +158,7 @@ def _leg_at(
     return _nearest_to_lines(origins, axes[:_HIP_JOINTS]), axes
 
 
-def _knee_range(dynamics: Dynamics, sole: str, knee_min: float) -> tuple[float, float]:
+def _knee_range(dynamics: Dynamics, sole: str) -> tuple[float, float]:
     """Angles at which the knee is bent enough, on the side to which it is bent at home [rad].
 
     Where a model counts the angle from is its own affair, and so is the direction.
@@ -187,8 +174,8 @@ def _knee_range(dynamics: Dynamics, sole: str, knee_min: float) -> tuple[float, 
     # What is left of rounding would move the limits of knees that are straight at zero.
     straight = round(float(home[KNEE]) - bend, 6)
     if bend < 0.0:
-        return -math.inf, straight - knee_min
-    return straight + knee_min, math.inf
+        return -math.inf, straight - _KNEE_MIN
+    return straight + _KNEE_MIN, math.inf
 
 
 def _nearest_to_lines(
@@ -219,45 +206,29 @@ def _range_about(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Biped:
-    """Two feet, the joints of two legs, and a torso.
-
-    Attributes:
-        robot: all of it.
-        soles: names of the left and the right sole.
-        frames: their frames.
-        sizes: their lengths and widths [m].
-        base: frame of the floating base.
-        pelvis: frame of the body from which the legs hang.
-        torso: its frame.
-        weight: m g [N].
-        legs: names of the legs' joints, the left leg's first.
-        knees: for each knee, by its name, the angles that leave it bent [rad].
-        relief: how far the body leans over the left and over the right foot to stand on it [rad].
-    """
+    """Two feet, the joints of two legs, and a torso."""
 
     robot: Robot
-    soles: tuple[str, str]
-    frames: tuple[int, int]
-    sizes: tuple[tuple[float, float], tuple[float, float]]
-    base: int
-    pelvis: int
-    torso: int
-    weight: float
-    legs: tuple[str, ...]
-    knees: Mapping[str, tuple[float, float]]
-    relief: tuple[float, float]
+    soles: tuple[str, str]  # names of the left and the right sole
+    frames: tuple[int, int]  # of the soles
+    sizes: tuple[tuple[float, float], tuple[float, float]]  # lengths and widths of the soles [m]
+    base: int  # frame of the floating base
+    pelvis: int  # frame of the body from which the legs hang
+    torso: int  # frame
+    weight: float  # m g [N]
+    size: RobotSize  # at the start
+    legs: tuple[str, ...]  # names of the legs' joints, the left leg's first
+    knees: Mapping[str, tuple[float, float]]  # angles that leave a knee bent, by its name [rad]
+    relief: tuple[float, float]  # lean over the left and the right foot to stand on it [rad]
 
 
-def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
+def biped_of(robot: Robot, size: RobotSize) -> Biped:
     """Looks up what a robot walks with."""
     left, right = soles = two_soles(robot)
-    _check_soles(robot, soles, parameters.r_lift)
     left_leg, right_leg = (
         [robot.joint_names[joint] for joint in leg_joints(robot, sole)] for sole in soles
     )
-    left_geometry, right_geometry = (
-        leg_geometry(robot, sole, parameters.knee_min) for sole in soles
-    )
+    left_geometry, right_geometry = (leg_geometry(robot, sole) for sole in soles)
     return Biped(
         robot=robot,
         soles=soles,
@@ -267,6 +238,7 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
         pelvis=robot.frame_id(robot.pelvis),
         torso=robot.frame_id(robot.torso),
         weight=robot.weight,
+        size=size,
         legs=(*left_leg, *right_leg),
         knees={
             left_leg[KNEE]: left_geometry.knee_range,
@@ -278,13 +250,3 @@ def biped_of(robot: Robot, parameters: TeleopParameters) -> Biped:
 
 def _size(robot: Robot, name: str) -> tuple[float, float]:
     return robot.soles[name].length, robot.soles[name].width
-
-
-def _check_soles(robot: Robot, names: tuple[str, str], r_lift: float) -> None:
-    narrowest = 0.5 * min(min(_size(robot, name)) for name in names)
-    if r_lift > narrowest + 1e-9:
-        raise ConfigurationError(
-            "r_lift is larger than half a sole: the ZMP might be outside the other foot at a lift",
-            got=r_lift,
-            wanted=f"at most {narrowest:.4g} m",
-        )

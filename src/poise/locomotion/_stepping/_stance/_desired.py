@@ -5,6 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+POSITION_GAIN = 10.0
+"""k_v of (17a) and (17c), from distances to velocities of CoM and feet [1/s]."""
+
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class DesiredMotion:

@@ -14,10 +14,19 @@ from jaxtyping import Float64
 
 from poise.locomotion._single_support import SingleSupportRegion
 from poise.locomotion._stepping._stance._biped import Biped
+from poise.locomotion._stepping._stance._desired import POSITION_GAIN
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._stepping._stance._parameters import TeleopParameters
 from poise.locomotion._support import SolePart, SupportPolygon, both_soles
 from poise.locomotion._walking import Mode
+
+LANDED = 0.047
+"""Load at which a foot has landed, over the weight: 30 N of the paper's robot."""
+
+_PRESS_SPEED = 0.1
+"""Largest speed downwards of a foot without load in double support, for the paper's soles [m/s]."""
+
+_CLEAR_HEIGHT = 0.04
+"""Height above the ground from which a foot is free to move along it, for the paper's robot [m]."""
 
 _LOAD_RATIO = 1.2
 """In double support a foot becomes the stance that carries this many times the other's load."""
@@ -34,12 +43,12 @@ class StanceChoice:
         self,
         estimator: StanceEstimator,
         sensor: ZmpSensor,
-        parameters: TeleopParameters,
-        weight: float,
+        biped: Biped,
+        dt: float,
     ) -> None:
         self._estimator, self._sensor = estimator, sensor
-        self._parameters = parameters
-        self._least_load = parameters.land_load * weight
+        self._least_load = LANDED * biped.weight
+        self._speed, self._dt = _PRESS_SPEED * biped.size.wide, dt
         self._pressing, self.pressed = False, 0.0
 
     def begin(self, before: Mode, mode: Mode) -> None:
@@ -73,11 +82,11 @@ class StanceChoice:
         the sole at rest. Its place is the ground that it is over, not where it is sent: the body
         would go down with that, and up again.
         """
-        p = self._parameters
         anchor, height = self._estimator.anchors[foot], float(self._estimator.sole(foot)[2])
         if self._sensor.loads[foot] < self._least_load:
             anchor[2] = min(float(anchor[2]), height)
-            self.pressed = min(self.pressed + p.dt * p.press_speed, p.press_speed / p.k_v)
+            deeper = self.pressed + self._dt * self._speed
+            self.pressed = min(deeper, self._speed / POSITION_GAIN)
             self._pressing = True
         elif self._pressing:
             anchor[2], self._pressing, self.pressed = height, False, 0.0
@@ -181,8 +190,9 @@ class Footing:
         """
         return self.lowest_ground if self.has_left else float(self.anchors[self.other][2])
 
-    def clearance(self, ground: float, clear: float) -> float:
+    def clearance(self, ground: float) -> float:
         """Return the clearance of the other foot over a ground, from 0 on it to 1."""
+        clear = _CLEAR_HEIGHT * self.biped.size.tall
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
 
 

@@ -18,8 +18,8 @@ _TURN_RATE, _POSE_RATE = 0.5, 0.6
 TORSO_MOST = (0.3, 0.4, 0.5)
 """Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
 
-_IN_LINE = (0.0, 0.0, 0.0)
-_LEVEL = np.eye(3)
+UPRIGHT = (0.0, 0.0, 0.0)
+LEVEL = np.eye(3)
 
 
 class TrunkLean:
@@ -40,7 +40,7 @@ class TrunkLean:
         goal = 0.0 if carries is None else self._goals[carries]
         self._angle += max(-self._step, min(self._step, goal - self._angle))
         if self._angle == 0.0:
-            return _LEVEL
+            return LEVEL
         x, y = footing.heading.tolist()
         return pin.exp3(self._angle * np.array([x, y, 0.0]))
 
@@ -59,12 +59,12 @@ class TrunkPose:
         """Upright, facing as the feet do."""
         self._lean.reset()
         self._facing: float | None = None
-        self._torso = _IN_LINE
+        self._torso = UPRIGHT
 
     @property
     def upright(self) -> bool:
         """Whether the torso is in line with the pelvis, and nobody asks for anything else."""
-        return self._torso == _IN_LINE
+        return self._torso == UPRIGHT
 
     def rotations(
         self, footing: Footing, facing: float, torso: tuple[float, float, float]
@@ -80,7 +80,7 @@ class TrunkPose:
         pelvis = self._lean.rotation(footing)
         if self._facing != 0.0:
             turn = turn_to_left(self._facing)
-            pelvis = turn if pelvis is _LEVEL else pelvis.dot(turn)
+            pelvis = turn if pelvis is LEVEL else pelvis.dot(turn)
         if self.upright:
             return pelvis, pelvis
         turned = pelvis @ pin.rpy.rpyToMatrix(np.array(self._torso))

@@ -6,10 +6,25 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.dynamics import Dynamics
-from poise.locomotion._stepping._stance._biped import LegGeometry, leg_geometry
+from poise.locomotion._stepping._stance._biped import Biped, LegGeometry, leg_geometry
 from poise.locomotion._stepping._stance._parameters import TeleopParameters
 from poise.locomotion._support import Point
-from poise.robots import Robot
+from poise.locomotion._walking import CLEARANCE
+
+GIVES = 0.01
+"""Distance of the hip below where a knee holds it, beyond which the swing foot is put down [m]."""
+
+_MARGIN = 0.02
+"""Part of the leg's length by which a commanded foot stays within it."""
+
+_FOLD, _SERVO_FOLD = 0.78, 0.5
+"""Least distance of hip and ankle of a leg that carries, over its length: by torques the stack's
+balance limit keeps 0.75, and brakes before it. Asked for less, a descending body
+would be thrown up by that."""
+
+_NARROW_GAP = 0.09
+"""Least distance of narrow soles' edges by torques, over the COM's height: one behind the other, as
+on a rope, they hold no push aside."""
 
 _ROLL_RATIO = 0.8
 """Part of the ankle's roll that may be used for standing with the feet apart."""
@@ -32,24 +47,16 @@ from twice as far apart as at home a shift takes an ankle of G1 beyond the end o
 
 
 class FootRange:
-    """Keeps a swing foot within the leg's reach and beside the other foot.
+    """Keep a swing foot on its side of the other, and its ankle in a sphere around the hip."""
 
-    Reach is a sphere around the hip for the ankle, whose place follows from the sole's, which is
-    kept level. Its radius is the leg's length with the knee as straight as it may be, less a
-    margin; a command beyond it is shortened along the ground. Beside means: to its own side of the
-    support foot, across the heading of the pelvis, by no less than the width of a sole and a gap,
-    so that legs never cross, nor than turned soles take, and by no more than `step_max`, which also
-    holds along the heading, nor than the ankles' roll allows. It goes no higher than `lift_max`
-    above the support foot.
-    """
-
-    def __init__(self, robot: Robot, soles: tuple[str, str], parameters: TeleopParameters) -> None:
+    def __init__(self, biped: Biped, parameters: TeleopParameters, *, servos: bool) -> None:
+        robot, soles = biped.robot, biped.soles
         self._pelvis = robot.frame_id(robot.pelvis)
-        self._legs = [leg_geometry(robot, name, parameters.knee_min) for name in soles]
+        self._legs = [leg_geometry(robot, name) for name in soles]
         # A few numbers each tick are several times as quick as such than as arrays.
         self._ankles: list[list[float]] = [leg.ankle.tolist() for leg in self._legs]
-        self._reach = [(1.0 - parameters.reach_margin) * leg.length for leg in self._legs]
-        self._fold = [parameters.fold_min * leg.length for leg in self._legs]
+        self._reach = [(1.0 - _MARGIN) * leg.length for leg in self._legs]
+        self._fold = [(_SERVO_FOLD if servos else _FOLD) * leg.length for leg in self._legs]
         # Held up by its knee: alone, and beside the other one.
         self._strong = [(_strong_lean(leg, 1.0), _strong_lean(leg, _SHARED)) for leg in self._legs]
         # A level sole beside the hip takes as much roll of the ankle as the leg leans.
@@ -60,7 +67,8 @@ class FootRange:
         ]
         sizes = [robot.soles[name] for name in soles]
         self._halves = [(0.5 * sole.length, 0.5 * sole.width) for sole in sizes]
-        self._gap = parameters.feet_gap
+        narrow = biped.size.narrow and not servos
+        self._gap = max(CLEARANCE, _NARROW_GAP * biped.size.height if narrow else 0.0)
         self._apart = sum(width for _, width in self._halves) + self._gap
         self._step_max, self._lift_max = parameters.step_max, parameters.lift_max
         self._aside_max = max(self._apart, min(parameters.step_max, *sides))

@@ -10,6 +10,9 @@ from jaxtyping import Float64, Int64
 from poise.locomotion._stepping._upper_body._clearance import ArmClearance
 from poise.locomotion._stepping._upper_body._null_space import ArmServer, Bounds
 from poise.locomotion._stepping._upper_body._turning import (
+    ARRIVED,
+    BRAKING,
+    SPEED_RATIO,
     TurnProgress,
     TurnRate,
     TurnShare,
@@ -19,9 +22,6 @@ from poise.robots import Robot
 
 _GAIN = 15.0
 """How fast a hand goes to its place, over its distance from there [1/s]."""
-
-_BRAKING = 0.6
-"""Part of the largest acceleration that a hand counts on when it comes near its place."""
 
 _SINGULAR, _DAMPING = 0.1, 0.05
 """An arm whose hand is moved by no more than this a radian in some direction [m] is nearly
@@ -49,9 +49,6 @@ _LEAST_DAMPING = 1e-6
 _RETURN_GAIN, _RETURN_SPEED = 3.0, 1.2
 """How fast joints go back to rest, over their distance from there [1/s], and at most [rad/s]."""
 
-_ARRIVED = 1e-3
-"""Joints that are no further from rest than this, and no faster, are at rest [rad, rad/s]."""
-
 _ELBOW_GAIN, _BEND_GAIN = 1.0, 8.0
 """How fast the freedom that a hand leaves its arm goes back to rest, and how fast a stretched arm
 does [1/s]: stretched, it could not be shortened to first order."""
@@ -59,9 +56,6 @@ does [1/s]: stretched, it could not be shortened to first order."""
 _LIMIT_MARGIN, _STOP, _HARD_STOP = 0.05, 10.0, 25.0
 """How far from their limits joints stop [rad]; the acceleration with which they are to, and with
 which they do if need be [rad/s^2]."""
-
-_SPEED_RATIO = 0.7
-"""Part of the joints' velocity limits that is used."""
 
 _JOINT_ACCELERATION = 60.0
 """Largest acceleration of a joint [rad/s^2]."""
@@ -142,7 +136,7 @@ class ArmMotion:
             _Arm(
                 joints=np.array([np.flatnonzero(index == j)[0] for j in chain], dtype=np.int64),
                 frame=robot.frame_id(hand),
-                speed=_SPEED_RATIO * robot.v_max[chain],
+                speed=SPEED_RATIO * robot.v_max[chain],
                 server=ArmServer(len(chain)),
             )
             for hand, chain in chains.items()
@@ -244,7 +238,7 @@ class ArmMotion:
         if self.rests:
             return True
         off = max(float(np.abs(self.q - self._rest).max()), float(np.abs(self.v).max()))
-        if off > _ARRIVED:
+        if off > ARRIVED:
             return False
         self.q, self.v, self.a = self._rest.copy(), np.zeros_like(self.v), np.zeros_like(self.a)
         self.rests = True
@@ -300,7 +294,7 @@ class ArmMotion:
     ) -> Float64[np.ndarray, "3"]:
         """The velocity of a hand that has a way to go to a place that moves [m/s]."""
         far = math.hypot(*way)
-        braked = math.sqrt(2.0 * _BRAKING * self._acceleration * far)
+        braked = math.sqrt(2.0 * BRAKING * self._acceleration * far)
         velocity = way * (min(_GAIN * far, braked, self._speed) / max(far, 1e-9))
         if rate is None:
             return velocity

@@ -7,7 +7,7 @@ from jaxtyping import Float64
 
 from poise._checks import checked_number
 from poise.locomotion._stepping._operator import OperatorGuard, RateLimiter
-from poise.locomotion._stepping._stance import TORSO_MOST
+from poise.locomotion._stepping._stance import LEVEL, TORSO_MOST
 from poise.locomotion._stepping._upper_body._hands import HandStatus
 from poise.locomotion._stepping._upper_body._limb_feedback import (
     BY_SERVOS,
@@ -17,8 +17,6 @@ from poise.locomotion._stepping._upper_body._limb_feedback import (
 from poise.locomotion._stepping._upper_body._neck import NeckMotion
 from poise.robots import Robot
 from poise.stack import JointTask
-
-_AHEAD = np.eye(3)
 
 
 class GazeLeader:
@@ -78,7 +76,7 @@ class GazeLeader:
         self._feedback.reset()
         # No burst: the head turns at its own speed, whoever leads it.
         self._limiter = RateLimiter(self._dt * self._speed, self._dt * self._speed)
-        self.gaze: Float64[np.ndarray, "3 3"] = _AHEAD
+        self.gaze: Float64[np.ndarray, "3 3"] = LEVEL
         can = self.task is not None or self._turns_torso
         self.status: HandStatus | None = HandStatus.REST if can else None
         self._set_target()
@@ -86,7 +84,7 @@ class GazeLeader:
     @property
     def torso(self) -> tuple[float, float, float]:
         """Roll, pitch and yaw by which the torso shall look there; zero where a neck does [rad]."""
-        if self.gaze is _AHEAD or not self._turns_torso:
+        if self.gaze is LEVEL or not self._turns_torso:
             return (0.0, 0.0, 0.0)
         x, y, z = self.gaze[:, 0].tolist()
         return (0.0, math.atan2(-z, math.hypot(x, y)), math.atan2(y, x))
@@ -105,7 +103,7 @@ class GazeLeader:
             self.status = HandStatus.REST
         elif self.status is not HandStatus.REST:
             self.status = HandStatus.HELD
-        goal = _AHEAD if self.status is HandStatus.REST else operator.head
+        goal = LEVEL if self.status is HandStatus.REST else operator.head
         if goal is not None:
             self.gaze, _ = self._limiter.turn(self.gaze, goal)
         if self.task is not None:

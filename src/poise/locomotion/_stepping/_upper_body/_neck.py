@@ -5,7 +5,13 @@ import pinocchio as pin
 from jaxtyping import Float64, Int64
 
 from poise.locomotion._stepping._upper_body._null_space import serve
-from poise.locomotion._stepping._upper_body._turning import TurnRate, is_stuck, stopping
+from poise.locomotion._stepping._upper_body._turning import (
+    ARRIVED,
+    SPEED_RATIO,
+    TurnRate,
+    is_stuck,
+    stopping,
+)
 from poise.robots import Robot
 
 _HEADS = ("head", "neck")
@@ -24,11 +30,8 @@ back to rest [1/s]."""
 _LIMIT_MARGIN, _STOP = 0.02, 10.0
 """How far from their limits joints stop [rad], and how hard [rad/s^2]."""
 
-_SPEED_RATIO, _JOINT_ACCELERATION = 0.7, 40.0
-"""Part of the joints' velocity limits that is used; and their largest acceleration [rad/s^2]."""
-
-_ARRIVED = 1e-3
-"""A head that is no further from straight ahead, and no faster, is at rest [rad, rad/s]."""
+_JOINT_ACCELERATION = 40.0
+"""Largest acceleration of the joints [rad/s^2]."""
 
 
 class NeckMotion:
@@ -65,7 +68,7 @@ class NeckMotion:
         self._rest = q_rest[self._places]
         self._lower = np.minimum(robot.q_min[index] + _LIMIT_MARGIN, self._rest)
         self._upper = np.maximum(robot.q_max[index] - _LIMIT_MARGIN, self._rest)
-        self._speed = _SPEED_RATIO * robot.v_max[index]
+        self._speed = SPEED_RATIO * robot.v_max[index]
         self._rate = TurnRate(gain=_GAIN, speed=speed_max, acceleration=_ACCELERATION, dt=dt)
         self._ahead = np.eye(3)
         self.reset()
@@ -118,7 +121,7 @@ class NeckMotion:
     def _is_at_rest(self, way: Float64[np.ndarray, "3"]) -> bool:
         """Whether it looks straight ahead and shall; then joints are at rest to the last bit."""
         off = max(float(np.abs(self.q - self._rest).max()), float(np.abs(self.v).max()))
-        if off > _ARRIVED or float(np.abs(way).max()) > _ARRIVED * _GAIN:
+        if off > ARRIVED or float(np.abs(way).max()) > ARRIVED * _GAIN:
             return False
         self.q, self.v, self.a = self._rest.copy(), np.zeros_like(self.v), np.zeros_like(self.a)
         return True

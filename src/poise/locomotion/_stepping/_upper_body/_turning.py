@@ -13,8 +13,11 @@ from jaxtyping import Float64
 
 from poise.dynamics import rotation_vector
 
-_BRAKING = 0.6
-"""Part of the largest acceleration that is counted on near the goal."""
+BRAKING, SPEED_RATIO = 0.6, 0.7
+"""Parts of the largest acceleration that is counted on near a goal, and of velocity limits."""
+
+ARRIVED = 1e-3
+"""Joints no farther from rest than this, and no faster, are at rest [rad, rad/s]."""
 
 _LEAST_SPEED, _LOST = 0.1, 0.5
 """What is to turn faster than this [rad/s], and loses more than this part of what it is to gain in
@@ -61,7 +64,7 @@ class TurnRate:
         """
         way = rotation_vector(goal, actual)
         far = math.hypot(*way)
-        braked = math.sqrt(2.0 * _BRAKING * self.acceleration * far)
+        braked = math.sqrt(2.0 * BRAKING * self.acceleration * far)
         return way * (min(self.gain * far, braked, self.speed) / max(far, 1e-9))
 
     def change(
