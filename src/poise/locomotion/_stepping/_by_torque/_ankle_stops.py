@@ -32,7 +32,7 @@ class AnkleStops:
     def update(self, footing: Footing) -> None:
         """One tick."""
         for foot, contact in enumerate(self._contacts):
-            up_x, up_y, _ = footing.rotations[foot][6:]
+            up_x, up_y, _ = footing.soles[foot][1][2].tolist()
             tilted = math.hypot(up_x, up_y) > GROUND
             for ankle in self._ankles[foot]:
                 at_lower, at_upper = self._at_stop[ankle]

@@ -39,7 +39,7 @@ class SoleRighting:
                     self._turn(foot, 0.0, 0.0)
                 continue
             # The sine of the angle to the vertical, about the sole's own axes.
-            up_x, up_y, _ = footing.rotations[foot][6:]
+            up_x, up_y, _ = footing.soles[foot][1][2].tolist()
             off = math.hypot(up_x, up_y)
             beyond = share * _STIFFNESS * max(0.0, 1.0 - GROUND / max(off, GROUND))
             most = share * _MOST

@@ -114,7 +114,7 @@ class Footing:
         self.anchors, self.dynamics = estimator.anchors, estimator.dynamics
         self.other, placement = 1 - self.stance, self.dynamics.placement
         sense = estimator.sense
-        self.soles, self.rotations = (sense.sole(0), sense.sole(1)), sense.rotations
+        self.soles = sense.sole(0), sense.sole(1)
         self.pelvis, self.torso = placement(biped.pelvis), placement(biped.torso)
         self.com = self.dynamics.com
         left, right = sense.rotations
