@@ -21,7 +21,8 @@ RATIOS = {
     "step teleoperator's leader and estimator": 19.69,
     "walker's leader and estimator": 11.88,
 }
-"""Means of six to eight runs of `python -m tests.benchmarks.speed_ratios`; faster code lowers its own."""
+"""Means of six runs or more of `python -m tests.benchmarks.speed_ratios`; faster code lowers its
+own."""
 
 HEADROOM = 1.1
 """Three times the scatter of single runs about these means, and half of a slowdown by 20%."""
