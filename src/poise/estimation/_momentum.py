@@ -16,7 +16,7 @@ knee says nothing of the force along the leg, the base then does."""
 
 _BASE_WEIGHT = 0.1
 """Of the base's rows, which contain pushes: the force of G1's foot in the air, pushed by 0.4 m/s,
-is off by 0.023 of the weight with 0.01 to 0.1, and by 0.028 and 0.056 with 0.3 and 1."""
+is off by 0.024 of the weight with 0.01 to 0.1, and by 0.028 and 0.056 with 0.3 and 1."""
 
 
 class MomentumObserver:
