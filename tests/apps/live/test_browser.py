@@ -89,6 +89,22 @@ def at_rest(place):
     return seen[-1]
 
 
+def hover(page):
+    """Move the mouse onto the upper arrow of the left foot's handle; return the place.
+
+    The page looks for an arrow only while the mouse moves and a device drives.
+    """
+    seen = []
+
+    def found():
+        seen.append(at_rest(lambda: on_screen(page, 0, UP_THE_ARROW)))
+        page.page.mouse.move(*seen[-1])
+        return comes(lambda: page.ask("view.handles[0].axis !== null"), 0.5)
+
+    wait_for(found, "the arrow to be found under the mouse")
+    return seen[-1]
+
+
 def drag_a_hand_up(page, loop, height):
     """Drags the left hand's handle up by 15 cm until the hand is at a height [m].
 
@@ -130,12 +146,9 @@ def test_a_dragged_handle_lifts_the_foot_letting_go_lowers_it_and_a_replay_is_th
         page.wait("view !== null", "the drawing")
         page.wait("newest.device !== 'LOST'", "the device")
         page.ask("part('help').hidden = true")
-        # The arrow of the left handle that points up.
-        x, y = at_rest(lambda: on_screen(page, 0, UP_THE_ARROW))
+        x, y = hover(page)
         _, top = on_screen(page, 0, UP_THE_ARROW + 0.12)
         mouse = page.page.mouse
-        mouse.move(x, y)
-        page.wait("view.handles[0].axis !== null", "the arrow to be found under the mouse")
         mouse.down()
         for step in range(1, 7):
             mouse.move(x, y + step / 6 * (top - y))
