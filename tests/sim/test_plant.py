@@ -268,6 +268,18 @@ def test_position_actuation_goes_where_it_is_told(biped):
     np.testing.assert_allclose(plant.state().q[7:], target, rtol=0, atol=0.02)
 
 
+def test_servos_of_positions_pull_with_a_commanded_torque(biped):
+    rng = np.random.default_rng(3)
+    plant = Plant(biped, PlantConfig(actuation="position"))
+    plant.reset(airborne(biped), 0.1 * rng.normal(size=biped.nv))
+    wanted = 0.2 * biped.tau_max * rng.uniform(-1.0, 1.0, biped.nj)
+    plant.step(torque(wanted))
+    np.testing.assert_allclose(plant.applied_torque, wanted, rtol=0, atol=1e-9)
+    plant.step(torque(np.full(biped.nj, np.nan)))
+    assert plant.rejected_commands == 1
+    assert np.isfinite(plant.applied_torque).all()
+
+
 def test_the_same_control_period_in_finer_physics_agrees(biped):
     ends = []
     for physics_dt in (1e-3, 2.5e-4):

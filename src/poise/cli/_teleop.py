@@ -43,9 +43,9 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument(
         "--actuation",
-        choices=("torque", "velocity"),
-        help="what the robot is commanded: torques, so that its feet lie as the ground does, or "
-        "velocities of its joints, as in the paper and for robots that take nothing else "
+        choices=("torque", "position", "velocity"),
+        help="what the joints are sent: torques, so that the feet lie as the ground does, "
+        "positions of servos that pull with these torques, or velocities, as in the paper "
         "(default: torque; with a recording, what it was made with)",
     )
     parser.add_argument(
@@ -87,7 +87,7 @@ def act(options: argparse.Namespace) -> int:
     actuation = options.actuation or ("torque" if known is None else known.plant.actuation)
     made = None if recording is None else recording.setup_for(robot, actuation)
     plant = _plant(options, robot, actuation, known, made)
-    parameters = _parameters(options, robot, actuation, made)
+    parameters = _parameters(options, robot, plant.commanded, made)
     folder = Path(options.out or f"runs/teleop-{Path(robot.name).stem}")
     session = LiveSession(
         robot,
@@ -134,6 +134,7 @@ def _plant(options: argparse.Namespace, robot: Any, actuation: str, known: Any, 
 
     if made is None:
         plant = VELOCITY_TELEOP_PLANT if actuation == "velocity" else TORQUE_TELEOP_PLANT
+        plant = replace(plant, actuation=actuation)
         # A person may lead hands and feet into the robot.
         blocks = () if known is None else known.plant.blocks
         plant = replace(plant, self_contact=True, blocks=blocks)

@@ -7,6 +7,7 @@ from jaxtyping import Float64
 
 from poise._compiled import compiled
 from poise.control import Command
+from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.sim._config import PlantConfig
@@ -19,7 +20,9 @@ class Actuators:
     by the fraction 1 - exp(-2 pi f dt) of what is missing; the first command after a reset is there
     at once, as if the robot had stood before. Position and velocity: each motor is a PD servo,
     tau = kp (q_d - q) + kd (v_d - v), saturated at the torque limit, where a velocity command moves
-    q_d along with it, so that no position error builds up.
+    q_d along with it, so that no position error builds up. A servo of positions, with v_d = 0, is
+    sent a torque as q_d = q + (tau + kd v) / kp at the joints' measured q and v: that torque, and
+    kp (T / 2 + delay) more of damping, as q_d rests for a control period T.
     """
 
     def __init__(self, robot: Robot, config: PlantConfig) -> None:
@@ -27,6 +30,7 @@ class Actuators:
         self._dt = config.physics_dt
         self._lead = config.servo.damping / config.servo.stiffness
         self._stiffness = config.servo.stiffness * robot.tau_max
+        self._damping = config.servo.damping * robot.tau_max
         self._nj = robot.nj
         self._q_min, self._q_max = robot.q_min, robot.q_max
         bandwidth = config.torque_bandwidth
@@ -57,8 +61,13 @@ class Actuators:
         self.rejected = 0
         return load if self._actuation == "torque" else self._target
 
-    def accept(self, command: Command | None, position: Float64[np.ndarray, "..."] | None) -> None:
-        """Take the command for the next control period.
+    def accept(
+        self,
+        command: Command | None,
+        position: Float64[np.ndarray, "..."] | None,
+        measured: RobotState,
+    ) -> None:
+        """Take the command for the next control period; `measured` is the state before it.
 
         Values that are not finite are taken as zero torque, zero velocity or the last position, and
         counted in `rejected`: nothing raises inside the loop on account of a value.
@@ -69,6 +78,8 @@ class Actuators:
             "position": position,
         }
         value = offered.pop(self._actuation)
+        if self._actuation == "position" and value is None:
+            value = self._pull(offered.pop("torque"), measured)
         if value is None and any(v is not None for v in offered.values()):
             raise ConfigurationError(
                 "the command is of another kind than the plant's actuation",
@@ -95,6 +106,15 @@ class Actuators:
             constant = self._torque if self._actuation == "torque" else self._target
             self._controls[:] = constant
         return self._controls
+
+    def _pull(
+        self, torque: Float64[np.ndarray, "..."] | None, measured: RobotState
+    ) -> Float64[np.ndarray, "..."] | None:
+        """Return the positions at which servos of positions pull with a torque."""
+        if torque is None or torque.shape != (self._nj,):
+            return torque
+        q, v = measured.q[-self._nj :], measured.v[-self._nj :]
+        return q + (torque + self._damping * v) / self._stiffness
 
     def _followed(self) -> Float64[np.ndarray, " nj"]:
         """What motors of a limited bandwidth give in the next physics step."""

@@ -41,8 +41,9 @@ class PlantConfig:
     """The plant and its world, checked when made.
 
     Attributes:
-        actuation: "torque", "position" (a stiff PD servo a joint) or "velocity" (the same servo,
-            following the integral of the commanded velocity).
+        actuation: "torque", "position" (a stiff PD servo a joint, which is sent a commanded torque
+            as the position at which it pulls with it) or "velocity" (the same servo, following the
+            integral of the commanded velocity).
         control_dt: time from one command to the next [s].
         physics_dt: time step of the physics [s]; `control_dt` is a multiple of it.
         servo: gains for position and velocity actuation, a `PlantConfig.Servo`.
@@ -99,6 +100,11 @@ class PlantConfig:
     def with_noise(self) -> "PlantConfig":
         """The same plant, measured by `SensorConfig.typical()`."""
         return replace(self, sensors=SensorConfig.typical())
+
+    @property
+    def commanded(self) -> Literal["torque", "velocity"]:
+        """Kind of command that a controller of the plant gives."""
+        return "velocity" if self.actuation == "velocity" else "torque"
 
     @property
     def substeps(self) -> int:

@@ -149,7 +149,7 @@ class LiveLoop(RealTimeLoop):
         self._end_rollout()
         self.teleoperator = _LiveTeleoperator(
             self.robot,
-            actuation=self._config.actuation,
+            actuation=self._config.commanded,
             parameters=self._making.parameters,
             rotator=self._making.rotator,
             solved_by=self._making.solved_by,

@@ -74,12 +74,12 @@ def with_actuation(scenario: Scenario) -> Scenario:
     actuation = _kind(plan).actuation
     if not scenario.actuation_given:
         return replace(scenario, plant=replace(plant, actuation=actuation))
-    if plant.actuation != actuation:
-        fitting = [n for n, k in CONTROLLERS.items() if k.actuation == plant.actuation]
+    if plant.commanded != actuation:
+        fitting = [n for n, k in CONTROLLERS.items() if k.actuation == plant.commanded]
         raise ConfigurationError(
             f"controller {plan.name!r} wants another actuation of the plant",
             got=plant.actuation,
-            wanted=f"actuation {actuation}, or a controller that commands {plant.actuation}",
+            wanted=f"actuation {actuation}, or a controller that commands {plant.commanded}",
             choices=fitting,
         )
     return scenario
@@ -105,7 +105,7 @@ def _by_hand(robot: Robot, devices: DevicePlan, scenario: Scenario) -> Cast:
     dt = scenario.plant.control_dt
     script = SCRIPTS[devices.script](robot) if devices.script else None
     q_start = robot.q_home if script is None else script.posture(robot)
-    teleoperator = StepTeleoperator(robot, q_start=q_start, actuation=scenario.plant.actuation)
+    teleoperator = StepTeleoperator(robot, q_start=q_start, actuation=scenario.plant.commanded)
     if dt != teleoperator.parameters.dt:
         raise ConfigurationError(
             f"controller {NAME} has another control period than the plant",

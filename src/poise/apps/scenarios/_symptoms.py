@@ -86,7 +86,7 @@ def symptoms_of(signals: RunSignals, robot: Robot, scenario: Scenario) -> list[S
             lasting=0.0,
         ),
     ]
-    if scenario.plant.actuation == "torque" and signals.residuals.shape[1] >= 2:
+    if scenario.plant.commanded == "torque" and signals.residuals.shape[1] >= 2:
         words = ("dynamics unmet (level 1)", "contacts or joint limits unmet (level 2)")
         for level, what in enumerate(words):
             unmet = signals.residuals[:, level] > _RESIDUAL

@@ -119,7 +119,7 @@ def run_teleop(
         q_start=q_start,
         rotator=rotator,
         driver=driver,
-        actuation=plant.actuation,
+        actuation=plant.commanded,
         solved_by=solved_by,
         servo_gains=(plant.servo.stiffness, plant.servo.damping),
     )
