@@ -1,4 +1,4 @@
-"""Where the robot is and how fast, from what it can measure itself: inertial unit, encoders, soles.
+"""State of the robot from inertial unit, encoders and load cells of the soles.
 
 `StateEstimator` is an estimator of `rollout`; its parts are of use alone. `StatePredictor` and
 `StampedPredictor` make up for sensors that are late.

@@ -1,4 +1,4 @@
-"""`AttitudeBiasEstimator`: how far an attitude is off, by what soles push along the ground."""
+"""`AttitudeBiasEstimator`: constant error of an attitude, by the tangential contact forces."""
 
 import math
 
@@ -24,8 +24,8 @@ class _Memory(Block):
     belief: Float64[np.ndarray, " numbers"]
     bias: Float64[np.ndarray, "2"]  # about the base's x and y [rad]
     variance: Float64[np.ndarray, "1"]  # [rad^2]
-    felt: Float64[np.ndarray, "6"]  # force of the soles, and velocity of the CoM [m/s]
-    low: Float64[np.ndarray, "6"]  # `felt`, smoothed
+    measured: Float64[np.ndarray, "6"]  # force of the soles, and velocity of the CoM [m/s]
+    low: Float64[np.ndarray, "6"]  # `measured`, smoothed
     world_R_base: Float64[np.ndarray, "3 3"]
 
 
@@ -48,9 +48,6 @@ class AttitudeBiasEstimator:
     robot leans against the push, which holds it. Of sudden pushes little is believed. Load cells
     that are off along the ground by a part of the weight look like an error of as many radians.
 
-    Args:
-        belief: what it believes.
-
     Attributes:
         belief: what it believes.
     """
@@ -65,7 +62,7 @@ class AttitudeBiasEstimator:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets everything: the attitude is right."""
+        """Restart with an attitude that is right."""
         self._memory.bias[:], self._memory.variance[0] = 0.0, self.belief.likely**2
         self._time = math.nan
 
@@ -75,11 +72,7 @@ class AttitudeBiasEstimator:
         return self._memory.bias.copy()
 
     def corrected(self, quaternion: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "4"]:
-        """An attitude less its error.
-
-        Args:
-            quaternion: of the base as measured, x, y, z, w.
-        """
+        """Return an attitude less its error."""
         x, y, z, w = quaternion.tolist()
         a, b = self._memory.bias.tolist()
         angle = math.hypot(a, b)
@@ -104,19 +97,12 @@ class AttitudeBiasEstimator:
         com_velocity: Float64[np.ndarray, "3"],
         world_R_base: Float64[np.ndarray, "3 3"],
     ) -> None:
-        """Learns from a state whose attitude is corrected; numbers of no use change nothing.
-
-        Args:
-            time: of the state [s].
-            force: of all soles along the world's axes, in any unit; None if one measures nothing.
-            com_velocity: velocity of the centre of mass [m/s].
-            world_R_base: the attitude.
-        """
+        """Update by a state with a corrected attitude; numbers of no use change nothing."""
         dt = time - self._time
         if dt == 0.0 or force is None:
             return
         m = self._memory
-        m.felt[:3], m.felt[3:], m.world_R_base[:] = force, com_velocity, world_R_base
+        m.measured[:3], m.measured[3:], m.world_R_base[:] = force, com_velocity, world_R_base
         if _learn(m.address, dt if 0.0 < dt <= _LONGEST else 0.0):
             self._time = time
 
@@ -125,17 +111,17 @@ class AttitudeBiasEstimator:
 def _learn(address: int, dt: float) -> bool:
     """Go on by a time, or begin anew with none; False for what is not finite."""
     m = view(_Memory, address)
-    felt, low, bias, R = m.felt, m.low, m.bias, m.world_R_base
+    measured, low, bias, R = m.measured, m.low, m.bias, m.world_R_base
     b = m.belief
     smoothing, push = b[_SMOOTHING], b[_PUSH]
     for i in range(6):
-        if not abs(felt[i]) < math.inf:
+        if not abs(measured[i]) < math.inf:
             return False
     step = -math.expm1(-dt / smoothing) if dt > 0.0 else 1.0
     for i in range(6):
-        low[i] = low[i] + step * (felt[i] - low[i]) if dt > 0.0 else felt[i]
+        low[i] = low[i] + step * (measured[i] - low[i]) if dt > 0.0 else measured[i]
     m.variance[0] += b[_WALK] * b[_WALK] * dt
-    a_x, a_y, a_z = felt[3] - low[3], felt[4] - low[4], felt[5] - low[5]
+    a_x, a_y, a_z = measured[3] - low[3], measured[4] - low[4], measured[5] - low[5]
     a_x, a_y, a_z = a_x / smoothing, a_y / smoothing, a_z / smoothing
     if dt == 0.0 or low[2] <= 0.0 or max(abs(a_x), abs(a_y), abs(a_z)) > b[_SHOCK]:
         return True

@@ -35,7 +35,7 @@ def find_base(m: EstimatorMemory) -> None:
 
 @part
 def _set_quaternion(R: Float64[np.ndarray, "3 3"], q: Float64[np.ndarray, " nq"]) -> None:
-    """Writes the quaternion x, y, z, w of a rotation, found by its largest component."""
+    """Write the quaternion x, y, z, w of a rotation, found by its largest component."""
     trace = R[0, 0] + R[1, 1] + R[2, 2]
     if trace > 0.0:
         twice = math.sqrt(1.0 + trace)

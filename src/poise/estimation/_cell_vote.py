@@ -43,10 +43,6 @@ class LoadCellVote:
 
     Nothing is replaced where the joint torques are not measured.
 
-    Args:
-        robot: with a floating base and soles.
-        longest: time between two states over which nothing is integrated [s].
-
     Attributes:
         estimated: names of soles whose wrenches in the last state are estimates.
     """
@@ -68,13 +64,7 @@ class LoadCellVote:
     def update(
         self, state: RobotState, before: RobotState | None, up: Float64[np.ndarray, "3"]
     ) -> RobotState:
-        """Return the state with the wrenches of faulty and missing cells replaced.
-
-        Args:
-            state: as measured.
-            before: last estimate of the state; None for none.
-            up: vertical direction along the axes of the inertial unit.
-        """
+        """Return the state with the wrenches of faulty and missing cells replaced."""
         if before is not None and state.time == before.time:
             return self._replaced(state, before)
         self.estimated = ()

@@ -78,9 +78,6 @@ def innovate(m: FilterMemory, contact: int) -> float:
 
     In the world's axes r = R offset + p - d = xi_p - xi_d + R noise, whatever the state: so the
     rows of H are constant, 0 but for the blocks of position and contact.
-
-    Returns:
-        The square of the Mahalanobis distance, r^T S^-1 r; NaN where S is singular.
     """
     P, R, o, r, S = m.P, m.R, m.offset, m.r, m.S[0]
     d, p, at = m.x[CONTACTS + contact], m.x[POSITION], 9 + 3 * contact
@@ -98,11 +95,7 @@ def innovate(m: FilterMemory, contact: int) -> float:
 
 @part
 def innovate_bias(m: FilterMemory) -> float:
-    """How far the gyro's bias is from what `offset` says of it, with the covariance `spread`.
-
-    Returns:
-        The square of the Mahalanobis distance, as `innovate`.
-    """
+    """Innovate the gyro's bias by `offset` with the covariance `spread`, as `innovate`."""
     at = len(m.P) - 6
     for k in range(3):
         m.r[k] = m.offset[k] - m.bias[0, k]
@@ -125,7 +118,7 @@ def _distance(m: FilterMemory) -> float:
 
 @part
 def correct(m: FilterMemory) -> None:
-    """Applies the correction of the last innovation: X <- exp(K r) X, biases += K r.
+    """Apply the correction of the last innovation: X <- exp(K r) X, biases += K r.
 
     The covariance as P - K W^T - W K^T + K S K^T, Joseph's form, which stays positive.
     """

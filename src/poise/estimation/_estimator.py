@@ -1,4 +1,4 @@
-"""`StateEstimator`: where the robot is and how fast, from what a robot can measure itself."""
+"""`StateEstimator`: base pose and velocity from proprioception."""
 
 import math
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from poise.robots import GRAVITY, Robot
 
 
 class EstimatorStatus(Enum):
-    """What an estimate is worth.
+    """Quality of an estimate.
 
     Attributes:
         OK: everything was measured and used.
@@ -150,7 +150,7 @@ class StateEstimator:
 
     @property
     def wrenches(self) -> dict[str, Float64[np.ndarray, "6"]]:
-        """Of the soles, measured or else estimated [N, N m]; empty where neither is possible.
+        """Wrenches of the soles, measured or estimated [N, N m]; empty where neither is possible.
 
         NaN of one that is not known.
         """
@@ -160,17 +160,17 @@ class StateEstimator:
 
     @property
     def slipping(self) -> tuple[str, ...]:
-        """The soles that are taken to slip."""
+        """Soles that are taken to slip."""
         ends = zip(self._names, self._memory.slip_end.tolist(), strict=True)
         return tuple(name for name, end in ends if self._time < end)
 
     @property
     def probability(self) -> dict[str, float]:
-        """Of contact, by sole."""
+        """Probability of contact by sole."""
         return dict(zip(self._names, self._memory.probability.tolist(), strict=True))
 
     def start(self, states: Sequence[RobotState]) -> None:
-        """Starts from measurements of the robot standing still.
+        """Start from measurements of the robot at rest.
 
         The mean specific force says which way is up, and where there are some twenty samples the
         mean angular velocity is the gyro's bias. Whatever is of no use is passed over. It begins
@@ -193,7 +193,7 @@ class StateEstimator:
         m.before[:], m.fitted[0] = m.sensed, self._time
 
     def update(self, state: RobotState) -> RobotState:
-        """The state with its base as estimated.
+        """Return the state with its base as estimated.
 
         Args:
             state: as measured.

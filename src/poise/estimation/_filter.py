@@ -127,7 +127,7 @@ class InvariantFilter:
         offset: Float64[np.ndarray, "3"],
         spread: Float64[np.ndarray, "3 3"],
     ) -> None:
-        """Takes a contact point into the state, or puts one down anew.
+        """Add a contact point to the state, or put one down anew.
 
         Args:
             contact: its number.
@@ -141,7 +141,7 @@ class InvariantFilter:
         self._run(HOLD, contact=contact)
 
     def release(self, contact: int) -> None:
-        """Takes a contact point out of the state.
+        """Remove a contact point from the state.
 
         Args:
             contact: its number.
@@ -154,7 +154,7 @@ class InvariantFilter:
         offset: Float64[np.ndarray, "3"],
         spread: Float64[np.ndarray, "3 3"],
     ) -> float:
-        """Compares where the kinematics see a held contact point with where it is.
+        """Innovate by a held contact point, as the kinematics place it.
 
         Args:
             contact: its number.
@@ -172,7 +172,7 @@ class InvariantFilter:
     def innovate_bias(
         self, bias: Float64[np.ndarray, "3"], spread: Float64[np.ndarray, "3 3"]
     ) -> float:
-        """Compares the gyro's bias with what is known of it otherwise.
+        """Innovate by a measurement of the gyro's bias.
 
         Where a foot at rest does not turn, the kinematics say how the unit turns, and the gyro's
         reading less that is its bias. Without this the bias about the vertical hides behind yaw.
@@ -189,11 +189,11 @@ class InvariantFilter:
         return self._run(INNOVATE_BIAS)
 
     def correct(self) -> None:
-        """Corrects the state by the innovation that was asked for last."""
+        """Correct the state by the last innovation."""
         self._run(CORRECT)
 
     def loosen(self, *, tilt: float = 0.0, velocity: float = 0.0) -> None:
-        """Makes the state less certain than it was, about the unit.
+        """Inflate the covariance of tilt and velocity, about the unit.
 
         Args:
             tilt: further deviation of the orientation about horizontal axes [rad].

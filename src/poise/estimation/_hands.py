@@ -1,4 +1,4 @@
-"""`HandLoads`: what hands hold, told from the body's own mass by how hands move."""
+"""`HandLoads`: masses in the hands, told from the body's own mass by the motion of the hands."""
 
 import math
 
@@ -7,7 +7,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.estimation._config import PayloadBelief
-from poise.estimation._felt import HAND
+from poise.estimation._payload_memory import HAND
 from poise.robots import GRAVITY, Robot
 
 _AT_REST = 0.05
@@ -21,7 +21,7 @@ _EYE = np.eye(3)
 
 
 class HandLoads:
-    """Masses in the hands, from what the soles feel as hands move.
+    """Masses in the hands, from the contact forces while hands move.
 
     A mass mu in a hand, at the place r with velocity v, takes mu (a - g) of force and, about the
     robot's centre of mass c, mu (r - c) x (a - g) of moment. With hands at rest a mass and an
@@ -39,10 +39,6 @@ class HandLoads:
     With (r - c) x a = ((r - c) x v)' + c' x v and one low-pass on v, (r - c) x v, c' x v and r - c
     nothing is differentiated.
 
-    Args:
-        robot: whose hands; it may have none.
-        belief: what is believed of them.
-
     Attributes:
         held: found in each hand, by the robot's mass.
     """
@@ -58,28 +54,23 @@ class HandLoads:
         return len(self._frames)
 
     def reset(self) -> None:
-        """Forgets everything: hands are empty."""
+        """Restart with empty hands."""
         self.held = np.zeros(len(self))
         self._covariance = self._belief.likely_held**2 * np.eye(len(self))
         self.restart()
 
     def restart(self) -> None:
-        """Time has jumped: nothing is known of how hands moved."""
+        """Forget the motion of the hands, after a jump of time."""
         self._anchors: list[list[float] | None] = [None] * len(self)
         self._slow: Float64[np.ndarray, "6 k"] | None = None
         self._pushed = 0.0
 
     def columns(
-        self, felt: Float64[np.ndarray, " k"], low: Float64[np.ndarray, " k"]
+        self, measured: Float64[np.ndarray, " k"], low: Float64[np.ndarray, " k"]
     ) -> Float64[np.ndarray, "6 h"]:
-        """B: force and moment that a unit mass in each hand takes.
-
-        Args:
-            felt: of the hands, as `feel` wrote it.
-            low: the same, smoothed.
-        """
-        felt, low = felt.reshape(-1, HAND), low.reshape(-1, HAND)
-        found = (felt[:, :6] - low[:, :6]) / self._belief.smoothing
+        """Return B: force and moment that a unit mass in each hand takes."""
+        measured, low = measured.reshape(-1, HAND), low.reshape(-1, HAND)
+        found = (measured[:, :6] - low[:, :6]) / self._belief.smoothing
         found[:, 2] += GRAVITY
         found[:, 3:] += low[:, 6:9]
         found[:, 3] += GRAVITY * low[:, 10]
@@ -94,20 +85,7 @@ class HandLoads:
         torso: pin.SE3,
         dt: float,
     ) -> Float64[np.ndarray, "4"]:
-        """One step of the filter.
-
-        Args:
-            left: force and moment about c, by the mass, that the body's motion does not explain;
-                what does not change does not count.
-            columns: B.
-            data: with the robot's kinematics.
-            torso: where the torso is.
-            dt: since the last step [s].
-
-        Returns:
-            What the body has to give up, as it was taken for its own until now: mass, and first
-            moment in the torso's axes [m], by the mass.
-        """
+        """Update the masses; return the change of the body's mass and first moment, by the mass."""
         b, P = self._belief, self._covariance
         for k, way in enumerate(self._moved(data, torso)):
             P[k, k] += b.held_walk**2 * way
@@ -135,7 +113,7 @@ class HandLoads:
         return np.array([given.sum(), -m_y / GRAVITY, m_x / GRAVITY, 0.0])
 
     def _moved(self, data: pin.Data, torso: pin.SE3) -> list[float]:
-        """How far each hand has moved in the torso since it was last asked for [m]."""
+        """Return the way of each hand in the torso since the last call [m]."""
         ways = [0.0] * len(self)
         for k, frame in enumerate(self._frames):
             place = pin.updateFramePlacement(self._model, data, frame).translation

@@ -1,4 +1,4 @@
-"""`LoadCellTare`: what the load cells of soles say while nothing touches them."""
+"""`LoadCellTare`: zeros of the load cells, from soles in the air."""
 
 import math
 from collections.abc import Sequence
@@ -30,11 +30,6 @@ class LoadCellTare:
     Until a sole has been in the air its wrenches are taken as they come. What is less than 4% of
     the weight and touches a sole in the air for long, as a wall may, counts as a part of its zero.
 
-    Args:
-        soles: names of the soles.
-        weight: of the robot [N].
-        longest: a clock that jumps farther says nothing of what happened meanwhile [s].
-
     Attributes:
         zeros: of each sole that has been in the air, by name [N, N m].
     """
@@ -46,20 +41,14 @@ class LoadCellTare:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets everything: zeros are zero."""
+        """Restart with zeros of zero."""
         self.zeros: dict[str, Float64[np.ndarray, "6"]] = {}
         self._time, self._seen = math.nan, dict.fromkeys(self._soles, 0.0)
 
     def update(
         self, state: RobotState, airborne: Sequence[int], estimated: Sequence[str] = ()
     ) -> RobotState:
-        """Takes a state in, and returns it with wrenches less their zeros.
-
-        Args:
-            state: as measured; what is no wrench comes back as it is.
-            airborne: whether each sole is clear of the ground it stood on.
-            estimated: soles whose wrenches no cell has measured.
-        """
+        """Return the state with wrenches less their zeros; learn those of `airborne` soles."""
         dt, self._time = state.time - self._time, state.time
         for sole, clear in zip(self._soles, airborne, strict=True):
             if clear and sole not in estimated and 0.0 < dt <= self._longest:
@@ -74,7 +63,7 @@ class LoadCellTare:
         return RobotState(state.q, state.v, contacts, state.time, state.readings, state.payload)
 
     def _learn(self, sole: str, wrench: Float64[np.ndarray, "6"] | None, dt: float) -> None:
-        """Averages what a sole in the air says, unless it is too much for a zero."""
+        """Average the wrench of a sole in the air, unless it is too large for a zero."""
         if wrench is None:
             return
         f_x, f_y, f_z, m_x, m_y, m_z = wrench.tolist()

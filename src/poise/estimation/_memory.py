@@ -88,7 +88,7 @@ def set_rotation(R: Float64[np.ndarray, "3 3"], new: Float64[np.ndarray, "3 3"])
 
 @part
 def is_sound(m: FilterMemory) -> bool:
-    """Whether all is finite and no variance is negative; NaN fails every comparison."""
+    """Test that all is finite and no variance negative; NaN fails every comparison."""
     for i in range(len(m.P)):
         if not 0.0 <= m.P[i, i] < math.inf:
             return False

@@ -54,7 +54,7 @@ class MomentumObserver:
         }
 
     def reset(self) -> None:
-        """Forgets the past; the next update takes the robot to be at rest."""
+        """Restart; the next update takes the robot to be at rest."""
         self._momentum = None
 
     def update(self, state: RobotState, torque: Float64[np.ndarray, " nj"], dt: float) -> None:

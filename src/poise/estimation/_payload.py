@@ -1,4 +1,4 @@
-"""`PayloadEstimator`: how heavy a robot is, where its centre of mass is, and what hands hold."""
+"""`PayloadEstimator`: mass and centre of mass of a robot, and masses in its hands."""
 
 import math
 
@@ -18,9 +18,9 @@ from poise.dynamics import (
 )
 from poise.errors import ConfigurationError
 from poise.estimation._config import PayloadBelief
-from poise.estimation._felt import HAND, SOLES, PayloadMemory, feel
 from poise.estimation._group import hat
 from poise.estimation._hands import HandLoads
+from poise.estimation._payload_memory import HAND, SOLES, PayloadMemory, measure
 from poise.robots import GRAVITY, Robot
 
 _GRAVITY = np.array([0.0, 0.0, -GRAVITY])
@@ -42,7 +42,7 @@ by the robot's mass: who computes with it has its work with every change."""
 
 
 class PayloadEstimator:
-    """Mass and centre of mass that the soles' wrenches say, as a slow and bounded random walk.
+    """Mass and centre of mass by the soles' wrenches, as a slow and bounded random walk.
 
     With m, c, h = [p; L] the mass, the centre of mass and the centroidal momentum that the
     description says, F and N the soles' forces and their moment about c, sigma m the mass beyond
@@ -103,18 +103,18 @@ class PayloadEstimator:
             frames=FrameBlock(**frames_of(robot.model, frame_ids)._asdict()),
             momentum=self._data.hg.vector,
         )
-        self._rows, self._felt_force = list(self._memory.wrenches), self._memory.felt[:3]
+        self._rows, self._measured_force = list(self._memory.wrenches), self._memory.measured[:3]
         # What is told changes in these steps, and no faster than that.
         self._steps = np.array([_MASS_STEP, *[_OFFSET_STEP] * 3, *[_HELD_STEP] * hands])
         self._rates = np.array([b.mass_rate, *[b.offset_rate] * 3, *[b.held_rate] * hands])
         self._walk = np.array([b.mass_walk, *[b.offset_walk] * 3]) ** 2
         self._noise = np.repeat([b.force_noise, b.moment_noise], 3) * GRAVITY
         # What is compiled is compiled now, not in the first tick.
-        feel(self._memory.address, 1.0)
+        measure(self._memory.address, 1.0)
         self.reset()
 
     def reset(self) -> None:
-        """Forgets everything: the robot is as its description says."""
+        """Restart with the robot as described."""
         self.payload: Payload | None = None
         self.force: Float64[np.ndarray, "3"] | None = None
         self._time, self._since = math.nan, 0.0
@@ -143,7 +143,7 @@ class PayloadEstimator:
         return self._hands.held * self._mass
 
     def update(self, state: RobotState) -> RobotState:
-        """Takes a state in, and returns it with the payload.
+        """Return the state with the payload.
 
         Args:
             state: with the base known or estimated; one without the soles' wrenches, or with
@@ -152,7 +152,7 @@ class PayloadEstimator:
         dt = state.time - self._time
         goes_on = 0.0 < dt <= _LONGEST
         gain = -math.expm1(-dt / self.belief.smoothing) if goes_on else 1.0
-        if dt == 0.0 or not self._feel(state, gain):
+        if dt == 0.0 or not self._measure(state, gain):
             # Nothing new: what has been smoothed goes on where the next one comes soon.
             return self._with_payload(state)
         self._time = state.time
@@ -174,7 +174,7 @@ class PayloadEstimator:
             state.q, state.v, state.contacts, state.time, state.readings, self.payload
         )
 
-    def _feel(self, state: RobotState, gain: float) -> bool:
+    def _measure(self, state: RobotState, gain: float) -> bool:
         """Smooth what soles and hands do; False where there is nothing, or numbers of no use."""
         self.force = None
         if state.q.shape != self._shapes[0] or state.v.shape != self._shapes[1]:
@@ -185,15 +185,15 @@ class PayloadEstimator:
                 return False
             row[:] = wrench
         pin.computeCentroidalMomentum(self._model, self._data, state.q, state.v)
-        if not feel(self._memory.address, gain):
+        if not measure(self._memory.address, gain):
             return False
-        self.force = self._felt_force
+        self.force = self._measured_force
         return True
 
     def _correct(self, dt: float) -> None:
         """One step of the filter, all by the robot's mass."""
-        b, felt, low = self.belief, self._memory.felt, self._memory.low
-        rate = (felt[6:12] - low[6:12]) / b.smoothing
+        b, measured, low = self.belief, self._memory.measured, self._memory.low
+        rate = (measured[6:12] - low[6:12]) / b.smoothing
         self._covariance.flat[::5] += self._walk * dt
         if low[2] < b.least_load * GRAVITY:
             self._hands.restart()
@@ -233,7 +233,7 @@ class PayloadEstimator:
         Of the body its accelerations are taken away before, but not its weight: the offset that is
         found follows what hands do, late, and would take from them what is theirs.
         """
-        columns = self._hands.columns(self._memory.felt[SOLES:], self._memory.low[SOLES:])
+        columns = self._hands.columns(self._memory.measured[SOLES:], self._memory.low[SOLES:])
         more, offset = float(self._mean[0]), torso.rotation.dot(self._mean[1:])
         changing = left - more * rate
         changing[3:] -= hat(offset).dot(rate[:3])

@@ -17,7 +17,7 @@ from poise.robots import Robot
 
 
 class StatePredictor:
-    """Makes up for the delay between what the sensors measure and when a torque acts on it.
+    """Prediction over the delay between a measurement and the torque that answers it.
 
     A state that is d old is carried on by the n = d / T accelerations a_i that the robot has been
     commanded since, the first of them the oldest:
@@ -57,11 +57,11 @@ class StatePredictor:
         self._left: Float64[np.ndarray, " n"] = left
 
     def reset(self) -> None:
-        """Forgets what was commanded: the robot stands still."""
+        """Restart with a robot that stands still."""
         self._commanded.extend([self._still] * len(self._commanded))
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None) -> None:
-        """Takes in what the robot was commanded last.
+        """Note the last command.
 
         Args:
             acceleration: that the command was computed for, as `Command.acceleration`
@@ -72,7 +72,7 @@ class StatePredictor:
         self._commanded.append(acceleration.copy())
 
     def predict(self, state: RobotState) -> RobotState:
-        """The state when the next command begins to act.
+        """Return the state at which the next command begins to act.
 
         Args:
             state: as measured or estimated, `delay` old; one of another robot comes back as it is.
@@ -93,7 +93,7 @@ _LONGEST = 0.05
 
 
 class StampedPredictor:
-    """Makes up for the age of a state, as its stamp and the clock of commands have it.
+    """Prediction over the age of a state, by its stamp and the clock of commands.
 
     The sum of `StatePredictor`, over all commands that the robot has been given since the state was
     measured: of a state that is not late there are none, and it stays as it is. Nobody has to know
@@ -101,13 +101,6 @@ class StampedPredictor:
 
     Where soles rock and masses are other than believed, a robot does only a part of what it is
     commanded: then a part of the accelerations is nearer to the truth than all of them.
-
-    Args:
-        robot: the robot.
-        share: part of the commanded accelerations that counts, 0 to 1.
-
-    Raises:
-        ConfigurationError: the share is not between 0 and 1.
     """
 
     def __init__(self, robot: Robot, share: float = 1.0) -> None:
@@ -120,17 +113,11 @@ class StampedPredictor:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets what was commanded."""
+        """Forget all commands."""
         self._commanded: deque[tuple[float, Float64[np.ndarray, " nv"]]] = deque(maxlen=_OLDEST)
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
-        """Takes in what the robot was commanded last.
-
-        Args:
-            acceleration: as `StatePredictor.command` has it [m/s^2, rad/s^2].
-            time: by the clock that stamps states, when the command began to act [s]; after a pause,
-                or a clock that went back, all before is forgotten.
-        """
+        """Note the last command."""
         if not math.isfinite(time):
             return
         if self._commanded and not 0.0 < time - self._commanded[-1][0] < _LONGEST:
@@ -140,12 +127,7 @@ class StampedPredictor:
         self._commanded.append((time, acceleration.copy()))
 
     def predict(self, state: RobotState) -> RobotState:
-        """The state when the next command begins to act.
-
-        Args:
-            state: as measured or estimated; one of another robot, or of a clock that went back,
-                comes back as it is.
-        """
+        """Return the state at which the next command begins to act."""
         if len(self._commanded) < 2 or state.q.shape != (self._model.nq,):
             return state
         (oldest, _), (newest, _) = self._commanded[0], self._commanded[-1]
@@ -166,15 +148,7 @@ def _carried_on(
     left: Float64[np.ndarray, " n"],
     period: float,
 ) -> RobotState:
-    """A state after n commands of one period each.
-
-    Args:
-        model: of the robot.
-        state: when the first of them began to act.
-        commanded: accelerations [m/s^2, rad/s^2].
-        left: what each adds to the configuration [s^2].
-        period: [s].
-    """
+    """Return the state after n commands of one period each."""
     delay = len(commanded) * period
     return RobotState(
         pin.integrate(model, state.q, delay * state.v + left @ commanded),

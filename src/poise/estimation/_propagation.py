@@ -38,7 +38,7 @@ def _add_product(
 def _bias_column(
     R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float, out: Float64[np.ndarray, "3 3"]
 ) -> None:
-    """Fills in hat([x, y, z]) R: what a turn about the unit does to a vector."""
+    """Fill in hat([x, y, z]) R: what a turn about the unit does to a vector."""
     for k in range(3):
         out[0, k] = y * R[2, k] - z * R[1, k]
         out[1, k] = z * R[0, k] - x * R[2, k]

@@ -60,7 +60,7 @@ _ROLLING = 0.02
 
 @part
 def update_contacts(m: EstimatorMemory, time: float, dt: float) -> bool:
-    """Correct the filter by soles at rest, and find these; whether any contact is held."""
+    """Correct the filter by soles at rest; return whether any contact is held."""
     f, b, w, held = m.filter, m.belief, m.sensed, 0
     # Less the bias that it has at the start of the tick, for all soles.
     wx, wy, wz = w[0] - f.bias[GYRO, 0], w[1] - f.bias[GYRO, 1], w[2] - f.bias[GYRO, 2]

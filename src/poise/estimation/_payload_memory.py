@@ -1,4 +1,4 @@
-"""`PayloadMemory`, `feel`: forces of the soles, momentum and motion of the hands, smoothed."""
+"""`PayloadMemory`, `measure`: forces of the soles, momentum and motion of the hands, smoothed."""
 
 import math
 
@@ -27,21 +27,21 @@ class PayloadMemory(Block):
     momentum: Float64[np.ndarray, "6"]  # centroidal, linear before angular
     wrenches: Float64[np.ndarray, "soles 6"]  # along the soles' axes [N, N m]
     room: Float64[np.ndarray, " room"]  # scratch: of one frame
-    felt: Float64[np.ndarray, " k"]
-    low: Float64[np.ndarray, " k"]  # `felt`, smoothed
+    measured: Float64[np.ndarray, " k"]
+    low: Float64[np.ndarray, " k"]  # `measured`, smoothed
 
 
 @compiled
-def feel(address: int, gain: float) -> bool:
-    """Fill in `felt`, and let `low` go a part of the way there; False for what is not finite."""
+def measure(address: int, gain: float) -> bool:
+    """Fill in `measured` and the low-pass `low`; return False for what is not finite."""
     # Force, moment and momentum, then of each hand, with its place r and velocity v: v,
     # (r - c) x v, c' x v and r - c. All is along the world's axes, about the centre of mass c, and
     # but for the hands by the mass.
     m = view(PayloadMemory, address)
-    motion, frames, room, felt, low = m.motion, m.frames, m.room, m.felt, m.low
+    motion, frames, room, measured, low = m.motion, m.frames, m.room, m.measured, m.low
     com, mass, soles = motion.com, motion.mass[0], len(m.wrenches)
     for i in range(6):
-        felt[i], felt[6 + i] = 0.0, m.momentum[i] / mass
+        measured[i], measured[6 + i] = 0.0, m.momentum[i] / mass
     for k in range(soles):
         place_frame(motion, frames, k, room, 0)
         x, y, z = room[0] - com[0], room[1] - com[1], room[2] - com[2]
@@ -50,23 +50,23 @@ def feel(address: int, gain: float) -> bool:
         moment = _turned(room, wrench[3], wrench[4], wrench[5])
         lever = _cross(x, y, z, force[0], force[1], force[2])
         for i in range(3):
-            felt[i] += force[i] / mass
-            felt[3 + i] += (lever[i] + moment[i]) / mass
-    for k in range((len(felt) - SOLES) // HAND):
+            measured[i] += force[i] / mass
+            measured[3 + i] += (lever[i] + moment[i]) / mass
+    for k in range((len(measured) - SOLES) // HAND):
         place_frame(motion, frames, soles + k, room, 0)
         turn_to_world(room, 0)
         x, y, z = room[0] - com[0], room[1] - com[1], room[2] - com[2]
         v_x, v_y, v_z = room[VELOCITY], room[VELOCITY + 1], room[VELOCITY + 2]
-        out = felt[SOLES + HAND * k :]
+        out = measured[SOLES + HAND * k :]
         out[0], out[1], out[2] = v_x, v_y, v_z
         out[3], out[4], out[5] = _cross(x, y, z, v_x, v_y, v_z)
-        out[6], out[7], out[8] = _cross(felt[6], felt[7], felt[8], v_x, v_y, v_z)
+        out[6], out[7], out[8] = _cross(measured[6], measured[7], measured[8], v_x, v_y, v_z)
         out[9], out[10], out[11] = x, y, z
-    for i in range(len(felt)):
-        if not abs(felt[i]) < math.inf:
+    for i in range(len(measured)):
+        if not abs(measured[i]) < math.inf:
             return False
-    for i in range(len(felt)):
-        low[i] = felt[i] if gain == 1.0 else low[i] + gain * (felt[i] - low[i])
+    for i in range(len(measured)):
+        low[i] = measured[i] if gain == 1.0 else low[i] + gain * (measured[i] - low[i])
     return True
 
 
@@ -74,7 +74,7 @@ def feel(address: int, gain: float) -> bool:
 def _turned(
     place: Float64[np.ndarray, " room"], x: float, y: float, z: float
 ) -> tuple[float, float, float]:
-    """A vector along the axes of a frame that `place_frame` left, along the world's."""
+    """Turn a vector from a frame of `place_frame` to the world's axes."""
     R = place[ROTATION:VELOCITY]
     return (
         R[0] * x + R[1] * y + R[2] * z,
