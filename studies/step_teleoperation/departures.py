@@ -6,7 +6,7 @@ At velocity level; the table in docs/teleoperation.md has the same rows.
 from dataclasses import dataclass, field
 
 _STEPPING = "poise.locomotion._stepping"
-_FOOT, _FOOTING = f"{_STEPPING}._feet._foot", f"{_STEPPING}._stance._footing"
+_FOOT, _FOOTING = f"{_STEPPING}._feet", f"{_STEPPING}._stance._footing"
 
 _NONE, _ANY = 1e-9, 1e3
 """Numbers that take a rule's effect away: nothing of it, or as much as one likes."""

@@ -34,9 +34,9 @@ from poise.locomotion import (
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._by_velocity import velocity_numbers
 from poise.locomotion._stepping._by_velocity._com_motion import ShifterDriver
-from poise.locomotion._stepping._operator._fields import FieldError, checked_sample
-from poise.locomotion._stepping._scaling import size_of
+from poise.locomotion._stepping._operator._sample import FieldError, checked_sample
 from poise.locomotion._stepping._stance._biped import biped_of, leg_geometry
+from poise.locomotion._stepping._stance._parameters import size_of
 from poise.robots import Sole, standing_posture
 from poise.sim import PlantConfig
 

@@ -21,11 +21,10 @@ from poise.locomotion._stepping._operator import (
     checked_reading,
     rotation_of,
 )
-from poise.locomotion._stepping._scaling import teleop_parameters
 from poise.locomotion._stepping._stance import (
     TORSO_MOST,
     TeleopParameters,
-    yaw_of,
+    teleop_parameters,
 )
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
 from poise.locomotion._stepping._teleop_status import TeleopStatus
@@ -70,5 +69,4 @@ __all__ = [
     "rest_place",
     "rotation_of",
     "teleop_parameters",
-    "yaw_of",
 ]

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_kind
-from poise.control import Controller, is_usable
+from poise.control import CONTROLLERS, Controller, is_usable
 from poise.dynamics import RobotState
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._by_torque import POSTURE_WEIGHT, TorqueLevel
 from poise.locomotion._stepping._by_velocity import (
@@ -27,7 +28,6 @@ from poise.locomotion._stepping._operator import (
     OperatorSample,
     TrackedPose,
 )
-from poise.locomotion._stepping._scaling import scaled_parameters, size_of
 from poise.locomotion._stepping._stance import (
     Footing,
     FootRange,
@@ -35,21 +35,20 @@ from poise.locomotion._stepping._stance import (
     TeleopParameters,
     ZmpSensor,
     biped_of,
-    mean_angle,
-    yaw_of,
-)
-from poise.locomotion._stepping._teleop_checks import (
-    check_straight,
     checked_actuation,
-    checked_controller,
     checked_start,
+    scaled_parameters,
+    size_of,
 )
 from poise.locomotion._stepping._teleop_status import TeleopStatus
 from poise.locomotion._stepping._upper_body import GazeLeader, HandLeader
 from poise.locomotion._support import SupportPolygon, two_soles
-from poise.locomotion._walking import Mode
+from poise.locomotion._walking import Mode, mean_angle, yaw_of
 from poise.robots import Robot
 from poise.stack import Stack
+
+_STRAIGHT = 0.1
+"""How far a robot may be turned to be walked at velocity level [rad]."""
 
 _ZMP_TIME = 0.01
 """Time constant with which the measured ZMP is smoothed [s]."""
@@ -123,12 +122,13 @@ class StepTeleoperator:
         self.device = None if device is None else checked_kind(device, Device, "the device")
         self.soles = two_soles(robot)
         q_start = checked_start(robot, q_start)
-        self.actuation = checked_actuation(actuation, driver)
-        self.solved_by = checked_controller(solved_by, actuation)
+        self.actuation = checked_actuation(actuation)
+        _check_driver(driver, actuation)
+        self.solved_by = _checked_controller(solved_by, actuation)
         self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         servos = actuation == "velocity"
         if servos:
-            check_straight(self._faces())
+            _check_straight(self._faces())
         size = size_of(robot, q_start)
         if parameters is None:
             parameters = scaled_parameters(size, actuation)
@@ -330,3 +330,35 @@ class StepTeleoperator:
             gaze=self.gaze.status,
             ended=tick.ended,
         )
+
+
+def _check_straight(ahead: float) -> None:
+    """Refuses a start that is turned, for velocities."""
+    if abs(ahead) > _STRAIGHT:
+        raise ConfigurationError(
+            "at velocity level soles keep the world's yaw, and the robot starts turned",
+            got=f"{ahead:.2f} rad",
+            wanted="feet along the world's x axis, or torques",
+        )
+
+
+def _check_driver(driver: ComDriver | None, actuation: str) -> None:
+    """Refuse another driver than the COM shifter where torques are commanded."""
+    if actuation == "torque" and not (driver is None or isinstance(driver, ShifterDriver)):
+        raise ConfigurationError(
+            "torques need the COM shifter, whose feedback is on what is measured",
+            got=type(driver).__name__,
+            wanted="ShifterDriver, or none",
+        )
+
+
+def _checked_controller(name: str | None, actuation: str) -> str:
+    """That controller, or the first one that commands so."""
+    choices = [each for each, kind in CONTROLLERS.items() if kind.actuation == actuation]
+    if name is None:
+        return choices[0]
+    if name not in choices:
+        raise UnknownNameError(
+            f"no such controller for step teleoperation by {actuation}", got=name, choices=choices
+        )
+    return name

@@ -10,10 +10,18 @@ from poise.locomotion._walking._footsteps import (
     Gait,
     Stride,
     level_floor as level_floor,
+    plan_footsteps,
     stand_of as stand_of,
     usual_gait as usual_gait,
 )
-from poise.locomotion._walking._ground import Ground, Placement
+from poise.locomotion._walking._ground import (
+    Ground,
+    Placement,
+    mean_angle as mean_angle,
+    turn_to_left as turn_to_left,
+    wrapped as wrapped,
+    yaw_of as yaw_of,
+)
 from poise.locomotion._walking._modes import (
     LIFT as LIFT,
     Mode as Mode,
@@ -24,7 +32,6 @@ from poise.locomotion._walking._modes import (
 )
 from poise.locomotion._walking._parts import make_parts as make_parts
 from poise.locomotion._walking._phases import FootMotion as FootMotion
-from poise.locomotion._walking._plan import plan_footsteps
 from poise.locomotion._walking._sense import WalkSense as WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import (

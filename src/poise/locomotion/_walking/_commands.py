@@ -12,9 +12,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from poise._schema import Bounds, checked
-from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, beside
+from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, beside, level_place
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement
-from poise.locomotion._walking._plan import level_place
 from poise.locomotion._walking._step_choice import StepBounds
 
 _Speed = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m/s")]

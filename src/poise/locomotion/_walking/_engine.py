@@ -9,10 +9,9 @@ from jaxtyping import Float64
 from poise._checks import all_finite, is_time
 from poise.dynamics import RobotState
 from poise.locomotion._support import SolePart
-from poise.locomotion._walking._body_height import LOWEST
-from poise.locomotion._walking._feedback import DcmFeedback
+from poise.locomotion._walking._body import LOWEST
+from poise.locomotion._walking._dcm import DcmFeedback, JoinedSupport
 from poise.locomotion._walking._footsteps import FootstepPlan
-from poise.locomotion._walking._leg_momentum import JoinedSupport
 from poise.locomotion._walking._modes import Mode
 from poise.locomotion._walking._parts import WalkParts
 from poise.locomotion._walking._phases import FootMotion, StepPhases

@@ -16,8 +16,7 @@ from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._step_choice import Pendulum
 from poise.locomotion._walking._step_planner import Lifted, StepPlanner
-from poise.locomotion._walking._swing import HeldSwing, SwingFoot
-from poise.locomotion._walking._swing_shape import RISE, SwingShape, sinking_phase
+from poise.locomotion._walking._swing import RISE, HeldSwing, SwingFoot, SwingShape, sinking_phase
 
 Vector3 = Float64[np.ndarray, "3"]
 Rotation = Float64[np.ndarray, "3 3"]

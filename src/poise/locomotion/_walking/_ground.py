@@ -16,6 +16,27 @@ LEVEL = 1e-3
 """Heights nearer to each other than this are one [m]."""
 
 
+def yaw_of(rotation: Float64[np.ndarray, "3 3"]) -> float:
+    """How something is turned, to the left of the world's x axis, from -pi to pi [rad]."""
+    return math.atan2(rotation[1, 0], rotation[0, 0])
+
+
+def turn_to_left(angle: float) -> Float64[np.ndarray, "3 3"]:
+    """Rotation about the vertical [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+
+
+def wrapped(angle: float) -> float:
+    """The same angle, from -pi to pi [rad]."""
+    return math.remainder(angle, 2.0 * math.pi)
+
+
+def mean_angle(left: float, right: float) -> float:
+    """Half way between two angles, the shorter way round [rad]."""
+    return left + 0.5 * wrapped(right - left)
+
+
 def yaw_rotation(yaw: float) -> Float64[np.ndarray, "2 2"]:
     """Rotation of the horizontal plane by an angle [rad]."""
     c, s = math.cos(yaw), math.sin(yaw)

@@ -5,20 +5,16 @@ from dataclasses import dataclass
 
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._single_support import SingleSupportRegion, single_support_region
-from poise.locomotion._walking._body import BodyMotion
-from poise.locomotion._walking._body_height import LOWEST, BodyHeight
-from poise.locomotion._walking._carrying import CarryingArea
+from poise.locomotion._support import SingleSupportRegion, single_support_region
+from poise.locomotion._walking._body import LOWEST, BodyHeight, BodyMotion, MeasuredPendulum
 from poise.locomotion._walking._commands import LegRoom, StepCommands, VelocityLimits
-from poise.locomotion._walking._dcm_plan import StepTimes
+from poise.locomotion._walking._dcm import LegMomentum, StepTimes, leg_ratios
 from poise.locomotion._walking._footsteps import FootstepPlan, Gait, Stand
 from poise.locomotion._walking._ground import LEVEL, Ground
-from poise.locomotion._walking._leg_momentum import LegMomentum, leg_ratios
-from poise.locomotion._walking._measured_pendulum import MeasuredPendulum
 from poise.locomotion._walking._reach import LegReach
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings
-from poise.locomotion._walking._stance import Stance
+from poise.locomotion._walking._stance import CarryingArea, Stance
 from poise.locomotion._walking._step_planner import StepPlanner
 from poise.locomotion._walking._tasks import WalkTasks, find_walk_tasks
 from poise.robots import Robot

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from poise.locomotion._support import Point, SolePart
 from poise.locomotion._walking._commands import LegRoom, StepCommands, side
-from poise.locomotion._walking._dcm_plan import (
+from poise.locomotion._walking._dcm import (
     DcmMotion,
+    LegMomentum,
     StepTimes,
     before_transfer,
     touchdown_dcm,
@@ -16,9 +17,13 @@ from poise.locomotion._walking._dcm_plan import (
 )
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
-from poise.locomotion._walking._last_step import LastStep
-from poise.locomotion._walking._leg_momentum import LegMomentum
-from poise.locomotion._walking._step_choice import Pendulum, Step, SwingLimits, choose_step
+from poise.locomotion._walking._step_choice import (
+    LastStep,
+    Pendulum,
+    Step,
+    SwingLimits,
+    choose_step,
+)
 
 QUICK = 0.04
 """From the decision to step in order not to fall to lift-off [s]."""

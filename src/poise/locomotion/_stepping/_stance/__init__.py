@@ -1,27 +1,36 @@
 """How the robot stands: its mode, its soles and legs, and where its feet can go."""
 
-from poise.locomotion._stepping._stance._biped import KNEE, Biped, biped_of, leg_joints
-from poise.locomotion._stepping._stance._desired import POSITION_GAIN, DesiredMotion
+from poise.locomotion._stepping._stance._biped import (
+    GIVES,
+    KNEE,
+    Biped,
+    FootRange,
+    biped_of,
+    leg_joints,
+)
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._stance._footing import (
     LANDED,
-    Footing,
-    StanceChoice,
-    mean_angle,
-    turn_to_left,
-    wrapped,
-    yaw_of,
-)
-from poise.locomotion._stepping._stance._lean import (
     LEVEL,
+    POSITION_GAIN,
     TORSO_MOST,
     UPRIGHT,
+    DesiredMotion,
+    Footing,
+    StanceChoice,
     TrunkLean,
     TrunkPose,
 )
-from poise.locomotion._stepping._stance._parameters import TeleopParameters
-from poise.locomotion._stepping._stance._reach import GIVES, FootRange
-from poise.locomotion._stepping._stance._size import RobotSize
+from poise.locomotion._stepping._stance._parameters import (
+    RobotSize,
+    TeleopParameters,
+    checked_actuation,
+    checked_start,
+    scaled_parameters,
+    size_of,
+    teleop_parameters,
+)
+from poise.locomotion._walking import mean_angle
 
 __all__ = [
     "GIVES",
@@ -43,9 +52,11 @@ __all__ = [
     "TrunkPose",
     "ZmpSensor",
     "biped_of",
+    "checked_actuation",
+    "checked_start",
     "leg_joints",
     "mean_angle",
-    "turn_to_left",
-    "wrapped",
-    "yaw_of",
+    "scaled_parameters",
+    "size_of",
+    "teleop_parameters",
 ]

@@ -1,8 +1,4 @@
-"""`Footing`: how the robot stands in one tick, once mode and stance are settled.
-
-`StanceChoice`: which foot is taken to be at rest, and where the feet count as standing.
-`yaw_of`, `wrapped`, `mean_angle`: angles of feet that may have turned all the way round.
-"""
+"""`Footing`: mode, soles and trunk of one tick, with `StanceChoice` and `TrunkPose`."""
 
 import math
 from collections.abc import Sequence
@@ -10,14 +6,34 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._single_support import SingleSupportRegion
 from poise.locomotion._stepping._stance._biped import Biped
-from poise.locomotion._stepping._stance._desired import POSITION_GAIN
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._support import SolePart, SupportPolygon, both_soles
-from poise.locomotion._walking import Mode
+from poise.locomotion._support import SingleSupportRegion, SolePart, SupportPolygon, both_soles
+from poise.locomotion._walking import Mode, turn_to_left, wrapped
+
+POSITION_GAIN = 10.0
+"""k_v of (17a) and (17c), from distances to velocities of CoM and feet [1/s]."""
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class DesiredMotion:
+    """v_d of (16), less what is kept level and upright by itself, and the CoM's acceleration.
+
+    Attributes:
+        com: velocity of the CoM [m/s].
+        com_acceleration: of the CoM along the ground [m/s^2].
+        momentum: angular, about the CoM, x and y [kg m^2/s].
+        foot: velocity of the sole that is not the stance [m/s].
+    """
+
+    com: Float64[np.ndarray, "3"]
+    com_acceleration: Float64[np.ndarray, "2"]
+    momentum: Float64[np.ndarray, "2"]
+    foot: Float64[np.ndarray, "3"]
+
 
 LANDED = 0.047
 """Load at which a foot has landed, over the weight: 30 N of the paper's robot."""
@@ -196,22 +212,94 @@ class Footing:
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
 
 
-def yaw_of(rotation: Float64[np.ndarray, "3 3"]) -> float:
-    """How something is turned, to the left of the world's x axis, from -pi to pi [rad]."""
-    return math.atan2(rotation[1, 0], rotation[0, 0])
+_RATE = 0.3
+"""How fast it leans over a foot, and back [rad/s]."""
+
+_TURN_RATE, _POSE_RATE = 0.5, 0.6
+"""How fast the trunk turns to where the feet face, and to what is commanded [rad/s]."""
+
+TORSO_MOST = (0.3, 0.4, 0.5)
+"""Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
+
+UPRIGHT = (0.0, 0.0, 0.0)
+LEVEL = np.eye(3)
 
 
-def turn_to_left(angle: float) -> Float64[np.ndarray, "3 3"]:
-    """Rotation about the vertical [rad]."""
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+class TrunkLean:
+    """Upright, or leaning over the foot that carries where its hip needs that."""
+
+    def __init__(self, relief: tuple[float, float], dt: float) -> None:
+        self._goals = (-relief[0], relief[1])
+        self._step = _RATE * dt
+        self._angle = 0.0
+
+    def reset(self) -> None:
+        """Upright."""
+        self._angle = 0.0
+
+    def rotation(self, footing: Footing) -> Float64[np.ndarray, "3 3"]:
+        """Return world_R_trunk of this tick."""
+        carries = footing.mode.support
+        goal = 0.0 if carries is None else self._goals[carries]
+        self._angle += max(-self._step, min(self._step, goal - self._angle))
+        if self._angle == 0.0:
+            return LEVEL
+        x, y = footing.heading.tolist()
+        return pin.exp3(self._angle * np.array([x, y, 0.0]))
 
 
-def wrapped(angle: float) -> float:
-    """The same angle, from -pi to pi [rad]."""
-    return math.remainder(angle, 2.0 * math.pi)
+class TrunkPose:
+    """References of pelvis and torso, where both can be turned."""
 
+    def __init__(
+        self, relief: tuple[float, float], dt: float, waist: Float64[np.ndarray, "3 2"]
+    ) -> None:
+        self._lean, self._dt = TrunkLean(relief, dt), dt
+        self._waist: list[list[float]] = waist.tolist()
+        self.reset()
 
-def mean_angle(left: float, right: float) -> float:
-    """Half way between two angles, the shorter way round [rad]."""
-    return left + 0.5 * wrapped(right - left)
+    def reset(self) -> None:
+        """Upright, facing as the feet do."""
+        self._lean.reset()
+        self._facing: float | None = None
+        self._torso = UPRIGHT
+
+    @property
+    def upright(self) -> bool:
+        """Whether the torso is in line with the pelvis, and nobody asks for anything else."""
+        return self._torso == UPRIGHT
+
+    def rotations(
+        self, footing: Footing, facing: float, torso: tuple[float, float, float]
+    ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, "3 3"]]:
+        """World_R_pelvis and world_R_torso in this tick."""
+        before = facing if self._facing is None else self._facing
+        most = _TURN_RATE * self._dt
+        # The shorter way, also where angles pass from pi to -pi.
+        turn = wrapped(facing - before)
+        self._facing = before + max(-most, min(most, turn))
+        if torso != self._torso:
+            self._torso = self._moved(torso)
+        pelvis = self._lean.rotation(footing)
+        if self._facing != 0.0:
+            turn = turn_to_left(self._facing)
+            pelvis = turn if pelvis is LEVEL else pelvis.dot(turn)
+        if self.upright:
+            return pelvis, pelvis
+        turned = pelvis @ pin.rpy.rpyToMatrix(np.array(self._torso))
+        pairs = zip(self._torso, self._waist, strict=True)
+        bent = tuple(max(least, min(most, angle)) for angle, (least, most) in pairs)
+        if bent != self._torso:
+            # What the waist cannot do the pelvis does: asked to stay upright beneath a torso that
+            # is asked to bend, both would go half the way.
+            pelvis = turned @ pin.rpy.rpyToMatrix(np.array(bent)).T
+        return pelvis, turned
+
+    def _moved(self, torso: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Roll, pitch and yaw of the torso, rate-limited towards what is commanded [rad]."""
+        most = _POSE_RATE * self._dt
+        roll, pitch, yaw = (
+            before + max(-most, min(most, max(-largest, min(largest, angle)) - before))
+            for before, angle, largest in zip(self._torso, torso, TORSO_MOST, strict=True)
+        )
+        return roll, pitch, yaw
