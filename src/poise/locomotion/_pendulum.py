@@ -17,10 +17,7 @@ def natural_frequency(height: float, gravity: float = GRAVITY) -> float:
 
 
 def pole_zero_damping(kp: float, omega: float) -> float:
-    """k_d = k_p / omega + omega, eqs (30) and (38): cancels the slower pole against a zero.
-
-    The ZMP then converges as fast as it can without overshoot.
-    """
+    """k_d = k_p / omega + omega, eqs (30) and (38): cancels the slower pole against a zero."""
     if not kp > omega * omega:
         raise ConfigurationError(
             "k_p of the COM shifter is too small for its table",
@@ -94,7 +91,7 @@ class ComShifter:
     ) -> Float64[np.ndarray, " n"]:
         """The COM's acceleration before saturation.
 
-        Under the gain rule its CT-ZMP is r_ref + k_s (xi - r_ref) with the divergent component
+        Under the gain rule its CT-ZMP is r_ref + k_s (xi - r_ref) with the DCM
         xi = p + pdot / omega and k_s = 1 + k_p / omega^2: Sugihara's regulator, eq. (33), without
         its limits.
 
@@ -208,7 +205,7 @@ class PreviewControl:
 
     @property
     def dc_gain(self) -> float:
-        """Where the ZMP settles for a reference of one; one for an endless window."""
+        """Steady ZMP for a reference of one; one for an endless window."""
         closed = self.A - np.outer(self.b, self.K)
         return float(self.f.sum() * (self.c @ np.linalg.solve(np.eye(3) - closed, self.b)))
 

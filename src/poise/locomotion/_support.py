@@ -18,11 +18,7 @@ Point = tuple[float, float]
 
 
 class SupportPolygon:
-    """Convex hull of the corners of soles, shrunk.
-
-    Made in a control tick, of eight corners, and asked a few times: for that plain numbers are
-    faster than arrays.
-    """
+    """Convex hull of the corners of soles, shrunk."""
 
     def __init__(self, corners: Sequence[Point], margin: float) -> None:
         points = np.array(corners, dtype=np.float64).reshape(-1, 2)
@@ -39,7 +35,7 @@ class SupportPolygon:
         return polygon
 
     def depth(self, point: Point) -> float:
-        """How far a point is inside the shrunk polygon; negative outside [m]."""
+        """Return the depth of a point inside the shrunk polygon; negative outside [m]."""
         x, y = point
         inside = [nx * x + ny * y - c for nx, ny, c in self._edges]
         return min(inside) if inside else float("-inf")
@@ -99,7 +95,7 @@ def sole_rectangle(
 
 
 _THIN = 0.002
-"""What carries of a sole has to have some area: an edge counts as this wide [m]."""
+"""Least width of the loaded part of a sole: that of an edge [m]."""
 
 
 _MIDDLE = 0.1
@@ -108,19 +104,12 @@ a sole of which an edge is out of a strong ankle's reach."""
 
 
 class SolePart(NamedTuple):
-    """A rectangle in a sole on which it carries, or in which the ZMP can be.
+    """A rectangle in a sole on which it carries, or in which the ZMP can be."""
 
-    Attributes:
-        x: of its middle, along the sole's axes from the sole's centre [m].
-        y: likewise [m].
-        length: along x [m].
-        width: along y [m]; zero on an edge.
-    """
-
-    x: float
-    y: float
-    length: float
-    width: float
+    x: float  # of its middle, along the sole's axes from the sole's centre [m]
+    y: float  # the same [m]
+    length: float  # along x [m]
+    width: float  # along y [m]; zero on an edge
 
     def corners(
         self,
@@ -279,7 +268,7 @@ def _find_edges(
 
 
 def _meet(a: Sequence[float], b: Sequence[float]) -> Point:
-    """Where two edges' lines meet."""
+    """Return the intersection of two edges' lines."""
     det = a[0] * b[1] - a[1] * b[0]
     return ((a[2] * b[1] - a[1] * b[2]) / det, (a[0] * b[2] - a[2] * b[0]) / det)
 
@@ -315,31 +304,21 @@ Rotation = Float64[np.ndarray, "3 3"]
 
 @dataclass(frozen=True, kw_only=True)
 class SingleSupportRegion:
-    """Rest of the ZMP and limits of DCM and CT-ZMP while one foot carries the robot.
+    """Rest of the ZMP and limits of DCM and CT-ZMP while one foot carries the robot."""
 
-    Pushed inwards, the swing foot is put down and holds the robot; pushed outwards it would have to
-    cross the stance leg. So where a push outwards takes more than half of a sole the ZMP rests on
-    its inner side. On one that is too narrow even for that, angular momentum of trunk, arms and
-    swing leg makes up for the rest, on its outer side.
+    # A push inwards is caught by the swing foot, one outwards would have to cross the stance leg:
+    # the ZMP rests on the inner side of a narrow sole, and angular momentum makes up for the rest.
 
-    Attributes:
-        sizes: length and width of the left and of the right sole [m].
-        margin: distance from the soles' edges at which support ends [m].
-        inwards: distance of the ZMP's rest from the middle of the sole, towards the other foot [m].
-        inner: distance beyond the inner edge of support at which the robot steps [m].
-        outer: distance beyond the outer edge at which it does [m].
-        momentum: distance beyond the outer edge of the sole at which the CT-ZMP may be [m].
-        arrived: distance of the DCM from its rest at which a weight shift is complete [m].
-        narrow: whether the sole is too narrow for a push outwards wherever the ZMP rests.
-    """
-
-    sizes: tuple[Point, Point]
-    margin: float
-    arrived: float
+    sizes: tuple[Point, Point]  # length and width of the left and of the right sole [m]
+    margin: float  # distance from the soles' edges at which support ends [m]
+    arrived: float  # distance of the DCM from its rest at which a weight shift is complete [m]
+    # distance of the ZMP's rest from the middle of the sole, towards the other foot [m]
     inwards: float = 0.0
-    inner: float = 0.0
-    outer: float = 0.0
+    inner: float = 0.0  # distance beyond the inner edge of support at which the robot steps [m]
+    outer: float = 0.0  # distance beyond the outer edge at which it does [m]
+    # distance beyond the outer edge of the sole at which the CT-ZMP may be [m]
     momentum: float = _MOMENTUM
+    # whether the sole is too narrow for a push outwards wherever the ZMP rests
     narrow: bool = False
 
     def rest(self, foot: int, place: Vector3, rotation: Rotation) -> Point:
@@ -421,12 +400,7 @@ _ALIGNED = 0.7
 
 
 def bearing(robot: Robot, sole: str, outwards: float) -> SolePart:
-    """All of the sole, but for what its leg cannot hold.
-
-    An ankle with the torque tau holds the weight W as far as tau / W from its axis. A sole that
-    leans with its leg does so outwards while it carries alone, as the body is on its side of the
-    middle, and stands on its outer edge.
-    """
+    """All of the sole, but for what its leg cannot hold."""
     size = robot.soles[sole]
     back, front = _held(robot, sole, 4, 0, 0.5 * size.length)
     right, left = _held(robot, sole, 3, 1, 0.5 * size.width)

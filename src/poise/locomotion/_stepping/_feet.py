@@ -37,7 +37,7 @@ _HANGS, _COMES = 0.005, 0.002
 still comes [m]."""
 
 _PATIENCE, _DRAWN = 0.4, 0.05
-"""How long a foot may hang, and how fast it is led nearer then [s, m/s]."""
+"""Time for which a foot may hang, and speed at which it is drawn nearer then [s, m/s]."""
 
 
 class FootTarget:
@@ -75,7 +75,7 @@ class FootTarget:
         self.rescuing = self.rescuing or falling
         lowest = footing.lowest_ground - self._parameters.press_depth
         if device is None or self.rescuing:
-            # Nobody commands, or nobody may: straight down, until the ground is felt.
+            # Without a command straight down, until touchdown.
             sent = np.array([here[0], here[1], lowest])
         else:
             # One that has not left the ground yet would push the robot over.
@@ -87,10 +87,7 @@ class FootTarget:
         return sent
 
     def _hangs(self, footing: Footing, sent: float) -> bool:
-        """Whether the foot is to stand on the ground and has not got lower for a while.
-
-        Then its leg is at its end, and the one that stands folds no deeper than that.
-        """
+        """Return whether the foot is sent to the ground and has not got lower for a while."""
         height = float(footing.sole(footing.other)[2])
         if sent > min(height - _HANGS, footing.highest_ground) or not footing.has_left:
             self._comes()
@@ -131,7 +128,7 @@ class FootTarget:
     def _within_reach(
         self, footing: Footing, target: Vector, room_below: float
     ) -> Float64[np.ndarray, "3"]:
-        """The nearest place where the foot in the air can be [m]."""
+        """The nearest place where the swing foot can be [m]."""
         swing = footing.other
         faces = math.atan2(footing.heading[1], footing.heading[0])
         left, right = footing.yaws
@@ -147,7 +144,7 @@ class FootTarget:
 
 
 _CALM = 0.8
-"""Depth of the divergent component in the sole, over the deepest place's, for full speed."""
+"""Depth of the DCM in the sole, over the deepest place's, for full speed."""
 
 _TOUCH_SPEED = 0.15
 """Largest speed of a foot downwards at the height of the ground, for the paper's soles [m/s]."""
@@ -202,17 +199,14 @@ class FootVelocity:
         return np.array(self._smoothed)
 
     def _lowering_speed(self, footing: Footing) -> float:
-        """How fast the foot may come down: slowly where the ground may be [m/s]."""
+        """Return the largest speed downwards: low where the ground may be [m/s]."""
         clear = footing.clearance(footing.highest_ground)
         touching = _TOUCH_SPEED * footing.biped.size.wide
         return touching + clear * (self._lower_speed - touching)
 
 
 def _calm(footing: Footing) -> float:
-    """Factor of the swing foot's speed along the ground: less the nearer the robot is to tipping.
-
-    Swinging a leg takes angular momentum, which is then missing for the balance.
-    """
+    """Factor of the swing foot's speed along the ground, smaller near to tipping."""
     x, y, _ = footing.anchors[footing.stance].tolist()
     most = footing.support.depth((x, y))
     if most <= 0.0:
@@ -374,19 +368,12 @@ class DeviceEvents:
 
 
 class FootDevices(DeviceEvents):
-    """Swing foot by an operator's device, within reach: a `FootMotion` of the stepping engine.
-
-    Attributes:
-        sent: where the swing foot is sent [m].
-        turns: commanded yaw of the left and of the right foot [rad].
-        room_below: how far the body may still come down for a foot [m].
-        falling: whether the stance leg does not hold the robot, so that the foot is put down.
-    """
+    """Swing foot by an operator's device, within reach: a `FootMotion` of the stepping engine."""
 
     def __init__(self, reach: FootRange, parameters: TeleopParameters) -> None:
         super().__init__(parameters)
         self._target, self._velocity = FootTarget(reach, parameters), FootVelocity(parameters)
-        self.sent: Float64[np.ndarray, "3"] = np.full(3, np.nan)
+        self.sent: Float64[np.ndarray, "3"] = np.full(3, np.nan)  # where the swing foot is sent [m]
         self.turns, self.room_below, self._yaw = (0.0, 0.0), 0.0, 0.0
         self.falling = False
 

@@ -48,7 +48,7 @@ from poise.robots import Robot
 from poise.stack import Stack
 
 _STRAIGHT = 0.1
-"""How far a robot may be turned to be walked at velocity level [rad]."""
+"""Largest heading of a robot to be stepped at velocity level [rad]."""
 
 _ZMP_TIME = 0.01
 """Time constant with which the measured ZMP is smoothed [s]."""
@@ -203,7 +203,7 @@ class StepTeleoperator:
 
     @property
     def device_error(self) -> Exception | None:
-        """What the device raised in the last tick; None if all was well.
+        """Exception that the device raised in the last tick; None if all was well.
 
         A `TypeError` of what was no place or orientation in its sample, too.
         """
@@ -216,7 +216,7 @@ class StepTeleoperator:
 
     @property
     def stack(self) -> Stack:
-        """What it leads."""
+        """Stack whose targets it sets."""
         return self._level.stack
 
     @property
@@ -231,7 +231,7 @@ class StepTeleoperator:
 
     @property
     def ahead(self) -> float:
-        """Where the robot faces while nobody turns its feet, left of the world's x axis [rad].
+        """Heading of the robot without turned feet, left of the world's x axis [rad].
 
         Where it faced at the start; after it has walked by a velocity, where that has turned it.
         """
@@ -252,9 +252,9 @@ class StepTeleoperator:
         return OperatorSample(0.0, (left, right))
 
     def signals(self) -> Mapping[str, np.ndarray | float | str]:
-        """What a recorder should know of the last tick; nothing before the first.
+        """Signals of the last tick for a recorder; none before the first.
 
-        Where the operator's devices, the foot in the air and the hands should be, the reference of
+        Where the operator's devices, the swing foot and the hands should be, the reference of
         the ZMP, which soles carry the robot, mode, device, how the last step ended, and what hands
         and head do; and what is estimated, under `estimate/`, for `com` and `zmp` are the plant's.
         """
@@ -305,7 +305,7 @@ class StepTeleoperator:
         return mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))
 
     def _torso(self) -> tuple[float, float, float]:
-        """How the torso shall be turned: as commanded, and to look where a neck cannot [rad]."""
+        """Return the torso's turn: as commanded, and to look where a neck cannot [rad]."""
         (roll, pitch, yaw), (_, down, left) = self._body.torso, self.gaze.torso
         return (roll, pitch + down, yaw + left)
 

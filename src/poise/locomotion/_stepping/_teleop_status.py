@@ -14,7 +14,7 @@ from poise.locomotion._walking import Mode, StepEnd
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TeleopStatus:
-    """How the last tick stood.
+    """State of the last tick.
 
     Attributes:
         mode: which feet carry the robot.
@@ -25,7 +25,7 @@ class TeleopStatus:
         cart_table_zmp: CT-ZMP, x and y [m].
         com: estimated [m].
         soles: where the soles are, left and right [m].
-        target: where the foot in the air is sent, None with both on the ground [m].
+        target: where the swing foot is sent, None with both on the ground [m].
         loads: normal forces, left and right [N].
         tilt: angle of the torso against upright [rad].
         heading: of the pelvis, to the left of the world's x axis [rad].

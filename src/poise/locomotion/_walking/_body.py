@@ -19,15 +19,7 @@ from poise.locomotion._walking._tasks import CarriedTarget, ComMotion
 
 
 class BodyMotion:
-    """References of the body, and of all that goes along with it.
-
-    The pendulum's mass C, see `LegMomentum`, follows the divergent component of motion; height and
-    heading go to what the next stand asks for.
-
-    Attributes:
-        rise: height of the COM in the world, with rates [m].
-        heading: with rates [rad].
-    """
+    """References of the body, and of all that goes along with it."""
 
     def __init__(
         self,
@@ -43,8 +35,8 @@ class BodyMotion:
         self._carried = carried
         self._heading_before = 0.5 * (standing.start[0].yaw + standing.start[1].yaw)
         self._mass: Point = (0.0, 0.0)
-        self.rise: Motion = (0.0, 0.0, 0.0)
-        self.heading: Motion = (0.0, 0.0, 0.0)
+        self.rise: Motion = (0.0, 0.0, 0.0)  # height of the COM in the world, with rates [m]
+        self.heading: Motion = (0.0, 0.0, 0.0)  # with rates [rad]
 
     def begin(self, mass: Point, height: float, heading: float) -> None:
         """Begins at rest."""
@@ -153,12 +145,7 @@ _STILL = ((0.0, 0.0), (0.0, 0.0))
 
 
 class MeasuredPendulum:
-    """C, its velocity and its divergent component, see `LegMomentum`, from what is measured.
-
-    So is the velocity of the foot in the air: one that lags behind its plan, or drags along the
-    ground, has not the momentum that was planned. At 1 m/s of lag C would seem to be 2 cm
-    elsewhere on G1, and the ZMP would be sent to an edge for that.
-    """
+    """C, its velocity and its divergent component, see `LegMomentum`, from what is measured."""
 
     def __init__(
         self, legs: LegMomentum, rise: float, sense: WalkSense, stance: Stance, body: BodyMotion
@@ -214,7 +201,7 @@ class MeasuredPendulum:
         return mass
 
     def xi(self, flight: Flight | HeldFlight | None) -> Point:
-        """The divergent component [m]."""
+        """The DCM [m]."""
         (x, y), (vx, vy) = self.mass(flight)
         return x + vx / self._legs.omega, y + vy / self._legs.omega
 

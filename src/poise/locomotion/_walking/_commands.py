@@ -22,7 +22,7 @@ _Speed = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m/s")]
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class VelocityLimits:
-    """How fast a robot is led at most, and how fast that changes.
+    """Largest velocities of a robot, and their rate of change.
 
     Velocities that go together share what there is: their ratios to these limits are the
     coordinates of a point in the unit ball.
@@ -47,29 +47,17 @@ _PEAK = 10.0 / math.sqrt(3.0)
 
 
 class LegRoom(NamedTuple):
-    """Where the legs let a foot come down beside the other one.
+    """Workspace of a foothold beside the other foot."""
 
-    Attributes:
-        sizes: length and width of both soles [m].
-        width: of the feet side by side [m].
-        clearance: least distance of their edges [m].
-        ahead: farthest ahead and behind [m].
-        far: the same where the body goes down for it, to catch the robot [m].
-        wide: farthest beside [m].
-        turn: most that a foot is turned outwards from the other [rad].
-        turn_in: and inwards [rad].
-        quickness: acceleration of a foot in the air, at most [m/s^2].
-    """
-
-    sizes: tuple[tuple[float, float], tuple[float, float]]
-    width: float
-    clearance: float
-    ahead: float
-    far: float
-    wide: float
-    turn: float
-    turn_in: float
-    quickness: float
+    sizes: tuple[tuple[float, float], tuple[float, float]]  # length and width of both soles [m]
+    width: float  # of the feet side by side [m]
+    clearance: float  # least distance of their edges [m]
+    ahead: float  # farthest ahead and behind [m]
+    far: float  # the same where the body goes down for it, to catch the robot [m]
+    wide: float  # farthest beside [m]
+    turn: float  # most that a foot is turned outwards from the other [rad]
+    turn_in: float  # and inwards [rad]
+    quickness: float  # acceleration of a foot in the air, at most [m/s^2]
 
     def shortest_swing(self, way: float) -> float:
         """In what time a foot goes a way, from rest to rest with the least jerk [s]."""
@@ -87,7 +75,7 @@ class LegRoom(NamedTuple):
 
 
 _ASKEW = 0.03
-"""A foothold that is turned by less than this is as it was asked for: the foot that stands is where
+"""A foothold that is turned by less than this is as it was asked for: the stance foot is where
 it should be no more exactly [rad]."""
 
 
@@ -102,18 +90,12 @@ def _outwards(foot: int, turn: float) -> float:
 
 
 class Foothold(NamedTuple):
-    """Where somebody wants a foot.
+    """Commanded foothold."""
 
-    Attributes:
-        foot: 0 for the left one, 1 for the right one.
-        place: where its sole shall lie; how high that is, the ground says.
-        checked: whether the legs are known to reach it from the foothold before.
-        turned: how far outwards they are known to turn it from the other foot there [rad].
-    """
-
-    foot: int
-    place: Placement
-    checked: bool = False
+    foot: int  # 0 for the left one, 1 for the right one
+    place: Placement  # where its sole shall lie; how high that is, the ground says
+    checked: bool = False  # whether the legs are known to reach it from the foothold before
+    # how far outwards they are known to turn it from the other foot there [rad]
     turned: float = 0.0
 
 
@@ -122,19 +104,7 @@ Velocity = tuple[float, float, float]
 
 
 class StepCommands:
-    """Velocities and footholds that somebody asks for, as the next few footholds.
-
-    A velocity is followed step by step: the body goes vx T ahead with each. What it goes sideways
-    and turns in two steps is shared by both, the foot on that side opens by most of it, the other
-    one comes nearer than side by side by the rest. Footholds that are given one by one come before
-    any velocity and stay exact, unless the robot has to be caught.
-
-    Attributes:
-        velocity: that is followed now.
-        footholds: given and not yet made.
-        pace: part of the velocity asked for that is followed.
-        notice: what was cut or ignored of the last command; "" for nothing.
-    """
+    """Commanded velocities and footholds, as the next few footholds."""
 
     def __init__(
         self, limits: VelocityLimits, room: LegRoom, step_time: float, ground: Ground
@@ -142,11 +112,11 @@ class StepCommands:
         self._room, self._time, self._ground = room, step_time, ground
         self._limits = limits
         self._wanted: Velocity = (0.0, 0.0, 0.0)
-        self.velocity: Velocity = (0.0, 0.0, 0.0)
-        self.pace = 1.0
-        self.footholds: deque[Foothold] = deque()
+        self.velocity: Velocity = (0.0, 0.0, 0.0)  # that is followed now
+        self.pace = 1.0  # part of the velocity asked for that is followed
+        self.footholds: deque[Foothold] = deque()  # given and not yet made
         self.closes = True
-        self.notice = ""
+        self.notice = ""  # what was cut or ignored of the last command; "" for nothing
         self._planned: tuple[tuple[object, ...], list[Placement]] = ((), [])
 
     def set_velocity(self, ahead: float, sideways: float, turn: float) -> None:
@@ -190,18 +160,18 @@ class StepCommands:
 
     @property
     def moving(self) -> bool:
-        """Whether a step is asked for."""
+        """True while a step is commanded."""
         return bool(self.footholds) or any(self._followed) or any(self.velocity)
 
     @property
     def left(self) -> int | None:
-        """How many steps there are yet until the feet stay; None where nobody has said."""
+        """Number of steps until the feet stay; None where that is open."""
         moves = self.closes or any(self._followed) or any(self.velocity)
         return None if moves else len(self.footholds) or None
 
     @property
     def _followed(self) -> Velocity:
-        """What is asked for, as far as it is followed."""
+        """Commanded velocity, as far as it is followed."""
         pace, (ahead, sideways, turn) = self.pace, self._wanted
         return pace * ahead, pace * sideways, pace * turn
 
@@ -227,7 +197,7 @@ class StepCommands:
         return 1 if (sideways or turn) < 0.0 else 0
 
     def asks_for(self, foot: int) -> bool:
-        """Whether the first foothold that was given, and is not yet made, is one of that foot."""
+        """Return whether the next commanded foothold is one of that foot."""
         return bool(self.footholds) and self.footholds[0].foot == foot
 
     def next_foot(self, landed: int) -> int:
@@ -320,7 +290,7 @@ class StepCommands:
         return found
 
     def carries(self, foot: int, place: Placement) -> bool:
-        """Whether all of a sole lies on ground as high as it."""
+        """Return whether all of a sole lies on ground as high as it."""
         if not self._ground.platforms:
             return True
         heights = self._ground.heights(place.grid(*self._room.sizes[foot]))

@@ -1,4 +1,4 @@
-"""Divergent component of motion (DCM): pendulum with legs, references by recursion, feedback."""
+"""DCM: pendulum with legs, references by recursion, feedback."""
 
 import math
 from collections.abc import Sequence
@@ -16,23 +16,14 @@ FeetAt = tuple[Point, Point]
 
 
 class LegRatios(NamedTuple):
-    """How heavy legs are.
+    """Angular momentum of moving legs."""
 
-    Attributes:
-        ahead: angular momentum about the COM of a foot that moves ahead at 1 m/s, over m h.
-        rise: that of a foot that rises, over that of one that moves ahead.
-    """
-
-    ahead: float
-    rise: float
+    ahead: float  # angular momentum about the COM of a foot that moves ahead at 1 m/s, over m h
+    rise: float  # that of a foot that rises, over that of one that moves ahead
 
 
 def leg_ratios(robot: Robot, q: Float64[np.ndarray, " nq"], soles: tuple[str, str]) -> LegRatios:
-    """How heavy the legs of a robot are, the mean of both.
-
-    A leg follows its foot by its own joints, everything else stands still; m is the robot's mass, h
-    the height of its COM above the sole.
-    """
+    """Return the ratios of a robot's legs, the mean of both."""
     model, data = robot.model, robot.model.createData()
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
@@ -56,7 +47,7 @@ def leg_ratios(robot: Robot, q: Float64[np.ndarray, " nq"], soles: tuple[str, st
 
 
 def _facing(rotation: Float64[np.ndarray, "3 3"]) -> Point:
-    """Where a sole points, along the ground."""
+    """Return the heading of a sole along the ground."""
     x, y = float(rotation[0, 0]), float(rotation[1, 0])
     length = math.hypot(x, y)
     return x / length, y / length
@@ -95,7 +86,7 @@ class LegMomentum:
         )
 
     def parted(self, joined: Point, feet: FeetAt) -> Point:
-        """What `joined` was made from."""
+        """Invert `joined`."""
         (lx, ly), (rx, ry) = feet
         return (
             (joined[0] + self.beta * (lx + rx)) / self.factor,
@@ -116,19 +107,14 @@ class JoinedSupport:
 
 
 REST_TIME = 0.3
-"""How long the ZMP takes from the foot that stood last to where it rests [s]."""
+"""Time of the ZMP from the last stance foot to where it rests [s]."""
 
 
 class StepTimes(NamedTuple):
-    """How long the phases of a step take.
+    """Durations of the phases of a step."""
 
-    Attributes:
-        swing: from lift-off to touchdown [s].
-        double_support: from touchdown to the next lift-off [s].
-    """
-
-    swing: float
-    double_support: float
+    swing: float  # from lift-off to touchdown [s]
+    double_support: float  # from touchdown to the next lift-off [s]
 
 
 def before_transfer(xi: Point, start: Point, end: Point, omega: float, time: float) -> Point:
@@ -147,17 +133,7 @@ def touchdown_dcm(
     times: StepTimes,
     rest: Point | None = None,
 ) -> Point:
-    """Where xi has to be at the next touchdown, so that all steps after it can be made as planned.
-
-    Of `LegMomentum`, as everything here. It comes to rest over the last foothold, or where the
-    robot stands on the last two.
-
-    Args:
-        feet: where the foot stands that stays, and footholds after it, a foot after the other [m].
-        legs: the pendulum.
-        times: of a step.
-        rest: of the ZMP at the end [m].
-    """
+    """Return xi at the next touchdown from which all later steps can be made as planned."""
     omega = legs.omega
     xi = over = feet[-1] if rest is None else rest
     time = times.double_support if rest is None else REST_TIME
@@ -174,7 +150,7 @@ def touchdown_dcm(
 
 
 def transfer_gain(legs: LegMomentum, times: StepTimes) -> float:
-    """How far `touchdown_dcm` moves with the next foothold and all after it, metre by metre."""
+    """Return the derivative of `touchdown_dcm` by the next foothold and all after it."""
     here, there = (0.0, 0.0), (1.0, 0.0)
     return touchdown_dcm((here, there, there), legs, times)[0]
 
@@ -184,10 +160,7 @@ DcmMotion = tuple[float, float]
 
 
 def hermite_step(now: DcmMotion, goal: DcmMotion, left: float, dt: float) -> DcmMotion:
-    """One tick along the cubic that is at a goal, as fast as that asks for, in the time left.
-
-    Position and velocity of xi are continuous, and with them the ZMP, r = xi - xi' / omega.
-    """
+    """One tick along the cubic that is at a goal, as fast as that asks for, in the time left."""
     (x, v), (x1, v1) = now, goal
     if left <= dt:
         return goal
@@ -200,12 +173,12 @@ def hermite_step(now: DcmMotion, goal: DcmMotion, left: float, dt: float) -> Dcm
 
 
 _FADE = 0.05
-"""How long a ZMP that somebody else has asked for goes on counting [s]: for longer, the divergent
+"""Time over which a ZMP commanded by another feedback fades [s]: for longer, the DCM
 component would leave its way meanwhile, which grows by a fifth in that time."""
 
 
 class DcmFeedback:
-    """Feedback of the divergent component of motion, inside the soles.
+    """Feedback of the DCM, inside the soles.
 
     With xi = c + cdot / omega and the reference's own ZMP r_ref = c_ref - cdd_ref / omega^2,
 
@@ -217,7 +190,7 @@ class DcmFeedback:
     free.
 
     Attributes:
-        error: of the divergent component, xi - xi_ref [m].
+        error: of the DCM, xi - xi_ref [m].
         zmp: r [m].
     """
 

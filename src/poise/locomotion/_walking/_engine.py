@@ -31,24 +31,13 @@ _MISPLACED = 0.03
 
 
 class SteppingEngine:
-    """Set CoM, feet and contacts of a stack, tick by tick, whoever wants the steps.
-
-    Footholds come from `commands`, of a plan or a velocity, and a held swing foot
-    from a `FootMotion`. The engine keeps the mode, moves the DCM reference with it, corrects it by
-    one feedback, and makes capture steps once the feet do not hold the DCM.
-
-    Attributes:
-        commands: footholds and velocities that are asked for.
-        status: state of the walk.
-        rise: height asked of the CoM over that of the walk, while feet are held [m].
-        lowest: least height of the CoM meanwhile, over that of the walk.
-        held_gain: of the DCM feedback meanwhile [1/s]; that of the walk when None.
-    """
+    """Set CoM, feet and contacts of a stack, tick by tick, whoever wants the steps."""
 
     def __init__(self, stack: Stack, make: Callable[[], WalkParts]) -> None:
         self._stack, self._make = stack, make
+        # While feet are held: CoM height over that of the walk [m] and its least ratio to that.
         self.rise, self.lowest = 0.0, LOWEST
-        self.held_gain: float | None = None
+        self.held_gain: float | None = None  # of the DCM feedback then [1/s]; None: the walk's
         self.parts = make()
         self.reset()
 

@@ -22,14 +22,14 @@ Vector3 = Float64[np.ndarray, "3"]
 Rotation = Float64[np.ndarray, "3 3"]
 
 _PLACE_RATE, _TIME_RATE = 2.0, 2.0
-"""How fast foothold [m/s] and time of touchdown [s/s] change at most."""
+"""Largest rates of foothold [m/s] and time of touchdown [s/s]."""
 
 _HELD, _BACK = 0.04, 0.015
 """A foot that rises and is pushed aside with more than this part of the weight, more than upwards,
 is held by something; it goes so far back from it [m]."""
 
 _SHORT, _EARLY = 0.08, 0.03
-"""What a foot meets so far from its foothold [m], earlier than so long before it is due [s], is
+"""Contact so far from the foothold [m], and earlier than this before it is due [s], is with
 something on its way."""
 
 _FINAL = 0.05
@@ -37,19 +37,7 @@ _FINAL = 0.05
 
 
 class Flight:
-    """From lift-off to touchdown: moves the foothold, and the foot to it.
-
-    A foot that meets no ground when it is due goes on down, faster than it would have landed, and
-    its foothold moves on with the divergent component: what is late lands farther away.
-
-    Attributes:
-        foot: which.
-        goal: where it should come down.
-        left: until it is due, zero when it is late [s].
-        elapsed: since lift-off [s].
-        waited: since it reached the depth at which it aimed [s].
-        swing: its trajectory.
-    """
+    """From lift-off to touchdown: moves the foothold, and the foot to it."""
 
     def __init__(
         self,
@@ -65,8 +53,9 @@ class Flight:
         self.foot, self.goal = foot, goal
         self._sense, self._planner, self._commands = sense, planner, commands
         self._sinking = sinking_phase(settings.touchdown_depth, shape.apex - goal.position[2])
+        # Since lift-off, and since it reached the depth at which it aimed [s].
         self.elapsed, self.waited = swung or 0.0, 0.0
-        self.left = planner.times.swing - self.elapsed
+        self.left = planner.times.swing - self.elapsed  # until it is due; zero when late [s]
         self._lands = False
         position, rotation = sense.lower_edge(foot)
         x, y, z = goal.position
@@ -110,11 +99,7 @@ class Flight:
 
     @property
     def on_its_way(self) -> bool:
-        """Whether what the foot meets now cannot be the ground that it is to stand on.
-
-        It goes on over that, as planned. Standing there it would not catch the robot, which needs
-        it elsewhere.
-        """
+        """True while contact cannot be with the ground at the foothold."""
         if self.left <= _EARLY:
             return False
         x, y, _ = self._sense.lower_edge(self.foot)[0].tolist()
@@ -126,11 +111,7 @@ class Flight:
         self.left = max(self.left - dt, 0.0)
 
     def get_clear(self) -> None:
-        """A foot that is held on its way up goes back from what holds it, and straight up.
-
-        A toe that came down beside an edge would be pressed against it by its way ahead, and
-        friction would hold it down all the more.
-        """
+        """A foot that is held on its way up goes back from what holds it, and straight up."""
         if self.swing.phase >= RISE:
             return
         x, y, up = self._sense.felt(self.foot)

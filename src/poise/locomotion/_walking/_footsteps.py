@@ -85,7 +85,7 @@ _DOUBLE_SUPPORT = 0.12
 """Of a step's time, unless a gait says otherwise."""
 
 _CROUCH = 0.05
-"""How far the COM is lowered, over its height, unless a gait says otherwise."""
+"""Descent of the COM, over its height, unless a gait says otherwise."""
 
 _SWING_HEIGHT = 0.06
 """Of a foot, over the height of the COM, unless a gait says otherwise."""
@@ -129,56 +129,37 @@ class Stride:
 
 @dataclass(frozen=True, kw_only=True)
 class Footstep:
-    """One step.
+    """One step."""
 
-    Attributes:
-        foot: which foot swings, 0 for the left, 1 for the right.
-        goal: where it comes down.
-        shape: of the swing that brings it there.
-    """
-
-    foot: int
-    goal: Placement
-    shape: SwingShape
+    foot: int  # which foot swings, 0 for the left, 1 for the right
+    goal: Placement  # foothold
+    shape: SwingShape  # of the swing that brings it there
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stand:
-    """How a robot stands before it walks.
+    """Posture and soles of a robot before it walks."""
 
-    Attributes:
-        soles: names of the left and of the right sole.
-        sizes: length and width of each [m].
-        start: where the soles are at the beginning.
-        q: configuration at the beginning.
-        com: centre of mass there [m].
-        bearings: where in each sole the ZMP can be while that foot alone carries the robot.
-    """
-
-    soles: tuple[str, str]
-    sizes: tuple[tuple[float, float], tuple[float, float]]
-    start: tuple[Placement, Placement]
-    q: Float64[np.ndarray, " nq"] = field(repr=False)
-    com: tuple[float, float, float]
+    soles: tuple[str, str]  # names of the left and of the right sole
+    sizes: tuple[tuple[float, float], tuple[float, float]]  # length and width of each [m]
+    start: tuple[Placement, Placement]  # where the soles are at the beginning
+    q: Float64[np.ndarray, " nq"] = field(repr=False)  # configuration at the beginning
+    com: tuple[float, float, float]  # centre of mass there [m]
+    # where in each sole the ZMP can be while that foot alone carries the robot
     bearings: tuple[SolePart, SolePart]
 
     def zmp(self, foot: int, place: Placement) -> Point:
-        """Where the ZMP rests while a foot alone carries the robot [m]."""
+        """Return the rest of the ZMP on a foot that carries alone [m]."""
         return self.bearings[foot].rest_at(place.position[:2], place.yaw)
 
     def rest(self, places: Sequence[Placement]) -> Point:
-        """Where the ZMP stands while both feet carry it evenly [m]."""
+        """Return the rest of the ZMP on both feet, evenly loaded [m]."""
         (ax, ay), (bx, by) = (self.zmp(foot, place) for foot, place in enumerate(places))
         return 0.5 * (ax + bx), 0.5 * (ay + by)
 
     @property
     def width(self) -> float:
-        """Distance of the feet side by side in a walk [m]: as they stand at the beginning.
-
-        Soles that lean come nearer to each other. So they land on their outer edges already: one
-        that lands with the hips inside of it falls over from its inner edge to the outer one with
-        the weight on it.
-        """
+        """Distance of the feet side by side in a walk [m]: as they stand at the beginning."""
         left, right = (p.position[:2] for p in self.start)
         apart = math.dist(left, right)
         if any(b.width > 0.0 for b in self.bearings):
@@ -325,11 +306,11 @@ class FootstepPlan(Stand):
 
     @property
     def count(self) -> int:
-        """How many steps there are."""
+        """Number of steps."""
         return len(self.steps)
 
     def placements(self, done: int) -> tuple[Placement, Placement]:
-        """Where the left and the right sole lie after so many steps."""
+        """Return the placements of the left and the right sole after so many steps."""
         feet = list(self.start)
         for step in self.steps[max(0, done - 2) : done]:
             feet[step.foot] = step.goal
@@ -345,7 +326,7 @@ class FootstepPlan(Stand):
 
     @property
     def duration(self) -> float:
-        """How long the whole walk takes [s]."""
+        """Duration of the whole walk [s]."""
         return self.touchdown(self.count - 1) + self.gait.settle_time
 
 
@@ -413,7 +394,7 @@ def _standing_soles(
 
 
 _EDGE = 0.015
-"""How far a sole stays away from the edge of a platform [m]."""
+"""Distance of a sole from the edge of a platform [m]."""
 
 _SEARCH, _FARTHEST = 0.005, 0.25
 """Resolution of the search for a place with nothing but one height under it, and its end [m]."""

@@ -17,7 +17,7 @@ LEVEL = 1e-3
 
 
 def yaw_of(rotation: Float64[np.ndarray, "3 3"]) -> float:
-    """How something is turned, to the left of the world's x axis, from -pi to pi [rad]."""
+    """Return the yaw of a rotation, left of the world's x axis, from -pi to pi [rad]."""
     return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
@@ -90,16 +90,11 @@ _ALONG, _ACROSS = 9, (-0.5, 0.0, 0.5)
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """Where a sole lies flat on the ground.
+    """Place of a sole that lies flat on the ground."""
 
-    Attributes:
-        position: of its centre in the world [m].
-        yaw: its heading, seen from above [rad].
-        slope: how steeply the ground rises along the world's x and y.
-    """
-
-    position: tuple[float, float, float]
-    yaw: float
+    position: tuple[float, float, float]  # of its centre in the world [m]
+    yaw: float  # its heading, seen from above [rad]
+    # how steeply the ground rises along the world's x and y
     slope: tuple[float, float] = (0.0, 0.0)
 
     @property

@@ -32,45 +32,25 @@ _REACH = 0.85
 
 @dataclass(frozen=True, kw_only=True)
 class WalkParts:
-    """What a walk is made of.
+    """Parts of a walk."""
 
-    Attributes:
-        stand: how the robot stands before it begins.
-        gait: timing and shape of a step.
-        settings: feedback and touchdown.
-        ground: what it walks on.
-        height: of the COM over the soles while it walks [m].
-        room: where feet may go.
-        legs: the pendulum, with the momentum of its legs.
-        commands: what is asked for.
-        tasks: what is set of the stack.
-        sense: COM and soles, as they are.
-        areas: what of each sole carries.
-        planner: of the next footholds.
-        stance: where the feet stand.
-        body: where the COM and what goes along with it should be.
-        rise: how high the body goes.
-        pendulum: as it is.
-        region: of one foot, while the other one is held.
-    """
-
-    stand: Stand
-    gait: Gait
-    settings: WalkSettings
-    ground: Ground
-    height: float
-    room: LegRoom
-    legs: LegMomentum
+    stand: Stand  # how the robot stands before it begins
+    gait: Gait  # timing and shape of a step
+    settings: WalkSettings  # feedback and touchdown
+    ground: Ground  # what it walks on
+    height: float  # of the COM over the soles while it walks [m]
+    room: LegRoom  # where feet may go
+    legs: LegMomentum  # the pendulum, with the momentum of its legs
     commands: StepCommands
-    tasks: WalkTasks
-    sense: WalkSense
-    areas: Sequence[CarryingArea]
-    planner: StepPlanner
-    stance: Stance
-    body: BodyMotion
-    rise: BodyHeight
-    pendulum: MeasuredPendulum
-    region: SingleSupportRegion
+    tasks: WalkTasks  # what is set of the stack
+    sense: WalkSense  # COM and soles, as they are
+    areas: Sequence[CarryingArea]  # what of each sole carries
+    planner: StepPlanner  # of the next footholds
+    stance: Stance  # where the feet stand
+    body: BodyMotion  # where the COM and what goes along with it should be
+    rise: BodyHeight  # how high the body goes
+    pendulum: MeasuredPendulum  # as it is
+    region: SingleSupportRegion  # of one foot, while the other one is held
 
 
 def make_parts(

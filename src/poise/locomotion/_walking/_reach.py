@@ -1,4 +1,4 @@
-"""Whether the legs reach where a walk needs them: inverse kinematics before anything moves."""
+"""Reach of the legs along a plan, by inverse kinematics before anything moves."""
 
 import math
 from typing import NamedTuple
@@ -21,15 +21,10 @@ _STRAIGHT = 0.99
 
 
 class LegSpan(NamedTuple):
-    """How far a leg goes from its hip to its ankle.
+    """Reach of a leg from its hip to its ankle."""
 
-    Attributes:
-        length: of the leg, nearly straight [m].
-        hip: height of the hip over the ankle, less that of the COM over the sole [m].
-    """
-
-    length: float
-    hip: float
+    length: float  # of the leg, nearly straight [m]
+    hip: float  # height of the hip over the ankle, less that of the COM over the sole [m]
 
     def beside(self, height: float) -> float:
         """Return the largest distance of a foot beside its hip [m]."""
@@ -56,11 +51,7 @@ class LegReach:
         self._ankle_over_sole = ankle - stand.start[0].position[2]
 
     def check(self, plan: FootstepPlan, height: float) -> None:
-        """Looks at both feet of a plan when one of them comes down, and when the other leaves.
-
-        At touchdown the COM is taken to be half way between the feet, and to go on as fast as the
-        step does.
-        """
+        """Check both feet of a plan at each touchdown and the next lift-off."""
         leaves = 0.5 + plan.gait.double_support / plan.gait.step_time
         for done in range(plan.count + 1):
             places = plan.placements(done)
@@ -88,10 +79,7 @@ class LegReach:
 
     @property
     def quickness(self) -> float:
-        """Acceleration of a foot by the joint that moves it most, at its torque limit [m/s^2].
-
-        With the lever r of that joint and the inertia I of all that it moves, r tau / I.
-        """
+        """Acceleration of a foot by the joint that moves it most, at its torque limit [m/s^2]."""
         model, robot, chain = self._model, self._robot, self._chains[0]
         data, frame = model.createData(), self._frames[0]
         inertia = pin.crba(model, data, self._stand.q)
@@ -113,7 +101,7 @@ class LegReach:
         return pin.SE3(turn @ self._base.rotation, com + turn @ self._base_from_com)
 
     def _miss(self, foot: int, place: Placement, base: pin.SE3) -> str:
-        """What is wrong with a foot's place at one moment; "" if nothing is."""
+        """Return the fault of a foot's place at one moment; "" for none."""
         model, data, frame = self._model, self._data, self._frames[foot]
         goal = pin.SE3(pin.utils.rotate("z", place.yaw), np.array(place.position))
         sole = self._robot.soles[self._stand.soles[foot]]

@@ -48,21 +48,7 @@ class _SoleMemory(Block):
 
 
 class WalkSense:
-    """Centre of mass, soles and loads of the last state.
-
-    With a `Dynamics`, whose last state each state is, nothing is evaluated twice.
-
-    Attributes:
-        state: the last one.
-        com: centre of mass [m].
-        com_velocity: its velocity [m/s].
-        positions: of the left and the right sole [m].
-        rotations: of both, world_R_sole row by row.
-        velocities: of both, linear then angular, along their own axes [m/s, rad/s].
-        weight: of the robot as it is described [N].
-        wrenches: measured on the left and the right sole, see `RobotState.contacts`; None where
-            none is.
-    """
+    """Centre of mass, soles and loads of the last state."""
 
     def __init__(
         self, robot: Robot, soles: tuple[str, str], dynamics: Dynamics | None = None
@@ -84,7 +70,7 @@ class WalkSense:
             frames=FrameBlock(**frames._asdict()),
         )
         self._seen, self._com, self._com_velocity = memory.seen, data.com[0], data.vcom[0]
-        self.state: RobotState | None = None
+        self.state: RobotState | None = None  # the last one
         # Compiled now, not in the first tick.
         self._look(self._com, self._com_velocity)
 
@@ -109,13 +95,14 @@ class WalkSense:
         self._rows = self._seen.copy()
         self._poses: dict[int, _Pose] = {}
         left, right = self._rows.tolist()
-        self.positions = left[:ROTATION], right[:ROTATION]
+        self.positions = left[:ROTATION], right[:ROTATION]  # of the left and the right sole [m]
+        # World_R_sole row by row; linear then angular along the sole's own axes [m/s, rad/s].
         self.rotations = left[ROTATION:VELOCITY], right[ROTATION:VELOCITY]
         self.velocities = left[VELOCITY:BIAS], right[VELOCITY:BIAS]
         self.com, self.com_velocity = com.tolist(), com_velocity.tolist()
 
     def _carry(self, payload: Payload | None) -> None:
-        """Where the COM is with a payload."""
+        """Take a payload into the model."""
         if self._loaded is None:
             self._loaded = LoadedModel(self._robot)
             self._model = self._loaded.model

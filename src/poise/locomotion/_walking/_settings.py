@@ -23,7 +23,7 @@ class WalkSettings:
     """Feedback, touchdown and limits of a walker.
 
     Attributes:
-        dcm_gain: how fast an error of the divergent component of motion dies out [1/s].
+        dcm_gain: how fast an error of the DCM dies out [1/s].
         zmp_margin: how far inside the soles' edges the ZMP that corrects it stays [m].
         touchdown_force: ratio of the robot's weight at which a foot counts as down.
         touchdown_depth: how far below the expected ground a foot aims [m].
@@ -45,7 +45,7 @@ class WalkSettings:
 
 
 class WalkStatus(Enum):
-    """How a walk stands, or why it ended."""
+    """State of a walk, or why it ended."""
 
     READY = "ready"
     """No state has come yet."""
@@ -70,7 +70,7 @@ class WalkStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether nothing went wrong."""
+        """True while nothing is wrong."""
         return self in _FINE
 
 

@@ -19,7 +19,7 @@ _CARRIES = 0.1
 """Part of the weight under which a sole says nothing of the ground."""
 
 _SPREAD = 0.2
-"""How fast the area grows again while the sole does not turn: what has not been tried for a while
+"""Rate at which the area grows again while the sole does not turn: ground not tried for a while
 may carry [m/s]."""
 
 _LEAST = 0.004
@@ -39,13 +39,7 @@ _FLAT = 0.25, 0.5
 
 
 class CarryingArea:
-    """A rectangle in a sole on which it may be asked to carry.
-
-    A sole whose middle lies on an edge turns about it as soon as the centre of pressure is asked
-    for on the side where there is nothing: the measured one stays on the edge. On that side the
-    area ends there, then. Where pressure is measured, something carries; all else grows back slowly
-    while the sole lies still.
-    """
+    """A rectangle in a sole on which it may be asked to carry."""
 
     def __init__(self, sense: WalkSense, foot: int, contact: Contact) -> None:
         self._sense, self._foot = sense, foot
@@ -61,7 +55,7 @@ class CarryingArea:
 
     @property
     def lies(self) -> bool:
-        """Whether the sole seems to lie flat: on an edge, it says nothing of the ground."""
+        """True while the sole seems to lie flat: on an edge, it says nothing of the ground."""
         sizes = zip(self._lower, self._upper, self._reach, _FLAT, strict=True)
         return all(upper - lower >= part * 2.0 * reach for lower, upper, reach, part in sizes)
 
@@ -93,11 +87,7 @@ class CarryingArea:
         self._tell(*self._lower, *self._upper)
 
     def update(self, dt: float, *, settled: bool = False) -> None:
-        """Update the estimate, and the contact's area.
-
-        While feet are held the contact has the average: a sole that rocks has another area in
-        every tick, and one that stands on an edge tips over where all of it is taken to carry.
-        """
+        """Update the estimate, and the contact's area."""
         self._learn_from(dt)
         self._tell(*(self._average if settled else (*self._lower, *self._upper)))
 
@@ -183,7 +173,7 @@ _DRIFT = 0.002
 """Feet that seem to have moved by more than this stand elsewhere [m]."""
 
 _TRUST = 0.5
-"""How far the slope goes towards that of a foot that has come to carry the robot: one foot may
+"""Part of the way that the slope goes towards that of a new stance foot: one foot may
 stand on a bump, three in a row do not."""
 
 _STEEPEST = 0.2
@@ -191,17 +181,7 @@ _STEEPEST = 0.2
 
 
 class Stance:
-    """Both feet: where they stand, or stood before they were lifted.
-
-    The ground is a plane through the foot that stands, whose slope is learned from the soles:
-    one that carries the robot alone lies flat on what it has met.
-
-    Attributes:
-        feet: where both stand; a foot in the air where it stood.
-        slope: how steeply the ground rises along the world's x and y.
-        support: where the ZMP can be.
-        parts: loaded area of each sole as estimated; None for all of it.
-    """
+    """Both feet: where they stand, or stood before they were lifted."""
 
     def __init__(
         self,
@@ -212,9 +192,9 @@ class Stance:
     ) -> None:
         self._sense, self._stand, self._margin = sense, stand, margin
         self._areas = areas
-        self.feet = list(stand.start)
-        self.slope: Point = (0.0, 0.0)
-        self.support = SupportPolygon([], 0.0)
+        self.feet = list(stand.start)  # where both stand; a foot in the air where it stood
+        self.slope: Point = (0.0, 0.0)  # how steeply the ground rises along the world's x and y
+        self.support = SupportPolygon([], 0.0)  # where the ZMP can be
         self.parts: list[SolePart | None] = [None, None]
         self._feet: tuple[int, ...] = ()
         self._seen: list[SolePart | None] = [None, None]
@@ -250,16 +230,12 @@ class Stance:
             self.support = SupportPolygon(corners, 0.0)
 
     def _estimated_parts(self) -> list[SolePart | None]:
-        """What of each sole carries, as far as is known; None for all of it."""
+        """Return the loaded area of each sole as estimated; None for all of it."""
         (left, right), sizes = self._areas, self._stand.sizes
         return [left.part(sizes[0]), right.part(sizes[1])]
 
     def follow(self, heading: float) -> None:
-        """Looks again at two feet that stand, once they seem to have moved.
-
-        Where the state is estimated the world drifts under a robot that stands, millimetres in a
-        second, and with it everything but what was remembered of the feet.
-        """
+        """Looks again at two feet that stand, once they seem to have moved."""
         for foot, place in enumerate(self.feet):
             x, y, _ = self._sense.positions[foot]
             if math.dist((x, y), place.position[:2]) > _DRIFT:
@@ -275,7 +251,7 @@ class Stance:
             self.slope = (a, b)
 
     def bearing(self, foot: int) -> SolePart:
-        """Where the ZMP can be while a foot alone carries the robot, as far as is known."""
+        """Return the region of the ZMP in single support on a foot, as estimated."""
         return self._areas[foot].bearing(self._stand.bearings[foot])
 
     @property

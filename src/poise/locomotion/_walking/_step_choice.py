@@ -7,27 +7,18 @@ from typing import NamedTuple
 from poise.locomotion._support import Point
 
 _BETWEEN = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)
-"""Points between the feet that are looked at, as parts of the way to the foothold: over what is
-nearer to the foot that has just landed, that would have to carry all at once."""
+"""Points between the feet, as parts of the way to the foothold: those nearer to it would put all
+load on the foot that has just landed."""
 
 _ALONG = 0.1
 """A point between the feet that goes along with the foothold by less than this is not moved."""
 
 
 class LastStep(NamedTuple):
-    """A step after which both feet stay: they hold the robot wherever it is between them.
+    """A step after which both feet stay: they hold the robot wherever it is between them."""
 
-    Two soles that lie alike hold the divergent component of motion within a sole's room of any
-    point of the line between them. So the foothold need not move for a component that is somewhere
-    on the way; else it moves the least way that takes the line to it.
-
-    Attributes:
-        beta: how heavy each leg is, see `LegMomentum`.
-        room: in each sole, along the foot that stands and across it [m].
-    """
-
-    beta: float
-    room: Point
+    beta: float  # how heavy each leg is, see `LegMomentum`
+    room: Point  # in each sole, along the stance foot and across it [m]
 
     def move(self, xi: Point, foothold: Point, reached: Point) -> Point:
         """Return the shift of the foothold with which both feet hold the robot [m]."""
@@ -61,26 +52,17 @@ def beyond(miss: float, most: float) -> float:
 
 
 class StepBounds(NamedTuple):
-    """Where a foot may come down, along the foot that stands and away from it.
+    """Bounds of a foothold, along the stance foot and away from it."""
 
-    Attributes:
-        back: farthest behind, negative [m].
-        ahead: farthest ahead [m].
-        near: nearest beside, so that feet neither cross nor touch [m].
-        wide: farthest beside [m].
-        reach: farthest from the place `beside` [m].
-        beside: where it is side by side, half way between what is near and comfortable [m].
-    """
-
-    back: float
-    ahead: float
-    near: float
-    wide: float
-    reach: float
-    beside: float
+    back: float  # farthest behind, negative [m]
+    ahead: float  # farthest ahead [m]
+    near: float  # nearest beside, so that feet neither cross nor touch [m]
+    wide: float  # farthest beside [m]
+    reach: float  # farthest from the place `beside` [m]
+    beside: float  # where it is side by side, half way between what is near and comfortable [m]
 
     def nearest(self, place: Point) -> Point:
-        """The nearest place inside; the second coordinate counts away from the foot that stands."""
+        """The nearest place inside; the second coordinate counts away from the stance foot."""
         x, y = place
         distance = math.hypot(x, max(y - self.beside, 0.0))
         if distance > self.reach:
@@ -92,26 +74,18 @@ class StepBounds(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A choice.
+    """Chosen touchdown."""
 
-    Attributes:
-        x: of the foothold, along the foot that stands [m].
-        y: away from it, to the side of the foot in the air [m].
-        left: until touchdown [s].
-        off: how far the divergent component will be from where it should be then, along the foot
-            that stands and away from it [m].
-        effort: what deviations of place and time cost.
-    """
-
-    x: float
-    y: float
-    left: float
+    x: float  # of the foothold, along the stance foot [m]
+    y: float  # away from it, to the side of the swing foot [m]
+    left: float  # until touchdown [s]
+    # of the DCM from its goal then, along the stance foot and away from it [m]
     off: Point
-    effort: float
+    effort: float  # what deviations of place and time cost
 
     @property
     def missed(self) -> float:
-        """How far the divergent component will be from where it should be at touchdown [m]."""
+        """Distance of the DCM from its goal at touchdown [m]."""
         return math.hypot(*self.off)
 
     @property
@@ -121,49 +95,28 @@ class Step(NamedTuple):
 
 
 class Pendulum(NamedTuple):
-    """What a choice is made from, along the foot that stands and away from it.
+    """State and plan of the pendulum, along the stance foot and away from it."""
 
-    Attributes:
-        xi: the divergent component, measured [m].
-        zmp: where the ZMP should be now [m].
-        zmp_end: and at touchdown, evenly in between [m].
-        goal: where it should be at touchdown if the foothold is as planned [m].
-        foothold: as planned [m].
-        gain: how far the goal moves with the foothold.
-        room: of the ZMP, beside where it should be, along the foot and across it [m].
-        omega: natural frequency [1/s].
-        last: what counts in place of `goal` where both feet stay afterwards.
-    """
-
-    xi: Point
-    zmp: Point
-    zmp_end: Point
-    goal: Point
-    foothold: Point
-    gain: float
-    room: Point
-    omega: float
-    last: LastStep | None = None
+    xi: Point  # the DCM, measured [m]
+    zmp: Point  # where the ZMP should be now [m]
+    zmp_end: Point  # and at touchdown, evenly in between [m]
+    goal: Point  # where it should be at touchdown if the foothold is as planned [m]
+    foothold: Point  # as planned [m]
+    gain: float  # how far the goal moves with the foothold
+    room: Point  # of the ZMP, beside where it should be, along the foot and across it [m]
+    omega: float  # natural frequency [1/s]
+    last: LastStep | None = None  # what counts in place of `goal` where both feet stay afterwards
 
 
 class SwingLimits(NamedTuple):
-    """What the foot in the air can do.
+    """Limits of the swing foot."""
 
-    Attributes:
-        place: where it is now [m].
-        speed: on average, at most [m/s].
-        elapsed: since lift-off [s].
-        shortest: swing [s].
-        usual: swing [s].
-        longest: swing [s].
-    """
-
-    place: Point
-    speed: float
-    elapsed: float
-    shortest: float
-    usual: float
-    longest: float
+    place: Point  # where it is now [m]
+    speed: float  # on average, at most [m/s]
+    elapsed: float  # since lift-off [s]
+    shortest: float  # swing [s]
+    usual: float  # swing [s]
+    longest: float  # swing [s]
 
 
 _CANDIDATES = 13
@@ -184,7 +137,7 @@ def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> S
     where it is r beside that. It does what it can within the sole; the foothold moves for the rest,
     within reach; what is left is missed. Deviations of place, time and divergent component are
     weighed against each other, in the manner of Khadiv et al. (2020). After a last step any place
-    of the divergent component between the feet will do.
+    of the DCM between the feet will do.
     """
     best: Step | None = None
     usual = swing.usual - swing.elapsed

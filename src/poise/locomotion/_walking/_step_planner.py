@@ -43,36 +43,23 @@ AHEAD = 4
 
 
 class Lifted(NamedTuple):
-    """The foot that comes down next.
+    """Swing foot, now or next."""
 
-    Attributes:
-        foot: 0 for the left one, 1 for the right one.
-        place: where it is now [m].
-        stance: where the other one stands.
-        bearing: where in that one the ZMP can be.
-        xi: the divergent component, measured [m].
-        elapsed: since lift-off [s].
-    """
-
-    foot: int
-    place: Point
-    stance: Placement
-    bearing: SolePart
-    xi: Point
-    elapsed: float = 0.0
+    foot: int  # 0 for the left one, 1 for the right one
+    place: Point  # where it is now [m]
+    stance: Placement  # where the other one stands
+    bearing: SolePart  # where in that one the ZMP can be
+    xi: Point  # the DCM, measured [m]
+    elapsed: float = 0.0  # since lift-off [s]
 
     @property
     def zmp(self) -> Point:
-        """Where the ZMP rests while this foot is in the air [m]."""
+        """Rest of the ZMP during the swing [m]."""
         return self.bearing.rest_at(self.stance.position[:2], self.stance.yaw)
 
 
 class StepPlanner:
-    """Makes the next few steps anew from a command, and chooses the next touchdown.
-
-    Attributes:
-        times: of a step.
-    """
+    """Makes the next few steps anew from a command, and chooses the next touchdown."""
 
     def __init__(
         self,
@@ -185,16 +172,13 @@ class StepPlanner:
         return step, axes.without((step.x, step.y))
 
     def cost(self, lifted: Lifted) -> float:
-        """What a step would cost that begins now."""
+        """Return the cost of a step that begins now."""
         return self.choose(lifted, self.plan(lifted), 0.0)[0].cost
 
     def better_foot(
         self, feet: Sequence[Placement], bearings: Sequence[SolePart], xi: Point
     ) -> int:
-        """The foot whose step, and the other one's after it, catch the robot at the least cost.
-
-        A foot that cannot go where the robot falls to comes down beside the other one, which can.
-        """
+        """The foot whose step, and the other one's after it, catch the robot at the least cost."""
         costs: list[float] = []
         for foot in (0, 1):
             other = 1 - foot

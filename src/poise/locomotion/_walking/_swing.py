@@ -20,17 +20,12 @@ RISE = 0.45
 
 @dataclass(frozen=True, kw_only=True)
 class SwingShape:
-    """The shape of one swing, over its phase from 0 at lift-off to 1 at touchdown.
+    """The shape of one swing, over its phase from 0 at lift-off to 1 at touchdown."""
 
-    Attributes:
-        apex: highest point of the sole, in the world [m].
-        depart: phase at which the foot leaves its place sideways; before, it goes straight up.
-        arrive: phase at which it is over its goal; from then on, it comes straight down.
-    """
-
-    apex: float
+    apex: float  # highest point of the sole, in the world [m]
+    # phase at which the foot leaves its place sideways; before, it goes straight up
     depart: float = 0.0
-    arrive: float = 0.93
+    arrive: float = 0.93  # phase at which it is over its goal; from then on, it comes straight down
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.apex):
@@ -112,11 +107,8 @@ def led_swing(
 
 
 def sinking_phase(depth: float, fall: float) -> float:
-    """Part of a swing's phase in which the foot goes from the ground to where it aims below it.
-
-    At its end a quintic of least jerk is 10 H s^3 above where it ends, H its height and s the part
-    of its time that is left.
-    """
+    """Return the phase in which a foot goes from the ground to the depth at which it aims."""
+    # At its end a quintic of least jerk is 10 H s^3 above where it ends, s the time left over all.
     if depth <= 0.0:
         return 0.0
     return (1.0 - RISE) * (0.1 * depth / (depth + max(fall, 0.0))) ** (1 / 3)
@@ -135,7 +127,7 @@ def _highest(
 def _is_clear(
     shape: SwingShape, begin: float, end: float, phases: list[float], under: list[float]
 ) -> bool:
-    """Whether a sole is well above all that is higher than the ground it left or comes to."""
+    """Return whether a sole is clear of all that is higher than both ends of its swing."""
     for phase, ground in zip(phases, under, strict=True):
         own = begin if phase < RISE else end
         if ground > own + LEVEL and shape.height(phase, begin, end)[0] < ground + _CLEAR:
@@ -150,7 +142,7 @@ _FREED = 0.03
 """A foot that was held on its way up goes on when it is higher than where it stood by this [m]."""
 
 _SEARCH_SPEED, _SEARCH_ACCELERATION = 0.5, 8.0
-"""How a foot that has found no ground goes on down [m/s, m/s^2]: what it lacks in height the robot
+"""Descent of a foot that has found no ground [m/s, m/s^2]: what it lacks in height the robot
 falls, meanwhile, to the side where the foot should be."""
 
 
@@ -159,13 +151,7 @@ Motion = tuple[float, float, float]
 
 
 class SwingFoot:
-    """Position and orientation of a foot from lift-off to touchdown, with rates.
-
-    Height and orientation follow quintics of least jerk: no speed and no acceleration at lift-off,
-    at the apex and at the goal. Along the ground it is one too, planned anew each tick for the time
-    that is left, so that the goal may move while the foot is in the air. A foot that has found no
-    ground goes on down slowly.
-    """
+    """Position and orientation of a foot from lift-off to touchdown, with rates."""
 
     def __init__(
         self,
@@ -205,7 +191,7 @@ class SwingFoot:
 
     @property
     def searching(self) -> bool:
-        """Whether it looks for the ground."""
+        """True while it looks for the ground."""
         return self._search is not None
 
     def search(self) -> None:
@@ -214,7 +200,7 @@ class SwingFoot:
             self._search = float(self.position[2]), float(self.velocity[2])
 
     def search_again(self) -> None:
-        """What it met does not carry it: goes on down from there, slowly at first."""
+        """Go on down from ground that does not carry, slowly at first."""
         self._search = float(self.position[2]), 0.0
 
     def rise_at(self, x: float, y: float) -> None:
@@ -271,21 +257,13 @@ class SwingFoot:
 
 
 class HeldSwing:
-    """Pose of a held swing foot, with rates; set anew in each tick.
-
-    Attributes:
-        position: of the sole [m].
-        rotation: world_R_sole.
-        velocity: linear then angular [m/s, rad/s].
-        acceleration: linear then angular [m/s^2, rad/s^2].
-        slant: height of the ground below it, over which its height counts as a way ahead [m].
-    """
+    """Pose of a held swing foot, with rates; set anew in each tick."""
 
     def __init__(
         self, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
     ) -> None:
         self.position, self.rotation = position.copy(), rotation.copy()
-        self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)
+        self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)  # linear then angular [m/s, rad/s]
         self.acceleration: Float64[np.ndarray, "6"] = np.zeros(6)
         self.slant = float(position[2])
 

@@ -1,4 +1,4 @@
-"""What a walker that is led does when something goes wrong: one table.
+"""Faults of a walk and the responses to them, in one table.
 
 `TroubleWatch`: notices it. `HangWatch`: notices a foot that hangs in the air. `Hanging`: what is
 asked of a robot that no foot carries.
@@ -21,20 +21,14 @@ from poise.stack import Contact
 
 
 class Response(NamedTuple):
-    """What is done about a trouble.
+    """Response to a trouble."""
 
-    Attributes:
-        pace: part of the commanded velocity that is followed.
-        lands: the foot in the air comes straight down.
-        hangs: no contact is loaded and no foot lifted: targets go along with the robot as it hangs
-            or lies, until something carries its feet again; then the walk begins anew.
-        lasts: how long after the last sign of it [s].
-    """
-
-    pace: float = 1.0
-    lands: bool = False
+    pace: float = 1.0  # part of the commanded velocity that is followed
+    lands: bool = False  # the swing foot comes straight down
+    # no contact is loaded and no foot lifted: targets go along with the robot as it hangs or lies,
+    # until something carries its feet again; then the walk begins anew
     hangs: bool = False
-    lasts: float = 0.0
+    lasts: float = 0.0  # how long after the last sign of it [s]
 
 
 NO_RESPONSE = Response()
@@ -62,7 +56,7 @@ _SETTLED = 0.3
 """Part of the weight that feet carry again when a robot is put down."""
 
 _NOTICED: Mapping[WalkStatus, float] = {WalkStatus.LIFTED: 0.15, WalkStatus.SLIPPING: 0.06}
-"""How long a sign has to last until it counts: a foot that lands bounces, and readings have noise
+"""Time that a sign has to last to count: a foot that lands bounces, and readings have noise
 [s]."""
 
 _CAUGHT, _FELT = 0.06, 0.02
@@ -74,11 +68,11 @@ _SLIP_SPEED, _SLIP_LOAD = 0.2, 0.3
 
 
 _STOOD_ON = 0.1
-"""How long it takes until feet carry a robot that has been put down [s]."""
+"""Time of the load ramp of feet on which a robot has been put down [s]."""
 
 
 class _Sign:
-    """Whether one trouble is there, by how long its sign lasts."""
+    """Presence of one trouble, by how long its sign lasts."""
 
     def __init__(self, status: WalkStatus) -> None:
         self._lasts, self._noticed = RESPONSES[status].lasts, _NOTICED.get(status, 0.0)
@@ -153,23 +147,17 @@ _MOST_IDLE = 2.0 * _IDLE_TIME
 foot that stands within 10 ms, however long it was in the air."""
 
 _NOISE = 5.0
-"""How much more a moment with a load counts than one without: 3 N of noise on a G1 is a load, too,
+"""Weight of a moment with a load over one without: 3 N of noise on a G1 is a load, too,
 and would hide for a second that its foot hangs."""
 
 
 class HangWatch:
-    """Looks for a foot that should stand, and hangs in the air.
-
-    What its contact is asked to carry moves nothing but its leg, which flies off.
-
-    Attributes:
-        foot: which hangs, 0 for the left one; None for none.
-    """
+    """Looks for a foot that should stand, and hangs in the air."""
 
     def __init__(self, sense: WalkSense, contacts: Sequence[Contact]) -> None:
         self._sense, self._contacts = sense, contacts
         self._idle = [0.0, 0.0]
-        self.foot: int | None = None
+        self.foot: int | None = None  # which hangs, 0 for the left one; None for none
 
     def update(self, dt: float) -> None:
         """Takes in what the feet carry."""

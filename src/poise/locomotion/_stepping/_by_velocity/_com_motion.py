@@ -18,7 +18,7 @@ from poise.locomotion._stepping._stance import (
 )
 
 _OBSERVED = 20.0
-"""How fast the observed velocity of the COM follows the measured one, beside what the commanded
+"""Rate at which the observed velocity of the COM follows the measured one, beside the commanded
 acceleration says [1/s]: noise and the shock of a landing are gone in two ticks, a sway is not."""
 
 
@@ -87,11 +87,7 @@ class ComMotion:
         self._driver, self._dt, self._leak = driver, dt, leak
 
     def observe(self, measured: Float64[np.ndarray, "2"]) -> None:
-        """Takes a measured velocity, once a tick and before all else.
-
-        Joint velocities and the gyroscope are noisy, and at the moment of a landing they are those
-        of a shock: what begins anew from them alone begins with a jump, which robot and ZMP follow.
-        """
+        """Takes a measured velocity, once a tick and before all else."""
         dt = self._dt
         expected = self.observed + dt * self.acceleration
         gain = dt * _OBSERVED / (1.0 + dt * _OBSERVED)
@@ -129,11 +125,7 @@ def _straight(
     com: Float64[np.ndarray, "2"],
     velocity: Float64[np.ndarray, "2"],
 ) -> tuple[Float64[np.ndarray, "2"], bool]:
-    """The COM shifter's acceleration, and whether it sets off: then one factor shortens both axes.
-
-    The COM goes straight from foot to foot, and not along one axis first, beside the soles. And
-    a_lim is for setting off; a COM that is on its way must be braked by what the soles give.
-    """
+    """Return the shifter's acceleration, on a straight line, and whether the COM sets off."""
     free = shifter.unlimited(reference, com, velocity)
     (x, y), (velocity_x, velocity_y) = free.tolist(), velocity.tolist()
     most, limit = max(abs(x), abs(y)), shifter.acceleration_max
@@ -146,19 +138,15 @@ _BRAKED = 0.2
 torques it follows some 0.2 s late. With 0.5 Romeo's knee was at its torque before it stood."""
 
 _LATE = 0.2
-"""How late that is where the knee of the leg that carries alone is at its limit [s]: beyond that
+"""Delay of that where the knee of the stance leg is at its limit [s]: beyond that
 nothing brakes."""
 
 _DEEPER = 0.01
-"""How far below a foot in the air the body comes down for it where it has felt no floor [m]."""
+"""Depth below a swing foot to which the body is lowered for it before it meets a floor [m]."""
 
 
 class ComHeight:
-    """Eq. (15b) with (17a); lower where the legs need it, and steady.
-
-    Attributes:
-        offset: how much higher than at the start the operator asks for, as far as legs allow [m].
-    """
+    """Eq. (15b) with (17a); lower where the legs need it, and steady."""
 
     def __init__(
         self,
@@ -205,10 +193,7 @@ class ComHeight:
         return self._range.too_weak(foot, footing.anchors[foot], hip, footing.heading)
 
     def _too_low(self, footing: Footing, hips: Sequence[Float64[np.ndarray, "3"]]) -> float:
-        """How far the hips are too low for what carries; negative for room [m].
-
-        A leg that carries bends no further than its ankle lets the sole stay level.
-        """
+        """Return the depth of the hips below where the legs hold them; negative for room [m]."""
         carries, heading = footing.mode.support, footing.heading
         feet = (footing.stance,) if footing.mode.single else (0, 1)
         return max(
@@ -225,10 +210,7 @@ class ComHeight:
         hips: Sequence[Float64[np.ndarray, "3"]],
         too_low: float,
     ) -> float:
-        """Eq. (15b), lower where a leg could not reach its foot, now or at the end [m].
-
-        Not for a target below the floor: there the body would be coming down when the foot lands.
-        """
+        """Eq. (15b), lower where a leg could not reach its foot, now or at the end [m]."""
         reach, stance, anchors = self._range, footing.stance, footing.anchors
         x, y, height = footing.dynamics.com.tolist()
         zmp_x, zmp_y = footing.zmp_reference.tolist()
@@ -255,11 +237,7 @@ def _felt(footing: Footing, target: Float64[np.ndarray, "3"]) -> Float64[np.ndar
 
 
 class BodyMomentum:
-    """Eqs (39a) and (39b): integrated in single support, with a leak; zero otherwise.
-
-    Attributes:
-        reference: about the COM, x and y [kg m^2/s].
-    """
+    """Eqs (39a) and (39b): integrated in single support, with a leak; zero otherwise."""
 
     def __init__(self, rotator: BodyRotator | None, dt: float, leak: float) -> None:
         self._rotator, self._dt = rotator, dt
@@ -269,7 +247,7 @@ class BodyMomentum:
 
     def restart(self) -> None:
         """Another mode has begun."""
-        self.reference: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.reference: Float64[np.ndarray, "2"] = np.zeros(2)  # about the COM, x and y [kg m^2/s]
 
     def turn(self, footing: Footing, cart_table_zmp: Float64[np.ndarray, "2"]) -> None:
         """One tick."""

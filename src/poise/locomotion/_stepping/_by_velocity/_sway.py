@@ -1,4 +1,4 @@
-"""Whether a robot whose velocities are commanded can stand on one foot: the sway of its servos."""
+"""Sway on one foot of a robot whose velocities are commanded, through its servos."""
 
 import math
 
@@ -22,7 +22,7 @@ _WAYS = ("forward", "sideways")
 def sway_stiffness(
     biped: Biped, dynamics: Dynamics, foot: int, stiffness: float
 ) -> tuple[Float64[np.ndarray, "2"], tuple[str, str]]:
-    """How hard the servos of one leg hold the COM in its place along the ground.
+    """Return the stiffness with which the servos of one leg hold the COM along the ground.
 
     A force F on the COM asks each joint j of the leg that stands for the torque G_j F, with G the
     COM's Jacobian while the sole rests; joints give way one after the other, so
@@ -41,7 +41,7 @@ def sway_stiffness(
 
 
 def sway_growth(stiffness: float, damping: float, shifter: ComShifter, leak: float) -> float:
-    """How fast sway on one foot grows under the COM shifter; negative where it dies away [1/s].
+    """Return the growth of sway on one foot under the COM shifter; negative where it decays [1/s].
 
     The COM p of mass m over a sole at rest is an inverted pendulum on the servos' spring. They
     follow the integral P of the commanded velocity V, which the shifter (37) makes of p, with the

@@ -38,11 +38,7 @@ from poise.stack import JointTask
 
 
 class PaperEvents:
-    """Keep the mode by devices and loads.
-
-    Attributes:
-        ended: end of the last step; None while one goes on, and before the first.
-    """
+    """Keep the mode by devices and loads."""
 
     def __init__(self, parameters: TeleopParameters, numbers: VelocityNumbers) -> None:
         self._dt, self._numbers, self._machine = parameters.dt, numbers, StepMachine()

@@ -1,4 +1,4 @@
-"""How the robot stands: its mode, its soles and legs, and where its feet can go."""
+"""Stance of the robot: its mode, soles and legs, and the workspace of its feet."""
 
 from poise.locomotion._stepping._stance._biped import (
     GIVES,

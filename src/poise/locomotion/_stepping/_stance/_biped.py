@@ -110,13 +110,9 @@ _RELIEF_MAX = 0.2
 
 
 def _hip_relief(dynamics: Dynamics, sole: str) -> float:
-    """How far the body has to lean over a foot to stand on it alone, within its hip's limits [rad].
-
-    Upright with the COM over the foot the hip is beside it by its offset y from the middle: the leg
-    of length l is turned in by y / l, and the hip holds the body's weight at that lever. Leaning by
-    phi takes both back: the turn by phi, the moment by the weight of the body times its height over
-    the hip times phi.
-    """
+    """Return the lean of the body over a foot with which its hip carries it alone [rad]."""
+    # Upright the leg of length l is turned in by y / l and the hip holds the weight at the lever y.
+    # A lean phi takes back phi of the turn, and weight times height over the hip times phi.
     robot = dynamics.robot
     joints = leg_joints(robot, sole)
     hip, axes = _leg_at(dynamics, sole, robot.q_home[7 + np.array(joints)])
@@ -157,10 +153,7 @@ def _leg_at(
 
 
 def _knee_range(dynamics: Dynamics, sole: str) -> tuple[float, float]:
-    """Angles at which the knee is bent enough, on the side to which it is bent at home [rad].
-
-    Where a model counts the angle from is its own affair, and so is the direction.
-    """
+    """Angles at which the knee is bent enough, on the side to which it is bent at home [rad]."""
     robot = dynamics.robot
     joints = leg_joints(robot, sole)
     home = robot.q_home[7 + np.array(joints)]
@@ -190,11 +183,7 @@ def _range_about(
     lower: Float64[np.ndarray, " n"],
     upper: Float64[np.ndarray, " n"],
 ) -> tuple[float, float]:
-    """How far the leg can turn over the sole about an axis of it, one way and the other [rad].
-
-    It is the last joint about that axis, in front of the sole, that decides: what it turns the sole
-    by, the leg turns back by.
-    """
+    """Return the range of the leg over the sole about an axis of it, either way [rad]."""
     joint = max(range(_HIP_JOINTS + 1, len(axes)), key=lambda j: abs(float(axes[j, axis])))
     forward, back = -float(lower[joint]), float(upper[joint])
     if axes[joint, axis] < 0.0:
@@ -281,7 +270,7 @@ _ROUNDING = 1e-6
 """An edge whose normal points aside by less than this faces ahead."""
 
 _SPARE = 0.08
-"""How much farther apart than they may be led feet may stand where the robot has put them [m]:
+"""Distance beyond the operator's limits at which feet may stand where the robot put them [m]:
 from twice as far apart as at home a shift takes an ankle of G1 beyond the end of its roll."""
 
 
@@ -358,10 +347,7 @@ class FootRange:
         return np.array([x, y, z])
 
     def _clear(self, foot: int, ahead: float, turns: tuple[float, float]) -> float:
-        """How far aside the centre of a turned sole has to be for its edges to be clear [m].
-
-        Where two convex shapes touch, an edge of one of them lies between them.
-        """
+        """Return the distance aside at which a turned sole is clear of the other [m]."""
         out = 1.0 if foot == 0 else -1.0
         needed = math.inf
         for edge in turns:
@@ -408,12 +394,7 @@ class FootRange:
         *,
         alone: bool,
     ) -> float:
-        """How far the hip is too low for a leg that carries; negative for room [m].
-
-        Its ankle keeps the sole level: a leg that bends leans its shank forward, the more so the
-        further the hip is ahead. So its knee comes ahead of the weight, no farther than its torque
-        holds that. And it folds no deeper than it may.
-        """
+        """Return the depth of the hip below where a loaded leg holds it; negative for room [m]."""
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
         lean = min(_LEAN_RATIO * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
         folded = math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
@@ -459,9 +440,6 @@ def _half_across(x: float, y: float, length: float, width: float, turn: float) -
 
 
 def _strong_lean(leg: LegGeometry, share: float) -> float:
-    """How far forward a shank may lean for its knee to hold a part of the weight [rad].
-
-    The weight rests on the middle of the sole.
-    """
+    """Return the lean of a shank with which its knee holds a part of the weight [rad]."""
     ahead = leg.knee_lever / share - float(leg.ankle[0])
     return math.asin(min(max(ahead / leg.shank, 0.0), 1.0))

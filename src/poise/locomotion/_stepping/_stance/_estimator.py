@@ -43,24 +43,13 @@ _NO_WRENCH = (0.0,) * 6
 
 
 class ZmpSensor:
-    """Centre of pressure of both soles, smoothed.
-
-    A wrench [f; m] at a sole's centre presses at (-m_y, m_x) / f_z in the sole's plane, which is
-    what cells at its four corners measure. While nothing presses, the last value holds.
-
-    Attributes:
-        zmp: x and y [m].
-        loads: normal forces, left and right [N].
-        pulls: forces along each sole, forward and to the left in its own axes [N].
-        centres: centre of pressure of each sole, along and across it from its own centre [m]; None
-            where nothing presses.
-    """
+    """Centre of pressure (-m_y, m_x) / f_z of both soles, smoothed; the last while none press."""
 
     def __init__(self, weight: float, time_constant: float, dt: float) -> None:
         self._least = _LEAST_LOAD * weight
         self._gain = dt / (time_constant + dt)
-        self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)
-        self.loads: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)  # x and y [m]
+        self.loads: Float64[np.ndarray, "2"] = np.zeros(2)  # normal forces, left and right [N]
         self.pulls: list[tuple[float, float]] = [(0.0, 0.0), (0.0, 0.0)]
         self.centres: list[tuple[float, float] | None] = [None, None]
         self._fresh = True
@@ -90,21 +79,10 @@ class ZmpSensor:
 class StanceEstimator:
     """The base from kinematics: the stance sole stays where it was put down.
 
-    Of the state it reads joint angles and velocities, the base's attitude and its angular velocity
-    (an inertial measurement unit has both), and the soles' loads; never the base's position or
-    linear velocity. The position is dead reckoning: it drifts by what the feet slip. Wrenches of
-    soles in the air are the zeros of their load cells, and the state's are less those.
-
-    The base's linear velocity is the one with which the stance sole rests. Where the robot is
-    pushed, that sole rocks on its edge, and the velocity would be wrong by as much. So an inertial
-    one is that of a `StateEstimator` as long as the state has readings of an inertial unit: those
-    notice what the sole does.
-
-    Attributes:
-        dynamics: of the estimated state.
-        anchors: where each sole was last put down, left then right [m].
-        stance: index of the sole that is taken to be at rest.
-        tare: zeros of the soles' load cells, once they have been in the air.
+    It reads joints, the attitude and angular velocity of the base, and the soles' loads; never the
+    base's position or linear velocity. With readings of an inertial unit the linear velocity is
+    that of a `StateEstimator`, which notices a stance sole that rocks on its edge; without, the one
+    with which that sole rests. What feet slip the position drifts.
     """
 
     def __init__(
@@ -115,7 +93,7 @@ class StanceEstimator:
         *,
         inertial: bool = False,
     ) -> None:
-        self.dynamics = Dynamics(robot)
+        self.dynamics = Dynamics(robot)  # of the estimated state
         self._robot, self._data = robot, robot.model.createData()
         self._sense = WalkSense(robot, soles, self.dynamics)
         self._soles = [robot.frame_id(name) for name in soles]
@@ -139,13 +117,10 @@ class StanceEstimator:
                 part.reset()
         self.dynamics.update(self._start)
         self.anchors[:] = [self.sole(foot).copy() for foot in (0, 1)]
-        self.stance = 1
+        self.stance = 1  # index of the sole that is taken to be at rest
 
     def update(self, state: RobotState) -> RobotState:
-        """The state with the base's position and velocity estimated; `dynamics` follows.
-
-        Never raises: a state that cannot be used comes back as it is, for the controller to refuse.
-        """
+        """Estimate position and velocity of the base; return an unusable state as it is."""
         known = self._without_base_motion(state)
         if known is None or not is_usable(known, self._robot):
             return state
@@ -213,11 +188,11 @@ class StanceEstimator:
         return self._sense
 
     def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
-        """Where a sole's centre is [m]."""
+        """Return the position of a sole's centre [m]."""
         return self.sense.sole(foot)[0]
 
     def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
-        """How a sole is turned, world_R_sole."""
+        """Return world_R_sole."""
         return self.sense.sole(foot)[1]
 
     def put_down(self, foot: int) -> None:

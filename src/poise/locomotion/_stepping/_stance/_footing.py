@@ -20,19 +20,12 @@ POSITION_GAIN = 10.0
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class DesiredMotion:
-    """v_d of (16), less what is kept level and upright by itself, and the CoM's acceleration.
+    """v_d of (16), less what is kept level and upright by itself, and the CoM's acceleration."""
 
-    Attributes:
-        com: velocity of the CoM [m/s].
-        com_acceleration: of the CoM along the ground [m/s^2].
-        momentum: angular, about the CoM, x and y [kg m^2/s].
-        foot: velocity of the sole that is not the stance [m/s].
-    """
-
-    com: Float64[np.ndarray, "3"]
-    com_acceleration: Float64[np.ndarray, "2"]
-    momentum: Float64[np.ndarray, "2"]
-    foot: Float64[np.ndarray, "3"]
+    com: Float64[np.ndarray, "3"]  # velocity of the CoM [m/s]
+    com_acceleration: Float64[np.ndarray, "2"]  # of the CoM along the ground [m/s^2]
+    momentum: Float64[np.ndarray, "2"]  # angular, about the CoM, x and y [kg m^2/s]
+    foot: Float64[np.ndarray, "3"]  # velocity of the sole that is not the stance [m/s]
 
 
 LANDED = 0.047
@@ -49,11 +42,7 @@ _LOAD_RATIO = 1.2
 
 
 class StanceChoice:
-    """Keeps the estimator's stance and the feet's places up to date.
-
-    Attributes:
-        pressed: how far below its place the foot is sent that carries nothing [m].
-    """
+    """Keeps the estimator's stance and the feet's places up to date."""
 
     def __init__(
         self,
@@ -91,13 +80,7 @@ class StanceChoice:
             self._pressing, self.pressed = False, 0.0
 
     def _press(self, foot: int) -> None:
-        """Sends a foot down until it carries something.
-
-        One that has only just touched with an edge would hang in the air. It is taken to stand
-        where it is as soon as it carries: pressed further it would tip the robot over the edge of
-        the sole at rest. Its place is the ground that it is over, not where it is sent: the body
-        would go down with that, and up again.
-        """
+        """Sends a foot down until it carries something."""
         anchor, height = self._estimator.anchors[foot], float(self._estimator.sole(foot)[2])
         if self._sensor.loads[foot] < self._least_load:
             anchor[2] = min(float(anchor[2]), height)
@@ -159,11 +142,7 @@ class Footing:
 
     @cached_property
     def support(self) -> SupportPolygon:
-        """Support of the soles on the ground, with a margin.
-
-        In double support that is both, whatever their load: a foot that happens to carry nothing
-        carries as soon as the ZMP moves towards it.
-        """
+        """Support of the soles on the ground, with a margin."""
         if self.mode.single:
             return self.region.support(self.stance, *self.soles[self.stance])
         return both_soles(self.soles, self.biped.sizes, self.region.margin, self.parts)
@@ -199,11 +178,7 @@ class Footing:
 
     @property
     def ground_below(self) -> float:
-        """Height of the ground that the foot that is not the stance may touch [m].
-
-        It is what it stands on, until it has left that; then the lower of both, so that it gets
-        down beside a block that it stood on.
-        """
+        """Height of the ground that the foot that is not the stance may touch [m]."""
         return self.lowest_ground if self.has_left else float(self.anchors[self.other][2])
 
     def clearance(self, ground: float) -> float:
@@ -213,10 +188,10 @@ class Footing:
 
 
 _RATE = 0.3
-"""How fast it leans over a foot, and back [rad/s]."""
+"""Rate of the lean over a foot, and back [rad/s]."""
 
 _TURN_RATE, _POSE_RATE = 0.5, 0.6
-"""How fast the trunk turns to where the feet face, and to what is commanded [rad/s]."""
+"""Rates of the trunk towards the heading of the feet, and towards the command [rad/s]."""
 
 TORSO_MOST = (0.3, 0.4, 0.5)
 """Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
@@ -266,7 +241,7 @@ class TrunkPose:
 
     @property
     def upright(self) -> bool:
-        """Whether the torso is in line with the pelvis, and nobody asks for anything else."""
+        """True while the torso is in line with the pelvis, as commanded."""
         return self._torso == UPRIGHT
 
     def rotations(

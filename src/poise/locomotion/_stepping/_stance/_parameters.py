@@ -115,7 +115,7 @@ _TORQUE_DT = 0.002
 """Length of a tick where torques are commanded [s]."""
 
 _NARROW_STEP, _NARROW_LIFT = 0.75, 0.5
-"""How far ahead and how high a foot may be led there beside one too narrow for a push, over
+"""Limits ahead and upwards of a foot beside a sole too narrow for a push, over
 `step_max` and `lift_max`: from farther away it does not come down in time to catch the robot."""
 
 
