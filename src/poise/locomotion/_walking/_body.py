@@ -14,7 +14,7 @@ from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._reach import LegSpan
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._stance import Stance
-from poise.locomotion._walking._swing import HeldSwing, Motion, SwingFoot, least_jerk_towards
+from poise.locomotion._walking._swing import Motion, SwingPose, least_jerk_towards
 from poise.locomotion._walking._tasks import CarriedTarget, ComMotion
 
 
@@ -173,7 +173,7 @@ class MeasuredPendulum:
         )
         return _of_one(foot, velocity), _of_one(foot, acceleration)
 
-    def swing_place(self, swing: SwingFoot | HeldSwing) -> Point:
+    def swing_place(self, swing: SwingPose) -> Point:
         """Return the position of the swing foot, whose height counts [m]."""
         x, y, z = swing.position.tolist()
         # Over that line: feet that stand count where they are, on whatever step.

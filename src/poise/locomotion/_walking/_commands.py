@@ -9,11 +9,9 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from poise._schema import Bounds, checked
 from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, beside, level_place
-from poise.locomotion._walking._ground import LEVEL, Ground, Placement
+from poise.locomotion._walking._ground import LEVEL, Ground, Placement, wrapped
 from poise.locomotion._walking._step_choice import StepBounds
 
 _Speed = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m/s")]
@@ -86,7 +84,7 @@ def side(foot: int) -> float:
 
 def _outwards(foot: int, turn: float) -> float:
     """A turn of a foot against the other one, outwards, whole turns left out [rad]."""
-    return side(foot) * math.remainder(turn, 2.0 * math.pi)
+    return side(foot) * wrapped(turn)
 
 
 class Foothold(NamedTuple):
@@ -261,20 +259,11 @@ class StepCommands:
             )
         else:
             px, py, _ = place.position
-            exact = self._flat(foot, Placement(position=(px, py, 0.0), yaw=stance.yaw + turned))
-            if exact is not None:
-                return exact
+            exact = Placement(position=(px, py, 0.0), yaw=stance.yaw + turned)
+            height = self._ground.level_under(exact, self._room.sizes[foot])
+            if self._ground.platforms and height is not None:
+                return replace(exact, position=(px, py, height))
         return self._lying(foot, stance, (px, py, stance.yaw + turned))
-
-    def _flat(self, foot: int, place: Placement) -> Placement | None:
-        """A sole on a platform or beside all of them; None where an edge is under it."""
-        if not self._ground.platforms:
-            return None
-        heights = self._ground.heights(place.grid(*self._room.sizes[foot]))
-        if float(np.ptp(heights)) >= LEVEL:
-            return None
-        x, y, _ = place.position
-        return replace(place, position=(x, y, float(heights[0])))
 
     def _lying(self, foot: int, stance: Placement, place: tuple[float, float, float]) -> Placement:
         """A sole on the ground: as planned, or ahead or behind where an edge is under it."""
@@ -293,8 +282,8 @@ class StepCommands:
         """Return whether all of a sole lies on ground as high as it."""
         if not self._ground.platforms:
             return True
-        heights = self._ground.heights(place.grid(*self._room.sizes[foot]))
-        return bool(np.abs(heights - place.position[2]).max() < LEVEL)
+        height = self._ground.level_under(place, self._room.sizes[foot])
+        return height is not None and abs(height - place.position[2]) < LEVEL
 
     def _within_limits(self, asked: Velocity) -> Velocity:
         """The longest velocity in a direction that the limits and the legs allow."""

@@ -16,7 +16,7 @@ from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._step_choice import Pendulum
 from poise.locomotion._walking._step_planner import Lifted, StepPlanner
-from poise.locomotion._walking._swing import RISE, HeldSwing, SwingFoot, SwingShape, sinking_phase
+from poise.locomotion._walking._swing import RISE, SwingFoot, SwingPose, SwingShape, sinking_phase
 
 Vector3 = Float64[np.ndarray, "3"]
 Rotation = Float64[np.ndarray, "3 3"]
@@ -153,7 +153,7 @@ class HeldFlight:
     def __init__(self, foot: int, sense: WalkSense) -> None:
         self.foot = foot
         self.left = self.elapsed = self.waited = 0.0
-        self.swing = HeldSwing(*sense.lower_edge(foot))
+        self.swing = SwingPose(*sense.lower_edge(foot))
         self.goal = sense.placement(foot)
 
     def move(self, position: Vector3, velocity: Vector3, rotation: Rotation, yaw: float) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Annotated
 
@@ -15,7 +15,7 @@ from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._support import Point, SolePart, bearing, two_soles
-from poise.locomotion._walking._ground import LEVEL, Ground, Placement
+from poise.locomotion._walking._ground import Ground, Placement, wrapped, yaw_of
 from poise.locomotion._walking._swing import SwingShape, clear_swing
 from poise.robots import Robot
 from poise.stack import checked_target
@@ -348,15 +348,14 @@ def _lying(
     x, y, yaw = place.tolist()
     # A heading is the same a whole turn on; the foot goes the shorter way.
     yaw += 2.0 * math.pi * round((before.yaw - yaw) / (2.0 * math.pi))
-    flat = Placement(position=(x, y, 0.0), yaw=yaw)
-    heights = ground.heights(flat.grid(*size))
-    if float(np.ptp(heights)) >= LEVEL:
+    height = ground.level_under(Placement(position=(x, y, 0.0), yaw=yaw), size)
+    if height is None:
         raise ConfigurationError(
             f"the foothold at x = {x:.3f} m, y = {y:.3f} m does not carry the whole sole",
-            got=f"heights from {heights.min():.3f} to {heights.max():.3f} m",
+            got="an edge under it",
             wanted="one height under the sole",
         )
-    return Placement(position=(x, y, float(heights[0])), yaw=yaw)
+    return Placement(position=(x, y, height), yaw=yaw)
 
 
 def level_floor(start: tuple[Placement, Placement]) -> Ground:
@@ -384,12 +383,10 @@ def _standing_soles(
                 wanted="a robot that stands on its soles",
             )
         x, y, z = pose.translation.tolist()
-        yaw = math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
-        found.append(Placement(position=(x, y, z), yaw=yaw))
+        found.append(Placement(position=(x, y, z), yaw=yaw_of(pose.rotation)))
     x, y, z = pin.centerOfMass(model, data, q).tolist()
     # Headings are counted on from the left foot's, so that no difference is a whole turn.
-    turn = math.remainder(found[1].yaw - found[0].yaw, 2.0 * math.pi)
-    right = Placement(position=found[1].position, yaw=found[0].yaw + turn)
+    right = replace(found[1], yaw=found[0].yaw + wrapped(found[1].yaw - found[0].yaw))
     return (found[0], right), (x, y, z)
 
 
@@ -498,7 +495,7 @@ def level_place(
         # 0, 1, -1, 2, -2, ... times the resolution
         shift = _SEARCH * ((i + 1) // 2) * (1 if i % 2 else -1)
         tried = (x + shift * math.cos(yaw), y + shift * math.sin(yaw))
-        heights = ground.heights(Placement(position=(*tried, 0.0), yaw=yaw).grid(*grown))
-        if float(np.ptp(heights)) < LEVEL:
-            return Placement(position=(*tried, float(heights[0])), yaw=yaw)
+        height = ground.level_under(Placement(position=(*tried, 0.0), yaw=yaw), grown)
+        if height is not None:
+            return Placement(position=(*tried, height), yaw=yaw)
     return None

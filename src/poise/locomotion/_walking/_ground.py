@@ -83,9 +83,12 @@ class Ground:
             rise = np.maximum(rise, platform.heights(points))
         return self.height + rise
 
-
-_ALONG, _ACROSS = 9, (-0.5, 0.0, 0.5)
-"""Points along and across a sole at which the ground under it is looked at."""
+    def level_under(self, place: "Placement", size: tuple[float, float]) -> float | None:
+        """Height of the ground under a sole of a size [m]; None where an edge is under it."""
+        if not self.platforms:
+            return self.height
+        heights = self.heights(place.grid(*size))
+        return float(heights[0]) if float(np.ptp(heights)) < LEVEL else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +114,6 @@ class Placement:
 
     def grid(self, length: float, width: float) -> Float64[np.ndarray, "n 2"]:
         """Points all over a sole of that size, edges included [m]."""
-        x, y = np.meshgrid(np.linspace(-0.5, 0.5, _ALONG) * length, np.array(_ACROSS) * width)
+        x, y = np.meshgrid(np.linspace(-0.5, 0.5, 9) * length, np.linspace(-0.5, 0.5, 3) * width)
         local = np.stack((x.ravel(), y.ravel()), axis=1)
         return np.array(self.position[:2]) + local @ yaw_rotation(self.yaw).T

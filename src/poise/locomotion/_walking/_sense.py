@@ -23,7 +23,7 @@ from poise.dynamics import (
     motion_of,
     place_frame,
 )
-from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._ground import Placement, yaw_of
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._swing import SwingFoot
 from poise.robots import Robot
@@ -148,8 +148,7 @@ class WalkSense:
         """Return where a sole lies."""
         position, rotation = self.lower_edge(foot)
         x, y, z = position.tolist()
-        yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
-        return Placement(position=(x, y, z), yaw=yaw)
+        return Placement(position=(x, y, z), yaw=yaw_of(rotation))
 
     def load(self, foot: int, *, stands: bool = True) -> float:
         """Return a foot's part of the weight; where nothing is measured, all of it if it stands."""

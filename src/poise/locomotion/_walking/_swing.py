@@ -1,4 +1,4 @@
-"""Trajectories of a swing foot: `SwingShape`, `SwingFoot`, `HeldSwing`."""
+"""Trajectories of a swing foot: `SwingShape`, `SwingPose`, `SwingFoot`."""
 
 import math
 from contextlib import suppress
@@ -150,7 +150,24 @@ Motion = tuple[float, float, float]
 """Position [m], velocity [m/s] and acceleration [m/s^2] along one axis of the world; or angles."""
 
 
-class SwingFoot:
+class SwingPose:
+    """Pose of a swing foot with its rates."""
+
+    def __init__(
+        self, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
+    ) -> None:
+        self.position, self.rotation = position.copy(), rotation.copy()
+        self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)  # linear, angular [m/s, rad/s]
+        self.acceleration: Float64[np.ndarray, "6"] = np.zeros(6)  # the same [m/s^2, rad/s^2]
+        self._lift_off_height = float(position[2])
+
+    @property
+    def slant(self) -> float:
+        """Height on the line from lift-off to the goal, over which height counts ahead [m]."""
+        return self._lift_off_height
+
+
+class SwingFoot(SwingPose):
     """Position and orientation of a foot from lift-off to touchdown, with rates."""
 
     def __init__(
@@ -162,21 +179,17 @@ class SwingFoot:
         duration: float,
         search_depth: float,
     ) -> None:
+        super().__init__(position, rotation)
         self.goal, self.duration = goal, duration
         self.elapsed = 0.0
         self._shape = shape
-        self._lift_off_height = float(position[2])
         self._clears = self._lift_off_height
         self._depth = search_depth
-        self._start_rotation = rotation.copy()
+        self._start_rotation = self.rotation
         self._turn = pin.log3(goal.rotation @ rotation.T)
         x, y, _ = position.tolist()
         self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
         self._search: tuple[float, float] | None = None
-        self.rotation: Float64[np.ndarray, "3 3"] = self._start_rotation
-        self.position: Float64[np.ndarray, "3"] = position.copy()
-        self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)
-        self.acceleration: Float64[np.ndarray, "6"] = np.zeros(6)
 
     @property
     def phase(self) -> float:
@@ -185,7 +198,7 @@ class SwingFoot:
 
     @property
     def slant(self) -> float:
-        """Height of the straight line from lift-off to the goal, by the time that is over [m]."""
+        """Height on the line from lift-off to the goal, over which height counts ahead [m]."""
         begin, end = self._lift_off_height, self.goal.position[2]
         return begin + min(self.phase, 1.0) * (end - begin)
 
@@ -254,18 +267,6 @@ class SwingFoot:
             rate = max(rate + acceleration * dt, -_SEARCH_SPEED)
         self._search = max(height + rate * dt, lowest), rate
         return *self._search, acceleration
-
-
-class HeldSwing:
-    """Pose of a held swing foot, with rates; set anew in each tick."""
-
-    def __init__(
-        self, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
-    ) -> None:
-        self.position, self.rotation = position.copy(), rotation.copy()
-        self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)  # linear then angular [m/s, rad/s]
-        self.acceleration: Float64[np.ndarray, "6"] = np.zeros(6)
-        self.slant = float(position[2])
 
 
 def least_jerk_towards(axis: Motion, goal: float, left: float, dt: float) -> Motion:
