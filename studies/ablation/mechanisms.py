@@ -208,7 +208,7 @@ MECHANISMS = (
         off={
             f"{_CARRYING}._SPREAD": _EVERYTHING,
             f"{_CARRYING}._SETTLING": _IMMEDIATE,
-            f"{_CARRYING}._WHOLE": 0.0,
+            f"{_CARRYING}.LEVEL": 0.0,
             f"{_CARRYING}._FLAT": (0.0, 0.0),
         },
         watched=f"{_CARRYING}.CarryingArea._learn_from",

@@ -395,10 +395,6 @@ def _beside(place: Vector3, rotation: Rotation, left: float) -> Point:
     return x + left * along_x, y + left * along_y
 
 
-_ALIGNED = 0.7
-"""A joint whose axis has this much of a sole's axis turns the foot about it."""
-
-
 def bearing(robot: Robot, sole: str, outwards: float) -> SolePart:
     """All of the sole, but for what its leg cannot hold."""
     size = robot.soles[sole]
@@ -417,7 +413,8 @@ def _held(robot: Robot, sole: str, turn: int, axis: int, half: float) -> tuple[f
     pose = pin.updateFramePlacement(model, data, frame)
     for joint in reversed(robot.leg_joints(sole)):
         column = model.joints[joint].idx_v
-        if abs(J[turn, column]) > _ALIGNED:
+        # Nearer to the axis than to the one across it.
+        if abs(J[turn, column]) > math.sqrt(0.5):
             at = float(pose.actInv(data.oMi[joint].translation)[axis])
             torque = float(robot.tau_max[column - robot.base_dofs])
             reach = torque / robot.weight

@@ -2,12 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._operator import DeviceStatus, OperatorSample
+from poise.locomotion._stepping._operator import (
+    NOWHERE,
+    DeviceStatus,
+    OperatorSample,
+    Vector,
+)
 from poise.locomotion._stepping._upper_body import HandStatus
 from poise.locomotion._walking import Mode, StepEnd
 
@@ -66,50 +70,27 @@ class TeleopStatus:
             hands: names of the hands.
         """
         support, sample = self.mode.support if self.mode.single else None, self.sample
-        values = (
-            float(support in (None, 0)),
-            float(support in (None, 1)),
-            *self.hand_targets,
-            _NOWHERE if sample is None else np.array(sample.place(0)),
-            _NOWHERE if sample is None else np.array(sample.place(1)),
-            _NOWHERE if self.target is None else self.target,
-            self.zmp_reference,
-            self.zmp,
-            self.cart_table_zmp,
-            self.com,
-            np.array(self.soles),
-            self.loads,
-            self.tilt,
-            self.mode.name,
-            self.device.name,
-            ", ".join([hand.name for hand in self.hands]),
-            "" if self.gaze is None else self.gaze.name,
-            "" if self.ended is None else self.ended.name,
-        )
-        return dict(zip(_signal_names(tuple(soles), tuple(hands)), values, strict=True))
+        left, right = (None, None) if sample is None else (sample.place(0), sample.place(1))
+        return {
+            **{f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(soles)},
+            **{f"target/{hand}": at for hand, at in zip(hands, self.hand_targets, strict=True)},
+            "target/left device": _place(left),
+            "target/right device": _place(right),
+            "foot_target": _place(self.target),
+            "zmp_reference": self.zmp_reference,
+            "estimate/zmp": self.zmp,
+            "estimate/cart_table_zmp": self.cart_table_zmp,
+            "estimate/com": self.com,
+            "estimate/soles": np.array(self.soles),
+            "estimate/loads": self.loads,
+            "estimate/tilt": self.tilt,
+            "mode": self.mode.name,
+            "device": self.device.name,
+            "hands": ", ".join([hand.name for hand in self.hands]),
+            "gaze": "" if self.gaze is None else self.gaze.name,
+            "step_end": "" if self.ended is None else self.ended.name,
+        }
 
 
-_NOWHERE = np.full(3, np.nan)
-
-
-@cache
-def _signal_names(soles: tuple[str, ...], hands: tuple[str, ...]) -> tuple[str, ...]:
-    return (
-        *(f"planned/{sole}" for sole in soles),
-        *(f"target/{hand}" for hand in hands),
-        "target/left device",
-        "target/right device",
-        "foot_target",
-        "zmp_reference",
-        "estimate/zmp",
-        "estimate/cart_table_zmp",
-        "estimate/com",
-        "estimate/soles",
-        "estimate/loads",
-        "estimate/tilt",
-        "mode",
-        "device",
-        "hands",
-        "gaze",
-        "step_end",
-    )
+def _place(place: Vector | Float64[np.ndarray, "3"] | None) -> Float64[np.ndarray, "3"]:
+    return np.array(NOWHERE if place is None else place)

@@ -4,7 +4,6 @@ from poise.locomotion._walking._commands import VelocityLimits
 from poise.locomotion._walking._engine import SteppingEngine as SteppingEngine
 from poise.locomotion._walking._flight import HeldFlight as HeldFlight
 from poise.locomotion._walking._footsteps import (
-    CLEARANCE as CLEARANCE,
     Footstep,
     FootstepPlan,
     Gait,
@@ -15,6 +14,7 @@ from poise.locomotion._walking._footsteps import (
     usual_gait as usual_gait,
 )
 from poise.locomotion._walking._ground import (
+    CLEARANCE as CLEARANCE,
     Ground,
     Placement,
     mean_angle as mean_angle,
@@ -32,7 +32,11 @@ from poise.locomotion._walking._modes import (
 )
 from poise.locomotion._walking._parts import make_parts as make_parts
 from poise.locomotion._walking._phases import FootMotion as FootMotion
-from poise.locomotion._walking._sense import WalkSense as WalkSense
+from poise.locomotion._walking._sense import (
+    LOADED as LOADED,
+    UNLOADED as UNLOADED,
+    WalkSense as WalkSense,
+)
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import (
     CarriedTarget,

@@ -14,7 +14,7 @@ from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._reach import LegSpan
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._stance import Stance
-from poise.locomotion._walking._swing import Motion, SwingPose, least_jerk_towards
+from poise.locomotion._walking._swing import FIXED, Motion, SwingPose, least_jerk_towards
 from poise.locomotion._walking._tasks import CarriedTarget, ComMotion
 
 
@@ -84,9 +84,6 @@ _FALL = 1.0
 """Over a way down, the square of the time that the body takes for it [s^2/m]: with the least jerk,
 its weight is never less than 0.4 of what it is."""
 
-_SOONEST = 0.06
-"""It takes this long at least [s]."""
-
 _BODY_TIME = 0.25
 """The body turns and rises no faster than it takes for a goal this far away [s]."""
 
@@ -125,7 +122,7 @@ class BodyHeight:
         height = max(self._reached(feet, low + asked, yaw, time), least)
         drop = now - height
         if drop > 0.0 and height < low + asked:
-            return height, yaw, max(time, math.sqrt(_FALL * drop), _SOONEST)
+            return height, yaw, max(time, math.sqrt(_FALL * drop), FIXED)
         time = max(time + 0.5 * self._gait.double_support, _BODY_TIME)
         return height, yaw, max(time, self._gait.shift_time) if slow else time
 
@@ -152,7 +149,6 @@ class MeasuredPendulum:
     ) -> None:
         self._legs, self._rise = legs, rise
         self._sense, self._stance, self._body = sense, stance, body
-        self._known: tuple[list[float] | None, FeetAt, FeetAt] = (None, _STILL, _STILL)
 
     def places(self, flight: Flight | HeldFlight | None) -> FeetAt:
         """Return the positions of both feet [m]."""
@@ -187,18 +183,12 @@ class MeasuredPendulum:
     def mass(self, flight: Flight | HeldFlight | None) -> tuple[Point, Point]:
         """Return C [m] and its velocity [m/s]."""
         feet = self.places(flight)
-        # What the state and the feet were that it was computed of last; lists are those of a tick.
-        known_com, known_feet, known = self._known
-        if flight is None and known_com is self._sense.com and known_feet == feet:
-            return known
         velocities = _STILL
         if flight is not None:
             velocity = self._counted(*self._sense.lower_edge_velocity(flight.foot))
             velocities = _of_one(flight.foot, velocity)
         (x, y, _), (vx, vy, _) = self._sense.com, self._sense.com_velocity
-        mass = self._legs.joined((x, y), feet), self._legs.joined((vx, vy), velocities)
-        self._known = None if flight else self._sense.com, feet, mass
-        return mass
+        return self._legs.joined((x, y), feet), self._legs.joined((vx, vy), velocities)
 
     def xi(self, flight: Flight | HeldFlight | None) -> Point:
         """The DCM [m]."""

@@ -40,10 +40,6 @@ class VelocityLimits:
     rise_time: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 1.0
 
 
-_PEAK = 10.0 / math.sqrt(3.0)
-"""Peak acceleration of a quintic of least jerk, over its way by its time squared."""
-
-
 class LegRoom(NamedTuple):
     """Workspace of a foothold beside the other foot."""
 
@@ -59,7 +55,8 @@ class LegRoom(NamedTuple):
 
     def shortest_swing(self, way: float) -> float:
         """In what time a foot goes a way, from rest to rest with the least jerk [s]."""
-        return math.sqrt(_PEAK * way / self.quickness)
+        # A quintic of least jerk peaks at 10 / sqrt(3) of its way by its time squared.
+        return math.sqrt(10.0 / math.sqrt(3.0) * way / self.quickness)
 
     def near(self, yaw: float) -> float:
         """Least distance of the soles' centres, turned against each other [m]."""

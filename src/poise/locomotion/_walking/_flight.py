@@ -21,7 +21,7 @@ from poise.locomotion._walking._swing import RISE, SwingFoot, SwingPose, SwingSh
 Vector3 = Float64[np.ndarray, "3"]
 Rotation = Float64[np.ndarray, "3 3"]
 
-_PLACE_RATE, _TIME_RATE = 2.0, 2.0
+_RATE = 2.0
 """Largest rates of foothold [m/s] and time of touchdown [s/s]."""
 
 _HELD, _BACK = 0.04, 0.015
@@ -74,7 +74,7 @@ class Flight:
         step, place = self._planner.choose(lifted, pendulum, turned)
         self._move_goal(place, dt)
         if not late:
-            most = _TIME_RATE * dt
+            most = _RATE * dt
             self.left += min(max(step.left - self.left, -most), most)
 
     def _move_goal(self, place: Point, dt: float) -> None:
@@ -83,7 +83,7 @@ class Flight:
         by_x, by_y = place[0] - x, place[1] - y
         if by_x == by_y == 0.0:
             return
-        ratio = min(1.0, _PLACE_RATE * dt / max(math.hypot(by_x, by_y), 1e-9))
+        ratio = min(1.0, _RATE * dt / max(math.hypot(by_x, by_y), 1e-9))
         by_x, by_y = ratio * by_x, ratio * by_y
         position = (x + by_x, y + by_y, z + a * by_x + b * by_y)
         moved = replace(self.goal, position=position)

@@ -15,7 +15,7 @@ from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._support import Point, SolePart, bearing, two_soles
-from poise.locomotion._walking._ground import Ground, Placement, wrapped, yaw_of
+from poise.locomotion._walking._ground import CLEARANCE, Ground, Placement, wrapped, yaw_of
 from poise.locomotion._walking._swing import SwingShape, clear_swing
 from poise.robots import Robot
 from poise.stack import checked_target
@@ -28,9 +28,6 @@ _MOST_STEPS = 1e3
 
 _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
-
-CLEARANCE = 0.01
-"""Least distance between the feet's edges, side by side [m]."""
 
 _NARROW = 0.6
 """Room between feet whose soles lean, over that of the feet as they stand."""

@@ -12,6 +12,9 @@ from jaxtyping import Float64
 
 from poise._schema import Bounds, Number, Vector, checked
 
+CLEARANCE = 0.01
+"""Least distance of feet from each other and from what a swing passes [m]."""
+
 LEVEL = 1e-3
 """Heights nearer to each other than this are one [m]."""
 

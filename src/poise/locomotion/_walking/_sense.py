@@ -34,6 +34,9 @@ ENGAGE, RELEASE = 0.4, 0.5
 _EARLY = 0.5
 """Phase of a swing from which ground counts as ground."""
 
+UNLOADED, LOADED = 0.02, 0.1
+"""Parts of the weight below which a sole carries nothing, and from which it lies on the ground."""
+
 LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
 

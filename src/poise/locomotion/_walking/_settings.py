@@ -8,7 +8,8 @@ from enum import Enum
 from typing import Annotated
 
 from poise._schema import Bounds, Ratio, checked
-from poise.locomotion._walking._footsteps import CLEARANCE, LARGEST
+from poise.locomotion._walking._footsteps import LARGEST
+from poise.locomotion._walking._ground import CLEARANCE
 
 _Distance = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")]
 

@@ -9,14 +9,12 @@ from jaxtyping import Float64
 
 from poise.locomotion._support import Point, SolePart, SupportPolygon, both_soles
 from poise.locomotion._walking._footsteps import Stand
-from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._ground import LEVEL
+from poise.locomotion._walking._sense import LOADED, WalkSense
 from poise.stack import Contact, SurfaceContact
 
 _TURNING = 0.3
 """A sole that carries and is faster than this turns about the edge of what it stands on [rad/s]."""
-
-_CARRIES = 0.1
-"""Part of the weight under which a sole says nothing of the ground."""
 
 _SPREAD = 0.2
 """Rate at which the area grows again while the sole does not turn: ground not tried for a while
@@ -30,9 +28,6 @@ _SETTLING = 0.15
 """Over which the area is averaged that plans count on, and whoever stands without a step to make: a
 foot that rocks has another in every tick, and a ZMP that should rest in it would be thrown to and
 fro [s]."""
-
-_WHOLE = 1e-3
-"""An average this near to the edge is there [m]."""
 
 _FLAT = 0.25, 0.5
 """Parts of its length and of its width on which a sole carries that lies flat."""
@@ -106,7 +101,7 @@ class CarryingArea:
             self._lower, self._upper = [-r for r in self._reach], list(self._reach)
         else:
             _, _, load, m_x, m_y, _ = wrench
-            carries = load > _CARRIES * self._sense.weight
+            carries = load > LOADED * self._sense.weight
             pressure = (-m_y / load, m_x / load) if carries else (None, None)
             # Turning to the front, about y, the toes go down; to the right, about x, that edge.
             for axis, down in enumerate((y, -x)):
@@ -163,7 +158,7 @@ class CarryingArea:
 
 def _whole(edge: float, end: float) -> float:
     """An edge, or the end of what can carry where it is nearly there [m]."""
-    return end if abs(end - edge) <= _WHOLE else edge
+    return end if abs(end - edge) <= LEVEL else edge
 
 
 _CLOSED, _CLOSED_TURN = 0.025, 0.06

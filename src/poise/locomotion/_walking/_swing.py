@@ -12,7 +12,7 @@ from poise._checks import checked_number
 from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
 from poise.locomotion._support import Point
-from poise.locomotion._walking._ground import LEVEL, Ground, Placement
+from poise.locomotion._walking._ground import CLEARANCE, LEVEL, Ground, Placement
 
 RISE = 0.45
 """Phase of the swing at which a foot is at its apex."""
@@ -57,8 +57,8 @@ class SwingShape:
 _SWINGS = ((0.0, 0.93), (0.1, 0.9), (0.15, 0.85), (0.2, 0.8), (0.25, 0.75), (0.3, 0.7))
 """Departure and arrival of a swing, from the smoothest to the one that clears most."""
 
-_SAMPLES, _CLEAR, _BESIDE = 41, 0.01, 0.01
-"""Moments at which a swing is looked at, and its distance from platforms below and beside [m]."""
+_SAMPLES = 41
+"""Moments at which a swing is looked at."""
 
 
 def clear_swing(
@@ -120,7 +120,7 @@ def _highest(
     """The highest ground under a sole between two places, with a margin around it [m]."""
     x, y = (a + ratio * (b - a) for a, b in zip(begin.position[:2], goal.position[:2], strict=True))
     place = Placement(position=(x, y, 0.0), yaw=begin.yaw + ratio * (goal.yaw - begin.yaw))
-    grown = (size[0] + 2.0 * _BESIDE, size[1] + 2.0 * _BESIDE)
+    grown = (size[0] + 2.0 * CLEARANCE, size[1] + 2.0 * CLEARANCE)
     return float(ground.heights(place.grid(*grown)).max())
 
 
@@ -130,12 +130,12 @@ def _is_clear(
     """Return whether a sole is clear of all that is higher than both ends of its swing."""
     for phase, ground in zip(phases, under, strict=True):
         own = begin if phase < RISE else end
-        if ground > own + LEVEL and shape.height(phase, begin, end)[0] < ground + _CLEAR:
+        if ground > own + LEVEL and shape.height(phase, begin, end)[0] < ground + CLEARANCE:
             return False
     return True
 
 
-_FIXED = 0.06
+FIXED = 0.06
 """The goal does not move any more when the foot is this near to its arrival [s]."""
 
 _FREED = 0.03
@@ -272,9 +272,9 @@ class SwingFoot(SwingPose):
 def least_jerk_towards(axis: Motion, goal: float, left: float, dt: float) -> Motion:
     """One tick of the least-jerk motion that arrives at rest in the time that is left [s]."""
     x, v, a = axis
-    if left <= _FIXED:
+    if left <= FIXED:
         # Too short to plan anew: three poles, fast and equal, deal with the last millimetre.
-        pole = 3.0 / _FIXED
+        pole = 3.0 / FIXED
         jerk = pole**3 * (goal - x) - 3.0 * pole**2 * v - 3.0 * pole * a
     else:
         jerk = (60.0 * (goal - x) / left - 36.0 * v) / (left * left) - 9.0 * a / left

@@ -14,7 +14,7 @@ from poise.dynamics import RobotState
 from poise.locomotion._support import Point
 from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._flight import Flight, HeldFlight
-from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._sense import UNLOADED, WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import WalkTasks
 from poise.stack import Contact
@@ -50,12 +50,9 @@ _LOST = 0.4
 _FALLEN = 0.5
 """A COM lower over the lower sole than this part of its height has fallen."""
 
-_HANGING = 0.02
-"""Feet that carry less than this part of the weight together carry nothing."""
-
-_CAUGHT, _FELT = 0.06, 0.02
-"""A foot in the air this far beside where it should be [m] is held by something, if its sole feels
-this part of the weight: without that it is the robot that is elsewhere."""
+_CAUGHT = 0.06
+"""A swing foot this far beside where it should be [m] is held by something if its sole is loaded:
+without that it is the robot that is elsewhere."""
 
 _SLIP_SPEED, _LOADED = 0.2, 0.3
 """A sole that is faster [m/s] and carries more than this part of the weight slips; feet that carry
@@ -104,7 +101,7 @@ class TroubleWatch:
         # In the order of the signs.
         seen = (
             sense.com[2] - lowest < _FALLEN * height,
-            left + right < (_LOADED if self._lifted.there else _HANGING),
+            left + right < (_LOADED if self._lifted.there else UNLOADED),
             flight is not None and flight.waited > settings.patience,
             flight is not None and self._is_caught(flight),
             error > _LOST * height,
@@ -124,7 +121,7 @@ class TroubleWatch:
             flight.swing.position.tolist(),
         )
         away = math.hypot(x - to_x, y - to_y) > _CAUGHT
-        return away and math.hypot(*self._sense.felt(flight.foot)) > _FELT
+        return away and math.hypot(*self._sense.felt(flight.foot)) > UNLOADED
 
     def _slips(self, foot: int, load: float) -> bool:
         if load < _LOADED:

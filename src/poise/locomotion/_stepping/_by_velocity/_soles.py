@@ -11,6 +11,7 @@ from jaxtyping import Float64
 
 from poise.dynamics import rotation_vector
 from poise.locomotion._stepping._stance import LEVEL, Footing
+from poise.locomotion._walking import LOADED
 
 _FOLLOW, _CORRECT = 5.0, 20.0
 """Rates at which the tilt of a ground follows that of a sole which lies flat on it, and that of a
@@ -108,12 +109,6 @@ _GIVE = (0.15, 0.15, 0.03)
 """Velocity of a foot over a force that squeezes, over the weight [m/s]; legs are stiffest
 along their length."""
 
-_SETTLE = 5.0
-"""Rate at which the place of a loaded foot follows the foot [1/s]."""
-
-_LEAST_LOAD = 0.1
-"""Load of both feet, over the weight, below which neither gives way."""
-
 
 class SoleYield:
     """Two feet on the ground are a closed chain: one gives way to forces that only squeeze."""
@@ -123,7 +118,7 @@ class SoleYield:
     # or sinks until it bears the load that the ZMP asks for.
 
     def __init__(self, dt: float) -> None:
-        self._settle = dt * _SETTLE
+        self._settle = dt * _FOLLOW
 
     def turn(self, footing: Footing) -> Float64[np.ndarray, "2"] | None:
         """Angular velocity of the other sole, x and y; None while it carries nothing [rad/s]."""
@@ -148,7 +143,7 @@ class SoleYield:
         """Velocity of the other foot; its anchor settles where it stands [m/s]."""
         sensor, other = footing.sensor, footing.other
         total, weight = float(sensor.loads.sum()), footing.biped.weight
-        if sensor.centres[other] is None or total < _LEAST_LOAD * weight:
+        if sensor.centres[other] is None or total < LOADED * weight:
             return velocity
         part = float(sensor.loads[other]) / total
         pull, counter = (np.array(sensor.pulls[foot]) for foot in (other, footing.stance))

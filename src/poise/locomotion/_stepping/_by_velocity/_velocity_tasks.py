@@ -23,7 +23,7 @@ from poise.locomotion._stepping._stance import (
     RobotSize,
     TrunkLean,
 )
-from poise.locomotion._walking import Mode
+from poise.locomotion._walking import CLEARANCE, Mode
 from poise.stack import (
     ComTask,
     FrameTask,
@@ -82,11 +82,6 @@ def velocity_numbers(size: RobotSize) -> VelocityNumbers:
 
 _LIMIT_TIME = 0.05
 """Time in which a joint may at most reach its position limit [s]."""
-
-_MARGIN = 0.01
-"""Distance that is kept between the capsules of two legs [m]. Those of feet are as large as feet,
-and feet are off by up to 9 mm where they land; those of knees are up to 4 cm larger than knees,
-which farther apart would hold ordinary steps."""
 
 
 class WA(NamedTuple):
@@ -149,7 +144,7 @@ class VelocityTasks:
                 *([limbs] if limbs else []),
             ],
             joint_limit=JointLimit(position_margin=0.0, position_range=biped.knees),
-            self_collision_limit=SelfCollisionLimit(legs_only=True, margin=_MARGIN),
+            self_collision_limit=SelfCollisionLimit(legs_only=True, margin=CLEARANCE),
         )
         self.stack.bind(biped.robot)
         self.reset()

@@ -14,6 +14,7 @@ from poise.locomotion._stepping._operator._guard import (
     rotation_of as rotation_of,
 )
 from poise.locomotion._stepping._operator._sample import (
+    NOWHERE as NOWHERE,
     BodyCommand as BodyCommand,
     Device as Device,
     FieldError as FieldError,

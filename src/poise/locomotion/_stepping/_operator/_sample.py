@@ -19,7 +19,7 @@ Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 """Of a stick along one of its axes; records have none, and are read whatever a device gave."""
 
 _Numbers = Sequence[float | int] | np.ndarray
-_NOWHERE: Vector = (math.nan, math.nan, math.nan)
+NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
 
 def _floats(values: _Numbers | None) -> Any:
@@ -132,7 +132,7 @@ class OperatorSample(
     def place(self, foot: int) -> Vector:
         """Position of a foot's device, 0 left and 1 right [m]; NaN without one."""
         part = self.feet[foot]
-        return _NOWHERE if part is None or part.position is None else part.position
+        return NOWHERE if part is None or part.position is None else part.position
 
 
 @runtime_checkable
@@ -217,7 +217,7 @@ def checked_reading(arm: str, reading: object) -> TrackedPose | None:
     if reading is None:
         return None
     place, clutch = _two(f"reading of {arm}", reading)
-    place = _NOWHERE if place is None else _read(f"position of {arm}", place, Vector)
+    place = NOWHERE if place is None else _read(f"position of {arm}", place, Vector)
     return TrackedPose(place, bool(_read(f"clutch of {arm}", clutch, bool | int)))
 
 

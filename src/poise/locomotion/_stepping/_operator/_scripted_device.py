@@ -13,6 +13,7 @@ from jaxtyping import Float64
 from poise._schema import Bounds, Seconds, Vector, checked
 from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
+from poise.locomotion._stepping._operator._guard import SLOWEST
 from poise.locomotion._stepping._operator._sample import OperatorSample, TrackedPose
 
 # Forward, left and up from where the foot stood at the start [m]
@@ -50,10 +51,6 @@ class WayPoint:
     def __post_init__(self) -> None:
         if all(getattr(self, part.name) is None for part in fields(self)[1:]):
             raise ConfigurationError("a way-point moves no device", wanted="left, right or both")
-
-
-# When a scripted device takes hold of its hand [s]: its clutch has to be seen open first
-_GRIP_AT = 0.1
 
 
 class ScriptedDevice:
@@ -113,7 +110,7 @@ class _ScriptedPose:
         if not (self._place.moves or self._turn.moves):
             return None
         turn = pin.Quaternion(pin.exp3(self._turn.at(time))).coeffs() if self._turn.moves else None
-        return TrackedPose.of(self._place.at(time), time > _GRIP_AT, turn)
+        return TrackedPose.of(self._place.at(time), time > SLOWEST, turn)
 
 
 class _Path:

@@ -20,7 +20,7 @@ _HIP_JOINTS = 3
 KNEE = _HIP_JOINTS
 """Place of the knee among the joints of a leg: behind the hip's three."""
 
-_BASE_JOINT = 1
+BASE_JOINT = 1
 """Pinocchio's index of the floating base; joint 0 is the world."""
 
 _KNEE_MIN = 0.08
@@ -102,8 +102,9 @@ def _knee_lever(robot: Robot, joints: list[int]) -> float:
     return _KNEE_LOAD * torque / (GRAVITY * (robot.mass - below))
 
 
-_HIP_LOAD, _HIP_TURN = 0.75, 0.8
-"""Parts of the hip's torque about the forward axis, and of its range inwards, to stand with."""
+_HIP_LOAD, _RANGE = 0.75, 0.8
+"""Parts of the hip's torque about the forward axis to stand with, and of the ranges of hips and
+ankles to either side."""
 
 _RELIEF_MAX = 0.2
 """The body leans over the foot that carries by no more [rad]."""
@@ -133,7 +134,7 @@ def _hip_relief(dynamics: Dynamics, sole: str) -> float:
     inwards = float(axes[roll, _ROLL]) * (1.0 if hip[1] < pelvis[1] else -1.0) > 0.0
     home = float(robot.q_home[7 + joint])
     limit = robot.q_max[joint] - home if inwards else home - robot.q_min[joint]
-    turn = offset / float(hip[2] - ankle[2]) - _HIP_TURN * float(limit)
+    turn = offset / float(hip[2] - ankle[2]) - _RANGE * float(limit)
     return min(max(lacking / (GRAVITY * carried * height), turn, 0.0), _RELIEF_MAX)
 
 
@@ -221,7 +222,7 @@ def biped_of(robot: Robot, size: RobotSize) -> Biped:
         soles=soles,
         frames=(robot.frame_id(left), robot.frame_id(right)),
         sizes=(_size(robot, left), _size(robot, right)),
-        base=robot.model.getFrameId(robot.model.names[_BASE_JOINT]),
+        base=robot.model.getFrameId(robot.model.names[BASE_JOINT]),
         pelvis=robot.frame_id(robot.pelvis),
         torso=robot.frame_id(robot.torso),
         weight=robot.weight,
@@ -254,14 +255,8 @@ _NARROW_GAP = 0.09
 """Least distance of narrow soles' edges by torques, over the COM's height: one behind the other, as
 on a rope, they hold no push aside."""
 
-_ROLL_RATIO = 0.8
-"""Part of the ankle's roll that may be used for standing with the feet apart."""
-
 _LEAN_RATIO = 0.9
 """Part of the ankle's pitch that the shank may lean forward by."""
-
-_SHARED = 0.5
-"""Part of the weight that a leg holds beside the other one."""
 
 _TURNED = 0.05
 """Soles that are turned by less than this against where the robot faces lie side by side [rad]."""
@@ -286,11 +281,10 @@ class FootRange:
         self._reach = [(1.0 - _MARGIN) * leg.length for leg in self._legs]
         self._fold = [(_SERVO_FOLD if servos else _FOLD) * leg.length for leg in self._legs]
         # Held up by its knee: alone, and beside the other one.
-        self._strong = [(_strong_lean(leg, 1.0), _strong_lean(leg, _SHARED)) for leg in self._legs]
+        self._strong = [(_strong_lean(leg, 1.0), _strong_lean(leg, 0.5)) for leg in self._legs]
         # A level sole beside the hip takes as much roll of the ankle as the leg leans.
         sides = [
-            reach * float(np.sin(min(_ROLL_RATIO * leg.roll_max, 0.5 * np.pi)))
-            + abs(float(leg.hip[1]))
+            reach * float(np.sin(min(_RANGE * leg.roll_max, 0.5 * np.pi))) + abs(float(leg.hip[1]))
             for leg, reach in zip(self._legs, self._reach, strict=True)
         ]
         sizes = [robot.soles[name] for name in soles]

@@ -19,7 +19,8 @@ from poise.estimation import (
     StampedPredictor,
     StateEstimator,
 )
-from poise.locomotion._walking import WalkSense
+from poise.locomotion._stepping._stance._biped import BASE_JOINT
+from poise.locomotion._walking import UNLOADED, WalkSense
 from poise.robots import Robot
 
 _DONE = 0.5
@@ -27,26 +28,18 @@ _DONE = 0.5
 operator, with bumps, a slope and 10 ms of delay: on one foot the base's turning is off by 0.023
 rad/s with none of it, 0.038 with all and 0.029 with half, the legs' by 0.048, 0.032 and 0.033."""
 
-_LEAST_LOAD = 0.02
-"""Part of the weight below which the soles say nothing about the ZMP."""
-
 _CLEAR = 0.01
 """A sole is in the air so high above where it was put down [m]: a hip that is zeroed badly by 0.3
 degrees moves the end of a leg of 1 m by 5 mm."""
 
-_BASE = 1
-"""Pinocchio's index of the floating base; joint 0 is the world."""
-
 _CORRECTED = EstimatorConfig(tare=False, vote=False)
-
-_NO_WRENCH = (0.0,) * 6
 
 
 class ZmpSensor:
     """Centre of pressure (-m_y, m_x) / f_z of both soles, smoothed; the last while none press."""
 
     def __init__(self, weight: float, time_constant: float, dt: float) -> None:
-        self._least = _LEAST_LOAD * weight
+        self._least = UNLOADED * weight
         self._gain = dt / (time_constant + dt)
         self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)  # x and y [m]
         self.loads: Float64[np.ndarray, "2"] = np.zeros(2)  # normal forces, left and right [N]
@@ -58,7 +51,7 @@ class ZmpSensor:
         """Reads one measurement."""
         pressed_x = pressed_y = total = 0.0
         for i, wrench in enumerate(sense.wrenches):
-            fx, fy, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench
+            fx, fy, load, mx, my, _ = wrench or (0.0,) * 6
             self.loads[i] = load = load if load > 0.0 else 0.0
             self.pulls[i] = (fx, fy)
             self.centres[i] = (-my / load, mx / load) if load > self._least else None
@@ -97,7 +90,7 @@ class StanceEstimator:
         self._robot, self._data = robot, robot.model.createData()
         self._sense = WalkSense(robot, soles, self.dynamics)
         self._soles = [robot.frame_id(name) for name in soles]
-        self._world_R_base = self.dynamics.motion.placements[_BASE, :9].reshape(3, 3).T
+        self._world_R_base = self.dynamics.motion.placements[BASE_JOINT, :9].reshape(3, 3).T
         self._start = RobotState(q_start, np.zeros(robot.nv))
         self._inertial = StateEstimator(robot, _CORRECTED, q_start=q_start) if inertial else None
         self._payload = PayloadEstimator(robot) if inertial else None
