@@ -1,22 +1,22 @@
 """Walking: footsteps, and the walker that makes them, planned or as it is led."""
 
-from poise.locomotion._walking._commands import VelocityLimits
+from poise.locomotion._walking._commands import VelocityLimits as VelocityLimits
 from poise.locomotion._walking._engine import SteppingEngine as SteppingEngine
 from poise.locomotion._walking._flight import HeldFlight as HeldFlight
 from poise.locomotion._walking._footsteps import (
-    Footstep,
-    FootstepPlan,
-    Gait,
-    Stride,
+    Footstep as Footstep,
+    FootstepPlan as FootstepPlan,
+    Gait as Gait,
+    Stride as Stride,
     level_floor as level_floor,
-    plan_footsteps,
+    plan_footsteps as plan_footsteps,
     stand_of as stand_of,
     usual_gait as usual_gait,
 )
 from poise.locomotion._walking._ground import (
     CLEARANCE as CLEARANCE,
-    Ground,
-    Placement,
+    Ground as Ground,
+    Placement as Placement,
     mean_angle as mean_angle,
     turn_to_left as turn_to_left,
     wrapped as wrapped,
@@ -37,26 +37,13 @@ from poise.locomotion._walking._sense import (
     UNLOADED as UNLOADED,
     WalkSense as WalkSense,
 )
-from poise.locomotion._walking._settings import WalkSettings, WalkStatus
-from poise.locomotion._walking._tasks import (
-    CarriedTarget,
-    swing_braking as swing_braking,
-    walking_stack,
+from poise.locomotion._walking._settings import (
+    WalkSettings as WalkSettings,
+    WalkStatus as WalkStatus,
 )
-from poise.locomotion._walking._walker import Walker
-
-__all__ = [
-    "CarriedTarget",
-    "Footstep",
-    "FootstepPlan",
-    "Gait",
-    "Ground",
-    "Placement",
-    "Stride",
-    "VelocityLimits",
-    "WalkSettings",
-    "WalkStatus",
-    "Walker",
-    "plan_footsteps",
-    "walking_stack",
-]
+from poise.locomotion._walking._tasks import (
+    CarriedTarget as CarriedTarget,
+    swing_braking as swing_braking,
+    walking_stack as walking_stack,
+)
+from poise.locomotion._walking._walker import Walker as Walker
