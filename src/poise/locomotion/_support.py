@@ -58,10 +58,6 @@ class SupportPolygon:
                 best, least = near, distance
         return best
 
-    def grown(self, by: float) -> "SupportPolygon":
-        """The same with its edge farther out."""
-        return SupportPolygon.of_edges([[nx, ny, c - by] for nx, ny, c in self._edges])
-
     def towards(self, start: Point, point: Point) -> Point:
         """The last point inside from a start that is inside towards a point; else the nearest."""
         (x, y), (ex, ey) = start, (point[0] - start[0], point[1] - start[1])

@@ -24,17 +24,14 @@ from poise.locomotion._stepping._stance import (
     ZmpSensor,
 )
 from poise.locomotion._support import SingleSupportRegion
-from poise.locomotion._walking import HeldFlight, Mode, StepEnd, turn_to_left, wrapped
+from poise.locomotion._walking import CLEAR, HeldFlight, Mode, StepEnd, turn_to_left, wrapped
 from poise.stack import Stack
-
-_AT_REST: Vector = (0.0, 0.0, 0.0)
 
 _THERE = 1e-6
 """A foot is sent no nearer than this to where the operator says, whatever is rounded [m]."""
 
-_HANGS, _COMES = 0.005, 0.002
-"""So far above where it is sent down to a foot has not got there; and so much lower it is when it
-still comes [m]."""
+_HANGS = 0.005
+"""A foot so far above where it is sent down to, and no lower than this for a while, hangs [m]."""
 
 _PATIENCE, _DRAWN = 0.4, 0.05
 """Time for which a foot may hang, and speed at which it is drawn nearer then [s, m/s]."""
@@ -47,7 +44,7 @@ class FootTarget:
         self._range, self._parameters = reach, parameters
         self.restart()
         # Velocity of the device, where the foot is sent to its place [m/s].
-        self.rate = _AT_REST
+        self.rate: Vector = (0.0, 0.0, 0.0)
 
     def restart(self) -> None:
         """Another mode has begun."""
@@ -68,7 +65,7 @@ class FootTarget:
     ) -> Float64[np.ndarray, "3"]:
         """The place [m]."""
         here = footing.sole(footing.other)
-        self.rate = _AT_REST
+        self.rate = (0.0, 0.0, 0.0)
         if not footing.mode.single:
             x, y, z = footing.anchors[footing.other].tolist()
             return np.array([x, y, z - footing.pressed])
@@ -82,7 +79,7 @@ class FootTarget:
             down = lowest if footing.has_left else float(here[2])
             sent = self._followed(footing, device, down, room_below)
         if self._hangs(footing, float(sent[2])):
-            self.rate = _AT_REST
+            self.rate = (0.0, 0.0, 0.0)
             return self._nearer(footing, float(sent[2]), room_below)
         return sent
 
@@ -93,7 +90,7 @@ class FootTarget:
             self._comes()
             return False
         if self._hung < _PATIENCE:
-            if height < self._least - _COMES:
+            if height < self._least - _HANGS:
                 self._least, self._hung = height, 0.0
             self._hung += self._parameters.dt
         return self._hung >= _PATIENCE
@@ -163,13 +160,13 @@ class FootVelocity:
 
     def restart(self) -> None:
         """Another mode has begun."""
-        self._smoothed = _AT_REST
+        self._smoothed: Vector = (0.0, 0.0, 0.0)
 
     def towards(
         self,
         footing: Footing,
         target: Float64[np.ndarray, "3"],
-        rate: Vector = _AT_REST,
+        rate: Vector = (0.0, 0.0, 0.0),
         *,
         hurry: bool = False,
     ) -> Float64[np.ndarray, "3"]:
@@ -227,8 +224,8 @@ _SHIFT_TIMEOUT = 3.0
 _FARTHEST = 0.03
 """Largest distance of the reference of the swing foot from the foot [m]."""
 
-_TURN_RATE, _CLEAR = 1.0, 0.02
-"""Turning of a swing foot [rad/s], and its least height for that [m]."""
+_TURN_RATE = 1.0
+"""Turning of a swing foot [rad/s]."""
 
 FOOT_TURNS = (0.12, 0.6)
 """Largest turn of a foot inwards and outwards against the other one [rad]."""
@@ -408,7 +405,7 @@ class FootDevices(DeviceEvents):
         if far > _FARTHEST:
             part = _FARTHEST / far
             x, y, z = here_x + part * gap_x, here_y + part * gap_y, here_z + part * gap_z
-        if here_z - footing.ground_below > _CLEAR:
+        if here_z - footing.ground_below > CLEAR:
             self._turn(foot, footing, dt)
         yaw = self._yaw
         flight.move(np.array([x, y, z]), velocity, turn_to_left(yaw), yaw)

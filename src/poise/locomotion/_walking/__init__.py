@@ -41,6 +41,7 @@ from poise.locomotion._walking._settings import (
     WalkSettings as WalkSettings,
     WalkStatus as WalkStatus,
 )
+from poise.locomotion._walking._swing import CLEAR as CLEAR
 from poise.locomotion._walking._tasks import (
     CarriedTarget as CarriedTarget,
     swing_braking as swing_braking,

@@ -80,10 +80,6 @@ LOWEST = 0.9
 """Part of its height to which the COM goes down so that a leg reaches where it catches the
 robot."""
 
-_FALL = 1.0
-"""Over a way down, the square of the time that the body takes for it [s^2/m]: with the least jerk,
-its weight is never less than 0.4 of what it is."""
-
 _BODY_TIME = 0.25
 """The body turns and rises no faster than it takes for a goal this far away [s]."""
 
@@ -122,7 +118,8 @@ class BodyHeight:
         height = max(self._reached(feet, low + asked, yaw, time), least)
         drop = now - height
         if drop > 0.0 and height < low + asked:
-            return height, yaw, max(time, math.sqrt(_FALL * drop), FIXED)
+            # In this time, as a number in SI units, a least jerk keeps 0.4 of the weight.
+            return height, yaw, max(time, math.sqrt(drop), FIXED)
         time = max(time + 0.5 * self._gait.double_support, _BODY_TIME)
         return height, yaw, max(time, self._gait.shift_time) if slow else time
 

@@ -70,8 +70,7 @@ class LegRoom(NamedTuple):
 
 
 _ASKEW = 0.03
-"""A foothold that is turned by less than this is as it was asked for: the stance foot is where
-it should be no more exactly [rad]."""
+"""A foothold turned by less than this from the command is as commanded [rad]."""
 
 
 def side(foot: int) -> float:
@@ -285,31 +284,19 @@ class StepCommands:
     def _within_limits(self, asked: Velocity) -> Velocity:
         """The longest velocity in a direction that the limits and the legs allow."""
         limits, room = self._limits, self._room
-        # Squares of numbers that nobody means overflow.
-        asked = _tamed(asked)
         stride = 0.5 * room.ahead / self._time
         most = (
             min(limits.ahead if asked[0] > 0.0 else limits.back, 2.0 * stride),
             min(limits.sideways, 0.5 * (room.wide - room.near(0.0)) / self._time),
             min(limits.turn, 0.5 * (room.turn + room.turn_in) / self._time),
         )
-        size = math.sqrt(
-            sum((v / m) ** 2 if m > 0.0 else 0.0 for v, m in zip(asked, most, strict=True))
-        )
+        # Halved against overflow by numbers that no command means.
+        halves = (0.5 * v / m if m > 0.0 else 0.0 for v, m in zip(asked, most, strict=True))
+        size = 2.0 * math.hypot(*halves)
         ahead, sideways, turn = (
             v / max(size, 1.0) if m > 0.0 else 0.0 for v, m in zip(asked, most, strict=True)
         )
         return ahead, sideways, turn
-
-
-_WILD = 1e3
-"""No velocity is larger [m/s, rad/s]."""
-
-
-def _tamed(asked: Velocity) -> Velocity:
-    """A finite velocity without numbers that nobody means."""
-    ahead, sideways, turn = (min(max(v, -_WILD), _WILD) for v in asked)
-    return ahead, sideways, turn
 
 
 def _share(outwards: float, inwards_most: float) -> float:

@@ -173,8 +173,7 @@ def hermite_step(now: DcmMotion, goal: DcmMotion, left: float, dt: float) -> Dcm
 
 
 _FADE = 0.05
-"""Time over which a ZMP commanded by another feedback fades [s]: for longer, the DCM
-component would leave its way meanwhile, which grows by a fifth in that time."""
+"""Time over which a ZMP commanded by another feedback fades [s]: the DCM grows by a fifth in it."""
 
 
 class DcmFeedback:

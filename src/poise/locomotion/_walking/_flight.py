@@ -16,7 +16,14 @@ from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._step_choice import Pendulum
 from poise.locomotion._walking._step_planner import Lifted, StepPlanner
-from poise.locomotion._walking._swing import RISE, SwingFoot, SwingPose, SwingShape, sinking_phase
+from poise.locomotion._walking._swing import (
+    FIXED,
+    RISE,
+    SwingFoot,
+    SwingPose,
+    SwingShape,
+    sinking_phase,
+)
 
 Vector3 = Float64[np.ndarray, "3"]
 Rotation = Float64[np.ndarray, "3 3"]
@@ -31,9 +38,6 @@ is held by something; it goes so far back from it [m]."""
 _SHORT, _EARLY = 0.08, 0.03
 """Contact so far from the foothold [m], and earlier than this before it is due [s], is with
 something on its way."""
-
-_FINAL = 0.05
-"""Foothold and time are final when touchdown is this near [s]."""
 
 
 class Flight:
@@ -68,7 +72,7 @@ class Flight:
     def aim(self, lifted: Lifted, pendulum: Pendulum, dt: float) -> None:
         """Chooses place and time of touchdown."""
         late = self.left == 0.0
-        if self._lands or (self.left <= _FINAL and not late):
+        if self._lands or (self.left <= FIXED and not late):
             return
         turned = self.goal.yaw - lifted.stance.yaw
         step, place = self._planner.choose(lifted, pendulum, turned)

@@ -25,14 +25,11 @@ from poise.dynamics import (
 )
 from poise.locomotion._walking._ground import Placement, yaw_of
 from poise.locomotion._walking._settings import WalkSettings
-from poise.locomotion._walking._swing import SwingFoot
+from poise.locomotion._walking._swing import RISE, SwingFoot
 from poise.robots import Robot
 
 ENGAGE, RELEASE = 0.4, 0.5
 """Ratios of the double support in which the landed foot is loaded and the next one unloaded."""
-
-_EARLY = 0.5
-"""Phase of a swing from which ground counts as ground."""
 
 UNLOADED, LOADED = 0.02, 0.1
 """Parts of the weight below which a sole carries nothing, and from which it lies on the ground."""
@@ -173,7 +170,7 @@ class WalkSense:
             # Nothing is measured: the foot is down when it should be.
             return swing.phase >= 1.0
         loaded = wrench[2] >= settings.touchdown_force * self.weight
-        return loaded and (swing.phase >= _EARLY or swing.searching)
+        return loaded and (swing.phase >= RISE or swing.searching)
 
 
 @compiled

@@ -25,9 +25,8 @@ _LEAST = 0.004
 
 
 _SETTLING = 0.15
-"""Over which the area is averaged that plans count on, and whoever stands without a step to make: a
-foot that rocks has another in every tick, and a ZMP that should rest in it would be thrown to and
-fro [s]."""
+"""Time constant of the average of the area for plans and at rest: a foot that rocks has another
+in every tick [s]."""
 
 _FLAT = 0.25, 0.5
 """Parts of its length and of its width on which a sole carries that lies flat."""
@@ -161,7 +160,7 @@ def _whole(edge: float, end: float) -> float:
     return end if abs(end - edge) <= LEVEL else edge
 
 
-_CLOSED, _CLOSED_TURN = 0.025, 0.06
+CLOSED, _CLOSED_TURN = 0.03, 0.06
 """Feet so near to side by side are [m, rad]."""
 
 _DRIFT = 0.002
@@ -262,7 +261,7 @@ class Stance:
         ahead = math.cos(yaw) * dx + math.sin(yaw) * dy
         aside = math.cos(yaw) * dy - math.sin(yaw) * dx
         return (
-            abs(ahead) < _CLOSED
-            and abs(aside - width) < _CLOSED
+            abs(ahead) < CLOSED
+            and abs(aside - width) < CLOSED
             and abs(left.yaw - right.yaw) < _CLOSED_TURN
         )

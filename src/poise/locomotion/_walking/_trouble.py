@@ -130,13 +130,11 @@ class TroubleWatch:
         return x * x + y * y > _SLIP_SPEED * _SLIP_SPEED
 
 
-_IDLE, _IDLE_TIME = 0.01, 0.05
-"""A foot that should stand, and carries less than this part of the weight for so long [s] while the
-other one carries the robot, hangs in the air."""
+_IDLE_TIME = 0.05
+"""An unloaded foot that should stand, beside one that carries the robot, hangs after this [s]."""
 
 _NOISE = 5.0
-"""Weight of a moment with a load over one without: 3 N of noise on a G1 is a load, too,
-and would hide for a second that its foot hangs."""
+"""Weight of a moment with a load over one without: noise, too, is a load at times."""
 
 
 class HangWatch:
@@ -150,7 +148,7 @@ class HangWatch:
     def update(self, dt: float) -> None:
         """Takes in what the feet carry."""
         for foot, contact in enumerate(self._contacts):
-            idle = self._sense.load(foot) < _IDLE and contact.active
+            idle = self._sense.load(foot) < UNLOADED and contact.active
             if idle or self._idle[foot] > 0.0:
                 change = dt if idle else -_NOISE * dt
                 # Remembered for twice the time: a foot that carries again counts within 10 ms.

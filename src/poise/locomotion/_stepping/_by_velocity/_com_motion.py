@@ -18,8 +18,8 @@ from poise.locomotion._stepping._stance import (
 )
 
 _OBSERVED = 20.0
-"""Rate at which the observed velocity of the COM follows the measured one, beside the commanded
-acceleration says [1/s]: noise and the shock of a landing are gone in two ticks, a sway is not."""
+"""Rate at which the observed velocity of the COM follows the measured one [1/s]: noise and the
+shock of a landing are gone in two ticks, a sway is not."""
 
 
 @runtime_checkable
@@ -134,12 +134,10 @@ def _straight(
 
 
 _BRAKED = 0.2
-"""Part of its largest acceleration with which the COM is braked before a knee is at its limit: by
-torques it follows some 0.2 s late. With 0.5 Romeo's knee was at its torque before it stood."""
+"""Part of its largest acceleration with which the COM is braked before a knee is at its limit."""
 
 _LATE = 0.2
-"""Delay of that where the knee of the stance leg is at its limit [s]: beyond that
-nothing brakes."""
+"""Delay of braking where the knee of the stance leg is at its limit [s]."""
 
 _DEEPER = 0.01
 """Depth below a swing foot to which the body is lowered for it before it meets a floor [m]."""

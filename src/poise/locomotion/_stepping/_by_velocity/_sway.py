@@ -12,9 +12,7 @@ from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._stance import Biped, leg_joints
 
 _GROWTH_MAX = 0.5
-"""Sway may grow by e in no less than two seconds, for which a foot is in the air [1/s].
-
-TALOS with weaker ankles or softer servos stands on one foot at 0.35 /s, and falls at 1 /s."""
+"""Sway may grow by e in no less than two seconds, for which a foot is in the air [1/s]."""
 
 _WAYS = ("forward", "sideways")
 

@@ -14,17 +14,18 @@ from poise.locomotion._support import Point, two_soles
 from poise.locomotion._walking import CLEARANCE
 from poise.robots import GRAVITY, Robot
 
-_HIP_JOINTS = 3
-"""The first three joints of a leg are the hip's, in any order."""
-
-KNEE = _HIP_JOINTS
-"""Place of the knee among the joints of a leg: behind the hip's three."""
+KNEE = 3
+"""Place of the knee among the joints of a leg: behind the hip's three, in any order."""
 
 BASE_JOINT = 1
 """Pinocchio's index of the floating base; joint 0 is the world."""
 
 _KNEE_MIN = 0.08
 """Least bend of a knee: straighter the leg is singular [rad]."""
+
+_LOAD, _RANGE = 0.7, 0.8
+"""Parts of a joint's torque and of its range to stand with: the rest raises the body again, and
+swings the other leg."""
 
 _PITCH, _ROLL = 1, 0
 """Axes of the ankle in the body: across the leg and along the foot."""
@@ -89,22 +90,12 @@ def leg_geometry(robot: Robot, sole: str) -> LegGeometry:
     )
 
 
-_KNEE_LOAD = 0.7
-"""Part of the knee's torque to stand with on one leg: the body is raised again by the rest, and the
-other leg swung. `human` with 0.75 came down on a knee at its torque, and went on down; with 0.6 the
-paper's robot came 1.5 mm near the blocks of scenario 1 by velocities, in place of 13.6."""
-
-
 def _knee_lever(robot: Robot, joints: list[int]) -> float:
     """Lever at which a knee holds all that is above it, by what of its torque it may [m]."""
     below = sum(float(robot.model.inertias[j + 2].mass) for j in joints[KNEE:])
     torque = float(robot.tau_max[joints[KNEE]])
-    return _KNEE_LOAD * torque / (GRAVITY * (robot.mass - below))
+    return _LOAD * torque / (GRAVITY * (robot.mass - below))
 
-
-_HIP_LOAD, _RANGE = 0.75, 0.8
-"""Parts of the hip's torque about the forward axis to stand with, and of the ranges of hips and
-ankles to either side."""
 
 _RELIEF_MAX = 0.2
 """The body leans over the foot that carries by no more [rad]."""
@@ -117,7 +108,7 @@ def _hip_relief(dynamics: Dynamics, sole: str) -> float:
     robot = dynamics.robot
     joints = leg_joints(robot, sole)
     hip, axes = _leg_at(dynamics, sole, robot.q_home[7 + np.array(joints)])
-    roll = max(range(_HIP_JOINTS), key=lambda j: abs(float(axes[j, _ROLL])))
+    roll = max(range(KNEE), key=lambda j: abs(float(axes[j, _ROLL])))
     joint = joints[roll]
     pelvis, _ = dynamics.placement(robot.frame_id(robot.pelvis))
     ankle = dynamics.joint_position(joints[-1] + 2)
@@ -130,7 +121,7 @@ def _hip_relief(dynamics: Dynamics, sole: str) -> float:
     # The leg's own weight, half way, has to be balanced by the body's.
     moment = GRAVITY * (carried + 0.5 * leg) * offset
     height = max(float(middle[2] - hip[2]), 0.1 * float(hip[2]))
-    lacking = moment - _HIP_LOAD * float(robot.tau_max[joint]) * abs(float(axes[roll, _ROLL]))
+    lacking = moment - _LOAD * float(robot.tau_max[joint]) * abs(float(axes[roll, _ROLL]))
     inwards = float(axes[roll, _ROLL]) * (1.0 if hip[1] < pelvis[1] else -1.0) > 0.0
     home = float(robot.q_home[7 + joint])
     limit = robot.q_max[joint] - home if inwards else home - robot.q_min[joint]
@@ -149,8 +140,8 @@ def _leg_at(
     dynamics.update(RobotState(q, np.zeros(robot.nv)))
     axes = dynamics.frame(robot.frame_id(sole)).jacobian[3:, robot.base_dofs + joints].T
     # Pinocchio counts the world and the floating base before the joints.
-    origins = np.array([dynamics.joint_position(int(j) + 2) for j in joints[:_HIP_JOINTS]])
-    return _nearest_to_lines(origins, axes[:_HIP_JOINTS]), axes
+    origins = np.array([dynamics.joint_position(int(j) + 2) for j in joints[:KNEE]])
+    return _nearest_to_lines(origins, axes[:KNEE]), axes
 
 
 def _knee_range(dynamics: Dynamics, sole: str) -> tuple[float, float]:
@@ -185,7 +176,7 @@ def _range_about(
     upper: Float64[np.ndarray, " n"],
 ) -> tuple[float, float]:
     """Return the range of the leg over the sole about an axis of it, either way [rad]."""
-    joint = max(range(_HIP_JOINTS + 1, len(axes)), key=lambda j: abs(float(axes[j, axis])))
+    joint = max(range(KNEE + 1, len(axes)), key=lambda j: abs(float(axes[j, axis])))
     forward, back = -float(lower[joint]), float(upper[joint])
     if axes[joint, axis] < 0.0:
         forward, back = back, forward
@@ -247,16 +238,11 @@ _MARGIN = 0.02
 """Part of the leg's length by which a commanded foot stays within it."""
 
 _FOLD, _SERVO_FOLD = 0.78, 0.5
-"""Least distance of hip and ankle of a leg that carries, over its length: by torques the stack's
-balance limit keeps 0.75, and brakes before it. Asked for less, a descending body
-would be thrown up by that."""
+"""Least distance of hip and ankle of a loaded leg, over its length: by torques farther than the
+stack's balance limit keeps, which brakes before it."""
 
 _NARROW_GAP = 0.09
-"""Least distance of narrow soles' edges by torques, over the COM's height: one behind the other, as
-on a rope, they hold no push aside."""
-
-_LEAN_RATIO = 0.9
-"""Part of the ankle's pitch that the shank may lean forward by."""
+"""Least distance of narrow soles' edges by torques, over the COM's height, to hold a push aside."""
 
 _TURNED = 0.05
 """Soles that are turned by less than this against where the robot faces lie side by side [rad]."""
@@ -265,8 +251,7 @@ _ROUNDING = 1e-6
 """An edge whose normal points aside by less than this faces ahead."""
 
 _SPARE = 0.08
-"""Distance beyond the operator's limits at which feet may stand where the robot put them [m]:
-from twice as far apart as at home a shift takes an ankle of G1 beyond the end of its roll."""
+"""Distance beyond the operator's limits at which feet may stand where the robot put them [m]."""
 
 
 class FootRange:
@@ -390,7 +375,7 @@ class FootRange:
     ) -> float:
         """Return the depth of the hip below where a loaded leg holds it; negative for room [m]."""
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
-        lean = min(_LEAN_RATIO * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
+        lean = min(_RANGE * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
         folded = math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
         return max(self._level(foot, ahead, aside, lean), folded) - z
 

@@ -24,9 +24,8 @@ from poise.locomotion._walking import UNLOADED, WalkSense
 from poise.robots import Robot
 
 _DONE = 0.5
-"""Part of what was commanded within the sensors' delay that counts as done. G1 under the bad
-operator, with bumps, a slope and 10 ms of delay: on one foot the base's turning is off by 0.023
-rad/s with none of it, 0.038 with all and 0.029 with half, the legs' by 0.048, 0.032 and 0.033."""
+"""Part of what was commanded within the sensors' delay that counts as done: with less the rates of
+the legs are off, with more that of the base."""
 
 _CLEAR = 0.01
 """A sole is in the air so high above where it was put down [m]: a hip that is zeroed badly by 0.3
