@@ -2,7 +2,6 @@
 
 import logging
 import math
-import re
 import reprlib
 from collections.abc import Sequence
 from typing import Annotated, Any, Protocol, TypeVar, runtime_checkable
@@ -10,7 +9,7 @@ from typing import Annotated, Any, Protocol, TypeVar, runtime_checkable
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
-from msgspec.structs import asdict
+from msgspec.structs import asdict, fields
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # Of a rotation, (x, y, z, w)
@@ -155,8 +154,6 @@ _MOST_BITS = 64  # the time of writing longer whole numbers grows with the squar
 _MOST_NUMBERS = 16  # larger arrays are shown by their shape; no field has more than 4 numbers
 _ARRAYS = (np.ndarray, np.generic)
 
-_PATH = re.compile(r"\$\.(\w+)(?:\[(\d)\])?(?:\.(\w+))?")  # of a field in an error of msgspec
-_LIMBS = {"feet": ("left foot", "right foot"), "hands": ("left hand", "right hand")}
 _LENGTHS = {"position": 3, "orientation": 4, "velocity": 3}  # of the vectors of a tracked part
 _FLAGS = ("upright", "rest", "clutch")
 _WANTED = {"time": "a number", "height": "a number", "torso": "3 numbers", "turns": "2 numbers"}
@@ -196,11 +193,21 @@ def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | 
     whole = _of_kind("sample", sample, OperatorSample)
     # Without buttons and sticks, which no controller reads.
     (left, right), (one, other) = _two("feet", whole.feet), _two("hands", whole.hands)
+    parts = {
+        name: None if part is None else asdict(_of_kind(name, part, TrackedPose))
+        for name, part in (
+            ("left foot", left),
+            ("right foot", right),
+            ("left hand", one),
+            ("right hand", other),
+            ("head", whole.head),
+        )
+    }
     members = {
         "time": whole.time,
-        "feet": [_members("left foot", left), _members("right foot", right)],
-        "hands": [_members("left hand", one), _members("right hand", other)],
-        "head": _members("head", whole.head),
+        "feet": [parts["left foot"], parts["right foot"]],
+        "hands": [parts["left hand"], parts["right hand"]],
+        "head": parts["head"],
         "body": asdict(_of_kind("body", whole.body, BodyCommand)),
         "velocity": whole.velocity,
         "upright": whole.upright,
@@ -209,7 +216,7 @@ def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | 
     try:
         return msgspec.convert(members, OperatorSample), None
     except msgspec.ValidationError:
-        return _mended(members, whole)
+        return _mended(members, parts)
 
 
 def checked_reading(arm: str, reading: object) -> TrackedPose | None:
@@ -222,46 +229,27 @@ def checked_reading(arm: str, reading: object) -> TrackedPose | None:
 
 
 def _mended(
-    members: dict[str, Any], whole: OperatorSample
+    members: dict[str, Any], parts: dict[str, dict[str, Any] | None]
 ) -> tuple[OperatorSample, FieldError | None]:
-    """Convert NumPy's numbers in a sample, and make good what are none."""
-    parts = (members["head"], members["body"], *members["feet"], *members["hands"])
-    for part in (members, *parts):
-        for name, value in (part or {}).items():
-            part[name] = _bare(value)
+    """Convert NumPy's numbers in a sample, and make vectors of parts NaN that are none."""
     faults = dict[str, str]()
-    while True:
-        try:
-            good = msgspec.convert(members, OperatorSample)
-        except msgspec.ValidationError as error:
-            _mend(members, whole, str(error), faults)
-        else:
-            return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
-
-
-def _mend(
-    members: dict[str, Any], whole: OperatorSample, error: str, faults: dict[str, str]
-) -> None:
-    """Make good the member that msgspec refuses; raise a `FieldError` where that cannot be."""
-    found = _PATH.search(error)
-    if found is None:
-        raise FieldError(("sample",), error)
-    group, index, name = found.groups()
-    part, place, field = whole, members, group
-    if name is not None:
-        part, place, field = getattr(whole, group), members[group], name
-        if index is not None:
-            part, place = part[int(index)], place[int(index)]
-        if group != "body":
-            field = f"{name} of {group if index is None else _LIMBS[group][int(index)]}"
-    key = name or group
-    if key in _FLAGS and type(place[key]) is int:
-        place[key] = bool(place[key])
-        return
-    fault = _fault(field, getattr(part, key))
-    if field == key or key in _FLAGS:
-        raise fault
-    faults[field], place[key] = str(fault), (math.nan,) * _LENGTHS[key]
+    for label, part in (*parts.items(), ("body", members["body"]), ("", members)):
+        kind = BodyCommand if label == "body" else TrackedPose if label else OperatorSample
+        for info in fields(kind):
+            key = info.name
+            if part is None or key not in part or key in ("feet", "hands", "head", "body"):
+                continue
+            field = f"{key} of {label}" if kind is TrackedPose else key
+            flag = key in _FLAGS
+            try:
+                value = _read(field, part[key], info.type | int if flag else info.type)
+                part[key] = bool(value) if flag and value is not None else value
+            except FieldError as fault:
+                if kind is not TrackedPose or flag:
+                    raise
+                faults[field], part[key] = str(fault), (math.nan,) * _LENGTHS[key]
+    good = msgspec.convert(members, OperatorSample)
+    return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
 
 
 def _of_kind(field: str, value: object, kind: type[T]) -> T:
@@ -286,10 +274,6 @@ def _read(field: str, value: object, kind: Any) -> Any:
 def _fault(field: str, value: object) -> FieldError:
     wanted = _WANTED[field.partition(" of ")[0]]
     return FieldError((field,), f"{field} is {_BRIEF.repr(value)}, not {wanted}")
-
-
-def _members(field: str, part: object) -> dict[str, Any] | None:
-    return None if part is None else asdict(_of_kind(field, part, TrackedPose))
 
 
 def _bare(value: Any) -> Any:
