@@ -15,6 +15,8 @@ from poise.robots import Robot
 from poise.stack import find_hull
 
 Point = tuple[float, float]
+Vector2, Vector3 = Float64[np.ndarray, "2"], Float64[np.ndarray, "3"]
+Rotation = Float64[np.ndarray, "3 3"]
 
 
 class SupportPolygon:
@@ -83,9 +85,7 @@ def two_soles(robot: Robot) -> tuple[str, str]:
     return left, right
 
 
-def sole_rectangle(
-    position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"], size: Point
-) -> list[Point]:
+def sole_rectangle(position: Vector3, rotation: Rotation, size: Point) -> list[Point]:
     """Corners of a sole, seen from above [m]."""
     return SolePart(0.0, 0.0, *size).corners(position, rotation, 0.0)
 
@@ -107,12 +107,7 @@ class SolePart(NamedTuple):
     length: float  # along x [m]
     width: float  # along y [m]; zero on an edge
 
-    def corners(
-        self,
-        position: Float64[np.ndarray, "3"],
-        rotation: Float64[np.ndarray, "3 3"],
-        margin: float,
-    ) -> list[Point]:
+    def corners(self, position: Vector3, rotation: Rotation, margin: float) -> list[Point]:
         """Its corners, seen from above, shrunk as far as it can be [m]."""
         size = (max(self.length - 2.0 * margin, _THIN), max(self.width - 2.0 * margin, _THIN))
         (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
@@ -164,10 +159,7 @@ def _common(middle: float, size: float, lower: float, upper: float) -> tuple[flo
 
 
 def one_sole(
-    part: SolePart,
-    position: Float64[np.ndarray, "3"],
-    rotation: Float64[np.ndarray, "3 3"],
-    margin: float,
+    part: SolePart, position: Vector3, rotation: Rotation, margin: float
 ) -> SupportPolygon:
     """Return the support polygon of a part of one foot, a parallelogram seen from above."""
     (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
@@ -192,7 +184,7 @@ def one_sole(
 
 
 def both_soles(
-    placements: Sequence[tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]],
+    placements: Sequence[tuple[Vector3, Rotation]],
     sizes: Sequence[Point],
     margin: float,
     parts: Sequence[SolePart | None] = (None, None),
@@ -217,8 +209,7 @@ def convex_hull(points: Iterable[Point]) -> list[Point]:
 
 
 def soles_outline(
-    robot: Robot,
-    placements: Mapping[str, tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]],
+    robot: Robot, placements: Mapping[str, tuple[Vector3, Rotation]]
 ) -> Float64[np.ndarray, "h 2"]:
     """Corners of what some soles span, seen from above, counter-clockwise [m]."""
     corners: list[Point] = []
@@ -293,9 +284,6 @@ _ARRIVING = 0.6
 _ANNOUNCED = 0.7
 """Inward shift of the stance sole that the balance limit takes as a foothold, over the inward rest
 of the ZMP."""
-
-Vector3 = Float64[np.ndarray, "3"]
-Rotation = Float64[np.ndarray, "3 3"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise.control import Controller
 from poise.dynamics import Dynamics, RobotState
@@ -23,7 +22,7 @@ from poise.locomotion._stepping._stance import (
     TeleopParameters,
     ZmpSensor,
 )
-from poise.locomotion._support import SingleSupportRegion
+from poise.locomotion._support import SingleSupportRegion, Vector2, Vector3
 from poise.locomotion._walking import CLEAR, HeldFlight, Mode, StepEnd, turn_to_left, wrapped
 from poise.stack import Stack
 
@@ -62,7 +61,7 @@ class FootTarget:
         *,
         room_below: float,
         falling: bool = False,
-    ) -> Float64[np.ndarray, "3"]:
+    ) -> Vector3:
         """The place [m]."""
         here = footing.sole(footing.other)
         self.rate = (0.0, 0.0, 0.0)
@@ -95,9 +94,7 @@ class FootTarget:
             self._hung += self._parameters.dt
         return self._hung >= _PATIENCE
 
-    def _nearer(
-        self, footing: Footing, height: float, room_below: float
-    ) -> Float64[np.ndarray, "3"]:
+    def _nearer(self, footing: Footing, height: float, room_below: float) -> Vector3:
         """Towards the hip from where the foot is: straight down it would hang for ever [m]."""
         swing = footing.other
         x, y, _ = footing.sole(swing).tolist()
@@ -109,7 +106,7 @@ class FootTarget:
 
     def _followed(
         self, footing: Footing, device: OperatorSample, lowest: float, room_below: float
-    ) -> Float64[np.ndarray, "3"]:
+    ) -> Vector3:
         """The operator's device, where a foot can be and no lower than it may [m]."""
         swing = footing.other
         (x, y, z), (here_x, here_y, _) = device.place(swing), footing.sole(swing).tolist()
@@ -122,9 +119,7 @@ class FootTarget:
             self.rate = part.velocity
         return found
 
-    def _within_reach(
-        self, footing: Footing, target: Vector, room_below: float
-    ) -> Float64[np.ndarray, "3"]:
+    def _within_reach(self, footing: Footing, target: Vector, room_below: float) -> Vector3:
         """The nearest place where the swing foot can be [m]."""
         swing = footing.other
         faces = math.atan2(footing.heading[1], footing.heading[0])
@@ -165,11 +160,11 @@ class FootVelocity:
     def towards(
         self,
         footing: Footing,
-        target: Float64[np.ndarray, "3"],
+        target: Vector3,
         rate: Vector = (0.0, 0.0, 0.0),
         *,
         hurry: bool = False,
-    ) -> Float64[np.ndarray, "3"]:
+    ) -> Vector3:
         """The velocity [m/s]."""
         (x, y, z), (rate_x, rate_y, rate_z) = target.tolist(), rate
         here_x, here_y, here_z = footing.sole(footing.other).tolist()
@@ -370,7 +365,7 @@ class FootDevices(DeviceEvents):
     def __init__(self, reach: FootRange, parameters: TeleopParameters) -> None:
         super().__init__(parameters)
         self._target, self._velocity = FootTarget(reach, parameters), FootVelocity(parameters)
-        self.sent: Float64[np.ndarray, "3"] = np.full(3, np.nan)  # where the swing foot is sent [m]
+        self.sent: Vector3 = np.full(3, np.nan)  # where the swing foot is sent [m]
         self.turns, self.room_below, self._yaw = (0.0, 0.0), 0.0, 0.0
         self.falling = False
 
@@ -434,9 +429,9 @@ class OperatorTick:
 class LevelTick(NamedTuple):
     """Outcome of a tick."""
 
-    target: Float64[np.ndarray, "3"]  # of the swing foot [m]
-    zmp_reference: Float64[np.ndarray, "2"]  # [m]
-    cart_table_zmp: Float64[np.ndarray, "2"]  # (26) of the commanded acceleration [m]
+    target: Vector3  # of the swing foot [m]
+    zmp_reference: Vector2  # [m]
+    cart_table_zmp: Vector2  # (26) of the commanded acceleration [m]
     ended: StepEnd | None  # None while a step goes on, and before the first
 
 

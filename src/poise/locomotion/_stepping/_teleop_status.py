@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise.locomotion._stepping._operator import (
     NOWHERE,
@@ -13,6 +12,7 @@ from poise.locomotion._stepping._operator import (
     Vector,
 )
 from poise.locomotion._stepping._upper_body import HandStatus
+from poise.locomotion._support import Rotation, Vector2, Vector3
 from poise.locomotion._walking import Mode, StepEnd
 
 
@@ -43,18 +43,18 @@ class TeleopStatus:
     mode: Mode
     device: DeviceStatus = DeviceStatus.OK
     sample: OperatorSample | None
-    zmp: Float64[np.ndarray, "2"]
-    zmp_reference: Float64[np.ndarray, "2"]
-    cart_table_zmp: Float64[np.ndarray, "2"]
-    com: Float64[np.ndarray, "3"]
-    soles: tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
-    target: Float64[np.ndarray, "3"] | None
-    loads: Float64[np.ndarray, "2"]
+    zmp: Vector2
+    zmp_reference: Vector2
+    cart_table_zmp: Vector2
+    com: Vector3
+    soles: tuple[Vector3, Vector3]
+    target: Vector3 | None
+    loads: Vector2
     tilt: float
     heading: float = 0.0
     hands: tuple[HandStatus, ...] = ()
-    hand_targets: tuple[Float64[np.ndarray, "3"], ...] = ()
-    hand_rotations: tuple[Float64[np.ndarray, "3 3"] | None, ...] = ()
+    hand_targets: tuple[Vector3, ...] = ()
+    hand_rotations: tuple[Rotation | None, ...] = ()
     gaze: HandStatus | None = None
     ended: StepEnd | None = None
 
@@ -92,5 +92,5 @@ class TeleopStatus:
         }
 
 
-def _place(place: Vector | Float64[np.ndarray, "3"] | None) -> Float64[np.ndarray, "3"]:
+def _place(place: Vector | Vector3 | None) -> Vector3:
     return np.array(NOWHERE if place is None else place)

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._support import Point, Rotation, SupportPolygon
 from poise.robots import Robot
 
 FeetAt = tuple[Point, Point]
@@ -46,7 +46,7 @@ def leg_ratios(robot: Robot, q: Float64[np.ndarray, " nq"], soles: tuple[str, st
     return LegRatios(float(np.mean(ahead)), float(np.mean(rise)))
 
 
-def _facing(rotation: Float64[np.ndarray, "3 3"]) -> Point:
+def _facing(rotation: Rotation) -> Point:
     """Return the heading of a sole along the ground."""
     x, y = float(rotation[0, 0]), float(rotation[1, 0])
     length = math.hypot(x, y)
@@ -128,10 +128,7 @@ def before_transfer(xi: Point, start: Point, end: Point, omega: float, time: flo
 
 
 def touchdown_dcm(
-    feet: Sequence[Point],
-    legs: LegMomentum,
-    times: StepTimes,
-    rest: Point | None = None,
+    feet: Sequence[Point], legs: LegMomentum, times: StepTimes, rest: Point | None = None
 ) -> Point:
     """Return xi at the next touchdown from which all later steps can be made as planned."""
     omega = legs.omega

@@ -4,11 +4,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise._checks import all_finite, is_time
 from poise.dynamics import RobotState
-from poise.locomotion._support import SolePart
+from poise.locomotion._support import SolePart, Vector2
 from poise.locomotion._walking._body import LOWEST
 from poise.locomotion._walking._dcm import DcmFeedback, JoinedSupport
 from poise.locomotion._walking._footsteps import FootstepPlan
@@ -86,12 +85,12 @@ class SteppingEngine:
         return self.parts.stance.parts
 
     @property
-    def dcm_error(self) -> Float64[np.ndarray, "2"]:
+    def dcm_error(self) -> Vector2:
         """Deviation of the DCM from its reference [m]."""
         return np.array(self._feedback.error)
 
     @property
-    def zmp(self) -> Float64[np.ndarray, "2"]:
+    def zmp(self) -> Vector2:
         """Reference of the ZMP, feedback included [m]."""
         feet = self.parts.pendulum.places(self._steps.flight)
         return np.array(self.parts.legs.parted(self._feedback.zmp, feet))

@@ -6,10 +6,7 @@
 import math
 from dataclasses import replace
 
-import numpy as np
-from jaxtyping import Float64
-
-from poise.locomotion._support import Point
+from poise.locomotion._support import Point, Rotation, Vector3
 from poise.locomotion._walking._commands import StepCommands
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._sense import WalkSense
@@ -24,9 +21,6 @@ from poise.locomotion._walking._swing import (
     SwingShape,
     sinking_phase,
 )
-
-Vector3 = Float64[np.ndarray, "3"]
-Rotation = Float64[np.ndarray, "3 3"]
 
 _RATE = 2.0
 """Largest rates of foothold [m/s] and time of touchdown [s/s]."""

@@ -14,7 +14,7 @@ from poise._checks import Numbers, checked_kind
 from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._support import Point, SolePart, bearing, two_soles
+from poise.locomotion._support import Point, SolePart, Vector3, bearing, two_soles
 from poise.locomotion._walking._ground import CLEARANCE, Ground, Placement, wrapped, yaw_of
 from poise.locomotion._walking._swing import SwingShape, clear_swing
 from poise.robots import Robot
@@ -339,7 +339,7 @@ def _finite(placement: Placement) -> bool:
 
 
 def _lying(
-    place: Float64[np.ndarray, "3"], before: Placement, size: tuple[float, float], ground: Ground
+    place: Vector3, before: Placement, size: tuple[float, float], ground: Ground
 ) -> Placement:
     """A sole on the ground at x, y [m] with a heading [rad]."""
     x, y, yaw = place.tolist()

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._schema import Bounds, Number, Vector, checked
+from poise.locomotion._support import Rotation
 
 CLEARANCE = 0.01
 """Least distance of feet from each other and from what a swing passes [m]."""
@@ -19,12 +20,12 @@ LEVEL = 1e-3
 """Heights nearer to each other than this are one [m]."""
 
 
-def yaw_of(rotation: Float64[np.ndarray, "3 3"]) -> float:
+def yaw_of(rotation: Rotation) -> float:
     """Return the yaw of a rotation, left of the world's x axis, from -pi to pi [rad]."""
     return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
-def turn_to_left(angle: float) -> Float64[np.ndarray, "3 3"]:
+def turn_to_left(angle: float) -> Rotation:
     """Rotation about the vertical [rad]."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
@@ -104,7 +105,7 @@ class Placement:
     slope: tuple[float, float] = (0.0, 0.0)
 
     @property
-    def rotation(self) -> Float64[np.ndarray, "3 3"]:
+    def rotation(self) -> Rotation:
         """world_R_sole: z is normal to the ground, x has the heading, seen from above."""
         (a, b), c, s = self.slope, math.cos(self.yaw), math.sin(self.yaw)
         z = np.array([-a, -b, 1.0]) / math.sqrt(1.0 + a * a + b * b)

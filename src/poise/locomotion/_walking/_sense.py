@@ -23,6 +23,7 @@ from poise.dynamics import (
     motion_of,
     place_frame,
 )
+from poise.locomotion._support import Rotation, Vector3
 from poise.locomotion._walking._ground import Placement, yaw_of
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._swing import RISE, SwingFoot
@@ -38,7 +39,7 @@ LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
 
 
-_Pose = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]
+_Pose = tuple[Vector3, Rotation]
 
 
 class _SoleMemory(Block):
@@ -89,7 +90,7 @@ class WalkSense:
         found = [state.wrench(sole) for sole in self._soles]
         self.wrenches = [None if wrench is None else wrench.tolist() for wrench in found]
 
-    def _look(self, com: Float64[np.ndarray, "3"], com_velocity: Float64[np.ndarray, "3"]) -> None:
+    def _look(self, com: Vector3, com_velocity: Vector3) -> None:
         """Copy what is evaluated, as plain numbers."""
         _see(self._memory.address)
         self._rows = self._seen.copy()

@@ -4,10 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-from jaxtyping import Float64
-
-from poise.locomotion._support import Point, SolePart, SupportPolygon, both_soles
+from poise.locomotion._support import Point, Rotation, SolePart, SupportPolygon, both_soles
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import LEVEL
 from poise.locomotion._walking._sense import LOADED, WalkSense
@@ -178,11 +175,7 @@ class Stance:
     """Both feet: where they stand, or stood before they were lifted."""
 
     def __init__(
-        self,
-        sense: WalkSense,
-        stand: Stand,
-        margin: float,
-        areas: Sequence[CarryingArea],
+        self, sense: WalkSense, stand: Stand, margin: float, areas: Sequence[CarryingArea]
     ) -> None:
         self._sense, self._stand, self._margin = sense, stand, margin
         self._areas = areas
@@ -236,7 +229,7 @@ class Stance:
                 self.stand_on((0, 1), heading)
                 return
 
-    def _feel(self, rotation: Float64[np.ndarray, "3 3"]) -> None:
+    def _feel(self, rotation: Rotation) -> None:
         """Learns from a sole that lies on the ground, world_R_sole."""
         x, y, z = rotation[:, 2].tolist()
         seen = (-x / z, -y / z)

@@ -11,7 +11,7 @@ from jaxtyping import Float64
 from poise._checks import checked_number
 from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
-from poise.locomotion._support import Point
+from poise.locomotion._support import Point, Rotation, Vector3
 from poise.locomotion._walking._ground import CLEARANCE, LEVEL, Ground, Placement
 
 RISE = 0.45
@@ -153,9 +153,7 @@ Motion = tuple[float, float, float]
 class SwingPose:
     """Pose of a swing foot with its rates."""
 
-    def __init__(
-        self, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
-    ) -> None:
+    def __init__(self, position: Vector3, rotation: Rotation) -> None:
         self.position, self.rotation = position.copy(), rotation.copy()
         self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)  # linear, angular [m/s, rad/s]
         self.acceleration: Float64[np.ndarray, "6"] = np.zeros(6)  # the same [m/s^2, rad/s^2]
@@ -172,8 +170,8 @@ class SwingFoot(SwingPose):
 
     def __init__(
         self,
-        position: Float64[np.ndarray, "3"],
-        rotation: Float64[np.ndarray, "3 3"],
+        position: Vector3,
+        rotation: Rotation,
         goal: Placement,
         shape: SwingShape,
         duration: float,

@@ -9,6 +9,7 @@ from jaxtyping import Float64
 from poise._checks import Numbers
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
+from poise.locomotion._support import Vector2
 from poise.locomotion._walking._commands import Foothold, VelocityLimits
 from poise.locomotion._walking._engine import SteppingEngine
 from poise.locomotion._walking._footsteps import (
@@ -183,12 +184,12 @@ class Walker:
         return None if flight is None else flight.goal
 
     @property
-    def dcm_error(self) -> Float64[np.ndarray, "2"]:
+    def dcm_error(self) -> Vector2:
         """Deviation of the DCM from its reference [m]."""
         return self._engine.dcm_error
 
     @property
-    def zmp(self) -> Float64[np.ndarray, "2"]:
+    def zmp(self) -> Vector2:
         """Reference of the ZMP, feedback included [m]."""
         return self._engine.zmp
 

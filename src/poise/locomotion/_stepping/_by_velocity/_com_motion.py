@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise.locomotion._pendulum import BodyRotator, ComShifter
 from poise.locomotion._stepping._by_velocity._velocity_tasks import VelocityNumbers
@@ -16,6 +15,7 @@ from poise.locomotion._stepping._stance import (
     FootRange,
     TeleopParameters,
 )
+from poise.locomotion._support import Vector2, Vector3
 
 _OBSERVED = 20.0
 """Rate at which the observed velocity of the COM follows the measured one [1/s]: noise and the
@@ -33,18 +33,12 @@ class ComDriver(Protocol):
     omega: float
 
     def drive(
-        self,
-        reference: Float64[np.ndarray, "2"],
-        position: Float64[np.ndarray, "2"],
-        velocity: Float64[np.ndarray, "2"],
-        dt: float,
-    ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
+        self, reference: Vector2, position: Vector2, velocity: Vector2, dt: float
+    ) -> tuple[Vector2, Vector2]:
         """One tick."""
         ...
 
-    def restart(
-        self, commanded: Float64[np.ndarray, "2"], measured: Float64[np.ndarray, "2"]
-    ) -> Float64[np.ndarray, "2"]:
+    def restart(self, commanded: Vector2, measured: Vector2) -> Vector2:
         """The velocity to go on from when the mode has changed, of the two there are [m/s]."""
         ...
 
@@ -56,19 +50,13 @@ class ShifterDriver:
         self.shifter, self.omega = shifter, shifter.omega
 
     def drive(
-        self,
-        reference: Float64[np.ndarray, "2"],
-        position: Float64[np.ndarray, "2"],
-        velocity: Float64[np.ndarray, "2"],
-        dt: float,
-    ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
+        self, reference: Vector2, position: Vector2, velocity: Vector2, dt: float
+    ) -> tuple[Vector2, Vector2]:
         """One tick of (37)."""
         acceleration = self.shifter.acceleration(reference, position, velocity)
         return velocity + dt * acceleration, acceleration
 
-    def restart(
-        self, commanded: Float64[np.ndarray, "2"], measured: Float64[np.ndarray, "2"]
-    ) -> Float64[np.ndarray, "2"]:
+    def restart(self, commanded: Vector2, measured: Vector2) -> Vector2:
         """The measured velocity: an integrator that starts to act starts from what is."""
         del commanded
         return measured
@@ -80,13 +68,13 @@ class ComMotion:
     def __init__(self, driver: ComDriver, dt: float, leak: float) -> None:
         self.omega = driver.omega
         # Commanded in the last tick [m/s, m/s^2].
-        self.velocity: Float64[np.ndarray, "2"] = np.zeros(2)
-        self.acceleration: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.velocity: Vector2 = np.zeros(2)
+        self.acceleration: Vector2 = np.zeros(2)
         # As measured, smoothed with the commanded acceleration [m/s].
-        self.observed: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.observed: Vector2 = np.zeros(2)
         self._driver, self._dt, self._leak = driver, dt, leak
 
-    def observe(self, measured: Float64[np.ndarray, "2"]) -> None:
+    def observe(self, measured: Vector2) -> None:
         """Takes a measured velocity, once a tick and before all else."""
         dt = self._dt
         expected = self.observed + dt * self.acceleration
@@ -97,7 +85,7 @@ class ComMotion:
         """Contacts have changed: the driver says what to go on from."""
         self.velocity = self._driver.restart(self.velocity, self.observed.copy())
 
-    def cart_table_zmp(self, com: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "2"]:
+    def cart_table_zmp(self, com: Vector2) -> Vector2:
         """CT-ZMP, eq. (26), of the commanded acceleration [m]."""
         return com - self.acceleration / self.omega**2
 
@@ -120,11 +108,8 @@ class ComMotion:
 
 
 def _straight(
-    shifter: ComShifter,
-    reference: Float64[np.ndarray, "2"],
-    com: Float64[np.ndarray, "2"],
-    velocity: Float64[np.ndarray, "2"],
-) -> tuple[Float64[np.ndarray, "2"], bool]:
+    shifter: ComShifter, reference: Vector2, com: Vector2, velocity: Vector2
+) -> tuple[Vector2, bool]:
     """Return the shifter's acceleration, on a straight line, and whether the COM sets off."""
     free = shifter.unlimited(reference, com, velocity)
     (x, y), (velocity_x, velocity_y) = free.tolist(), velocity.tolist()
@@ -168,7 +153,7 @@ class ComHeight:
         below = min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak)
         return max(0.0, below), footing.mode.single and too_weak > GIVES
 
-    def velocity(self, footing: Footing, target: Float64[np.ndarray, "3"]) -> float:
+    def velocity(self, footing: Footing, target: Vector3) -> float:
         """Velocity of the COM upwards [m/s]."""
         p = self._numbers
         hips = [self._range.hip(foot, footing.dynamics) for foot in (0, 1)]
@@ -187,10 +172,10 @@ class ComHeight:
         self._velocity = max(self._velocity - change, min(self._velocity + change, velocity))
         return self._velocity
 
-    def _too_weak(self, footing: Footing, foot: int, hip: Float64[np.ndarray, "3"]) -> float:
+    def _too_weak(self, footing: Footing, foot: int, hip: Vector3) -> float:
         return self._range.too_weak(foot, footing.anchors[foot], hip, footing.heading)
 
-    def _too_low(self, footing: Footing, hips: Sequence[Float64[np.ndarray, "3"]]) -> float:
+    def _too_low(self, footing: Footing, hips: Sequence[Vector3]) -> float:
         """Return the depth of the hips below where the legs hold them; negative for room [m]."""
         carries, heading = footing.mode.support, footing.heading
         feet = (footing.stance,) if footing.mode.single else (0, 1)
@@ -202,11 +187,7 @@ class ComHeight:
         )
 
     def _reference(
-        self,
-        footing: Footing,
-        target: Float64[np.ndarray, "3"],
-        hips: Sequence[Float64[np.ndarray, "3"]],
-        too_low: float,
+        self, footing: Footing, target: Vector3, hips: Sequence[Vector3], too_low: float
     ) -> float:
         """Eq. (15b), lower where a leg could not reach its foot, now or at the end [m]."""
         reach, stance, anchors = self._range, footing.stance, footing.anchors
@@ -225,7 +206,7 @@ class ComHeight:
         return (1.0 - self._stoop_max) * self._height + footing.ground
 
 
-def _felt(footing: Footing, target: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
+def _felt(footing: Footing, target: Vector3) -> Vector3:
     """A target no lower than the floor; where there is none, no lower than just below the foot."""
     if not footing.mode.single:
         return target
@@ -245,9 +226,9 @@ class BodyMomentum:
 
     def restart(self) -> None:
         """Another mode has begun."""
-        self.reference: Float64[np.ndarray, "2"] = np.zeros(2)  # about the COM, x and y [kg m^2/s]
+        self.reference: Vector2 = np.zeros(2)  # about the COM, x and y [kg m^2/s]
 
-    def turn(self, footing: Footing, cart_table_zmp: Float64[np.ndarray, "2"]) -> None:
+    def turn(self, footing: Footing, cart_table_zmp: Vector2) -> None:
         """One tick."""
         if self._rotator is None or not footing.mode.single:
             self.restart()

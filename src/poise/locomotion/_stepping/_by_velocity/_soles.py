@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
 
 from poise.dynamics import rotation_vector
 from poise.locomotion._stepping._stance import LEVEL, Footing
+from poise.locomotion._support import Rotation, Vector2, Vector3
 from poise.locomotion._walking import LOADED
 
 _FOLLOW, _CORRECT = 5.0, 20.0
@@ -65,11 +65,11 @@ class SoleGrounds:
         impossible = edge if off * pressed < 0.0 else 0.0
         return (self._follow * (1.0 - edge) + self._correct * impossible) * off
 
-    def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
+    def rotation(self, foot: int) -> Rotation:
         """Return world_R_ground under a foot."""
         return pin.exp3(self._tilts[foot])
 
-    def seeking(self, footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
+    def seeking(self, footing: Footing, foot: int) -> Vector3:
         """Angular velocity of a sole on an edge whose ground is not known, its free edge down."""
         rate, pressed = np.zeros(3), _pressed(footing, foot)
         if pressed is not None:
@@ -78,13 +78,13 @@ class SoleGrounds:
                     rate[axis] = -math.copysign(_SEEK, part)
         return rate
 
-    def righting(self, footing: Footing, foot: int, gain: float) -> Float64[np.ndarray, "3"]:
+    def righting(self, footing: Footing, foot: int, gain: float) -> Vector3:
         """Angular velocity with which a sole that carries is turned onto its ground."""
         lift = _sole_tilt(footing, foot) - self._tilts[foot]
         return self.seeking(footing, foot) - gain * lift
 
 
-def _sole_tilt(footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
+def _sole_tilt(footing: Footing, foot: int) -> Vector3:
     """Return the tilt of a sole from level, horizontal axis times angle [rad]."""
     _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
     tilt = rotation_vector(rotation, LEVEL)
@@ -120,7 +120,7 @@ class SoleYield:
     def __init__(self, dt: float) -> None:
         self._settle = dt * _FOLLOW
 
-    def turn(self, footing: Footing) -> Float64[np.ndarray, "2"] | None:
+    def turn(self, footing: Footing) -> Vector2 | None:
         """Angular velocity of the other sole, x and y; None while it carries nothing [rad/s]."""
         sensor, other = footing.sensor, footing.other
         here, there = sensor.centres[other], sensor.centres[footing.stance]
@@ -134,12 +134,7 @@ class SoleYield:
         share = min(1.0, 2.0 * float(sensor.loads[other]) / footing.biped.weight)
         return _ROLL_OFF * share * rotation[:2, :2].dot(np.array([off_y, -off_x]))
 
-    def move(
-        self,
-        footing: Footing,
-        velocity: Float64[np.ndarray, "3"],
-        zmp: Float64[np.ndarray, "2"],
-    ) -> Float64[np.ndarray, "3"]:
+    def move(self, footing: Footing, velocity: Vector3, zmp: Vector2) -> Vector3:
         """Velocity of the other foot; its anchor settles where it stands [m/s]."""
         sensor, other = footing.sensor, footing.other
         total, weight = float(sensor.loads.sum()), footing.biped.weight
@@ -155,13 +150,13 @@ class SoleYield:
         return (1.0 - share) * velocity + share / weight * np.array(_GIVE) * give
 
     @staticmethod
-    def _part(footing: Footing, zmp: Float64[np.ndarray, "2"]) -> float:
+    def _part(footing: Footing, zmp: Vector2) -> float:
         """Part of the load that is the other foot's with the ZMP at a place."""
         along = _between(footing)
         from_stance = zmp - footing.sole(footing.stance)[:2]
         return min(1.0, max(0.0, float(from_stance.dot(along) / along.dot(along))))
 
 
-def _between(footing: Footing) -> Float64[np.ndarray, "2"]:
+def _between(footing: Footing) -> Vector2:
     """From the stance to the other foot, along the ground [m]."""
     return (footing.sole(footing.other) - footing.sole(footing.stance))[:2]

@@ -3,13 +3,13 @@
 import math
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise._checks import checked_number
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._stance import Biped, leg_joints
+from poise.locomotion._support import Vector2
 
 _GROWTH_MAX = 0.5
 """Sway may grow by e in no less than two seconds, for which a foot is in the air [1/s]."""
@@ -19,7 +19,7 @@ _WAYS = ("forward", "sideways")
 
 def sway_stiffness(
     biped: Biped, dynamics: Dynamics, foot: int, stiffness: float
-) -> tuple[Float64[np.ndarray, "2"], tuple[str, str]]:
+) -> tuple[Vector2, tuple[str, str]]:
     """Return the stiffness with which the servos of one leg hold the COM along the ground.
 
     A force F on the COM asks each joint j of the leg that stands for the torque G_j F, with G the

@@ -6,7 +6,6 @@ from enum import Enum
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
 
 from poise._checks import checked_number
 from poise.dynamics import rotation_vector
@@ -19,6 +18,7 @@ from poise.locomotion._stepping._operator._sample import (
     WarnOnce,
     checked_sample,
 )
+from poise.locomotion._support import Rotation, Vector3
 
 # Period of the slowest device that is followed without gaps [s]: hands move at 5 Hz at most,
 # and ten samples a second are the fewest that show it
@@ -118,9 +118,8 @@ VELOCITY_ERROR = SPEED_MAX * VELOCITY_DELAY  # distance between place and integr
 VELOCITY_MEMORY = 2 * SILENT_AFTER
 UNIT_ERROR = 0.01  # of a quaternion's length: messages round to two figures
 
-Rotation = Float64[np.ndarray, "3 3"]
 
-_STILL: Float64[np.ndarray, "3"] = np.zeros(3)
+_STILL: Vector3 = np.zeros(3)
 _STILL.flags.writeable = False
 
 
@@ -137,7 +136,7 @@ class RateLimiter:
         self._room = max(most - distance, 0.0)
         return 1.0 if distance <= most else most / distance
 
-    def turn(self, rotation: Rotation, goal: Rotation) -> tuple[Rotation, Float64[np.ndarray, "3"]]:
+    def turn(self, rotation: Rotation, goal: Rotation) -> tuple[Rotation, Vector3]:
         """Take one tick of a turn."""
         if rotation is goal:
             return goal, _STILL
@@ -342,7 +341,7 @@ class OperatorGuard:
         self._clock = SampleClock()
         self._feet, self.hands = (Tracker(dt), Tracker(dt)), (Tracker(dt), Tracker(dt))
         self._look, self._walk = Engagement(), Engagement()
-        self.head: Float64[np.ndarray, "3 3"] | None = None
+        self.head: Rotation | None = None
         self.velocity: Vector = (0.0, 0.0, 0.0)
         self.rest = False
         self._body, self._upright = BodyCommand(), False
@@ -375,8 +374,8 @@ class OperatorGuard:
         self,
         sample: OperatorSample | None,
         time: float,
-        soles: Sequence[Float64[np.ndarray, "3"]] = (),
-        grounds: Sequence[Float64[np.ndarray, "3"]] = (),
+        soles: Sequence[Vector3] = (),
+        grounds: Sequence[Vector3] = (),
     ) -> OperatorSample | None:
         """Take one tick, after which `hands`, `head`, `rest` and `velocity` are those of it.
 
@@ -417,11 +416,7 @@ class OperatorGuard:
         self.held, self.status = (False, False), status
 
     def _goal(
-        self,
-        tracker: Tracker,
-        sole: Float64[np.ndarray, "3"],
-        grounds: Sequence[Float64[np.ndarray, "3"]],
-        time: float,
+        self, tracker: Tracker, sole: Vector3, grounds: Sequence[Vector3], time: float
     ) -> TrackedPose:
         """Place of a device that leads; straight down without one."""
         if tracker.engaged:

@@ -8,13 +8,13 @@ from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
 
 from poise._schema import Bounds, Seconds, Vector, checked
 from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
 from poise.locomotion._stepping._operator._guard import SLOWEST
 from poise.locomotion._stepping._operator._sample import OperatorSample, TrackedPose
+from poise.locomotion._support import Vector3
 
 # Forward, left and up from where the foot stood at the start [m]
 Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit="m"))]
@@ -70,12 +70,7 @@ class ScriptedDevice:
         ConfigurationError: times that do not increase.
     """
 
-    def __init__(
-        self,
-        points: Sequence[WayPoint],
-        left: Float64[np.ndarray, "3"],
-        right: Float64[np.ndarray, "3"],
-    ) -> None:
+    def __init__(self, points: Sequence[WayPoint], left: Vector3, right: Vector3) -> None:
         for before, after in pairwise(point.at for point in points):
             if not after > before:
                 what, wanted = "way-points are not in order of time", "times that increase"
@@ -116,16 +111,14 @@ class _ScriptedPose:
 class _Path:
     """Trajectory through offsets from a start [m]; points without one are passed over."""
 
-    def __init__(
-        self, points: Sequence[tuple[float, Offset | None]], start: Float64[np.ndarray, "3"]
-    ) -> None:
+    def __init__(self, points: Sequence[tuple[float, Offset | None]], start: Vector3) -> None:
         given = [(at, start + np.array(way)) for at, way in points if way is not None]
         self.moves = bool(given)
         if not given or given[0][0] > 0.0:
             given = [(0.0, start.copy()), *given]
         self._times, self._places = [at for at, _ in given], [place for _, place in given]
 
-    def at(self, time: float) -> Float64[np.ndarray, "3"]:
+    def at(self, time: float) -> Vector3:
         i = bisect_right(self._times, time)
         if i == 0:
             return self._places[0].copy()

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._stepping._stance._parameters import RobotSize, TeleopParameters
-from poise.locomotion._support import Point, two_soles
+from poise.locomotion._support import Point, Vector2, Vector3, two_soles
 from poise.locomotion._walking import CLEARANCE
 from poise.robots import GRAVITY, Robot
 
@@ -48,8 +48,8 @@ def leg_joints(robot: Robot, sole: str) -> list[int]:
 class LegGeometry:
     """Thigh and shank between ankle and hip, the point nearest to the axes of the hip's joints."""
 
-    hip: Float64[np.ndarray, "3"]  # in the pelvis's frame [m]
-    ankle: Float64[np.ndarray, "3"]  # origin of the last joint, in the sole's frame [m]
+    hip: Vector3  # in the pelvis's frame [m]
+    ankle: Vector3  # origin of the last joint, in the sole's frame [m]
     length: float  # from hip to ankle with the knee as straight as it may be [m]
     thigh: float  # from hip to knee [m]
     shank: float  # from knee to ankle [m]
@@ -131,7 +131,7 @@ def _hip_relief(dynamics: Dynamics, sole: str) -> float:
 
 def _leg_at(
     dynamics: Dynamics, sole: str, angles: Float64[np.ndarray, " n"]
-) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "n 3"]]:
+) -> tuple[Vector3, Float64[np.ndarray, "n 3"]]:
     """Takes a leg's joints to some angles [rad]; its hip [m], and the axes of its joints."""
     robot = dynamics.robot
     joints = np.array(leg_joints(robot, sole))
@@ -163,7 +163,7 @@ def _knee_range(dynamics: Dynamics, sole: str) -> tuple[float, float]:
 
 def _nearest_to_lines(
     points: Float64[np.ndarray, "k 3"], directions: Float64[np.ndarray, "k 3"]
-) -> Float64[np.ndarray, "3"]:
+) -> Vector3:
     """The point with the least sum of squared distances from lines."""
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
     return np.linalg.solve(across.sum(axis=0), np.einsum("kij,kj->i", across, points))
@@ -280,7 +280,7 @@ class FootRange:
         self._step_max, self._lift_max = parameters.step_max, parameters.lift_max
         self._aside_max = max(self._apart, min(parameters.step_max, *sides))
 
-    def hip(self, foot: int, dynamics: Dynamics) -> Float64[np.ndarray, "3"]:
+    def hip(self, foot: int, dynamics: Dynamics) -> Vector3:
         """Return the position of the hip of a foot's leg [m]."""
         position, rotation = dynamics.placement(self._pelvis)
         return position + rotation.dot(self._legs[foot].hip)
@@ -294,13 +294,13 @@ class FootRange:
         self,
         foot: int,
         target: tuple[float, float, float],
-        support: Float64[np.ndarray, "3"],
-        hip: Float64[np.ndarray, "3"],
-        heading: Float64[np.ndarray, "2"],
+        support: Vector3,
+        hip: Vector3,
+        heading: Vector2,
         *,
         lower: float = 0.0,
         turns: tuple[float, float] = (0.0, 0.0),
-    ) -> Float64[np.ndarray, "3"]:
+    ) -> Vector3:
         """The nearest position that the foot can be sent to."""
         (x, y, z), (support_x, support_y, support_z) = target, support.tolist()
         forward_x, forward_y = heading.tolist()
@@ -339,25 +339,14 @@ class FootRange:
                     needed = min(needed, (size - x * ahead) / abs(y))
         return needed
 
-    def spans(
-        self,
-        left: Float64[np.ndarray, "3"],
-        right: Float64[np.ndarray, "3"],
-        heading: Float64[np.ndarray, "2"],
-    ) -> bool:
+    def spans(self, left: Vector3, right: Vector3, heading: Vector2) -> bool:
         """Return whether feet stand hardly farther apart than commands may place them."""
         x, y, _ = (left - right).tolist()
         forward_x, forward_y = heading.tolist()
         aside, ahead = y * forward_x - x * forward_y, x * forward_x + y * forward_y
         return aside <= self._aside_max + _SPARE and abs(ahead) <= self._step_max + _SPARE
 
-    def too_high(
-        self,
-        foot: int,
-        place: Float64[np.ndarray, "3"],
-        hip: Float64[np.ndarray, "3"],
-        shift: Point,
-    ) -> float:
+    def too_high(self, foot: int, place: Vector3, hip: Vector3, shift: Point) -> float:
         """Return how far the hip is too high for a foot to reach a place [m]."""
         (x, y, z), (arm_x, arm_y, arm_z) = place.tolist(), self._ankles[foot]
         (hip_x, hip_y, hip_z), (shift_x, shift_y) = hip.tolist(), shift
@@ -365,13 +354,7 @@ class FootRange:
         return hip_z - z - arm_z - math.sqrt(max(self._reach[foot] ** 2 - across, 0.0))
 
     def too_low(
-        self,
-        foot: int,
-        place: Float64[np.ndarray, "3"],
-        hip: Float64[np.ndarray, "3"],
-        heading: Float64[np.ndarray, "2"],
-        *,
-        alone: bool,
+        self, foot: int, place: Vector3, hip: Vector3, heading: Vector2, *, alone: bool
     ) -> float:
         """Return the depth of the hip below where a loaded leg holds it; negative for room [m]."""
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
@@ -379,23 +362,13 @@ class FootRange:
         folded = math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
         return max(self._level(foot, ahead, aside, lean), folded) - z
 
-    def too_weak(
-        self,
-        foot: int,
-        place: Float64[np.ndarray, "3"],
-        hip: Float64[np.ndarray, "3"],
-        heading: Float64[np.ndarray, "2"],
-    ) -> float:
+    def too_weak(self, foot: int, place: Vector3, hip: Vector3, heading: Vector2) -> float:
         """Return how far the hip is too low for the knee of a stance leg; negative for room."""
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
         return self._level(foot, ahead, aside, self._strong[foot][0]) - z
 
     def _to_hip(
-        self,
-        foot: int,
-        place: Float64[np.ndarray, "3"],
-        hip: Float64[np.ndarray, "3"],
-        heading: Float64[np.ndarray, "2"],
+        self, foot: int, place: Vector3, hip: Vector3, heading: Vector2
     ) -> tuple[float, float, float]:
         """From ankle to hip, forward, to the left and up [m]."""
         arm_x, arm_y, arm_z = self._ankles[foot]

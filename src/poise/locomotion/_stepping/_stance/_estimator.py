@@ -20,6 +20,7 @@ from poise.estimation import (
     StateEstimator,
 )
 from poise.locomotion._stepping._stance._biped import BASE_JOINT
+from poise.locomotion._support import Rotation, Vector2, Vector3
 from poise.locomotion._walking import UNLOADED, WalkSense
 from poise.robots import Robot
 
@@ -40,8 +41,8 @@ class ZmpSensor:
     def __init__(self, weight: float, time_constant: float, dt: float) -> None:
         self._least = UNLOADED * weight
         self._gain = dt / (time_constant + dt)
-        self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)  # x and y [m]
-        self.loads: Float64[np.ndarray, "2"] = np.zeros(2)  # normal forces, left and right [N]
+        self.zmp: Vector2 = np.zeros(2)  # x and y [m]
+        self.loads: Vector2 = np.zeros(2)  # normal forces, left and right [N]
         self.pulls: list[tuple[float, float]] = [(0.0, 0.0), (0.0, 0.0)]
         self.centres: list[tuple[float, float] | None] = [None, None]
         self._fresh = True
@@ -96,7 +97,7 @@ class StanceEstimator:
         self._attitude = AttitudeBiasEstimator() if inertial else None
         self._now = StampedPredictor(robot, _DONE) if inertial else None
         self.tare, self._vote = LoadCellTare(soles, robot.weight), LoadCellVote(robot)
-        self.anchors: list[Float64[np.ndarray, "3"]] = []
+        self.anchors: list[Vector3] = []
         self.reset()
 
     def reset(self) -> None:
@@ -179,11 +180,11 @@ class StanceEstimator:
         self._sense.update(self.dynamics.state)
         return self._sense
 
-    def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
+    def sole(self, foot: int) -> Vector3:
         """Return the position of a sole's centre [m]."""
         return self.sense.sole(foot)[0]
 
-    def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
+    def rotation(self, foot: int) -> Rotation:
         """Return world_R_sole."""
         return self.sense.sole(foot)[1]
 
@@ -199,7 +200,7 @@ class StanceEstimator:
 
     def _resting_velocity(
         self, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]
-    ) -> Float64[np.ndarray, "3"]:
+    ) -> Vector3:
         """Linear velocity of the base with which the stance sole rests, in the base's axes."""
         jacobian = pin.computeFrameJacobian(
             self._robot.model, self._data, q, self._soles[self.stance], pin.LOCAL_WORLD_ALIGNED

@@ -11,7 +11,15 @@ from jaxtyping import Float64
 
 from poise.locomotion._stepping._stance._biped import Biped
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._support import SingleSupportRegion, SolePart, SupportPolygon, both_soles
+from poise.locomotion._support import (
+    Rotation,
+    SingleSupportRegion,
+    SolePart,
+    SupportPolygon,
+    Vector2,
+    Vector3,
+    both_soles,
+)
 from poise.locomotion._walking import Mode, turn_to_left, wrapped
 
 POSITION_GAIN = 10.0
@@ -22,10 +30,10 @@ POSITION_GAIN = 10.0
 class DesiredMotion:
     """v_d of (16), less what is kept level and upright by itself, and the CoM's acceleration."""
 
-    com: Float64[np.ndarray, "3"]  # velocity of the CoM [m/s]
-    com_acceleration: Float64[np.ndarray, "2"]  # of the CoM along the ground [m/s^2]
-    momentum: Float64[np.ndarray, "2"]  # angular, about the CoM, x and y [kg m^2/s]
-    foot: Float64[np.ndarray, "3"]  # velocity of the sole that is not the stance [m/s]
+    com: Vector3  # velocity of the CoM [m/s]
+    com_acceleration: Vector2  # of the CoM along the ground [m/s^2]
+    momentum: Vector2  # angular, about the CoM, x and y [kg m^2/s]
+    foot: Vector3  # velocity of the sole that is not the stance [m/s]
 
 
 LANDED = 0.047
@@ -45,11 +53,7 @@ class StanceChoice:
     """Keeps the estimator's stance and the feet's places up to date."""
 
     def __init__(
-        self,
-        estimator: StanceEstimator,
-        sensor: ZmpSensor,
-        biped: Biped,
-        dt: float,
+        self, estimator: StanceEstimator, sensor: ZmpSensor, biped: Biped, dt: float
     ) -> None:
         self._estimator, self._sensor = estimator, sensor
         self._least_load = LANDED * biped.weight
@@ -104,7 +108,7 @@ class Footing:
     sensor: ZmpSensor
     pressed: float = 0.0  # how far below its place the other foot is sent in double support [m]
     parts: Sequence[SolePart | None] = (None, None)  # loaded areas; None for all of a sole
-    com_velocity: Float64[np.ndarray, "2"] | None = None  # observed; that of `dynamics` when None
+    com_velocity: Vector2 | None = None  # observed; that of `dynamics` when None
     has_left: bool = True  # the swing foot has left the ground
 
     def __post_init__(self) -> None:
@@ -120,7 +124,7 @@ class Footing:
         self.yaws = math.atan2(left[3], left[0]), math.atan2(right[3], right[0])
 
     @cached_property
-    def zmp_reference(self) -> Float64[np.ndarray, "2"]:
+    def zmp_reference(self) -> Vector2:
         """Eq. (15a): between the feet, or on the foot that shall carry [m]."""
         carries = self.mode.support
         if carries is None:
@@ -129,7 +133,7 @@ class Footing:
         return np.array(self.region.rest(carries, self.anchors[carries], self.soles[carries][1]))
 
     @cached_property
-    def heading(self) -> Float64[np.ndarray, "2"]:
+    def heading(self) -> Vector2:
         """Unit vector where the pelvis faces, along the ground: legs cross or not as it turns."""
         (x, _, _), (y, _, _), _ = self.pelvis[1].tolist()
         length = math.hypot(x, y)
@@ -155,7 +159,7 @@ class Footing:
         (x, y, _), (speed_x, speed_y) = self.com.tolist(), velocity.tolist()
         return self.support.depth((x + speed_x / self.omega, y + speed_y / self.omega))
 
-    def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
+    def sole(self, foot: int) -> Vector3:
         """Return the position of a sole's centre [m]."""
         return self.soles[foot][0]
 
@@ -212,7 +216,7 @@ class TrunkLean:
         """Upright."""
         self._angle = 0.0
 
-    def rotation(self, footing: Footing) -> Float64[np.ndarray, "3 3"]:
+    def rotation(self, footing: Footing) -> Rotation:
         """Return world_R_trunk of this tick."""
         carries = footing.mode.support
         goal = 0.0 if carries is None else self._goals[carries]
@@ -246,7 +250,7 @@ class TrunkPose:
 
     def rotations(
         self, footing: Footing, facing: float, torso: tuple[float, float, float]
-    ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, "3 3"]]:
+    ) -> tuple[Rotation, Rotation]:
         """World_R_pelvis and world_R_torso in this tick."""
         before = facing if self._facing is None else self._facing
         most = _TURN_RATE * self._dt
