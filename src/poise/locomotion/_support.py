@@ -15,7 +15,8 @@ from poise.robots import Robot
 from poise.stack import find_hull
 
 Point = tuple[float, float]
-Vector2, Vector3 = Float64[np.ndarray, "2"], Float64[np.ndarray, "3"]
+Vector2 = Float64[np.ndarray, "2"]
+Vector3 = Float64[np.ndarray, "3"]
 Rotation = Float64[np.ndarray, "3 3"]
 
 

@@ -29,8 +29,10 @@ from poise.locomotion._stepping._stance import (
     TeleopParameters as TeleopParameters,
     teleop_parameters as teleop_parameters,
 )
-from poise.locomotion._stepping._step_teleoperator import StepTeleoperator as StepTeleoperator
-from poise.locomotion._stepping._teleop_status import TeleopStatus as TeleopStatus
+from poise.locomotion._stepping._step_teleoperator import (
+    StepTeleoperator as StepTeleoperator,
+    TeleopStatus as TeleopStatus,
+)
 from poise.locomotion._stepping._tracked_feet import (
     FootTracker as FootTracker,
     TrackedFeet as TrackedFeet,

@@ -271,17 +271,7 @@ class FootstepPlan(Stand):
             shape = clear_swing(feet[foot], goal, sizes[foot], gait.swing_height, ground, i)
             steps.append(Footstep(foot=foot, goal=goal, shape=shape))
             feet[foot] = goal
-        return cls(
-            soles=soles,
-            sizes=sizes,
-            start=start,
-            q=stand.q,
-            com=stand.com,
-            bearings=stand.bearings,
-            steps=tuple(steps),
-            gait=gait,
-            ground=ground,
-        )
+        return cls(**vars(stand), steps=tuple(steps), gait=gait, ground=ground)
 
     def _check_apart(self, done: int) -> None:
         left, right = self.placements(done)

@@ -41,12 +41,6 @@ def mean_angle(left: float, right: float) -> float:
     return left + 0.5 * wrapped(right - left)
 
 
-def yaw_rotation(yaw: float) -> Float64[np.ndarray, "2 2"]:
-    """Rotation of the horizontal plane by an angle [rad]."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, -s], [s, c]])
-
-
 @dataclass(frozen=True, kw_only=True)
 class Ground:
     """A floor at one height with platforms on it.
@@ -73,7 +67,7 @@ class Ground:
 
         def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
             """The platform's height where it is under a point, else zero [m]."""
-            local = (points - np.array(self.center)) @ yaw_rotation(self.yaw)
+            local = (points - np.array(self.center)) @ turn_to_left(self.yaw)[:2, :2]
             inside = (np.abs(local) <= 0.5 * np.array(self.size[:2])).all(axis=1)
             return np.where(inside, self.size[2], 0.0)
 
@@ -120,4 +114,4 @@ class Placement:
         """Points all over a sole of that size, edges included [m]."""
         x, y = np.meshgrid(np.linspace(-0.5, 0.5, 9) * length, np.linspace(-0.5, 0.5, 3) * width)
         local = np.stack((x.ravel(), y.ravel()), axis=1)
-        return np.array(self.position[:2]) + local @ yaw_rotation(self.yaw).T
+        return np.array(self.position[:2]) + local @ turn_to_left(self.yaw)[:2, :2].T
