@@ -29,7 +29,7 @@ from poise.stack import Stack
 _THERE = 1e-6
 """A foot is sent no nearer than this to where the operator says, whatever is rounded [m]."""
 
-_HANGS = 0.005
+_HANGS = 0.002
 """A foot so far above where it is sent down to, and no lower than this for a while, hangs [m]."""
 
 _PATIENCE, _DRAWN = 0.4, 0.05

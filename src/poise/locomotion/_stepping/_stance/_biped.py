@@ -244,6 +244,9 @@ stack's balance limit keeps, which brakes before it."""
 _NARROW_GAP = 0.09
 """Least distance of narrow soles' edges by torques, over the COM's height, to hold a push aside."""
 
+_LEAN_RATIO = 0.9
+"""Part of the ankle's pitch that the shank may lean forward by."""
+
 _TURNED = 0.05
 """Soles that are turned by less than this against where the robot faces lie side by side [rad]."""
 
@@ -358,7 +361,7 @@ class FootRange:
     ) -> float:
         """Return the depth of the hip below where a loaded leg holds it; negative for room [m]."""
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
-        lean = min(_RANGE * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
+        lean = min(_LEAN_RATIO * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
         folded = math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
         return max(self._level(foot, ahead, aside, lean), folded) - z
 
