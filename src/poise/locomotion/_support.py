@@ -297,14 +297,11 @@ class SingleSupportRegion:
     sizes: tuple[Point, Point]  # length and width of the left and of the right sole [m]
     margin: float  # distance from the soles' edges at which support ends [m]
     arrived: float  # distance of the DCM from its rest at which a weight shift is complete [m]
-    # distance of the ZMP's rest from the middle of the sole, towards the other foot [m]
-    inwards: float = 0.0
+    inwards: float = 0.0  # distance of the ZMP's rest from the sole's middle, inwards [m]
     inner: float = 0.0  # distance beyond the inner edge of support at which the robot steps [m]
     outer: float = 0.0  # distance beyond the outer edge at which it does [m]
-    # distance beyond the outer edge of the sole at which the CT-ZMP may be [m]
-    momentum: float = _MOMENTUM
-    # whether the sole is too narrow for a push outwards wherever the ZMP rests
-    narrow: bool = False
+    momentum: float = _MOMENTUM  # distance beyond the sole's outer edge of the CT-ZMP [m]
+    narrow: bool = False  # too narrow for a push outwards wherever the ZMP rests
 
     def rest(self, foot: int, place: Vector3, rotation: Rotation) -> Point:
         """Return the rest of the ZMP on a foot that carries alone [m]."""

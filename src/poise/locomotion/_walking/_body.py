@@ -6,12 +6,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from poise.locomotion._support import Point, SupportPolygon
-from poise.locomotion._walking._commands import side
+from poise.locomotion._walking._commands import LegSpan, side
 from poise.locomotion._walking._dcm import DcmMotion, FeetAt, LegMomentum
 from poise.locomotion._walking._flight import Flight, HeldFlight
 from poise.locomotion._walking._footsteps import Gait, Stand
 from poise.locomotion._walking._ground import Placement
-from poise.locomotion._walking._reach import LegSpan
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._stance import Stance
 from poise.locomotion._walking._swing import FIXED, Motion, SwingPose, least_jerk_towards
@@ -135,9 +134,6 @@ class BodyHeight:
         return height
 
 
-_STILL = ((0.0, 0.0), (0.0, 0.0))
-
-
 class MeasuredPendulum:
     """C, its velocity and its divergent component, see `LegMomentum`, from what is measured."""
 
@@ -159,7 +155,8 @@ class MeasuredPendulum:
     def rates(self, flight: Flight | HeldFlight | None) -> tuple[FeetAt, FeetAt]:
         """Return velocities [m/s] and accelerations [m/s^2] of both feet."""
         if flight is None:
-            return _STILL, _STILL
+            still = _of_one(0, (0.0, 0.0))
+            return still, still
         swing, foot = flight.swing, flight.foot
         velocity, acceleration = (
             self._counted(*row[:3].tolist()) for row in (swing.velocity, swing.acceleration)
@@ -180,7 +177,7 @@ class MeasuredPendulum:
     def mass(self, flight: Flight | HeldFlight | None) -> tuple[Point, Point]:
         """Return C [m] and its velocity [m/s]."""
         feet = self.places(flight)
-        velocities = _STILL
+        velocities = _of_one(0, (0.0, 0.0))
         if flight is not None:
             velocity = self._counted(*self._sense.lower_edge_velocity(flight.foot))
             velocities = _of_one(flight.foot, velocity)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 from poise._schema import Bounds, checked
+from poise.locomotion._support import Point
 from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, beside, level_place
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement, wrapped
 from poise.locomotion._walking._step_choice import StepBounds
@@ -38,6 +39,21 @@ class VelocityLimits:
     sideways: _Speed = 0.3
     turn: Annotated[float, Bounds(least=0.0, most=LARGEST, unit="rad/s")] = 0.8
     rise_time: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 1.0
+
+
+class LegSpan(NamedTuple):
+    """Reach of a leg from its hip to its ankle."""
+
+    length: float  # of the leg, nearly straight [m]
+    hip: float  # height of the hip over the ankle, less that of the COM over the sole [m]
+
+    def beside(self, height: float) -> float:
+        """Return the largest distance of a foot beside its hip [m]."""
+        return math.sqrt(max(self.length**2 - (height + self.hip) ** 2, 0.0))
+
+    def highest(self, beside: float) -> float:
+        """Return the largest height of the CoM above a foot [m]."""
+        return math.sqrt(max(self.length**2 - beside**2, 0.0)) - self.hip
 
 
 class LegRoom(NamedTuple):
@@ -83,14 +99,37 @@ def _outwards(foot: int, turn: float) -> float:
     return side(foot) * wrapped(turn)
 
 
+class FootAxes:
+    """Along a foot that stands, and away from it to the side of the other one."""
+
+    def __init__(self, stance: Placement, out: float) -> None:
+        self._x, self._y, _ = stance.position
+        self._cos, self._sin, self._out = math.cos(stance.yaw), math.sin(stance.yaw), out
+
+    def within(self, point: Point) -> Point:
+        """A point of the world, seen from the foot."""
+        dx, dy = point[0] - self._x, point[1] - self._y
+        along, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
+        return along, self._out * left
+
+    def without(self, point: Point) -> Point:
+        """A point seen from the foot, in the world."""
+        x, y = self.turned(point)
+        return self._x + x, self._y + y
+
+    def turned(self, vector: Point) -> Point:
+        """A vector seen from the foot, in the world."""
+        along, left = vector[0], self._out * vector[1]
+        return self._cos * along - self._sin * left, self._sin * along + self._cos * left
+
+
 class Foothold(NamedTuple):
     """Commanded foothold."""
 
     foot: int  # 0 for the left one, 1 for the right one
     place: Placement  # where its sole shall lie; how high that is, the ground says
     checked: bool = False  # whether the legs are known to reach it from the foothold before
-    # how far outwards they are known to turn it from the other foot there [rad]
-    turned: float = 0.0
+    turned: float = 0.0  # turn outwards that they are known to reach there [rad]
 
 
 Velocity = tuple[float, float, float]
@@ -240,19 +279,15 @@ class StepCommands:
         # A plan may turn a foot farther: there the legs have been looked at.
         kept = min(max(outwards, -max(room.turn_in, -known)), max(room.turn, known))
         turned = out * kept
-        c, s = math.cos(stance.yaw), math.sin(stance.yaw)
-        dx, dy = (place.position[k] - stance.position[k] for k in (0, 1))
-        wanted = (c * dx + s * dy, out * (c * dy - s * dx))
+        axes = FootAxes(stance, out)
+        wanted = axes.within(place.position[:2])
         x, y = room.bounds(turned, far=checked).nearest(wanted)
         moved, cut = math.dist((x, y), wanted), abs(outwards - kept)
         if moved >= LEVEL or cut >= _ASKEW:
             by = f"moved by {moved:.3f} m, turned by {cut:.2f} rad"
             self.notice = f"foothold out of reach: {by}"
         if moved >= LEVEL:
-            px, py = (
-                stance.position[0] + c * x - s * out * y,
-                stance.position[1] + s * x + c * out * y,
-            )
+            px, py = axes.without((x, y))
         else:
             px, py, _ = place.position
             exact = Placement(position=(px, py, 0.0), yaw=stance.yaw + turned)

@@ -119,6 +119,8 @@ class StepTimes(NamedTuple):
 
 def before_transfer(xi: Point, start: Point, end: Point, omega: float, time: float) -> Point:
     """Return xi before a linear transfer of the ZMP, from xi after it."""
+    # xi' = omega (xi - r) (Englsberger, Ott, Albu-Schaeffer 2015): with r even from r_0 to r_1,
+    # xi(0) = r_0 + s + e^{-omega T} (xi(T) - r_1 - s),  s = (r_1 - r_0) / (omega T).
     kept, ratio = math.exp(-omega * time), 1.0 / (omega * time)
     s_x, s_y = ratio * (end[0] - start[0]), ratio * (end[1] - start[1])
     return (

@@ -51,13 +51,9 @@ class SteppingEngine:
         self._hanging: Hanging | None = None
         self._time: float | None = None
 
-    # Intent ---------------------------------------------------------------------------------------
-
     def hold(self, motion: FootMotion | None) -> None:
         """Set the motion of feet; without one, a foot that is held makes a capture step."""
         self._steps.motion = motion
-
-    # State ----------------------------------------------------------------------------------------
 
     @property
     def steps(self) -> StepPhases:
@@ -94,8 +90,6 @@ class SteppingEngine:
         """Reference of the ZMP, feedback included [m]."""
         feet = self.parts.pendulum.places(self._steps.flight)
         return np.array(self.parts.legs.parted(self._feedback.zmp, feet))
-
-    # A tick ---------------------------------------------------------------------------------------
 
     def lead(self, state: RobotState) -> None:
         """Set what the next tick should do; a state that is not finite is passed over."""

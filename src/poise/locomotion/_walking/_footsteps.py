@@ -377,6 +377,9 @@ def _standing_soles(
     return (found[0], right), (x, y, z)
 
 
+_EDGE = 0.015
+"""Distance of a sole from the edge of a platform [m]."""
+
 _SEARCH, _FARTHEST = 0.005, 0.25
 """Resolution of the search for a place with nothing but one height under it, and its end [m]."""
 
@@ -474,7 +477,7 @@ def level_place(
 ) -> Placement | None:
     """A sole on the ground where it should lie, or at the nearest place ahead or behind."""
     x, y, yaw = place
-    grown = (size[0] + 2.0 * CLEARANCE, size[1] + 2.0 * CLEARANCE)
+    grown = (size[0] + 2.0 * _EDGE, size[1] + 2.0 * _EDGE)
     for i in range(2 * int(_FARTHEST / _SEARCH) + 1):
         # 0, 1, -1, 2, -2, ... times the resolution
         shift = _SEARCH * ((i + 1) // 2) * (1 if i % 2 else -1)

@@ -95,8 +95,7 @@ class Placement:
 
     position: tuple[float, float, float]  # of its centre in the world [m]
     yaw: float  # its heading, seen from above [rad]
-    # how steeply the ground rises along the world's x and y
-    slope: tuple[float, float] = (0.0, 0.0)
+    slope: tuple[float, float] = (0.0, 0.0)  # rise of the ground along the world's x and y
 
     @property
     def rotation(self) -> Rotation:

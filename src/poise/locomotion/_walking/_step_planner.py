@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from poise.locomotion._support import Point, SolePart
-from poise.locomotion._walking._commands import LegRoom, StepCommands, side
+from poise.locomotion._walking._commands import FootAxes, LegRoom, StepCommands, side
 from poise.locomotion._walking._dcm import (
     DcmMotion,
     LegMomentum,
@@ -77,7 +77,7 @@ class StepPlanner:
         self._bounds = 0.0, room.bounds(0.0, far=True)
         self._planned: Pendulum
         # The same along the axes of the stance foot.
-        self._axes: _Axes
+        self._axes: FootAxes
         self._seen: Pendulum
         # As fast as the hips move a foot: side by side at least, and as far as it goes at most.
         self._shortest = max(_SHORTEST * times.swing, room.shortest_swing(room.width))
@@ -94,7 +94,7 @@ class StepPlanner:
         asked = (steps, self._commands.left, lifted.bearing)
         if steps is not self._asked[0] or asked[1:] != self._asked[1:]:
             self._asked, self._planned = asked, self._plan(lifted, steps, self._commands.left)
-            axes, planned = _Axes(lifted.stance, side(lifted.foot)), self._planned
+            axes, planned = FootAxes(lifted.stance, side(lifted.foot)), self._planned
             self._axes, self._seen = (
                 axes,
                 planned._replace(
@@ -200,27 +200,3 @@ class StepPlanner:
         x, y = (there + by for there, by in zip(goal, off, strict=True))
         bearing = self._stand.bearings[lifted.foot]
         return step, Lifted(1 - lifted.foot, stance.position[:2], landed, bearing, (x, y))
-
-
-class _Axes:
-    """Along a foot that stands, and away from it to the side of the other one."""
-
-    def __init__(self, stance: Placement, out: float) -> None:
-        self._x, self._y, _ = stance.position
-        self._cos, self._sin, self._out = math.cos(stance.yaw), math.sin(stance.yaw), out
-
-    def within(self, point: Point) -> Point:
-        """A point of the world, seen from the foot."""
-        dx, dy = point[0] - self._x, point[1] - self._y
-        along, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
-        return along, self._out * left
-
-    def without(self, point: Point) -> Point:
-        """A point seen from the foot, in the world."""
-        x, y = self.turned(point)
-        return self._x + x, self._y + y
-
-    def turned(self, vector: Point) -> Point:
-        """A vector seen from the foot, in the world."""
-        along, left = vector[0], self._out * vector[1]
-        return self._cos * along - self._sin * left, self._sin * along + self._cos * left

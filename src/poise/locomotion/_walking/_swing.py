@@ -23,8 +23,7 @@ class SwingShape:
     """The shape of one swing, over its phase from 0 at lift-off to 1 at touchdown."""
 
     apex: float  # highest point of the sole, in the world [m]
-    # phase at which the foot leaves its place sideways; before, it goes straight up
-    depart: float = 0.0
+    depart: float = 0.0  # phase until which the foot goes straight up
     arrive: float = 0.93  # phase at which it is over its goal; from then on, it comes straight down
 
     def __post_init__(self) -> None:

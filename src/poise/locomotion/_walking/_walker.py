@@ -108,8 +108,6 @@ class Walker:
             self.commands.follow(plan)
         self.carried: Mapping[str, CarriedTarget] = parts.tasks.carried
 
-    # What somebody who leads it says --------------------------------------------------------------
-
     def set_velocity(self, ahead: float, sideways: float = 0.0, turn: float = 0.0) -> None:
         """Walks with a velocity from now on; zero brings the robot to rest, feet side by side.
 
@@ -158,8 +156,6 @@ class Walker:
     def notice(self) -> str:
         """Part of the last command that was cut or ignored; "" for nothing."""
         return self.commands.notice
-
-    # What a recorder may know ---------------------------------------------------------------------
 
     @property
     def status(self) -> WalkStatus:
@@ -210,8 +206,6 @@ class Walker:
     def holds(self, contact: str) -> bool:
         """Return whether the walk loads and unloads a contact of that name."""
         return any(contact == c.name for c in self._engine.parts.tasks.contacts)
-
-    # A tick ---------------------------------------------------------------------------------------
 
     def lead(self, state: RobotState) -> None:
         """Set what the next tick should do.

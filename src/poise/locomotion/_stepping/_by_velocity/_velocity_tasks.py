@@ -1,8 +1,7 @@
-"""Stack of the velocity level: `VelocityTasks`, their `TaskWeights` and `VelocityNumbers`."""
+"""Stack of the velocity level: `VelocityTasks` and `VelocityNumbers`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -33,7 +32,6 @@ from poise.stack import (
     SelfCollisionLimit,
     Stack,
     SurfaceContact,
-    Task,
 )
 
 
@@ -84,35 +82,6 @@ _LIMIT_TIME = 0.05
 """Time in which a joint may at most reach its position limit [s]."""
 
 
-class WA(NamedTuple):
-    """W_A of the second level in (20)."""
-
-    momentum: float
-    torso: float  # of its angular velocity
-    foot: float  # of the velocity of the foot that is not the stance
-
-
-class TaskWeights:
-    """In place of (39c) and (39d): constant where those chatter with the measured ZMP."""
-
-    def __init__(self, numbers: VelocityNumbers, *, rotator: bool) -> None:
-        self._numbers, self._rotator = numbers, rotator
-
-    def at(self, footing: Footing, *, upright: bool) -> WA:
-        """The weights."""
-        p = self._numbers
-        if not footing.mode.single:
-            return WA(p.epsilon, p.w_B, p.w_S2)
-        # Firm on the ground, so that momentum does not drag the foot; the paper's once clear of it.
-        clear = footing.clearance(footing.ground_below)
-        foot = p.w_S2 ** (1.0 - clear) * p.w_S1**clear
-        if not self._rotator:
-            return WA(p.epsilon, p.w_B, foot)
-        # A torso that leans as far as the momentum asks for takes the hips to their limits.
-        torso = p.w_B1 * (1.0 + (footing.tilt / p.tilt_soft) ** 4)
-        return WA(p.w_L, p.w_B if upright else torso, foot)
-
-
 class VelocityTasks:
     """The two levels of (19) as tasks of a stack, with (17b) and (17d) for torso and sole."""
 
@@ -129,7 +98,7 @@ class VelocityTasks:
         self._led = [task.name for task in limbs]
         self._lean = TrunkLean(biped.relief, dt)
         self._grounds, self._yield = SoleGrounds(dt), SoleYield(dt)
-        self._weights = TaskWeights(numbers, rotator=rotator)
+        self._rotator = rotator
         self._com = ComTask()
         self._momentum = MomentumTask("angular_xy")
         self._torso = FrameTask(biped.robot.torso, "orientation", name="torso")
@@ -170,7 +139,6 @@ class VelocityTasks:
 
     def ask(self, footing: Footing, desired: DesiredMotion, *, upright: bool) -> None:
         """Sets contacts, velocities and weights for a tick."""
-        weights = self._weights.at(footing, upright=upright)
         biped, dynamics, other = self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
         # Feet that stand are no matter of a controller that knows one of them as a contact.
@@ -192,9 +160,23 @@ class VelocityTasks:
                 zmp = dynamics.com[:2] - desired.com_acceleration / footing.omega**2
             foot = self._yield.move(footing, foot, zmp)
         self._places[other].set_velocity(foot - turn.velocity_at(place))
-        _weigh(self._momentum, weights.momentum)
-        _weigh(self._torso, weights.torso)
-        _weigh(self._places[other], weights.foot)
+        weighed = self._momentum, self._torso, self._places[other]
+        for task, weight in zip(weighed, self._weights(footing, upright=upright), strict=True):
+            task.set_weight((weight / DifferentialIK.ROW_WEIGHT) ** 0.5)
+
+    def _weights(self, footing: Footing, *, upright: bool) -> tuple[float, float, float]:
+        """W_A of momentum, torso and foot; (39c) and (39d) chatter with the measured ZMP."""
+        p = self._numbers
+        if not footing.mode.single:
+            return p.epsilon, p.w_B, p.w_S2
+        # Firm on the ground, so that momentum does not drag the foot; the paper's once clear of it.
+        clear = footing.clearance(footing.ground_below)
+        foot = p.w_S2 ** (1.0 - clear) * p.w_S1**clear
+        if not self._rotator:
+            return p.epsilon, p.w_B, foot
+        # A torso that leans as far as the momentum asks for takes the hips to their limits.
+        torso = p.w_B1 * (1.0 + (footing.tilt / p.tilt_soft) ** 4)
+        return p.w_L, p.w_B if upright else torso, foot
 
     def _other_sole(self, footing: Footing) -> Float64[np.ndarray, "3"]:
         """Eq. (17d), parallel to the stance's ground; one that carries yields instead [rad/s]."""
@@ -225,10 +207,6 @@ class VelocityTasks:
         self._stance = foot
         self._contacts[foot].engage(0.0)
         self._contacts[1 - foot].release(0.0)
-
-
-def _weigh(task: Task, row_weight: float) -> None:
-    task.set_weight((row_weight / DifferentialIK.ROW_WEIGHT) ** 0.5)
 
 
 class _Turn:

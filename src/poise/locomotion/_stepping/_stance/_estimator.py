@@ -21,16 +21,12 @@ from poise.estimation import (
 )
 from poise.locomotion._stepping._stance._biped import BASE_JOINT
 from poise.locomotion._support import Rotation, Vector2, Vector3
-from poise.locomotion._walking import UNLOADED, WalkSense
+from poise.locomotion._walking import CLEARANCE, UNLOADED, WalkSense
 from poise.robots import Robot
 
 _DONE = 0.5
 """Part of what was commanded within the sensors' delay that counts as done: with less the rates of
 the legs are off, with more that of the base."""
-
-_CLEAR = 0.01
-"""A sole is in the air so high above where it was put down [m]: a hip that is zeroed badly by 0.3
-degrees moves the end of a leg of 1 m by 5 mm."""
 
 _CORRECTED = EstimatorConfig(tare=False, vote=False)
 
@@ -171,7 +167,7 @@ class StanceEstimator:
     def _airborne(self) -> tuple[bool, bool]:
         """Return whether each sole is clear of where it stood; the stance never is."""
         other = 1 - self.stance
-        clear = self.sense.positions[other][2] - float(self.anchors[other][2]) > _CLEAR
+        clear = self.sense.positions[other][2] - float(self.anchors[other][2]) > CLEARANCE
         return clear and other == 0, clear and other == 1
 
     @property
