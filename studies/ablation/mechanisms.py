@@ -18,7 +18,7 @@ from poise.locomotion import WalkSettings
 _STEPPING, _WALKING = "poise.locomotion._stepping", "poise.locomotion._walking"
 _BY_TORQUE = f"{_STEPPING}._by_torque"
 _TASKS, _LEVEL = f"{_BY_TORQUE}._torque_tasks", f"{_BY_TORQUE}._torque_level"
-_FLIGHT, _CARRYING = f"{_WALKING}._flight", f"{_WALKING}._carrying"
+_FLIGHT, _CARRYING = f"{_WALKING}._flight", f"{_WALKING}._stance"
 
 _IMMEDIATE, _FOREVER = 1e-9, 1e6
 """Time constants and time-outs of nothing: finite, for divisions and sums [s]."""
@@ -157,7 +157,7 @@ MECHANISMS = (
         name="narrow sole",
         off={
             f"{_WALKING}._parts.single_support_region": _region,
-            f"{_STEPPING}._scaling.single_support_region": _region,
+            f"{_STEPPING}._stance._parameters.single_support_region": _region,
         },
         watched=f"{_TASKS}.TorqueTasks.lead",
         acts=lambda call, _: call[1].region.narrow and call[1].mode.single,
@@ -187,7 +187,7 @@ MECHANISMS = (
         name="knees",
         off={
             f"{_LEVEL}.TorqueLevel._limit_stoop": _nothing,
-            f"{_STEPPING}._feet._foot.FootTarget._hangs": _never,
+            f"{_STEPPING}._feet.FootTarget._hangs": _never,
         },
         watched=f"{_LEVEL}.TorqueLevel._limit_stoop",
         acts=lambda call, _: _near_its_end(call[0]),
@@ -208,7 +208,7 @@ MECHANISMS = (
         off={
             f"{_CARRYING}._SPREAD": _EVERYTHING,
             f"{_CARRYING}._SETTLING": _IMMEDIATE,
-            f"{_CARRYING}._WHOLE": 0.0,
+            f"{_CARRYING}.LEVEL": 0.0,
             f"{_CARRYING}._FLAT": (0.0, 0.0),
         },
         watched=f"{_CARRYING}.CarryingArea._learn_from",
@@ -217,8 +217,8 @@ MECHANISMS = (
     ),
     Mechanism(
         name="BodyHeight reach",
-        off={f"{_WALKING}._body_height.BodyHeight._reached": _asked_height},
-        watched=f"{_WALKING}._body_height.BodyHeight._reached",
+        off={f"{_WALKING}._body.BodyHeight._reached": _asked_height},
+        watched=f"{_WALKING}._body.BodyHeight._reached",
         acts=lambda call, height: height < call[2],
         walks=True,
     ),

@@ -6,7 +6,7 @@ At velocity level; the table in docs/teleoperation.md has the same rows.
 from dataclasses import dataclass, field
 
 _STEPPING = "poise.locomotion._stepping"
-_FOOT, _FOOTING = f"{_STEPPING}._feet._foot", f"{_STEPPING}._stance._footing"
+_FOOT, _FOOTING = f"{_STEPPING}._feet", f"{_STEPPING}._stance._footing"
 
 _NONE, _ANY = 1e-9, 1e3
 """Numbers that take a rule's effect away: nothing of it, or as much as one likes."""
@@ -129,7 +129,7 @@ DEPARTURES = (
         paper="an upright torso (17b)",
         reason="upright on one foot the hip is beside that foot by half the hips' distance, and "
         "holds the body's weight at that lever; hips of 30 N m under 31 kg do not, and some turn "
-        "in by 0.1 rad only. Measured from the model: as far as 75% of the hip's torque and 80% of "
+        "in by 0.1 rad only. Measured from the model: as far as 70% of the hip's torque and 80% of "
         "its range need, at most 0.2 rad; zero for the paper's robot, G1 and TALOS",
     ),
     Departure(

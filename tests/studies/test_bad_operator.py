@@ -52,7 +52,7 @@ from poise.robots import load_robot
 careless = replace(teleop_parameters(load_robot("biped20"), "velocity"), lower_speed=1.0,
                    stoop_max=1e-9)
 leads, usual = "poise.locomotion._stepping._step_teleoperator", velocity_numbers
-patch("poise.locomotion._stepping._feet._foot._TOUCH_SPEED", 1.0).start()
+patch("poise.locomotion._stepping._feet._TOUCH_SPEED", 1.0).start()
 patch(f"{leads}.velocity_numbers", lambda size: replace(
     usual(size), w_S2=1.0, capture_max=1e3, ct_zmp_max=1e3, momentum_leak=1e-9,
     velocity_leak=1e-9)).start()

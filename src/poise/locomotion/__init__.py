@@ -3,10 +3,10 @@
 from poise.locomotion._pendulum import (
     BodyRotator as BodyRotator,
     ComShifter,
+    PreviewControl,
     natural_frequency as natural_frequency,
     pole_zero_damping as pole_zero_damping,
 )
-from poise.locomotion._preview import PreviewControl
 from poise.locomotion._stepping import (
     FOOT_TURNS as FOOT_TURNS,
     LATE as LATE,
@@ -39,7 +39,6 @@ from poise.locomotion._stepping import (
     rest_place as rest_place,
     rotation_of as rotation_of,
     teleop_parameters,
-    yaw_of as yaw_of,
 )
 from poise.locomotion._support import (
     SupportPolygon as SupportPolygon,
@@ -65,6 +64,7 @@ from poise.locomotion._walking import (
     draw_modes as draw_modes,
     plan_footsteps,
     walking_stack,
+    yaw_of as yaw_of,
 )
 
 __all__ = [

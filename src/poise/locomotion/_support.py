@@ -1,16 +1,12 @@
-"""`SupportPolygon`: where the ZMP can be, and the nearest point of it.
-
-`two_soles`: what a robot that walks stands on.
-`SolePart`: what of a sole carries. `both_soles`: where the ZMP can be on two.
-`sole_rectangle`, `convex_hull`, `signed_margin`: its corners, its outline, and distances to that;
-`soles_outline`: that of some of a robot's soles.
-"""
+"""Regions of the ZMP: support polygons, loaded parts of soles, and single support on one foot."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._compiled import compiled
@@ -19,14 +15,13 @@ from poise.robots import Robot
 from poise.stack import find_hull
 
 Point = tuple[float, float]
+Vector2 = Float64[np.ndarray, "2"]
+Vector3 = Float64[np.ndarray, "3"]
+Rotation = Float64[np.ndarray, "3 3"]
 
 
 class SupportPolygon:
-    """Convex hull of the corners of soles, shrunk.
-
-    Made in a control tick, of eight corners, and asked a few times: for that plain numbers are
-    faster than arrays.
-    """
+    """Convex hull of the corners of soles, shrunk."""
 
     def __init__(self, corners: Sequence[Point], margin: float) -> None:
         points = np.array(corners, dtype=np.float64).reshape(-1, 2)
@@ -43,7 +38,7 @@ class SupportPolygon:
         return polygon
 
     def depth(self, point: Point) -> float:
-        """How far a point is inside the shrunk polygon; negative outside [m]."""
+        """Return the depth of a point inside the shrunk polygon; negative outside [m]."""
         x, y = point
         inside = [nx * x + ny * y - c for nx, ny, c in self._edges]
         return min(inside) if inside else float("-inf")
@@ -65,10 +60,6 @@ class SupportPolygon:
             if distance < least:
                 best, least = near, distance
         return best
-
-    def grown(self, by: float) -> "SupportPolygon":
-        """The same with its edge farther out."""
-        return SupportPolygon.of_edges([[nx, ny, c - by] for nx, ny, c in self._edges])
 
     def towards(self, start: Point, point: Point) -> Point:
         """The last point inside from a start that is inside towards a point; else the nearest."""
@@ -95,15 +86,13 @@ def two_soles(robot: Robot) -> tuple[str, str]:
     return left, right
 
 
-def sole_rectangle(
-    position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"], size: Point
-) -> list[Point]:
+def sole_rectangle(position: Vector3, rotation: Rotation, size: Point) -> list[Point]:
     """Corners of a sole, seen from above [m]."""
     return SolePart(0.0, 0.0, *size).corners(position, rotation, 0.0)
 
 
 _THIN = 0.002
-"""What carries of a sole has to have some area: an edge counts as this wide [m]."""
+"""Least width of the loaded part of a sole: that of an edge [m]."""
 
 
 _MIDDLE = 0.1
@@ -112,26 +101,14 @@ a sole of which an edge is out of a strong ankle's reach."""
 
 
 class SolePart(NamedTuple):
-    """A rectangle in a sole on which it carries, or in which the ZMP can be.
+    """A rectangle in a sole on which it carries, or in which the ZMP can be."""
 
-    Attributes:
-        x: of its middle, along the sole's axes from the sole's centre [m].
-        y: likewise [m].
-        length: along x [m].
-        width: along y [m]; zero on an edge.
-    """
+    x: float  # of its middle, along the sole's axes from the sole's centre [m]
+    y: float  # the same [m]
+    length: float  # along x [m]
+    width: float  # along y [m]; zero on an edge
 
-    x: float
-    y: float
-    length: float
-    width: float
-
-    def corners(
-        self,
-        position: Float64[np.ndarray, "3"],
-        rotation: Float64[np.ndarray, "3 3"],
-        margin: float,
-    ) -> list[Point]:
+    def corners(self, position: Vector3, rotation: Rotation, margin: float) -> list[Point]:
         """Its corners, seen from above, shrunk as far as it can be [m]."""
         size = (max(self.length - 2.0 * margin, _THIN), max(self.width - 2.0 * margin, _THIN))
         (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
@@ -183,10 +160,7 @@ def _common(middle: float, size: float, lower: float, upper: float) -> tuple[flo
 
 
 def one_sole(
-    part: SolePart,
-    position: Float64[np.ndarray, "3"],
-    rotation: Float64[np.ndarray, "3 3"],
-    margin: float,
+    part: SolePart, position: Vector3, rotation: Rotation, margin: float
 ) -> SupportPolygon:
     """Return the support polygon of a part of one foot, a parallelogram seen from above."""
     (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
@@ -211,7 +185,7 @@ def one_sole(
 
 
 def both_soles(
-    placements: Sequence[tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]],
+    placements: Sequence[tuple[Vector3, Rotation]],
     sizes: Sequence[Point],
     margin: float,
     parts: Sequence[SolePart | None] = (None, None),
@@ -236,8 +210,7 @@ def convex_hull(points: Iterable[Point]) -> list[Point]:
 
 
 def soles_outline(
-    robot: Robot,
-    placements: Mapping[str, tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]],
+    robot: Robot, placements: Mapping[str, tuple[Vector3, Rotation]]
 ) -> Float64[np.ndarray, "h 2"]:
     """Corners of what some soles span, seen from above, counter-clockwise [m]."""
     corners: list[Point] = []
@@ -283,6 +256,154 @@ def _find_edges(
 
 
 def _meet(a: Sequence[float], b: Sequence[float]) -> Point:
-    """Where two edges' lines meet."""
+    """Return the intersection of two edges' lines."""
     det = a[0] * b[1] - a[1] * b[0]
     return ((a[2] * b[1] - a[1] * b[2]) / det, (a[0] * b[2] - a[2] * b[0]) / det)
+
+
+_PUSH, _INWARDS_MAX = 0.2, 0.65
+"""Outward push that one foot is to hold [m/s], and how far beside the middle of the sole the ZMP
+may rest for that, over half its width."""
+
+_STRAY = 0.013
+"""Deviation of the DCM from its reference on bumps, with attitude error and sensor noise [m]."""
+
+_OUTER, _ASKED = 0.0275, 0.0525
+"""Distance beyond a narrow sole's outer edge up to which angular momentum holds the DCM, and the
+distance beyond it of the CT-ZMP commanded then [m]."""
+
+_MOMENTUM = 0.01
+"""The latter for any other sole [m]."""
+
+_INNER_MARGIN = 0.006
+"""Distance of the CT-ZMP from a narrow sole's inner edge: contacts keep the pressure some
+millimetres from it, and what is asked beyond leans the trunk [m]."""
+
+_ARRIVING = 0.6
+"""Part of the inward rest for which a weight shift aims; the rest brakes what the swing adds."""
+
+_ANNOUNCED = 0.7
+"""Inward shift of the stance sole that the balance limit takes as a foothold, over the inward rest
+of the ZMP."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SingleSupportRegion:
+    """Rest of the ZMP and limits of DCM and CT-ZMP while one foot carries the robot."""
+
+    # A push inwards is caught by the swing foot, one outwards would have to cross the stance leg:
+    # the ZMP rests on the inner side of a narrow sole, and angular momentum makes up for the rest.
+
+    sizes: tuple[Point, Point]  # length and width of the left and of the right sole [m]
+    margin: float  # distance from the soles' edges at which support ends [m]
+    arrived: float  # distance of the DCM from its rest at which a weight shift is complete [m]
+    inwards: float = 0.0  # distance of the ZMP's rest from the sole's middle, inwards [m]
+    inner: float = 0.0  # distance beyond the inner edge of support at which the robot steps [m]
+    outer: float = 0.0  # distance beyond the outer edge at which it does [m]
+    momentum: float = _MOMENTUM  # distance beyond the sole's outer edge of the CT-ZMP [m]
+    narrow: bool = False  # too narrow for a push outwards wherever the ZMP rests
+
+    def rest(self, foot: int, place: Vector3, rotation: Rotation) -> Point:
+        """Return the rest of the ZMP on a foot that carries alone [m]."""
+        return _beside(place, rotation, inner_side(foot) * self.inwards)
+
+    def arriving(self, foot: int, place: Vector3, rotation: Rotation) -> Point:
+        """Return the goal of the ZMP in a weight shift to a foot, further outwards [m]."""
+        return _beside(place, rotation, inner_side(foot) * _ARRIVING * self.inwards)
+
+    def support(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
+        """Return the sole, less the margin."""
+        part = SolePart(0.0, 0.0, *self.sizes[foot])
+        return one_sole(part, place, rotation, self.margin)
+
+    def held(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
+        """Return where the DCM is held."""
+        part = self._widened(foot, self.sizes[foot], self.inner, self.outer)
+        return one_sole(part, place, rotation, self.margin)
+
+    def asked(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
+        """Return where the CT-ZMP may be asked for: beyond the outer edge of a narrow sole only."""
+        length, width = self.sizes[foot]
+        size = (length + 2.0 * _MOMENTUM, width)
+        inner = -_INNER_MARGIN if self.narrow else _MOMENTUM
+        part = self._widened(foot, size, inner, self.momentum)
+        return one_sole(part, place, rotation, 0.0)
+
+    def caught(self, foot: int, place: Vector3, rotation: Rotation) -> list[Point] | None:
+        """Return corners of the foothold that a swing foot offers beside a narrow sole [m]."""
+        if not self.narrow:
+            return None
+        part = SolePart(0.0, _ANNOUNCED * inner_side(foot) * self.inwards, *self.sizes[foot])
+        return part.corners(place, rotation, 0.0)
+
+    def _widened(self, foot: int, size: Point, inner: float, outer: float) -> SolePart:
+        length, width = size
+        middle = 0.5 * inner_side(foot) * (inner - outer)
+        return SolePart(0.0, middle, length, width + inner + outer)
+
+
+def single_support_region(robot: Robot, omega: float, margin: float) -> SingleSupportRegion:
+    """Return the region of a robot, by the width of its soles."""
+    left, right = ((sole.length, sole.width) for sole in robot.soles.values())
+    half = 0.5 * min(left[1], right[1])
+    plain = SingleSupportRegion(
+        sizes=(left, right), margin=margin, arrived=0.25 * min(*left, *right)
+    )
+    missing = _PUSH / omega + margin - half
+    inwards = _INWARDS_MAX * half
+    if missing <= 0.0:
+        return plain
+    if missing <= inwards:
+        return replace(plain, inwards=missing)
+    return replace(
+        plain,
+        # Nearer to the inner edge than the CT-ZMP gets the DCM would only go on.
+        arrived=min(plain.arrived, half - _INNER_MARGIN - _ARRIVING * inwards),
+        inwards=inwards,
+        inner=max(inwards + _STRAY - (half - margin), 0.0),
+        outer=margin + _OUTER,
+        momentum=margin + _ASKED,
+        narrow=True,
+    )
+
+
+def inner_side(foot: int) -> float:
+    """Return the side of a foot on which the other one is: 1 for its left."""
+    return 1.0 if foot == 1 else -1.0
+
+
+def _beside(place: Vector3, rotation: Rotation, left: float) -> Point:
+    (x, y, _), (along_x, along_y) = place.tolist(), rotation[:2, 1].tolist()
+    return x + left * along_x, y + left * along_y
+
+
+def bearing(robot: Robot, sole: str, outwards: float) -> SolePart:
+    """All of the sole, but for what its leg cannot hold."""
+    size = robot.soles[sole]
+    back, front = _held(robot, sole, 4, 0, 0.5 * size.length)
+    right, left = _held(robot, sole, 3, 1, 0.5 * size.width)
+    if size.leans:
+        left = right = 0.5 * outwards * size.width
+    return SolePart(0.5 * (front + back), 0.5 * (left + right), front - back, left - right)
+
+
+def _held(robot: Robot, sole: str, turn: int, axis: int, half: float) -> tuple[float, float]:
+    """The part of a sole along one axis that the joint which turns it about the other one holds."""
+    model, data, frame = robot.model, robot.model.createData(), robot.frame_id(sole)
+    pin.computeJointJacobians(model, data, robot.q_home)
+    J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)
+    pose = pin.updateFramePlacement(model, data, frame)
+    for joint in reversed(robot.leg_joints(sole)):
+        column = model.joints[joint].idx_v
+        # Nearer to the axis than to the one across it.
+        if abs(J[turn, column]) > math.sqrt(0.5):
+            at = float(pose.actInv(data.oMi[joint].translation)[axis])
+            torque = float(robot.tau_max[column - robot.base_dofs])
+            reach = torque / robot.weight
+            low, high = max(at - reach, -half), min(at + reach, half)
+            if low < high:
+                return low, high
+            # An ankle that holds nothing of the sole: as near to its axis as can be.
+            nearest = min(max(at, -half), half)
+            return nearest, nearest
+    return -half, half

@@ -27,7 +27,7 @@ from poise.locomotion import (
     VelocityLimits,
 )
 from poise.locomotion._stepping import FOOT_TURNS
-from poise.locomotion._stepping._stance import _lean as lean
+from poise.locomotion._stepping._stance import _footing as lean
 
 DT = 0.005
 

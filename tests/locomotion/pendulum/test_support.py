@@ -142,12 +142,6 @@ def test_distance_inside_a_square():
     np.testing.assert_allclose(signed_margin(points, square), [0.5, -0.3], atol=1e-12)
 
 
-def test_a_grown_polygon_reaches_farther_by_so_much():
-    support = SupportPolygon([(0.1, 0.05), (-0.1, 0.05), (-0.1, -0.05), (0.1, -0.05)], 0.01)
-    assert support.grown(0.03).depth((0.0, 0.0)) == pytest.approx(support.depth((0.0, 0.0)) + 0.03)
-    assert support.grown(0.03).nearest((0.0, 0.2)) == pytest.approx((0.0, 0.07))
-
-
 @pytest.mark.parametrize("seed", range(10))
 def test_one_sole_however_it_lies_is_the_hull_of_its_corners(seed):
     rng = np.random.default_rng(seed)

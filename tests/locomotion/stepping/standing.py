@@ -6,12 +6,12 @@ import numpy as np
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, TeleopParameters
-from poise.locomotion._single_support import SingleSupportRegion
-from poise.locomotion._stepping._by_velocity._velocity_numbers import velocity_numbers
-from poise.locomotion._stepping._scaling import size_of
+from poise.locomotion._stepping._by_velocity._velocity_tasks import velocity_numbers
 from poise.locomotion._stepping._stance._biped import biped_of
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._stance._footing import Footing
+from poise.locomotion._stepping._stance._parameters import size_of
+from poise.locomotion._support import SingleSupportRegion
 
 PARAMETERS = TeleopParameters()
 ZMP_TIME = 0.01

@@ -34,9 +34,9 @@ from poise.locomotion import (
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._by_velocity import velocity_numbers
 from poise.locomotion._stepping._by_velocity._com_motion import ShifterDriver
-from poise.locomotion._stepping._operator._fields import FieldError, checked_sample
-from poise.locomotion._stepping._scaling import size_of
+from poise.locomotion._stepping._operator._sample import FieldError, checked_sample
 from poise.locomotion._stepping._stance._biped import biped_of, leg_geometry
+from poise.locomotion._stepping._stance._parameters import size_of
 from poise.robots import Sole, standing_posture
 from poise.sim import PlantConfig
 
@@ -84,22 +84,6 @@ def test_gains_that_break_38_are_refused(get_robot, share):
 def test_numbers_that_cannot_be_are_refused(bad):
     with pytest.raises(ConfigurationError):
         TeleopParameters(**bad)
-
-
-@pytest.mark.parametrize(
-    ("name", "replacement"),
-    [
-        ("w_S2", "the velocity level has the paper's number"),
-        ("touch_speed", "it follows from the robot's CoM height and soles"),
-        ("land_load", "it is the same for every robot"),
-        ("servo_stiffness", "servo_gains of the StepTeleoperator"),
-    ],
-)
-def test_a_parameter_that_was_removed_is_refused_with_what_is_there_now(name, replacement):
-    with pytest.raises(ConfigurationError, match=f"removed; got '{name}'; wanted .*{replacement}"):
-        TeleopParameters(**{name: 1.0})
-    with pytest.raises(ConfigurationError, match=f"removed; got '{name}'"):
-        replace(TeleopParameters(), **{name: 1.0})
 
 
 def test_feet_too_close_are_refused(get_robot):

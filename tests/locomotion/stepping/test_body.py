@@ -15,7 +15,7 @@ from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import BodyCommand, Mode, StepTeleoperator
 from poise.locomotion._stepping._by_torque._waist import waist_ranges
 from poise.locomotion._stepping._operator._guard import OperatorGuard
-from poise.locomotion._stepping._stance._lean import TrunkPose
+from poise.locomotion._stepping._stance._footing import TrunkPose
 
 
 class Asks:

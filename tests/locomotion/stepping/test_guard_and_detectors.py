@@ -10,7 +10,7 @@ from walker import sample
 
 from poise.errors import ConfigurationError
 from poise.locomotion import DeviceStatus, TeleopParameters
-from poise.locomotion._stepping._feet._foot_devices import LandingDetector, LiftDetector
+from poise.locomotion._stepping._feet import LandingDetector, LiftDetector
 from poise.locomotion._stepping._operator._guard import OperatorGuard
 
 SOLES = (np.array([0.0, 0.135, 0.0]), np.array([0.0, -0.135, 0.0]))

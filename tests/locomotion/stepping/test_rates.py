@@ -15,9 +15,9 @@ from poise.apps.teleoperation import (
     write_recording,
 )
 from poise.locomotion import Mode, OperatorGuard, OperatorSample, TrackedPose
-from poise.locomotion._stepping._feet._foot import FootTarget, FootVelocity
-from poise.locomotion._stepping._operator._tracking import Tracker, VelocityCheck
-from poise.locomotion._stepping._stance._reach import FootRange
+from poise.locomotion._stepping._feet import FootTarget, FootVelocity
+from poise.locomotion._stepping._operator._guard import Tracker, VelocityCheck
+from poise.locomotion._stepping._stance._biped import FootRange
 from poise.locomotion._stepping._upper_body._arms import ArmMotion
 
 DT = 0.002
@@ -107,7 +107,7 @@ def test_one_that_is_sent_elsewhere_does_not(get_robot, lifted, where):
 
 def test_the_velocity_is_added_to_what_leads_to_the_place(get_robot, monkeypatch):
     now = footing(get_robot("biped20"), mode=Mode.SL, lifted=0.1)
-    monkeypatch.setattr("poise.locomotion._stepping._feet._foot._SWING_TIME", 1e-12)
+    monkeypatch.setattr("poise.locomotion._stepping._feet._SWING_TIME", 1e-12)
     here = now.sole(1)
     still = FootVelocity(PARAMETERS).towards(now, here + [0.0, 0.0, 0.01], hurry=True)
     moving = FootVelocity(PARAMETERS).towards(

@@ -7,8 +7,7 @@ from standing import biped
 
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import StepTeleoperator, TeleopParameters
-from poise.locomotion._stepping._stance._biped import leg_geometry, leg_joints
-from poise.locomotion._stepping._stance._reach import FootRange
+from poise.locomotion._stepping._stance._biped import FootRange, leg_geometry, leg_joints
 from poise.robots import standing_posture
 
 GAP, MARGIN, LEAN_SHARE = 0.01, 0.02, 0.9

@@ -10,7 +10,7 @@ from walker import hands
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.locomotion import DeviceStatus, Mode, StepTeleoperator, WayPoint
-from poise.locomotion._single_support import single_support_region
+from poise.locomotion._support import single_support_region
 from poise.robots import Robot, Sole
 
 PLACE, UPRIGHT, FAR = np.array([0.4, 0.1, 0.0]), np.eye(3), 9.0

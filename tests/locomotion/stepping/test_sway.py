@@ -17,7 +17,7 @@ from poise.locomotion import (
     WayPoint,
 )
 from poise.locomotion._stepping._by_velocity._com_motion import ShifterDriver
-from poise.locomotion._stepping._by_velocity._sway import sway_growth, sway_stiffness
+from poise.locomotion._stepping._by_velocity._velocity_level import sway_growth, sway_stiffness
 from poise.locomotion._stepping._stance._biped import leg_joints
 from poise.robots import GRAVITY
 

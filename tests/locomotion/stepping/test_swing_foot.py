@@ -9,10 +9,10 @@ from walker import sample
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode
-from poise.locomotion._stepping._feet._foot import FootTarget, FootVelocity
-from poise.locomotion._stepping._stance._reach import FootRange
+from poise.locomotion._stepping._feet import FootTarget, FootVelocity
+from poise.locomotion._stepping._stance._biped import FootRange
 
-_FOOT = "poise.locomotion._stepping._feet._foot"
+_FOOT = "poise.locomotion._stepping._feet"
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from poise.locomotion._support import SupportPolygon
-from poise.locomotion._walking._feedback import DcmFeedback
+from poise.locomotion._walking._dcm import DcmFeedback
 
 OMEGA, DT = 3.5, 0.002
 SOLE = SupportPolygon([(-0.1, -0.05), (0.1, -0.05), (0.1, 0.05), (-0.1, 0.05)], 0.01)

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from poise.locomotion._support import SolePart
-from poise.locomotion._walking._bearing import bearing
+from poise.locomotion._support import SolePart, bearing
 from poise.locomotion._walking._footsteps import stand_of
 from poise.locomotion._walking._ground import Placement
 

@@ -6,9 +6,8 @@ import pytest
 import poise
 from poise.locomotion import walking_stack
 from poise.locomotion._support import SolePart
-from poise.locomotion._walking._carrying import CarryingArea
 from poise.locomotion._walking._sense import WalkSense
-from poise.locomotion._walking._stance import Stance
+from poise.locomotion._walking._stance import CarryingArea, Stance
 from poise.locomotion._walking._step_planner import Lifted
 
 DT = 0.002

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from poise.locomotion._walking._dcm_plan import (
+from poise.locomotion._walking._dcm import (
+    LegMomentum,
     StepTimes,
     before_transfer,
     hermite_step,
     touchdown_dcm,
     transfer_gain,
 )
-from poise.locomotion._walking._leg_momentum import LegMomentum
 
 OMEGA, TIMES = 3.7, StepTimes(swing=0.42, double_support=0.08)
 FEET = [(0.0, 0.1), (0.12, -0.1), (0.3, 0.12), (0.42, -0.08), (0.5, 0.1)]

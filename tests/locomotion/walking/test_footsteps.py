@@ -10,7 +10,7 @@ import pytest
 from poise.errors import ConfigurationError, TargetError
 from poise.locomotion import FootstepPlan, Gait, Ground, Stride, plan_footsteps
 from poise.locomotion._walking._ground import Placement
-from poise.locomotion._walking._swing_shape import _highest
+from poise.locomotion._walking._swing import _highest
 
 GAIT = Gait(step_time=0.8, crouch=0.02)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from poise.locomotion._walking._last_step import LastStep, beyond
+from poise.locomotion._walking._step_choice import LastStep, beyond
 
 HERE, NOWHERE = (0.0, 0.0), (0.0, 0.0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from poise.locomotion._walking._leg_momentum import LegMomentum, leg_ratios
+from poise.locomotion._walking._dcm import LegMomentum, leg_ratios
 
 FEET = ((0.1, 0.2), (-0.3, 0.05))
 

@@ -8,7 +8,7 @@ import pytest
 
 from poise.locomotion import Stride, plan_footsteps
 from poise.locomotion._walking._ground import Placement
-from poise.locomotion._walking._reach import LegReach
+from poise.locomotion._walking._parts import LegReach
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, -2.0])

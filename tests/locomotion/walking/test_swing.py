@@ -8,8 +8,7 @@ import pytest
 
 from poise.errors import ConfigurationError
 from poise.locomotion._walking._ground import Placement
-from poise.locomotion._walking._swing import SwingFoot
-from poise.locomotion._walking._swing_shape import SwingShape, sinking_phase
+from poise.locomotion._walking._swing import SwingFoot, SwingShape, sinking_phase
 
 DT, T = 0.002, 0.6
 BEGIN, GOAL = np.array([0.1, 0.2, 0.0]), Placement(position=(0.4, 0.25, 0.05), yaw=0.3)

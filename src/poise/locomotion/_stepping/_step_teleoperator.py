@@ -1,15 +1,16 @@
-"""`StepTeleoperator`: from the operator's foot devices and the robot's sensors to a stack."""
+"""`StepTeleoperator`: from foot devices and sensors to a stack, with its `TeleopStatus`."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_kind
-from poise.control import Controller, is_usable
+from poise.control import CONTROLLERS, Controller, is_usable
 from poise.dynamics import RobotState
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._by_torque import POSTURE_WEIGHT, TorqueLevel
 from poise.locomotion._stepping._by_velocity import (
@@ -21,13 +22,15 @@ from poise.locomotion._stepping._by_velocity import (
 )
 from poise.locomotion._stepping._feet import Level, OperatorTick
 from poise.locomotion._stepping._operator import (
+    NOWHERE,
     BodyCommand,
     Device,
+    DeviceStatus,
     OperatorGuard,
     OperatorSample,
     TrackedPose,
+    Vector,
 )
-from poise.locomotion._stepping._scaling import scaled_parameters, size_of
 from poise.locomotion._stepping._stance import (
     Footing,
     FootRange,
@@ -35,21 +38,100 @@ from poise.locomotion._stepping._stance import (
     TeleopParameters,
     ZmpSensor,
     biped_of,
-    mean_angle,
-    yaw_of,
-)
-from poise.locomotion._stepping._teleop_checks import (
-    check_straight,
     checked_actuation,
-    checked_controller,
     checked_start,
+    scaled_parameters,
+    size_of,
 )
-from poise.locomotion._stepping._teleop_status import TeleopStatus
-from poise.locomotion._stepping._upper_body import GazeLeader, HandLeader
-from poise.locomotion._support import SupportPolygon, two_soles
-from poise.locomotion._walking import Mode
+from poise.locomotion._stepping._upper_body import GazeLeader, HandLeader, HandStatus
+from poise.locomotion._support import Rotation, SupportPolygon, Vector2, Vector3, two_soles
+from poise.locomotion._walking import Mode, StepEnd, mean_angle, yaw_of
 from poise.robots import Robot
 from poise.stack import Stack
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class TeleopStatus:
+    """State of the last tick.
+
+    Attributes:
+        mode: which feet carry the robot.
+        device: what became of the operator's last sample.
+        sample: what the device gave in this tick; None for nothing.
+        zmp: measured, x and y [m].
+        zmp_reference: where it should be, x and y [m].
+        cart_table_zmp: CT-ZMP, x and y [m].
+        com: estimated [m].
+        soles: where the soles are, left and right [m].
+        target: where the swing foot is sent, None with both on the ground [m].
+        loads: normal forces, left and right [N].
+        tilt: angle of the torso against upright [rad].
+        heading: of the pelvis, to the left of the world's x axis [rad].
+        hands: what each hand does.
+        hand_targets: position of the target of each hand [m].
+        hand_rotations: orientation of each target, world_R_hand; None for a position alone.
+        gaze: what the head does; None where nothing can turn it.
+        ended: how the operator's last step ended; None while one goes on, and before the first.
+    """
+
+    mode: Mode
+    device: DeviceStatus = DeviceStatus.OK
+    sample: OperatorSample | None
+    zmp: Vector2
+    zmp_reference: Vector2
+    cart_table_zmp: Vector2
+    com: Vector3
+    soles: tuple[Vector3, Vector3]
+    target: Vector3 | None
+    loads: Vector2
+    tilt: float
+    heading: float = 0.0
+    hands: tuple[HandStatus, ...] = ()
+    hand_targets: tuple[Vector3, ...] = ()
+    hand_rotations: tuple[Rotation | None, ...] = ()
+    gaze: HandStatus | None = None
+    ended: StepEnd | None = None
+
+    def signals(
+        self, soles: Sequence[str], hands: Sequence[str]
+    ) -> Mapping[str, np.ndarray | float | str]:
+        """The same by name, as a recorder keeps it.
+
+        What is estimated is under `estimate/`, for `com` and `zmp` are the plant's.
+
+        Args:
+            soles: names of the soles, left and right.
+            hands: names of the hands.
+        """
+        support, sample = self.mode.support if self.mode.single else None, self.sample
+        left, right = (None, None) if sample is None else (sample.place(0), sample.place(1))
+        return {
+            **{f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(soles)},
+            **{f"target/{hand}": at for hand, at in zip(hands, self.hand_targets, strict=True)},
+            "target/left device": _place(left),
+            "target/right device": _place(right),
+            "foot_target": _place(self.target),
+            "zmp_reference": self.zmp_reference,
+            "estimate/zmp": self.zmp,
+            "estimate/cart_table_zmp": self.cart_table_zmp,
+            "estimate/com": self.com,
+            "estimate/soles": np.array(self.soles),
+            "estimate/loads": self.loads,
+            "estimate/tilt": self.tilt,
+            "mode": self.mode.name,
+            "device": self.device.name,
+            "hands": ", ".join([hand.name for hand in self.hands]),
+            "gaze": "" if self.gaze is None else self.gaze.name,
+            "step_end": "" if self.ended is None else self.ended.name,
+        }
+
+
+def _place(place: Vector | Vector3 | None) -> Vector3:
+    return np.array(NOWHERE if place is None else place)
+
+
+_STRAIGHT = 0.1
+"""Largest heading of a robot to be stepped at velocity level [rad]."""
 
 _ZMP_TIME = 0.01
 """Time constant with which the measured ZMP is smoothed [s]."""
@@ -123,12 +205,13 @@ class StepTeleoperator:
         self.device = None if device is None else checked_kind(device, Device, "the device")
         self.soles = two_soles(robot)
         q_start = checked_start(robot, q_start)
-        self.actuation = checked_actuation(actuation, driver)
-        self.solved_by = checked_controller(solved_by, actuation)
+        self.actuation = checked_actuation(actuation)
+        _check_driver(driver, actuation)
+        self.solved_by = _checked_controller(solved_by, actuation)
         self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         servos = actuation == "velocity"
         if servos:
-            check_straight(self._faces())
+            _check_straight(self._faces())
         size = size_of(robot, q_start)
         if parameters is None:
             parameters = scaled_parameters(size, actuation)
@@ -203,7 +286,7 @@ class StepTeleoperator:
 
     @property
     def device_error(self) -> Exception | None:
-        """What the device raised in the last tick; None if all was well.
+        """Exception that the device raised in the last tick; None if all was well.
 
         A `TypeError` of what was no place or orientation in its sample, too.
         """
@@ -216,7 +299,7 @@ class StepTeleoperator:
 
     @property
     def stack(self) -> Stack:
-        """What it leads."""
+        """Stack whose targets it sets."""
         return self._level.stack
 
     @property
@@ -231,7 +314,7 @@ class StepTeleoperator:
 
     @property
     def ahead(self) -> float:
-        """Where the robot faces while nobody turns its feet, left of the world's x axis [rad].
+        """Heading of the robot without turned feet, left of the world's x axis [rad].
 
         Where it faced at the start; after it has walked by a velocity, where that has turned it.
         """
@@ -252,9 +335,9 @@ class StepTeleoperator:
         return OperatorSample(0.0, (left, right))
 
     def signals(self) -> Mapping[str, np.ndarray | float | str]:
-        """What a recorder should know of the last tick; nothing before the first.
+        """Signals of the last tick for a recorder; none before the first.
 
-        Where the operator's devices, the foot in the air and the hands should be, the reference of
+        Where the operator's devices, the swing foot and the hands should be, the reference of
         the ZMP, which soles carry the robot, mode, device, how the last step ended, and what hands
         and head do; and what is estimated, under `estimate/`, for `com` and `zmp` are the plant's.
         """
@@ -305,7 +388,7 @@ class StepTeleoperator:
         return mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))
 
     def _torso(self) -> tuple[float, float, float]:
-        """How the torso shall be turned: as commanded, and to look where a neck cannot [rad]."""
+        """Return the torso's turn: as commanded, and to look where a neck cannot [rad]."""
         (roll, pitch, yaw), (_, down, left) = self._body.torso, self.gaze.torso
         return (roll, pitch + down, yaw + left)
 
@@ -330,3 +413,35 @@ class StepTeleoperator:
             gaze=self.gaze.status,
             ended=tick.ended,
         )
+
+
+def _check_straight(ahead: float) -> None:
+    """Refuses a start that is turned, for velocities."""
+    if abs(ahead) > _STRAIGHT:
+        raise ConfigurationError(
+            "at velocity level soles keep the world's yaw, and the robot starts turned",
+            got=f"{ahead:.2f} rad",
+            wanted="feet along the world's x axis, or torques",
+        )
+
+
+def _check_driver(driver: ComDriver | None, actuation: str) -> None:
+    """Refuse another driver than the COM shifter where torques are commanded."""
+    if actuation == "torque" and not (driver is None or isinstance(driver, ShifterDriver)):
+        raise ConfigurationError(
+            "torques need the COM shifter, whose feedback is on what is measured",
+            got=type(driver).__name__,
+            wanted="ShifterDriver, or none",
+        )
+
+
+def _checked_controller(name: str | None, actuation: str) -> str:
+    """That controller, or the first one that commands so."""
+    choices = [each for each, kind in CONTROLLERS.items() if kind.actuation == actuation]
+    if name is None:
+        return choices[0]
+    if name not in choices:
+        raise UnknownNameError(
+            f"no such controller for step teleoperation by {actuation}", got=name, choices=choices
+        )
+    return name

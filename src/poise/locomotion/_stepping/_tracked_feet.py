@@ -8,7 +8,6 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Float64
 from msgspec.structs import replace
 
 from poise._checks import checked_number
@@ -22,6 +21,7 @@ from poise.locomotion._stepping._operator import (
     checked_sample,
 )
 from poise.locomotion._stepping._step_teleoperator import StepTeleoperator
+from poise.locomotion._support import Vector3
 
 
 class FootTracker:
@@ -35,14 +35,10 @@ class FootTracker:
     def __init__(self, scale: float = 1.0) -> None:
         self._engagement, self._ahead = Engagement(), 0.0
         self._scale = checked_number(scale, "scale of the trackers' ways", above=0.0)
-        self._offset: Float64[np.ndarray, "3"] = np.zeros(3)
+        self._offset: Vector3 = np.zeros(3)
 
     def follow(
-        self,
-        tracker: TrackedPose | None,
-        place: Vector | Float64[np.ndarray, "3"],
-        ahead: float,
-        time: float,
+        self, tracker: TrackedPose | None, place: Vector | Vector3, ahead: float, time: float
     ) -> TrackedPose | None:
         """Take what the tracker sends."""
         engagement = self._engagement
@@ -65,7 +61,7 @@ class FootTracker:
             rate = self._way(rate) if all(map(math.isfinite, rate)) else None
         return TrackedPose.of(self._offset + self._way(point), velocity=rate)
 
-    def _way(self, forward_left_up: Sequence[float]) -> Float64[np.ndarray, "3"]:
+    def _way(self, forward_left_up: Sequence[float]) -> Vector3:
         return self._scale * along_ahead(forward_left_up, self._ahead)
 
 
@@ -133,7 +129,7 @@ def rest_place(teleoperator: StepTeleoperator, foot: int) -> Vector:
     return x, y, z - teleoperator.parameters.press_depth
 
 
-def along_ahead(vector: Sequence[float], ahead: float) -> Float64[np.ndarray, "3"]:
+def along_ahead(vector: Sequence[float], ahead: float) -> Vector3:
     """Return a vector given forward, left and up of a robot along the world's axes."""
     (forward, left, up), c, s = vector, math.cos(ahead), math.sin(ahead)
     return np.array([c * forward - s * left, s * forward + c * left, up])

@@ -1,19 +1,27 @@
 """Walking: footsteps, and the walker that makes them, planned or as it is led."""
 
-from poise.locomotion._walking._commands import VelocityLimits
+from poise.locomotion._walking._commands import VelocityLimits as VelocityLimits
 from poise.locomotion._walking._engine import SteppingEngine as SteppingEngine
 from poise.locomotion._walking._flight import HeldFlight as HeldFlight
 from poise.locomotion._walking._footsteps import (
-    CLEARANCE as CLEARANCE,
-    Footstep,
-    FootstepPlan,
-    Gait,
-    Stride,
+    Footstep as Footstep,
+    FootstepPlan as FootstepPlan,
+    Gait as Gait,
+    Stride as Stride,
     level_floor as level_floor,
+    plan_footsteps as plan_footsteps,
     stand_of as stand_of,
     usual_gait as usual_gait,
 )
-from poise.locomotion._walking._ground import Ground, Placement
+from poise.locomotion._walking._ground import (
+    CLEARANCE as CLEARANCE,
+    Ground as Ground,
+    Placement as Placement,
+    mean_angle as mean_angle,
+    turn_to_left as turn_to_left,
+    wrapped as wrapped,
+    yaw_of as yaw_of,
+)
 from poise.locomotion._walking._modes import (
     LIFT as LIFT,
     Mode as Mode,
@@ -24,28 +32,19 @@ from poise.locomotion._walking._modes import (
 )
 from poise.locomotion._walking._parts import make_parts as make_parts
 from poise.locomotion._walking._phases import FootMotion as FootMotion
-from poise.locomotion._walking._plan import plan_footsteps
-from poise.locomotion._walking._sense import WalkSense as WalkSense
-from poise.locomotion._walking._settings import WalkSettings, WalkStatus
-from poise.locomotion._walking._tasks import (
-    CarriedTarget,
-    swing_braking as swing_braking,
-    walking_stack,
+from poise.locomotion._walking._sense import (
+    LOADED as LOADED,
+    UNLOADED as UNLOADED,
+    WalkSense as WalkSense,
 )
-from poise.locomotion._walking._walker import Walker
-
-__all__ = [
-    "CarriedTarget",
-    "Footstep",
-    "FootstepPlan",
-    "Gait",
-    "Ground",
-    "Placement",
-    "Stride",
-    "VelocityLimits",
-    "WalkSettings",
-    "WalkStatus",
-    "Walker",
-    "plan_footsteps",
-    "walking_stack",
-]
+from poise.locomotion._walking._settings import (
+    WalkSettings as WalkSettings,
+    WalkStatus as WalkStatus,
+)
+from poise.locomotion._walking._swing import CLEAR as CLEAR
+from poise.locomotion._walking._tasks import (
+    CarriedTarget as CarriedTarget,
+    swing_braking as swing_braking,
+    walking_stack as walking_stack,
+)
+from poise.locomotion._walking._walker import Walker as Walker

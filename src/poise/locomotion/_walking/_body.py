@@ -1,27 +1,24 @@
-"""`BodyMotion`: height, heading and COM of a body whose steps are made while it walks."""
+"""Body of a walk: `BodyMotion`, its references, `BodyHeight`, and the `MeasuredPendulum`."""
 
 import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from poise.locomotion._support import Point
-from poise.locomotion._walking._dcm_plan import DcmMotion
-from poise.locomotion._walking._footsteps import Stand
-from poise.locomotion._walking._swing import Motion, least_jerk_towards
+from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._walking._commands import LegSpan, side
+from poise.locomotion._walking._dcm import DcmMotion, FeetAt, LegMomentum
+from poise.locomotion._walking._flight import Flight, HeldFlight
+from poise.locomotion._walking._footsteps import Gait, Stand
+from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._stance import Stance
+from poise.locomotion._walking._swing import FIXED, Motion, SwingPose, least_jerk_towards
 from poise.locomotion._walking._tasks import CarriedTarget, ComMotion
 
 
 class BodyMotion:
-    """References of the body, and of all that goes along with it.
-
-    The pendulum's mass C, see `LegMomentum`, follows the divergent component of motion; height and
-    heading go to what the next stand asks for.
-
-    Attributes:
-        rise: height of the COM in the world, with rates [m].
-        heading: with rates [rad].
-    """
+    """References of the body, and of all that goes along with it."""
 
     def __init__(
         self,
@@ -37,8 +34,8 @@ class BodyMotion:
         self._carried = carried
         self._heading_before = 0.5 * (standing.start[0].yaw + standing.start[1].yaw)
         self._mass: Point = (0.0, 0.0)
-        self.rise: Motion = (0.0, 0.0, 0.0)
-        self.heading: Motion = (0.0, 0.0, 0.0)
+        self.rise: Motion = (0.0, 0.0, 0.0)  # height of the COM in the world, with rates [m]
+        self.heading: Motion = (0.0, 0.0, 0.0)  # with rates [rad]
 
     def begin(self, mass: Point, height: float, heading: float) -> None:
         """Begins at rest."""
@@ -76,3 +73,127 @@ class BodyMotion:
         )
         for target in self._carried.values():
             target.write(body)
+
+
+LOWEST = 0.9
+"""Part of its height to which the COM goes down so that a leg reaches where it catches the
+robot."""
+
+_BODY_TIME = 0.25
+"""The body turns and rises no faster than it takes for a goal this far away [s]."""
+
+
+class BodyHeight:
+    """Height and heading of the body that the next stand needs."""
+
+    def __init__(
+        self, sense: WalkSense, stand: Stand, span: LegSpan, gait: Gait, height: float
+    ) -> None:
+        self._sense, self._out, self._span = sense, 0.5 * stand.width, span
+        self._gait, self._height = gait, height
+
+    def goal(
+        self,
+        stance: Stance,
+        flight: Flight | HeldFlight | None,
+        now: float,
+        *,
+        slow: bool,
+        offset: float = 0.0,
+        lowest: float = LOWEST,
+    ) -> tuple[float, float, float]:
+        """Return height [m] and heading [rad] of the body, and the time until then [s]."""
+        left, right = stance.feet
+        low, yaw, time = min(left.position[2], right.position[2]), stance.heading, 0.0
+        feet = [left, right]
+        if flight is not None:
+            foot = feet[1 - flight.foot]
+            # A foot that looks for the ground takes the body down with it.
+            sought = min(flight.goal.position[2], float(flight.swing.position[2]))
+            low, yaw = min(foot.position[2], sought), 0.5 * (foot.yaw + flight.goal.yaw)
+            time, feet[flight.foot] = flight.left, flight.goal
+        asked = self._height + offset
+        least = low + min(lowest * self._height, asked)
+        height = max(self._reached(feet, low + asked, yaw, time), least)
+        drop = now - height
+        if drop > 0.0 and height < low + asked:
+            # In this time, as a number in SI units, a least jerk keeps 0.4 of the weight.
+            return height, yaw, max(time, math.sqrt(drop), FIXED)
+        time = max(time + 0.5 * self._gait.double_support, _BODY_TIME)
+        return height, yaw, max(time, self._gait.shift_time) if slow else time
+
+    def _reached(self, feet: list[Placement], height: float, yaw: float, time: float) -> float:
+        """Return the height of the CoM at which both legs will reach their feet [m]."""
+        (x, y, _), (vx, vy, _) = self._sense.com, self._sense.com_velocity
+        x, y = x + time * vx, y + time * vy
+        left, ahead = self._out * math.cos(yaw), self._out * math.sin(yaw)
+        for foot, place in enumerate(feet):
+            out, position = side(foot), place.position
+            hip = (x - out * ahead, y + out * left)
+            height = min(height, position[2] + self._span.highest(math.dist(hip, position[:2])))
+        return height
+
+
+class MeasuredPendulum:
+    """C, its velocity and its divergent component, see `LegMomentum`, from what is measured."""
+
+    def __init__(
+        self, legs: LegMomentum, rise: float, sense: WalkSense, stance: Stance, body: BodyMotion
+    ) -> None:
+        self._legs, self._rise = legs, rise
+        self._sense, self._stance, self._body = sense, stance, body
+
+    def places(self, flight: Flight | HeldFlight | None) -> FeetAt:
+        """Return the positions of both feet [m]."""
+        left, right = self._stance.feet
+        a, b = left.position[:2], right.position[:2]
+        if flight is None:
+            return a, b
+        place = self.swing_place(flight.swing)
+        return (place, b) if flight.foot == 0 else (a, place)
+
+    def rates(self, flight: Flight | HeldFlight | None) -> tuple[FeetAt, FeetAt]:
+        """Return velocities [m/s] and accelerations [m/s^2] of both feet."""
+        if flight is None:
+            still = _of_one(0, (0.0, 0.0))
+            return still, still
+        swing, foot = flight.swing, flight.foot
+        velocity, acceleration = (
+            self._counted(*row[:3].tolist()) for row in (swing.velocity, swing.acceleration)
+        )
+        return _of_one(foot, velocity), _of_one(foot, acceleration)
+
+    def swing_place(self, swing: SwingPose) -> Point:
+        """Return the position of the swing foot, whose height counts [m]."""
+        x, y, z = swing.position.tolist()
+        # Over that line: feet that stand count where they are, on whatever step.
+        return self._counted(x, y, z - swing.slant)
+
+    def _counted(self, x: float, y: float, z: float) -> Point:
+        """Place of a foot along the ground, or a rate of it, its height counted in."""
+        heading = self._body.heading[0]
+        return x + self._rise * math.cos(heading) * z, y + self._rise * math.sin(heading) * z
+
+    def mass(self, flight: Flight | HeldFlight | None) -> tuple[Point, Point]:
+        """Return C [m] and its velocity [m/s]."""
+        feet = self.places(flight)
+        velocities = _of_one(0, (0.0, 0.0))
+        if flight is not None:
+            velocity = self._counted(*self._sense.lower_edge_velocity(flight.foot))
+            velocities = _of_one(flight.foot, velocity)
+        (x, y, _), (vx, vy, _) = self._sense.com, self._sense.com_velocity
+        return self._legs.joined((x, y), feet), self._legs.joined((vx, vy), velocities)
+
+    def xi(self, flight: Flight | HeldFlight | None) -> Point:
+        """The DCM [m]."""
+        (x, y), (vx, vy) = self.mass(flight)
+        return x + vx / self._legs.omega, y + vy / self._legs.omega
+
+    def depth(self, flight: Flight | HeldFlight | None, support: SupportPolygon) -> float:
+        """Return the depth of the DCM inside a region of the ZMP, negative outside [m]."""
+        return support.depth(self._legs.parted(self.xi(flight), self.places(flight)))
+
+
+def _of_one(foot: int, rate: Point) -> FeetAt:
+    """Return a rate of one foot, and of another that stands."""
+    return (rate, (0.0, 0.0)) if foot == 0 else ((0.0, 0.0), rate)

@@ -9,12 +9,10 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from poise._schema import Bounds, checked
-from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, beside
-from poise.locomotion._walking._ground import LEVEL, Ground, Placement
-from poise.locomotion._walking._plan import level_place
+from poise.locomotion._support import Point
+from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, beside, level_place
+from poise.locomotion._walking._ground import LEVEL, Ground, Placement, wrapped
 from poise.locomotion._walking._step_choice import StepBounds
 
 _Speed = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m/s")]
@@ -23,7 +21,7 @@ _Speed = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m/s")]
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class VelocityLimits:
-    """How fast a robot is led at most, and how fast that changes.
+    """Largest velocities of a robot, and their rate of change.
 
     Velocities that go together share what there is: their ratios to these limits are the
     coordinates of a point in the unit ball.
@@ -43,38 +41,38 @@ class VelocityLimits:
     rise_time: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 1.0
 
 
-_PEAK = 10.0 / math.sqrt(3.0)
-"""Peak acceleration of a quintic of least jerk, over its way by its time squared."""
+class LegSpan(NamedTuple):
+    """Reach of a leg from its hip to its ankle."""
+
+    length: float  # of the leg, nearly straight [m]
+    hip: float  # height of the hip over the ankle, less that of the COM over the sole [m]
+
+    def beside(self, height: float) -> float:
+        """Return the largest distance of a foot beside its hip [m]."""
+        return math.sqrt(max(self.length**2 - (height + self.hip) ** 2, 0.0))
+
+    def highest(self, beside: float) -> float:
+        """Return the largest height of the CoM above a foot [m]."""
+        return math.sqrt(max(self.length**2 - beside**2, 0.0)) - self.hip
 
 
 class LegRoom(NamedTuple):
-    """Where the legs let a foot come down beside the other one.
+    """Workspace of a foothold beside the other foot."""
 
-    Attributes:
-        sizes: length and width of both soles [m].
-        width: of the feet side by side [m].
-        clearance: least distance of their edges [m].
-        ahead: farthest ahead and behind [m].
-        far: the same where the body goes down for it, to catch the robot [m].
-        wide: farthest beside [m].
-        turn: most that a foot is turned outwards from the other [rad].
-        turn_in: and inwards [rad].
-        quickness: acceleration of a foot in the air, at most [m/s^2].
-    """
-
-    sizes: tuple[tuple[float, float], tuple[float, float]]
-    width: float
-    clearance: float
-    ahead: float
-    far: float
-    wide: float
-    turn: float
-    turn_in: float
-    quickness: float
+    sizes: tuple[tuple[float, float], tuple[float, float]]  # length and width of both soles [m]
+    width: float  # of the feet side by side [m]
+    clearance: float  # least distance of their edges [m]
+    ahead: float  # farthest ahead and behind [m]
+    far: float  # the same where the body goes down for it, to catch the robot [m]
+    wide: float  # farthest beside [m]
+    turn: float  # most that a foot is turned outwards from the other [rad]
+    turn_in: float  # and inwards [rad]
+    quickness: float  # acceleration of a foot in the air, at most [m/s^2]
 
     def shortest_swing(self, way: float) -> float:
         """In what time a foot goes a way, from rest to rest with the least jerk [s]."""
-        return math.sqrt(_PEAK * way / self.quickness)
+        # A quintic of least jerk peaks at 10 / sqrt(3) of its way by its time squared.
+        return math.sqrt(10.0 / math.sqrt(3.0) * way / self.quickness)
 
     def near(self, yaw: float) -> float:
         """Least distance of the soles' centres, turned against each other [m]."""
@@ -88,8 +86,7 @@ class LegRoom(NamedTuple):
 
 
 _ASKEW = 0.03
-"""A foothold that is turned by less than this is as it was asked for: the foot that stands is where
-it should be no more exactly [rad]."""
+"""A foothold turned by less than this from the command is as commanded [rad]."""
 
 
 def side(foot: int) -> float:
@@ -99,23 +96,40 @@ def side(foot: int) -> float:
 
 def _outwards(foot: int, turn: float) -> float:
     """A turn of a foot against the other one, outwards, whole turns left out [rad]."""
-    return side(foot) * math.remainder(turn, 2.0 * math.pi)
+    return side(foot) * wrapped(turn)
+
+
+class FootAxes:
+    """Along a foot that stands, and away from it to the side of the other one."""
+
+    def __init__(self, stance: Placement, out: float) -> None:
+        self._x, self._y, _ = stance.position
+        self._cos, self._sin, self._out = math.cos(stance.yaw), math.sin(stance.yaw), out
+
+    def within(self, point: Point) -> Point:
+        """A point of the world, seen from the foot."""
+        dx, dy = point[0] - self._x, point[1] - self._y
+        along, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
+        return along, self._out * left
+
+    def without(self, point: Point) -> Point:
+        """A point seen from the foot, in the world."""
+        x, y = self.turned(point)
+        return self._x + x, self._y + y
+
+    def turned(self, vector: Point) -> Point:
+        """A vector seen from the foot, in the world."""
+        along, left = vector[0], self._out * vector[1]
+        return self._cos * along - self._sin * left, self._sin * along + self._cos * left
 
 
 class Foothold(NamedTuple):
-    """Where somebody wants a foot.
+    """Commanded foothold."""
 
-    Attributes:
-        foot: 0 for the left one, 1 for the right one.
-        place: where its sole shall lie; how high that is, the ground says.
-        checked: whether the legs are known to reach it from the foothold before.
-        turned: how far outwards they are known to turn it from the other foot there [rad].
-    """
-
-    foot: int
-    place: Placement
-    checked: bool = False
-    turned: float = 0.0
+    foot: int  # 0 for the left one, 1 for the right one
+    place: Placement  # where its sole shall lie; how high that is, the ground says
+    checked: bool = False  # whether the legs are known to reach it from the foothold before
+    turned: float = 0.0  # turn outwards that they are known to reach there [rad]
 
 
 Velocity = tuple[float, float, float]
@@ -123,19 +137,7 @@ Velocity = tuple[float, float, float]
 
 
 class StepCommands:
-    """Velocities and footholds that somebody asks for, as the next few footholds.
-
-    A velocity is followed step by step: the body goes vx T ahead with each. What it goes sideways
-    and turns in two steps is shared by both, the foot on that side opens by most of it, the other
-    one comes nearer than side by side by the rest. Footholds that are given one by one come before
-    any velocity and stay exact, unless the robot has to be caught.
-
-    Attributes:
-        velocity: that is followed now.
-        footholds: given and not yet made.
-        pace: part of the velocity asked for that is followed.
-        notice: what was cut or ignored of the last command; "" for nothing.
-    """
+    """Commanded velocities and footholds, as the next few footholds."""
 
     def __init__(
         self, limits: VelocityLimits, room: LegRoom, step_time: float, ground: Ground
@@ -143,11 +145,11 @@ class StepCommands:
         self._room, self._time, self._ground = room, step_time, ground
         self._limits = limits
         self._wanted: Velocity = (0.0, 0.0, 0.0)
-        self.velocity: Velocity = (0.0, 0.0, 0.0)
-        self.pace = 1.0
-        self.footholds: deque[Foothold] = deque()
+        self.velocity: Velocity = (0.0, 0.0, 0.0)  # that is followed now
+        self.pace = 1.0  # part of the velocity asked for that is followed
+        self.footholds: deque[Foothold] = deque()  # given and not yet made
         self.closes = True
-        self.notice = ""
+        self.notice = ""  # what was cut or ignored of the last command; "" for nothing
         self._planned: tuple[tuple[object, ...], list[Placement]] = ((), [])
 
     def set_velocity(self, ahead: float, sideways: float, turn: float) -> None:
@@ -191,18 +193,18 @@ class StepCommands:
 
     @property
     def moving(self) -> bool:
-        """Whether a step is asked for."""
+        """True while a step is commanded."""
         return bool(self.footholds) or any(self._followed) or any(self.velocity)
 
     @property
     def left(self) -> int | None:
-        """How many steps there are yet until the feet stay; None where nobody has said."""
+        """Number of steps until the feet stay; None where that is open."""
         moves = self.closes or any(self._followed) or any(self.velocity)
         return None if moves else len(self.footholds) or None
 
     @property
     def _followed(self) -> Velocity:
-        """What is asked for, as far as it is followed."""
+        """Commanded velocity, as far as it is followed."""
         pace, (ahead, sideways, turn) = self.pace, self._wanted
         return pace * ahead, pace * sideways, pace * turn
 
@@ -228,7 +230,7 @@ class StepCommands:
         return 1 if (sideways or turn) < 0.0 else 0
 
     def asks_for(self, foot: int) -> bool:
-        """Whether the first foothold that was given, and is not yet made, is one of that foot."""
+        """Return whether the next commanded foothold is one of that foot."""
         return bool(self.footholds) and self.footholds[0].foot == foot
 
     def next_foot(self, landed: int) -> int:
@@ -277,35 +279,22 @@ class StepCommands:
         # A plan may turn a foot farther: there the legs have been looked at.
         kept = min(max(outwards, -max(room.turn_in, -known)), max(room.turn, known))
         turned = out * kept
-        c, s = math.cos(stance.yaw), math.sin(stance.yaw)
-        dx, dy = (place.position[k] - stance.position[k] for k in (0, 1))
-        wanted = (c * dx + s * dy, out * (c * dy - s * dx))
+        axes = FootAxes(stance, out)
+        wanted = axes.within(place.position[:2])
         x, y = room.bounds(turned, far=checked).nearest(wanted)
         moved, cut = math.dist((x, y), wanted), abs(outwards - kept)
         if moved >= LEVEL or cut >= _ASKEW:
             by = f"moved by {moved:.3f} m, turned by {cut:.2f} rad"
             self.notice = f"foothold out of reach: {by}"
         if moved >= LEVEL:
-            px, py = (
-                stance.position[0] + c * x - s * out * y,
-                stance.position[1] + s * x + c * out * y,
-            )
+            px, py = axes.without((x, y))
         else:
             px, py, _ = place.position
-            exact = self._flat(foot, Placement(position=(px, py, 0.0), yaw=stance.yaw + turned))
-            if exact is not None:
-                return exact
+            exact = Placement(position=(px, py, 0.0), yaw=stance.yaw + turned)
+            height = self._ground.level_under(exact, self._room.sizes[foot])
+            if self._ground.platforms and height is not None:
+                return replace(exact, position=(px, py, height))
         return self._lying(foot, stance, (px, py, stance.yaw + turned))
-
-    def _flat(self, foot: int, place: Placement) -> Placement | None:
-        """A sole on a platform or beside all of them; None where an edge is under it."""
-        if not self._ground.platforms:
-            return None
-        heights = self._ground.heights(place.grid(*self._room.sizes[foot]))
-        if float(np.ptp(heights)) >= LEVEL:
-            return None
-        x, y, _ = place.position
-        return replace(place, position=(x, y, float(heights[0])))
 
     def _lying(self, foot: int, stance: Placement, place: tuple[float, float, float]) -> Placement:
         """A sole on the ground: as planned, or ahead or behind where an edge is under it."""
@@ -321,40 +310,28 @@ class StepCommands:
         return found
 
     def carries(self, foot: int, place: Placement) -> bool:
-        """Whether all of a sole lies on ground as high as it."""
+        """Return whether all of a sole lies on ground as high as it."""
         if not self._ground.platforms:
             return True
-        heights = self._ground.heights(place.grid(*self._room.sizes[foot]))
-        return bool(np.abs(heights - place.position[2]).max() < LEVEL)
+        height = self._ground.level_under(place, self._room.sizes[foot])
+        return height is not None and abs(height - place.position[2]) < LEVEL
 
     def _within_limits(self, asked: Velocity) -> Velocity:
         """The longest velocity in a direction that the limits and the legs allow."""
         limits, room = self._limits, self._room
-        # Squares of numbers that nobody means overflow.
-        asked = _tamed(asked)
         stride = 0.5 * room.ahead / self._time
         most = (
             min(limits.ahead if asked[0] > 0.0 else limits.back, 2.0 * stride),
             min(limits.sideways, 0.5 * (room.wide - room.near(0.0)) / self._time),
             min(limits.turn, 0.5 * (room.turn + room.turn_in) / self._time),
         )
-        size = math.sqrt(
-            sum((v / m) ** 2 if m > 0.0 else 0.0 for v, m in zip(asked, most, strict=True))
-        )
+        # Halved against overflow by numbers that no command means.
+        halves = (0.5 * v / m if m > 0.0 else 0.0 for v, m in zip(asked, most, strict=True))
+        size = 2.0 * math.hypot(*halves)
         ahead, sideways, turn = (
             v / max(size, 1.0) if m > 0.0 else 0.0 for v, m in zip(asked, most, strict=True)
         )
         return ahead, sideways, turn
-
-
-_WILD = 1e3
-"""No velocity is larger [m/s, rad/s]."""
-
-
-def _tamed(asked: Velocity) -> Velocity:
-    """A finite velocity without numbers that nobody means."""
-    ahead, sideways, turn = (min(max(v, -_WILD), _WILD) for v in asked)
-    return ahead, sideways, turn
 
 
 def _share(outwards: float, inwards_most: float) -> float:

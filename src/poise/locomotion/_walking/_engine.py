@@ -4,20 +4,19 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise._checks import all_finite, is_time
 from poise.dynamics import RobotState
-from poise.locomotion._support import SolePart
-from poise.locomotion._walking._body_height import LOWEST
-from poise.locomotion._walking._feedback import DcmFeedback
+from poise.locomotion._support import SolePart, Vector2
+from poise.locomotion._walking._body import LOWEST
+from poise.locomotion._walking._dcm import DcmFeedback, JoinedSupport
 from poise.locomotion._walking._footsteps import FootstepPlan
-from poise.locomotion._walking._leg_momentum import JoinedSupport
 from poise.locomotion._walking._modes import Mode
 from poise.locomotion._walking._parts import WalkParts
 from poise.locomotion._walking._phases import FootMotion, StepPhases
 from poise.locomotion._walking._sense import LONGEST_TICK
 from poise.locomotion._walking._settings import WalkStatus
+from poise.locomotion._walking._stance import CLOSED
 from poise.locomotion._walking._trouble import (
     NO_RESPONSE,
     RESPONSES,
@@ -27,29 +26,15 @@ from poise.locomotion._walking._trouble import (
 )
 from poise.stack import Stack
 
-_MISPLACED = 0.03
-"""Distance of a sole from where a plan begins beyond which nothing moves [m]."""
-
 
 class SteppingEngine:
-    """Set CoM, feet and contacts of a stack, tick by tick, whoever wants the steps.
-
-    Footholds come from `commands`, of a plan or a velocity, and a held swing foot
-    from a `FootMotion`. The engine keeps the mode, moves the DCM reference with it, corrects it by
-    one feedback, and makes capture steps once the feet do not hold the DCM.
-
-    Attributes:
-        commands: footholds and velocities that are asked for.
-        status: state of the walk.
-        rise: height asked of the CoM over that of the walk, while feet are held [m].
-        lowest: least height of the CoM meanwhile, over that of the walk.
-        held_gain: of the DCM feedback meanwhile [1/s]; that of the walk when None.
-    """
+    """Set CoM, feet and contacts of a stack, tick by tick, whoever wants the steps."""
 
     def __init__(self, stack: Stack, make: Callable[[], WalkParts]) -> None:
         self._stack, self._make = stack, make
+        # While feet are held: CoM height over that of the walk [m] and its least ratio to that.
         self.rise, self.lowest = 0.0, LOWEST
-        self.held_gain: float | None = None
+        self.held_gain: float | None = None  # of the DCM feedback then [1/s]; None: the walk's
         self.parts = make()
         self.reset()
 
@@ -66,13 +51,9 @@ class SteppingEngine:
         self._hanging: Hanging | None = None
         self._time: float | None = None
 
-    # Intent ---------------------------------------------------------------------------------------
-
     def hold(self, motion: FootMotion | None) -> None:
         """Set the motion of feet; without one, a foot that is held makes a capture step."""
         self._steps.motion = motion
-
-    # State ----------------------------------------------------------------------------------------
 
     @property
     def steps(self) -> StepPhases:
@@ -100,17 +81,15 @@ class SteppingEngine:
         return self.parts.stance.parts
 
     @property
-    def dcm_error(self) -> Float64[np.ndarray, "2"]:
+    def dcm_error(self) -> Vector2:
         """Deviation of the DCM from its reference [m]."""
         return np.array(self._feedback.error)
 
     @property
-    def zmp(self) -> Float64[np.ndarray, "2"]:
+    def zmp(self) -> Vector2:
         """Reference of the ZMP, feedback included [m]."""
         feet = self.parts.pendulum.places(self._steps.flight)
         return np.array(self.parts.legs.parted(self._feedback.zmp, feet))
-
-    # A tick ---------------------------------------------------------------------------------------
 
     def lead(self, state: RobotState) -> None:
         """Set what the next tick should do; a state that is not finite is passed over."""
@@ -184,7 +163,7 @@ class SteppingEngine:
         parts = self.parts
         if self.status is WalkStatus.READY and isinstance(parts.stand, FootstepPlan):
             for foot, place in enumerate(parts.stand.start):
-                if math.dist(parts.sense.positions[foot], place.position) > _MISPLACED:
+                if math.dist(parts.sense.positions[foot], place.position) > CLOSED:
                     self.status = WalkStatus.MISPLACED
                     return
         self.status = WalkStatus.STANDING

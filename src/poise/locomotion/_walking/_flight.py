@@ -6,51 +6,36 @@
 import math
 from dataclasses import replace
 
-import numpy as np
-from jaxtyping import Float64
-
-from poise.locomotion._support import Point
+from poise.locomotion._support import Point, Rotation, Vector3
 from poise.locomotion._walking._commands import StepCommands
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._step_choice import Pendulum
 from poise.locomotion._walking._step_planner import Lifted, StepPlanner
-from poise.locomotion._walking._swing import HeldSwing, SwingFoot
-from poise.locomotion._walking._swing_shape import RISE, SwingShape, sinking_phase
+from poise.locomotion._walking._swing import (
+    FIXED,
+    RISE,
+    SwingFoot,
+    SwingPose,
+    SwingShape,
+    sinking_phase,
+)
 
-Vector3 = Float64[np.ndarray, "3"]
-Rotation = Float64[np.ndarray, "3 3"]
-
-_PLACE_RATE, _TIME_RATE = 2.0, 2.0
-"""How fast foothold [m/s] and time of touchdown [s/s] change at most."""
+_RATE = 2.0
+"""Largest rates of foothold [m/s] and time of touchdown [s/s]."""
 
 _HELD, _BACK = 0.04, 0.015
 """A foot that rises and is pushed aside with more than this part of the weight, more than upwards,
 is held by something; it goes so far back from it [m]."""
 
 _SHORT, _EARLY = 0.08, 0.03
-"""What a foot meets so far from its foothold [m], earlier than so long before it is due [s], is
+"""Contact so far from the foothold [m], and earlier than this before it is due [s], is with
 something on its way."""
-
-_FINAL = 0.05
-"""Foothold and time are final when touchdown is this near [s]."""
 
 
 class Flight:
-    """From lift-off to touchdown: moves the foothold, and the foot to it.
-
-    A foot that meets no ground when it is due goes on down, faster than it would have landed, and
-    its foothold moves on with the divergent component: what is late lands farther away.
-
-    Attributes:
-        foot: which.
-        goal: where it should come down.
-        left: until it is due, zero when it is late [s].
-        elapsed: since lift-off [s].
-        waited: since it reached the depth at which it aimed [s].
-        swing: its trajectory.
-    """
+    """From lift-off to touchdown: moves the foothold, and the foot to it."""
 
     def __init__(
         self,
@@ -66,8 +51,9 @@ class Flight:
         self.foot, self.goal = foot, goal
         self._sense, self._planner, self._commands = sense, planner, commands
         self._sinking = sinking_phase(settings.touchdown_depth, shape.apex - goal.position[2])
+        # Since lift-off, and since it reached the depth at which it aimed [s].
         self.elapsed, self.waited = swung or 0.0, 0.0
-        self.left = planner.times.swing - self.elapsed
+        self.left = planner.times.swing - self.elapsed  # until it is due; zero when late [s]
         self._lands = False
         position, rotation = sense.lower_edge(foot)
         x, y, z = goal.position
@@ -80,13 +66,13 @@ class Flight:
     def aim(self, lifted: Lifted, pendulum: Pendulum, dt: float) -> None:
         """Chooses place and time of touchdown."""
         late = self.left == 0.0
-        if self._lands or (self.left <= _FINAL and not late):
+        if self._lands or (self.left <= FIXED and not late):
             return
         turned = self.goal.yaw - lifted.stance.yaw
         step, place = self._planner.choose(lifted, pendulum, turned)
         self._move_goal(place, dt)
         if not late:
-            most = _TIME_RATE * dt
+            most = _RATE * dt
             self.left += min(max(step.left - self.left, -most), most)
 
     def _move_goal(self, place: Point, dt: float) -> None:
@@ -95,7 +81,7 @@ class Flight:
         by_x, by_y = place[0] - x, place[1] - y
         if by_x == by_y == 0.0:
             return
-        ratio = min(1.0, _PLACE_RATE * dt / max(math.hypot(by_x, by_y), 1e-9))
+        ratio = min(1.0, _RATE * dt / max(math.hypot(by_x, by_y), 1e-9))
         by_x, by_y = ratio * by_x, ratio * by_y
         position = (x + by_x, y + by_y, z + a * by_x + b * by_y)
         moved = replace(self.goal, position=position)
@@ -111,11 +97,7 @@ class Flight:
 
     @property
     def on_its_way(self) -> bool:
-        """Whether what the foot meets now cannot be the ground that it is to stand on.
-
-        It goes on over that, as planned. Standing there it would not catch the robot, which needs
-        it elsewhere.
-        """
+        """True while contact cannot be with the ground at the foothold."""
         if self.left <= _EARLY:
             return False
         x, y, _ = self._sense.lower_edge(self.foot)[0].tolist()
@@ -127,11 +109,7 @@ class Flight:
         self.left = max(self.left - dt, 0.0)
 
     def get_clear(self) -> None:
-        """A foot that is held on its way up goes back from what holds it, and straight up.
-
-        A toe that came down beside an edge would be pressed against it by its way ahead, and
-        friction would hold it down all the more.
-        """
+        """A foot that is held on its way up goes back from what holds it, and straight up."""
         if self.swing.phase >= RISE:
             return
         x, y, up = self._sense.felt(self.foot)
@@ -173,7 +151,7 @@ class HeldFlight:
     def __init__(self, foot: int, sense: WalkSense) -> None:
         self.foot = foot
         self.left = self.elapsed = self.waited = 0.0
-        self.swing = HeldSwing(*sense.lower_edge(foot))
+        self.swing = SwingPose(*sense.lower_edge(foot))
         self.goal = sense.placement(foot)
 
     def move(self, position: Vector3, velocity: Vector3, rotation: Rotation, yaw: float) -> None:

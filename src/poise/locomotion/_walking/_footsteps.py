@@ -1,11 +1,8 @@
-"""`FootstepPlan`: which foot comes down where and when.
-
-`Gait` and `Stride`: how a robot walks, and where to.
-"""
+"""Footholds: `Gait`, `Stride`, `FootstepPlan` and `plan_footsteps`."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Annotated
 
@@ -13,14 +10,13 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import Numbers
+from poise._checks import Numbers, checked_kind
 from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._support import Point, SolePart, two_soles
-from poise.locomotion._walking._bearing import bearing
-from poise.locomotion._walking._ground import LEVEL, Ground, Placement
-from poise.locomotion._walking._swing_shape import SwingShape, clear_swing
+from poise.locomotion._support import Point, SolePart, Vector3, bearing, two_soles
+from poise.locomotion._walking._ground import CLEARANCE, Ground, Placement, wrapped, yaw_of
+from poise.locomotion._walking._swing import SwingShape, clear_swing
 from poise.robots import Robot
 from poise.stack import checked_target
 
@@ -32,9 +28,6 @@ _MOST_STEPS = 1e3
 
 _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
-
-CLEARANCE = 0.01
-"""Least distance between the feet's edges, side by side [m]."""
 
 _NARROW = 0.6
 """Room between feet whose soles lean, over that of the feet as they stand."""
@@ -89,7 +82,7 @@ _DOUBLE_SUPPORT = 0.12
 """Of a step's time, unless a gait says otherwise."""
 
 _CROUCH = 0.05
-"""How far the COM is lowered, over its height, unless a gait says otherwise."""
+"""Descent of the COM, over its height, unless a gait says otherwise."""
 
 _SWING_HEIGHT = 0.06
 """Of a foot, over the height of the COM, unless a gait says otherwise."""
@@ -133,56 +126,37 @@ class Stride:
 
 @dataclass(frozen=True, kw_only=True)
 class Footstep:
-    """One step.
+    """One step."""
 
-    Attributes:
-        foot: which foot swings, 0 for the left, 1 for the right.
-        goal: where it comes down.
-        shape: of the swing that brings it there.
-    """
-
-    foot: int
-    goal: Placement
-    shape: SwingShape
+    foot: int  # which foot swings, 0 for the left, 1 for the right
+    goal: Placement  # foothold
+    shape: SwingShape  # of the swing that brings it there
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stand:
-    """How a robot stands before it walks.
+    """Posture and soles of a robot before it walks."""
 
-    Attributes:
-        soles: names of the left and of the right sole.
-        sizes: length and width of each [m].
-        start: where the soles are at the beginning.
-        q: configuration at the beginning.
-        com: centre of mass there [m].
-        bearings: where in each sole the ZMP can be while that foot alone carries the robot.
-    """
-
-    soles: tuple[str, str]
-    sizes: tuple[tuple[float, float], tuple[float, float]]
-    start: tuple[Placement, Placement]
-    q: Float64[np.ndarray, " nq"] = field(repr=False)
-    com: tuple[float, float, float]
+    soles: tuple[str, str]  # names of the left and of the right sole
+    sizes: tuple[tuple[float, float], tuple[float, float]]  # length and width of each [m]
+    start: tuple[Placement, Placement]  # where the soles are at the beginning
+    q: Float64[np.ndarray, " nq"] = field(repr=False)  # configuration at the beginning
+    com: tuple[float, float, float]  # centre of mass there [m]
+    # where in each sole the ZMP can be while that foot alone carries the robot
     bearings: tuple[SolePart, SolePart]
 
     def zmp(self, foot: int, place: Placement) -> Point:
-        """Where the ZMP rests while a foot alone carries the robot [m]."""
+        """Return the rest of the ZMP on a foot that carries alone [m]."""
         return self.bearings[foot].rest_at(place.position[:2], place.yaw)
 
     def rest(self, places: Sequence[Placement]) -> Point:
-        """Where the ZMP stands while both feet carry it evenly [m]."""
+        """Return the rest of the ZMP on both feet, evenly loaded [m]."""
         (ax, ay), (bx, by) = (self.zmp(foot, place) for foot, place in enumerate(places))
         return 0.5 * (ax + bx), 0.5 * (ay + by)
 
     @property
     def width(self) -> float:
-        """Distance of the feet side by side in a walk [m]: as they stand at the beginning.
-
-        Soles that lean come nearer to each other. So they land on their outer edges already: one
-        that lands with the hips inside of it falls over from its inner edge to the outer one with
-        the weight on it.
-        """
+        """Distance of the feet side by side in a walk [m]: as they stand at the beginning."""
         left, right = (p.position[:2] for p in self.start)
         apart = math.dist(left, right)
         if any(b.width > 0.0 for b in self.bearings):
@@ -297,17 +271,7 @@ class FootstepPlan(Stand):
             shape = clear_swing(feet[foot], goal, sizes[foot], gait.swing_height, ground, i)
             steps.append(Footstep(foot=foot, goal=goal, shape=shape))
             feet[foot] = goal
-        return cls(
-            soles=soles,
-            sizes=sizes,
-            start=start,
-            q=stand.q,
-            com=stand.com,
-            bearings=stand.bearings,
-            steps=tuple(steps),
-            gait=gait,
-            ground=ground,
-        )
+        return cls(**vars(stand), steps=tuple(steps), gait=gait, ground=ground)
 
     def _check_apart(self, done: int) -> None:
         left, right = self.placements(done)
@@ -329,11 +293,11 @@ class FootstepPlan(Stand):
 
     @property
     def count(self) -> int:
-        """How many steps there are."""
+        """Number of steps."""
         return len(self.steps)
 
     def placements(self, done: int) -> tuple[Placement, Placement]:
-        """Where the left and the right sole lie after so many steps."""
+        """Return the placements of the left and the right sole after so many steps."""
         feet = list(self.start)
         for step in self.steps[max(0, done - 2) : done]:
             feet[step.foot] = step.goal
@@ -349,7 +313,7 @@ class FootstepPlan(Stand):
 
     @property
     def duration(self) -> float:
-        """How long the whole walk takes [s]."""
+        """Duration of the whole walk [s]."""
         return self.touchdown(self.count - 1) + self.gait.settle_time
 
 
@@ -365,21 +329,20 @@ def _finite(placement: Placement) -> bool:
 
 
 def _lying(
-    place: Float64[np.ndarray, "3"], before: Placement, size: tuple[float, float], ground: Ground
+    place: Vector3, before: Placement, size: tuple[float, float], ground: Ground
 ) -> Placement:
     """A sole on the ground at x, y [m] with a heading [rad]."""
     x, y, yaw = place.tolist()
     # A heading is the same a whole turn on; the foot goes the shorter way.
     yaw += 2.0 * math.pi * round((before.yaw - yaw) / (2.0 * math.pi))
-    flat = Placement(position=(x, y, 0.0), yaw=yaw)
-    heights = ground.heights(flat.grid(*size))
-    if float(np.ptp(heights)) >= LEVEL:
+    height = ground.level_under(Placement(position=(x, y, 0.0), yaw=yaw), size)
+    if height is None:
         raise ConfigurationError(
             f"the foothold at x = {x:.3f} m, y = {y:.3f} m does not carry the whole sole",
-            got=f"heights from {heights.min():.3f} to {heights.max():.3f} m",
+            got="an edge under it",
             wanted="one height under the sole",
         )
-    return Placement(position=(x, y, float(heights[0])), yaw=yaw)
+    return Placement(position=(x, y, height), yaw=yaw)
 
 
 def level_floor(start: tuple[Placement, Placement]) -> Ground:
@@ -407,10 +370,119 @@ def _standing_soles(
                 wanted="a robot that stands on its soles",
             )
         x, y, z = pose.translation.tolist()
-        yaw = math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
-        found.append(Placement(position=(x, y, z), yaw=yaw))
+        found.append(Placement(position=(x, y, z), yaw=yaw_of(pose.rotation)))
     x, y, z = pin.centerOfMass(model, data, q).tolist()
     # Headings are counted on from the left foot's, so that no difference is a whole turn.
-    turn = math.remainder(found[1].yaw - found[0].yaw, 2.0 * math.pi)
-    right = Placement(position=found[1].position, yaw=found[0].yaw + turn)
+    right = replace(found[1], yaw=found[0].yaw + wrapped(found[1].yaw - found[0].yaw))
     return (found[0], right), (x, y, z)
+
+
+_EDGE = 0.015
+"""Distance of a sole from the edge of a platform [m]."""
+
+_SEARCH, _FARTHEST = 0.005, 0.25
+"""Resolution of the search for a place with nothing but one height under it, and its end [m]."""
+
+
+def plan_footsteps(
+    robot: Robot,
+    strides: Sequence[Stride],
+    gait: Gait | None = None,
+    *,
+    q: Numbers | None = None,
+    ground: Ground | None = None,
+) -> FootstepPlan:
+    """The steps of a walk from where the robot stands.
+
+    A foothold that would lie across the edge of a platform moves ahead or back to the nearest
+    place that carries the whole sole. After the last stride the feet close.
+
+    Args:
+        robot: on two soles.
+        strides: one after the other.
+        gait: timing and shape of the steps.
+        q: how the robot stands, in its home posture when None.
+        ground: what it walks on; a floor as high as its soles when None.
+
+    Returns:
+        The plan, with one step more than the strides have where the feet have to close.
+
+    Raises:
+        ConfigurationError: a robot that does not stand on two soles, no stride, feet that cross,
+            or no place for a foot.
+    """
+    gait = gait or Gait()
+    for stride in strides:
+        checked_kind(stride, Stride, "a stride of the walk")
+    if not strides:
+        raise ConfigurationError("a walk without strides", got=0, wanted="one or more")
+    stand = stand_of(robot, q)
+    soles, sizes, start = stand.soles, stand.sizes, stand.start
+    ground = ground or level_floor(start)
+    width = gait.width if gait.width is not None else stand.width
+    footholds: list[tuple[str, Numbers]] = []
+    for i, (foot, body) in enumerate(_body_path(start, strides), 1):
+        footholds.append((soles[foot], _foothold(foot, body, width, sizes[foot], ground, i)))
+    return FootstepPlan.from_footholds(robot, footholds, gait, q=stand.q, ground=ground)
+
+
+def _body_path(
+    start: tuple[Placement, Placement], strides: Sequence[Stride]
+) -> list[tuple[int, tuple[float, float, float]]]:
+    """For each step its foot, and where the body's middle goes with it: x, y, heading."""
+    left, right = start
+    x, y = (0.5 * (left.position[k] + right.position[k]) for k in (0, 1))
+    yaw = 0.5 * (left.yaw + right.yaw)
+    first = next((s.sideways or s.turn for s in strides if s.sideways or s.turn), 0.0)
+    foot = 1 if first < 0.0 else 0
+    bodies: list[tuple[int, tuple[float, float, float]]] = []
+    for stride in strides:
+        for _ in range(stride.steps):
+            side = stride.sideways if (stride.sideways > 0.0) == (foot == 0) else 0.0
+            turn = stride.turn if (stride.turn > 0.0) == (foot == 0) else 0.0
+            middle = yaw + turn
+            x += stride.length * math.cos(middle) - 2.0 * side * math.sin(middle)
+            y += stride.length * math.sin(middle) + 2.0 * side * math.cos(middle)
+            yaw += 2.0 * turn
+            bodies.append((foot, (x, y, yaw)))
+            foot = 1 - foot
+    bodies.append((foot, (x, y, yaw)))
+    return bodies
+
+
+def _foothold(
+    foot: int,
+    body: tuple[float, float, float],
+    width: float,
+    size: tuple[float, float],
+    ground: Ground,
+    number: int,
+) -> tuple[float, float, float]:
+    """The place of a foot beside the body, or the nearest ahead or behind that carries it all."""
+    x, y, yaw = body
+    side = 0.5 * width if foot == 0 else -0.5 * width
+    x, y = x - side * math.sin(yaw), y + side * math.cos(yaw)
+    found = level_place((x, y, yaw), size, ground)
+    if found is None:
+        raise ConfigurationError(
+            f"step {number} of the walk finds no place that carries the whole sole",
+            got=f"x = {x:.3f} m, y = {y:.3f} m",
+            wanted=f"one height under the sole within {_FARTHEST:g} m ahead or behind",
+        )
+    return (*found.position[:2], yaw)
+
+
+def level_place(
+    place: tuple[float, float, float], size: tuple[float, float], ground: Ground
+) -> Placement | None:
+    """A sole on the ground where it should lie, or at the nearest place ahead or behind."""
+    x, y, yaw = place
+    grown = (size[0] + 2.0 * _EDGE, size[1] + 2.0 * _EDGE)
+    for i in range(2 * int(_FARTHEST / _SEARCH) + 1):
+        # 0, 1, -1, 2, -2, ... times the resolution
+        shift = _SEARCH * ((i + 1) // 2) * (1 if i % 2 else -1)
+        tried = (x + shift * math.cos(yaw), y + shift * math.sin(yaw))
+        height = ground.level_under(Placement(position=(*tried, 0.0), yaw=yaw), grown)
+        if height is not None:
+            return Placement(position=(*tried, height), yaw=yaw)
+    return None

@@ -11,15 +11,34 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._schema import Bounds, Number, Vector, checked
+from poise.locomotion._support import Rotation
+
+CLEARANCE = 0.01
+"""Least distance of feet from each other and from what a swing passes [m]."""
 
 LEVEL = 1e-3
 """Heights nearer to each other than this are one [m]."""
 
 
-def yaw_rotation(yaw: float) -> Float64[np.ndarray, "2 2"]:
-    """Rotation of the horizontal plane by an angle [rad]."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, -s], [s, c]])
+def yaw_of(rotation: Rotation) -> float:
+    """Return the yaw of a rotation, left of the world's x axis, from -pi to pi [rad]."""
+    return math.atan2(rotation[1, 0], rotation[0, 0])
+
+
+def turn_to_left(angle: float) -> Rotation:
+    """Rotation about the vertical [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+
+
+def wrapped(angle: float) -> float:
+    """The same angle, from -pi to pi [rad]."""
+    return math.remainder(angle, 2.0 * math.pi)
+
+
+def mean_angle(left: float, right: float) -> float:
+    """Half way between two angles, the shorter way round [rad]."""
+    return left + 0.5 * wrapped(right - left)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +67,7 @@ class Ground:
 
         def heights(self, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
             """The platform's height where it is under a point, else zero [m]."""
-            local = (points - np.array(self.center)) @ yaw_rotation(self.yaw)
+            local = (points - np.array(self.center)) @ turn_to_left(self.yaw)[:2, :2]
             inside = (np.abs(local) <= 0.5 * np.array(self.size[:2])).all(axis=1)
             return np.where(inside, self.size[2], 0.0)
 
@@ -62,27 +81,24 @@ class Ground:
             rise = np.maximum(rise, platform.heights(points))
         return self.height + rise
 
-
-_ALONG, _ACROSS = 9, (-0.5, 0.0, 0.5)
-"""Points along and across a sole at which the ground under it is looked at."""
+    def level_under(self, place: "Placement", size: tuple[float, float]) -> float | None:
+        """Height of the ground under a sole of a size [m]; None where an edge is under it."""
+        if not self.platforms:
+            return self.height
+        heights = self.heights(place.grid(*size))
+        return float(heights[0]) if float(np.ptp(heights)) < LEVEL else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """Where a sole lies flat on the ground.
+    """Place of a sole that lies flat on the ground."""
 
-    Attributes:
-        position: of its centre in the world [m].
-        yaw: its heading, seen from above [rad].
-        slope: how steeply the ground rises along the world's x and y.
-    """
-
-    position: tuple[float, float, float]
-    yaw: float
-    slope: tuple[float, float] = (0.0, 0.0)
+    position: tuple[float, float, float]  # of its centre in the world [m]
+    yaw: float  # its heading, seen from above [rad]
+    slope: tuple[float, float] = (0.0, 0.0)  # rise of the ground along the world's x and y
 
     @property
-    def rotation(self) -> Float64[np.ndarray, "3 3"]:
+    def rotation(self) -> Rotation:
         """world_R_sole: z is normal to the ground, x has the heading, seen from above."""
         (a, b), c, s = self.slope, math.cos(self.yaw), math.sin(self.yaw)
         z = np.array([-a, -b, 1.0]) / math.sqrt(1.0 + a * a + b * b)
@@ -95,6 +111,6 @@ class Placement:
 
     def grid(self, length: float, width: float) -> Float64[np.ndarray, "n 2"]:
         """Points all over a sole of that size, edges included [m]."""
-        x, y = np.meshgrid(np.linspace(-0.5, 0.5, _ALONG) * length, np.array(_ACROSS) * width)
+        x, y = np.meshgrid(np.linspace(-0.5, 0.5, 9) * length, np.linspace(-0.5, 0.5, 3) * width)
         local = np.stack((x.ravel(), y.ravel()), axis=1)
-        return np.array(self.position[:2]) + local @ yaw_rotation(self.yaw).T
+        return np.array(self.position[:2]) + local @ turn_to_left(self.yaw)[:2, :2].T

@@ -77,15 +77,10 @@ TRANSITIONS: dict[tuple[Mode, ModeEvent], Mode] = {
 
 @dataclass(slots=True)
 class StepMachine:
-    """The mode, and since when.
+    """The mode, and since when."""
 
-    Attributes:
-        mode: the mode now.
-        since: when it began [s].
-    """
-
-    mode: Mode = Mode.D
-    since: float = 0.0
+    mode: Mode = Mode.D  # the mode now
+    since: float = 0.0  # when it began [s]
 
     def advance(self, event: ModeEvent, time: float) -> bool:
         """Take an event; return whether the mode changed."""

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
 from poise.locomotion._walking._commands import Foothold
-from poise.locomotion._walking._dcm_plan import REST_TIME, DcmMotion, hermite_step
+from poise.locomotion._walking._dcm import REST_TIME, DcmMotion, hermite_step
 from poise.locomotion._walking._flight import Flight, HeldFlight
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._modes import (
@@ -24,7 +24,7 @@ from poise.locomotion._walking._modes import (
 from poise.locomotion._walking._parts import WalkParts
 from poise.locomotion._walking._sense import ENGAGE, RELEASE
 from poise.locomotion._walking._step_planner import AHEAD, QUICK, Lifted
-from poise.locomotion._walking._swing_shape import led_swing
+from poise.locomotion._walking._swing import led_swing
 from poise.stack import BalanceLimit
 
 _WORTH = 0.5

@@ -23,22 +23,23 @@ from poise.dynamics import (
     motion_of,
     place_frame,
 )
-from poise.locomotion._walking._ground import Placement
+from poise.locomotion._support import Rotation, Vector3
+from poise.locomotion._walking._ground import Placement, yaw_of
 from poise.locomotion._walking._settings import WalkSettings
-from poise.locomotion._walking._swing import SwingFoot
+from poise.locomotion._walking._swing import RISE, SwingFoot
 from poise.robots import Robot
 
 ENGAGE, RELEASE = 0.4, 0.5
 """Ratios of the double support in which the landed foot is loaded and the next one unloaded."""
 
-_EARLY = 0.5
-"""Phase of a swing from which ground counts as ground."""
+UNLOADED, LOADED = 0.02, 0.1
+"""Parts of the weight below which a sole carries nothing, and from which it lies on the ground."""
 
 LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
 
 
-_Pose = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]
+_Pose = tuple[Vector3, Rotation]
 
 
 class _SoleMemory(Block):
@@ -48,21 +49,7 @@ class _SoleMemory(Block):
 
 
 class WalkSense:
-    """Centre of mass, soles and loads of the last state.
-
-    With a `Dynamics`, whose last state each state is, nothing is evaluated twice.
-
-    Attributes:
-        state: the last one.
-        com: centre of mass [m].
-        com_velocity: its velocity [m/s].
-        positions: of the left and the right sole [m].
-        rotations: of both, world_R_sole row by row.
-        velocities: of both, linear then angular, along their own axes [m/s, rad/s].
-        weight: of the robot as it is described [N].
-        wrenches: measured on the left and the right sole, see `RobotState.contacts`; None where
-            none is.
-    """
+    """Centre of mass, soles and loads of the last state."""
 
     def __init__(
         self, robot: Robot, soles: tuple[str, str], dynamics: Dynamics | None = None
@@ -84,7 +71,7 @@ class WalkSense:
             frames=FrameBlock(**frames._asdict()),
         )
         self._seen, self._com, self._com_velocity = memory.seen, data.com[0], data.vcom[0]
-        self.state: RobotState | None = None
+        self.state: RobotState | None = None  # the last one
         # Compiled now, not in the first tick.
         self._look(self._com, self._com_velocity)
 
@@ -103,19 +90,20 @@ class WalkSense:
         found = [state.wrench(sole) for sole in self._soles]
         self.wrenches = [None if wrench is None else wrench.tolist() for wrench in found]
 
-    def _look(self, com: Float64[np.ndarray, "3"], com_velocity: Float64[np.ndarray, "3"]) -> None:
+    def _look(self, com: Vector3, com_velocity: Vector3) -> None:
         """Copy what is evaluated, as plain numbers."""
         _see(self._memory.address)
         self._rows = self._seen.copy()
         self._poses: dict[int, _Pose] = {}
         left, right = self._rows.tolist()
-        self.positions = left[:ROTATION], right[:ROTATION]
+        self.positions = left[:ROTATION], right[:ROTATION]  # of the left and the right sole [m]
+        # World_R_sole row by row; linear then angular along the sole's own axes [m/s, rad/s].
         self.rotations = left[ROTATION:VELOCITY], right[ROTATION:VELOCITY]
         self.velocities = left[VELOCITY:BIAS], right[VELOCITY:BIAS]
         self.com, self.com_velocity = com.tolist(), com_velocity.tolist()
 
     def _carry(self, payload: Payload | None) -> None:
-        """Where the COM is with a payload."""
+        """Take a payload into the model."""
         if self._loaded is None:
             self._loaded = LoadedModel(self._robot)
             self._model = self._loaded.model
@@ -161,8 +149,7 @@ class WalkSense:
         """Return where a sole lies."""
         position, rotation = self.lower_edge(foot)
         x, y, z = position.tolist()
-        yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
-        return Placement(position=(x, y, z), yaw=yaw)
+        return Placement(position=(x, y, z), yaw=yaw_of(rotation))
 
     def load(self, foot: int, *, stands: bool = True) -> float:
         """Return a foot's part of the weight; where nothing is measured, all of it if it stands."""
@@ -184,7 +171,7 @@ class WalkSense:
             # Nothing is measured: the foot is down when it should be.
             return swing.phase >= 1.0
         loaded = wrench[2] >= settings.touchdown_force * self.weight
-        return loaded and (swing.phase >= _EARLY or swing.searching)
+        return loaded and (swing.phase >= RISE or swing.searching)
 
 
 @compiled

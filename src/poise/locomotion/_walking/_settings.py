@@ -8,22 +8,19 @@ from enum import Enum
 from typing import Annotated
 
 from poise._schema import Bounds, Ratio, checked
-from poise.locomotion._walking._footsteps import CLEARANCE, LARGEST
+from poise.locomotion._walking._footsteps import LARGEST
+from poise.locomotion._walking._ground import CLEARANCE
 
 _Distance = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")]
 
 
-@checked(
-    removed=dict.fromkeys(
-        ("early", "adjust", "com_bound"), "none: it is the same for every robot and walk"
-    )
-)
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class WalkSettings:
     """Feedback, touchdown and limits of a walker.
 
     Attributes:
-        dcm_gain: how fast an error of the divergent component of motion dies out [1/s].
+        dcm_gain: how fast an error of the DCM dies out [1/s].
         zmp_margin: how far inside the soles' edges the ZMP that corrects it stays [m].
         touchdown_force: ratio of the robot's weight at which a foot counts as down.
         touchdown_depth: how far below the expected ground a foot aims [m].
@@ -45,7 +42,7 @@ class WalkSettings:
 
 
 class WalkStatus(Enum):
-    """How a walk stands, or why it ended."""
+    """State of a walk, or why it ended."""
 
     READY = "ready"
     """No state has come yet."""
@@ -70,7 +67,7 @@ class WalkStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether nothing went wrong."""
+        """True while nothing is wrong."""
         return self in _FINE
 
 

@@ -1,36 +1,68 @@
-"""`choose_step`: place and time of the next touchdown, from the measured divergent component.
-
-`StepBounds`: where a foot may come down beside the one that stands.
-"""
+"""Choice of the next touchdown from the measured DCM: `choose_step`, `StepBounds`, `LastStep`."""
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from poise.locomotion._support import Point
-from poise.locomotion._walking._last_step import LastStep, beyond
+
+_BETWEEN = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)
+"""Points between the feet, as parts of the way to the foothold: those nearer to it would put all
+load on the foot that has just landed."""
+
+_ALONG = 0.1
+"""A point between the feet that goes along with the foothold by less than this is not moved."""
+
+
+class LastStep(NamedTuple):
+    """A step after which both feet stay: they hold the robot wherever it is between them."""
+
+    beta: float  # how heavy each leg is, see `LegMomentum`
+    room: Point  # in each sole, along the stance foot and across it [m]
+
+    def move(self, xi: Point, foothold: Point, reached: Point) -> Point:
+        """Return the shift of the foothold with which both feet hold the robot [m]."""
+        best, least = (0.0, 0.0), math.inf
+        for share, (x, y) in self._misses(xi, foothold, reached):
+            far = math.hypot(x, y)
+            if far == 0.0:
+                return 0.0, 0.0
+            if share > _ALONG and far / share < least:
+                best, least = (x / share, y / share), far / share
+        return best
+
+    def off(self, xi: Point, foothold: Point, reached: Point) -> Point:
+        """Return the distance of the DCM from where both feet hold it [m]."""
+        misses = (miss for _, miss in self._misses(xi, foothold, reached))
+        return min(misses, key=lambda miss: math.hypot(*miss))
+
+    def _misses(self, xi: Point, foothold: Point, reached: Point) -> Iterator[tuple[float, Point]]:
+        """By how much each point goes along with the foothold, and its way to xi, less the room."""
+        (x, y), (to_x, to_y) = xi, foothold
+        room_x, room_y = self.room[0] + reached[0], self.room[1] + reached[1]
+        for part in _BETWEEN:
+            # Of `LegMomentum.joined`, as everything that a step is chosen from.
+            share = part * (1.0 + 2.0 * self.beta) - self.beta
+            yield share, (beyond(x - share * to_x, room_x), beyond(y - share * to_y, room_y))
+
+
+def beyond(miss: float, most: float) -> float:
+    """Return a miss less what the ZMP makes up for [m]."""
+    return math.copysign(max(abs(miss) - most, 0.0), miss)
 
 
 class StepBounds(NamedTuple):
-    """Where a foot may come down, along the foot that stands and away from it.
+    """Bounds of a foothold, along the stance foot and away from it."""
 
-    Attributes:
-        back: farthest behind, negative [m].
-        ahead: farthest ahead [m].
-        near: nearest beside, so that feet neither cross nor touch [m].
-        wide: farthest beside [m].
-        reach: farthest from the place `beside` [m].
-        beside: where it is side by side, half way between what is near and comfortable [m].
-    """
-
-    back: float
-    ahead: float
-    near: float
-    wide: float
-    reach: float
-    beside: float
+    back: float  # farthest behind, negative [m]
+    ahead: float  # farthest ahead [m]
+    near: float  # nearest beside, so that feet neither cross nor touch [m]
+    wide: float  # farthest beside [m]
+    reach: float  # farthest from the place `beside` [m]
+    beside: float  # where it is side by side, half way between what is near and comfortable [m]
 
     def nearest(self, place: Point) -> Point:
-        """The nearest place inside; the second coordinate counts away from the foot that stands."""
+        """The nearest place inside; the second coordinate counts away from the stance foot."""
         x, y = place
         distance = math.hypot(x, max(y - self.beside, 0.0))
         if distance > self.reach:
@@ -42,26 +74,18 @@ class StepBounds(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A choice.
+    """Chosen touchdown."""
 
-    Attributes:
-        x: of the foothold, along the foot that stands [m].
-        y: away from it, to the side of the foot in the air [m].
-        left: until touchdown [s].
-        off: how far the divergent component will be from where it should be then, along the foot
-            that stands and away from it [m].
-        effort: what deviations of place and time cost.
-    """
-
-    x: float
-    y: float
-    left: float
+    x: float  # of the foothold, along the stance foot [m]
+    y: float  # away from it, to the side of the swing foot [m]
+    left: float  # until touchdown [s]
+    # of the DCM from its goal then, along the stance foot and away from it [m]
     off: Point
-    effort: float
+    effort: float  # what deviations of place and time cost
 
     @property
     def missed(self) -> float:
-        """How far the divergent component will be from where it should be at touchdown [m]."""
+        """Distance of the DCM from its goal at touchdown [m]."""
         return math.hypot(*self.off)
 
     @property
@@ -71,49 +95,28 @@ class Step(NamedTuple):
 
 
 class Pendulum(NamedTuple):
-    """What a choice is made from, along the foot that stands and away from it.
+    """State and plan of the pendulum, along the stance foot and away from it."""
 
-    Attributes:
-        xi: the divergent component, measured [m].
-        zmp: where the ZMP should be now [m].
-        zmp_end: and at touchdown, evenly in between [m].
-        goal: where it should be at touchdown if the foothold is as planned [m].
-        foothold: as planned [m].
-        gain: how far the goal moves with the foothold.
-        room: of the ZMP, beside where it should be, along the foot and across it [m].
-        omega: natural frequency [1/s].
-        last: what counts in place of `goal` where both feet stay afterwards.
-    """
-
-    xi: Point
-    zmp: Point
-    zmp_end: Point
-    goal: Point
-    foothold: Point
-    gain: float
-    room: Point
-    omega: float
-    last: LastStep | None = None
+    xi: Point  # the DCM, measured [m]
+    zmp: Point  # where the ZMP should be now [m]
+    zmp_end: Point  # and at touchdown, evenly in between [m]
+    goal: Point  # where it should be at touchdown if the foothold is as planned [m]
+    foothold: Point  # as planned [m]
+    gain: float  # how far the goal moves with the foothold
+    room: Point  # of the ZMP, beside where it should be, along the foot and across it [m]
+    omega: float  # natural frequency [1/s]
+    last: LastStep | None = None  # what counts in place of `goal` where both feet stay afterwards
 
 
 class SwingLimits(NamedTuple):
-    """What the foot in the air can do.
+    """Limits of the swing foot."""
 
-    Attributes:
-        place: where it is now [m].
-        speed: on average, at most [m/s].
-        elapsed: since lift-off [s].
-        shortest: swing [s].
-        usual: swing [s].
-        longest: swing [s].
-    """
-
-    place: Point
-    speed: float
-    elapsed: float
-    shortest: float
-    usual: float
-    longest: float
+    place: Point  # where it is now [m]
+    speed: float  # on average, at most [m/s]
+    elapsed: float  # since lift-off [s]
+    shortest: float  # swing [s]
+    usual: float  # swing [s]
+    longest: float  # swing [s]
 
 
 _CANDIDATES = 13
@@ -134,7 +137,7 @@ def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> S
     where it is r beside that. It does what it can within the sole; the foothold moves for the rest,
     within reach; what is left is missed. Deviations of place, time and divergent component are
     weighed against each other, in the manner of Khadiv et al. (2020). After a last step any place
-    of the divergent component between the feet will do.
+    of the DCM between the feet will do.
     """
     best: Step | None = None
     usual = swing.usual - swing.elapsed

@@ -6,9 +6,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from poise.locomotion._support import Point, SolePart
-from poise.locomotion._walking._commands import LegRoom, StepCommands, side
-from poise.locomotion._walking._dcm_plan import (
+from poise.locomotion._walking._commands import FootAxes, LegRoom, StepCommands, side
+from poise.locomotion._walking._dcm import (
     DcmMotion,
+    LegMomentum,
     StepTimes,
     before_transfer,
     touchdown_dcm,
@@ -16,9 +17,13 @@ from poise.locomotion._walking._dcm_plan import (
 )
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
-from poise.locomotion._walking._last_step import LastStep
-from poise.locomotion._walking._leg_momentum import LegMomentum
-from poise.locomotion._walking._step_choice import Pendulum, Step, SwingLimits, choose_step
+from poise.locomotion._walking._step_choice import (
+    LastStep,
+    Pendulum,
+    Step,
+    SwingLimits,
+    choose_step,
+)
 
 QUICK = 0.04
 """From the decision to step in order not to fall to lift-off [s]."""
@@ -38,36 +43,23 @@ AHEAD = 4
 
 
 class Lifted(NamedTuple):
-    """The foot that comes down next.
+    """Swing foot, now or next."""
 
-    Attributes:
-        foot: 0 for the left one, 1 for the right one.
-        place: where it is now [m].
-        stance: where the other one stands.
-        bearing: where in that one the ZMP can be.
-        xi: the divergent component, measured [m].
-        elapsed: since lift-off [s].
-    """
-
-    foot: int
-    place: Point
-    stance: Placement
-    bearing: SolePart
-    xi: Point
-    elapsed: float = 0.0
+    foot: int  # 0 for the left one, 1 for the right one
+    place: Point  # where it is now [m]
+    stance: Placement  # where the other one stands
+    bearing: SolePart  # where in that one the ZMP can be
+    xi: Point  # the DCM, measured [m]
+    elapsed: float = 0.0  # since lift-off [s]
 
     @property
     def zmp(self) -> Point:
-        """Where the ZMP rests while this foot is in the air [m]."""
+        """Rest of the ZMP during the swing [m]."""
         return self.bearing.rest_at(self.stance.position[:2], self.stance.yaw)
 
 
 class StepPlanner:
-    """Makes the next few steps anew from a command, and chooses the next touchdown.
-
-    Attributes:
-        times: of a step.
-    """
+    """Makes the next few steps anew from a command, and chooses the next touchdown."""
 
     def __init__(
         self,
@@ -85,7 +77,7 @@ class StepPlanner:
         self._bounds = 0.0, room.bounds(0.0, far=True)
         self._planned: Pendulum
         # The same along the axes of the stance foot.
-        self._axes: _Axes
+        self._axes: FootAxes
         self._seen: Pendulum
         # As fast as the hips move a foot: side by side at least, and as far as it goes at most.
         self._shortest = max(_SHORTEST * times.swing, room.shortest_swing(room.width))
@@ -102,7 +94,7 @@ class StepPlanner:
         asked = (steps, self._commands.left, lifted.bearing)
         if steps is not self._asked[0] or asked[1:] != self._asked[1:]:
             self._asked, self._planned = asked, self._plan(lifted, steps, self._commands.left)
-            axes, planned = _Axes(lifted.stance, side(lifted.foot)), self._planned
+            axes, planned = FootAxes(lifted.stance, side(lifted.foot)), self._planned
             self._axes, self._seen = (
                 axes,
                 planned._replace(
@@ -180,16 +172,13 @@ class StepPlanner:
         return step, axes.without((step.x, step.y))
 
     def cost(self, lifted: Lifted) -> float:
-        """What a step would cost that begins now."""
+        """Return the cost of a step that begins now."""
         return self.choose(lifted, self.plan(lifted), 0.0)[0].cost
 
     def better_foot(
         self, feet: Sequence[Placement], bearings: Sequence[SolePart], xi: Point
     ) -> int:
-        """The foot whose step, and the other one's after it, catch the robot at the least cost.
-
-        A foot that cannot go where the robot falls to comes down beside the other one, which can.
-        """
+        """The foot whose step, and the other one's after it, catch the robot at the least cost."""
         costs: list[float] = []
         for foot in (0, 1):
             other = 1 - foot
@@ -211,27 +200,3 @@ class StepPlanner:
         x, y = (there + by for there, by in zip(goal, off, strict=True))
         bearing = self._stand.bearings[lifted.foot]
         return step, Lifted(1 - lifted.foot, stance.position[:2], landed, bearing, (x, y))
-
-
-class _Axes:
-    """Along a foot that stands, and away from it to the side of the other one."""
-
-    def __init__(self, stance: Placement, out: float) -> None:
-        self._x, self._y, _ = stance.position
-        self._cos, self._sin, self._out = math.cos(stance.yaw), math.sin(stance.yaw), out
-
-    def within(self, point: Point) -> Point:
-        """A point of the world, seen from the foot."""
-        dx, dy = point[0] - self._x, point[1] - self._y
-        along, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
-        return along, self._out * left
-
-    def without(self, point: Point) -> Point:
-        """A point seen from the foot, in the world."""
-        x, y = self.turned(point)
-        return self._x + x, self._y + y
-
-    def turned(self, vector: Point) -> Point:
-        """A vector seen from the foot, in the world."""
-        along, left = vector[0], self._out * vector[1]
-        return self._cos * along - self._sin * left, self._sin * along + self._cos * left

@@ -19,7 +19,7 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._support import Point, two_soles
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
-from poise.locomotion._walking._swing import HeldSwing, SwingFoot
+from poise.locomotion._walking._swing import SwingPose
 from poise.robots import Robot
 from poise.stack import (
     LINEAR_SPEED,
@@ -150,7 +150,7 @@ class WalkTasks:
     contacts: tuple[Contact, Contact]
     carried: dict[str, CarriedTarget]
 
-    def lead_foot(self, sense: WalkSense, foot: int, swing: SwingFoot | HeldSwing) -> None:
+    def lead_foot(self, sense: WalkSense, foot: int, swing: SwingPose) -> None:
         """Lead a foot in the air along its way, by the lower edge of a sole that leans."""
         target, (drop, rate) = self.feet[foot].overwrite_target(), sense.edge_drop(foot)
         target[0], target[1:4] = swing.position, swing.rotation

@@ -1,4 +1,4 @@
-"""What a walker that is led does when something goes wrong: one table.
+"""Faults of a walk and the responses to them, in one table.
 
 `TroubleWatch`: notices it. `HangWatch`: notices a foot that hangs in the air. `Hanging`: what is
 asked of a robot that no foot carries.
@@ -14,38 +14,33 @@ from poise.dynamics import RobotState
 from poise.locomotion._support import Point
 from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._flight import Flight, HeldFlight
-from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._sense import UNLOADED, WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import WalkTasks
 from poise.stack import Contact
 
 
 class Response(NamedTuple):
-    """What is done about a trouble.
+    """Response to a trouble."""
 
-    Attributes:
-        pace: part of the commanded velocity that is followed.
-        lands: the foot in the air comes straight down.
-        hangs: no contact is loaded and no foot lifted: targets go along with the robot as it hangs
-            or lies, until something carries its feet again; then the walk begins anew.
-        lasts: how long after the last sign of it [s].
-    """
-
-    pace: float = 1.0
-    lands: bool = False
+    pace: float = 1.0  # part of the commanded velocity that is followed
+    lands: bool = False  # the swing foot comes straight down
+    # no contact is loaded and no foot lifted: targets go along with the robot as it hangs or lies,
+    # until something carries its feet again; then the walk begins anew
     hangs: bool = False
-    lasts: float = 0.0
+    lasts: float = 0.0  # how long after the last sign of it [s]
+    noticed: float = 0.0  # time that a sign has to last: feet bounce, readings have noise [s]
 
 
 NO_RESPONSE = Response()
 
 RESPONSES: Mapping[WalkStatus, Response] = {
     WalkStatus.FALLEN: Response(pace=0.0, hangs=True, lasts=0.3),
-    WalkStatus.LIFTED: Response(pace=0.0, hangs=True, lasts=0.05),
+    WalkStatus.LIFTED: Response(pace=0.0, hangs=True, lasts=0.05, noticed=0.15),
     WalkStatus.FOOT_LOST: Response(pace=0.0),
     WalkStatus.FOOT_CAUGHT: Response(lands=True),
     WalkStatus.COM_LOST: Response(pace=0.0),
-    WalkStatus.SLIPPING: Response(pace=0.5, lasts=1.0),
+    WalkStatus.SLIPPING: Response(pace=0.5, lasts=1.0, noticed=0.06),
 }
 """Troubles, the worst first: of several at a time this one counts."""
 
@@ -55,40 +50,31 @@ _LOST = 0.4
 _FALLEN = 0.5
 """A COM lower over the lower sole than this part of its height has fallen."""
 
-_HANGING = 0.02
-"""Feet that carry less than this part of the weight together carry nothing."""
+_CAUGHT = 0.06
+"""A swing foot this far beside where it should be [m] is held by something if its sole is loaded:
+without that it is the robot that is elsewhere."""
 
-_SETTLED = 0.3
-"""Part of the weight that feet carry again when a robot is put down."""
-
-_NOTICED: Mapping[WalkStatus, float] = {WalkStatus.LIFTED: 0.15, WalkStatus.SLIPPING: 0.06}
-"""How long a sign has to last until it counts: a foot that lands bounces, and readings have noise
-[s]."""
-
-_CAUGHT, _FELT = 0.06, 0.02
-"""A foot in the air this far beside where it should be [m] is held by something, if its sole feels
-this part of the weight: without that it is the robot that is elsewhere."""
-
-_SLIP_SPEED, _SLIP_LOAD = 0.2, 0.3
-"""A sole that is faster [m/s] and carries more than this part of the weight slips."""
+_SLIP_SPEED, _LOADED = 0.2, 0.3
+"""A sole that is faster [m/s] and carries more than this part of the weight slips; feet that carry
+as much again have been put down."""
 
 
 _STOOD_ON = 0.1
-"""How long it takes until feet carry a robot that has been put down [s]."""
+"""Time of the load ramp of feet on which a robot has been put down [s]."""
 
 
 class _Sign:
-    """Whether one trouble is there, by how long its sign lasts."""
+    """Presence of one trouble, by how long its sign lasts."""
 
     def __init__(self, status: WalkStatus) -> None:
-        self._lasts, self._noticed = RESPONSES[status].lasts, _NOTICED.get(status, 0.0)
+        self._response = RESPONSES[status]
         self._since = self._left = 0.0
 
     def update(self, seen: bool, dt: float) -> None:
         self._since = self._since + dt if seen else 0.0
         self._left = max(self._left - dt, 0.0)
-        if seen and (self.there or self._since >= self._noticed):
-            self._left = self._lasts + dt
+        if seen and (self.there or self._since >= self._response.noticed):
+            self._left = self._response.lasts + dt
 
     @property
     def there(self) -> bool:
@@ -115,7 +101,7 @@ class TroubleWatch:
         # In the order of the signs.
         seen = (
             sense.com[2] - lowest < _FALLEN * height,
-            left + right < (_SETTLED if self._lifted.there else _HANGING),
+            left + right < (_LOADED if self._lifted.there else UNLOADED),
             flight is not None and flight.waited > settings.patience,
             flight is not None and self._is_caught(flight),
             error > _LOST * height,
@@ -135,49 +121,38 @@ class TroubleWatch:
             flight.swing.position.tolist(),
         )
         away = math.hypot(x - to_x, y - to_y) > _CAUGHT
-        return away and math.hypot(*self._sense.felt(flight.foot)) > _FELT
+        return away and math.hypot(*self._sense.felt(flight.foot)) > UNLOADED
 
     def _slips(self, foot: int, load: float) -> bool:
-        if load < _SLIP_LOAD:
+        if load < _LOADED:
             return False
         x, y, *_ = self._sense.velocities[foot]
         return x * x + y * y > _SLIP_SPEED * _SLIP_SPEED
 
 
-_IDLE, _IDLE_TIME = 0.01, 0.05
-"""A foot that should stand, and carries less than this part of the weight for so long [s] while the
-other one carries the robot, hangs in the air."""
-
-_MOST_IDLE = 2.0 * _IDLE_TIME
-"""Longer than this [s] it is not remembered to have hung: one that carries again is to count as a
-foot that stands within 10 ms, however long it was in the air."""
+_IDLE_TIME = 0.05
+"""An unloaded foot that should stand, beside one that carries the robot, hangs after this [s]."""
 
 _NOISE = 5.0
-"""How much more a moment with a load counts than one without: 3 N of noise on a G1 is a load, too,
-and would hide for a second that its foot hangs."""
+"""Weight of a moment with a load over one without: noise, too, is a load at times."""
 
 
 class HangWatch:
-    """Looks for a foot that should stand, and hangs in the air.
-
-    What its contact is asked to carry moves nothing but its leg, which flies off.
-
-    Attributes:
-        foot: which hangs, 0 for the left one; None for none.
-    """
+    """Looks for a foot that should stand, and hangs in the air."""
 
     def __init__(self, sense: WalkSense, contacts: Sequence[Contact]) -> None:
         self._sense, self._contacts = sense, contacts
         self._idle = [0.0, 0.0]
-        self.foot: int | None = None
+        self.foot: int | None = None  # which hangs, 0 for the left one; None for none
 
     def update(self, dt: float) -> None:
         """Takes in what the feet carry."""
         for foot, contact in enumerate(self._contacts):
-            idle = self._sense.load(foot) < _IDLE and contact.active
+            idle = self._sense.load(foot) < UNLOADED and contact.active
             if idle or self._idle[foot] > 0.0:
                 change = dt if idle else -_NOISE * dt
-                self._idle[foot] = min(max(self._idle[foot] + change, 0.0), _MOST_IDLE)
+                # Remembered for twice the time: a foot that carries again counts within 10 ms.
+                self._idle[foot] = min(max(self._idle[foot] + change, 0.0), 2.0 * _IDLE_TIME)
         left, right = self._idle
         self.foot = None
         if max(left, right) > _IDLE_TIME and min(left, right) == 0.0:

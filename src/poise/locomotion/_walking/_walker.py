@@ -9,6 +9,7 @@ from jaxtyping import Float64
 from poise._checks import Numbers
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
+from poise.locomotion._support import Vector2
 from poise.locomotion._walking._commands import Foothold, VelocityLimits
 from poise.locomotion._walking._engine import SteppingEngine
 from poise.locomotion._walking._footsteps import (
@@ -32,14 +33,14 @@ class Walker:
     """Walks as it is told, now: a `poise.stack.Leader`.
 
     Its steps come from a plan that was made before it began, or it is led by `set_velocity` and
-    `step_to` while it walks. The next footholds are made anew in every tick from what is asked
-    for, and from them, by backward recursion, where the divergent component of motion should be.
+    `step_to` while it walks. The next footholds are made anew in every tick from the
+    command, and from them, by backward recursion, where the DCM should be.
     While a foot is in the air, place and time of its touchdown are chosen from the measured one.
     Standing, the robot steps by itself when its feet cannot hold it, and comes back to rest side by
     side.
 
     It only sets targets of tasks and loads of contacts of the stack: the COM task (its target, and
-    the acceleration that keeps the balance), the frame task of the foot in the air, the contacts of
+    the acceleration that keeps the balance), the frame task of the swing foot, the contacts of
     both soles, and every other frame task, which goes along with the body. It never raises while it
     runs: what is cut of a command is said by `notice`, what goes wrong by `status`.
 
@@ -107,8 +108,6 @@ class Walker:
             self.commands.follow(plan)
         self.carried: Mapping[str, CarriedTarget] = parts.tasks.carried
 
-    # What somebody who leads it says --------------------------------------------------------------
-
     def set_velocity(self, ahead: float, sideways: float = 0.0, turn: float = 0.0) -> None:
         """Walks with a velocity from now on; zero brings the robot to rest, feet side by side.
 
@@ -155,10 +154,8 @@ class Walker:
 
     @property
     def notice(self) -> str:
-        """What was cut or ignored of the last command; "" for nothing."""
+        """Part of the last command that was cut or ignored; "" for nothing."""
         return self.commands.notice
-
-    # What a recorder may know ---------------------------------------------------------------------
 
     @property
     def status(self) -> WalkStatus:
@@ -183,17 +180,17 @@ class Walker:
         return None if flight is None else flight.goal
 
     @property
-    def dcm_error(self) -> Float64[np.ndarray, "2"]:
+    def dcm_error(self) -> Vector2:
         """Deviation of the DCM from its reference [m]."""
         return self._engine.dcm_error
 
     @property
-    def zmp(self) -> Float64[np.ndarray, "2"]:
+    def zmp(self) -> Vector2:
         """Reference of the ZMP, feedback included [m]."""
         return self._engine.zmp
 
     def signals(self) -> Mapping[str, Float64[np.ndarray, " n"] | float | str]:
-        """What a recorder should know of the last tick."""
+        """Signals of the last tick for a recorder."""
         return {
             "zmp_reference": self.zmp.copy(),
             "velocity_command": np.array(self.commands.velocity),
@@ -202,15 +199,13 @@ class Walker:
         }
 
     def leads(self, task: Task) -> bool:
-        """Whether the walk sets a task's target by itself: the COM's and the feet's."""
+        """Return whether the walk sets a task's target by itself: the COM's and the feet's."""
         tasks = self._engine.parts.tasks
         return task is tasks.com or task in tasks.feet
 
     def holds(self, contact: str) -> bool:
-        """Whether the walk loads and unloads a contact of that name."""
+        """Return whether the walk loads and unloads a contact of that name."""
         return any(contact == c.name for c in self._engine.parts.tasks.contacts)
-
-    # A tick ---------------------------------------------------------------------------------------
 
     def lead(self, state: RobotState) -> None:
         """Set what the next tick should do.

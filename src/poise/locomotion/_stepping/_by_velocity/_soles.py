@@ -7,33 +7,29 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
 
 from poise.dynamics import rotation_vector
 from poise.locomotion._stepping._stance import LEVEL, Footing
+from poise.locomotion._support import Rotation, Vector2, Vector3
+from poise.locomotion._walking import LOADED
 
 _FOLLOW, _CORRECT = 5.0, 20.0
-"""How fast the tilt of a ground follows that of a sole which lies flat on it, and how fast it is
-put right by a sole that could not be tilted as it is [1/s]."""
+"""Rates at which the tilt of a ground follows that of a sole which lies flat on it, and that of a
+sole which could not be tilted as it is otherwise [1/s]."""
 
 _ON_EDGE, _FLAT = 0.9, 0.6
 """Distance of the centre of pressure from the sole's, over half the sole: beyond the first the sole
 may be on its edge, within the second it lies flat."""
 
 _SEEK = 0.5
-"""How fast a sole turns on its edge that has not lain flat yet [rad/s]."""
+"""Angular velocity of a sole on its edge that has not lain flat yet [rad/s]."""
 
 
 class SoleGrounds:
-    """The tilt of the ground under each foot, as the inertial unit has it.
+    """The tilt of the ground under each foot, as the inertial unit has it."""
 
-    A sole whose centre of pressure is well inside lies flat: the ground is tilted as the sole is,
-    whatever the unit takes to be level. With the centre of pressure at its toes a sole may be off
-    the ground with its heel, but it cannot be turned the other way: the ground falls off forward
-    no more than the sole does. Likewise at the heel, and at either side. Under a foot that has not
-    lain flat since it landed nobody knows the ground: it is where the sole gets flat that is turned
-    with its free edge down. Turns about the forward and the side axis are told apart.
-    """
+    # A sole pressed well inside lies flat. One pressed at an edge may be raised on the other side,
+    # but not tilted the other way. Ground that no sole has lain flat on since landing is unknown.
 
     def __init__(self, dt: float) -> None:
         self._follow, self._correct = dt * _FOLLOW, dt * _CORRECT
@@ -69,11 +65,11 @@ class SoleGrounds:
         impossible = edge if off * pressed < 0.0 else 0.0
         return (self._follow * (1.0 - edge) + self._correct * impossible) * off
 
-    def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
+    def rotation(self, foot: int) -> Rotation:
         """Return world_R_ground under a foot."""
         return pin.exp3(self._tilts[foot])
 
-    def seeking(self, footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
+    def seeking(self, footing: Footing, foot: int) -> Vector3:
         """Angular velocity of a sole on an edge whose ground is not known, its free edge down."""
         rate, pressed = np.zeros(3), _pressed(footing, foot)
         if pressed is not None:
@@ -82,14 +78,14 @@ class SoleGrounds:
                     rate[axis] = -math.copysign(_SEEK, part)
         return rate
 
-    def righting(self, footing: Footing, foot: int, gain: float) -> Float64[np.ndarray, "3"]:
+    def righting(self, footing: Footing, foot: int, gain: float) -> Vector3:
         """Angular velocity with which a sole that carries is turned onto its ground."""
         lift = _sole_tilt(footing, foot) - self._tilts[foot]
         return self.seeking(footing, foot) - gain * lift
 
 
-def _sole_tilt(footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
-    """How a sole is turned from level, horizontal axis times angle [rad]."""
+def _sole_tilt(footing: Footing, foot: int) -> Vector3:
+    """Return the tilt of a sole from level, horizontal axis times angle [rad]."""
     _, rotation = footing.dynamics.placement(footing.biped.frames[foot])
     tilt = rotation_vector(rotation, LEVEL)
     tilt[2] = 0.0
@@ -97,7 +93,7 @@ def _sole_tilt(footing: Footing, foot: int) -> Float64[np.ndarray, "3"]:
 
 
 def _pressed(footing: Footing, foot: int) -> tuple[float, float] | None:
-    """Where a sole is pressed, over half the sole, on the edges that turns about x and y lower."""
+    """Return the centre of pressure over half the sole, by turns about x and y that lower it."""
     centre = footing.sensor.centres[foot]
     if centre is None:
         return None
@@ -106,40 +102,25 @@ def _pressed(footing: Footing, foot: int) -> tuple[float, float] | None:
 
 
 _ROLL_OFF = 0.3
-"""How fast a sole turns for a distance of its centre of pressure from where it should be
+"""Angular velocity of a sole over the distance of its centre of pressure from its goal
 [rad/s per m]; servos are stiff: ten times as much makes feet shake."""
 
 _GIVE = (0.15, 0.15, 0.03)
-"""How fast a foot gives way to a force that squeezes, over the weight [m/s]; legs are stiffest
+"""Velocity of a foot over a force that squeezes, over the weight [m/s]; legs are stiffest
 along their length."""
-
-_SETTLE = 5.0
-"""How fast the place of a foot that carries follows the foot [1/s]."""
-
-_LEAST_LOAD = 0.1
-"""Load of both feet, over the weight, below which neither gives way."""
 
 
 class SoleYield:
-    """Two feet on the ground are a closed chain: one gives way to forces that only squeeze.
+    """Two feet on the ground are a closed chain: one gives way to forces that only squeeze."""
 
-    Servos of velocities add up every small error of a place that cannot be reached, until a joint
-    is at its limit of torque: with both feet held where they were put down legs push against each
-    other, and soles lie on their edges. So the foot that is not the stance goes where its contact
-    takes it, as far as it carries:
-
-    - it is turned until its centre of pressure is as far ahead as the other's, and in the middle
-      along the line between the feet, where loads and not soles hold the balance;
-    - it goes along the ground with what is left of its pull when that of both is shared by load;
-    - it is lifted or lowered until it carries what the ZMP between the feet asks for: the measured
-      one at rest, the commanded one in a shift, where joints that sag would leave the weight, and
-      so the ZMP, where they were.
-    """
+    # It turns until its centre of pressure is as far ahead as the other's and in the middle across
+    # the line between the feet, moves with what its pull exceeds the share of its load, and rises
+    # or sinks until it bears the load that the ZMP asks for.
 
     def __init__(self, dt: float) -> None:
-        self._settle = dt * _SETTLE
+        self._settle = dt * _FOLLOW
 
-    def turn(self, footing: Footing) -> Float64[np.ndarray, "2"] | None:
+    def turn(self, footing: Footing) -> Vector2 | None:
         """Angular velocity of the other sole, x and y; None while it carries nothing [rad/s]."""
         sensor, other = footing.sensor, footing.other
         here, there = sensor.centres[other], sensor.centres[footing.stance]
@@ -153,16 +134,11 @@ class SoleYield:
         share = min(1.0, 2.0 * float(sensor.loads[other]) / footing.biped.weight)
         return _ROLL_OFF * share * rotation[:2, :2].dot(np.array([off_y, -off_x]))
 
-    def move(
-        self,
-        footing: Footing,
-        velocity: Float64[np.ndarray, "3"],
-        zmp: Float64[np.ndarray, "2"],
-    ) -> Float64[np.ndarray, "3"]:
+    def move(self, footing: Footing, velocity: Vector3, zmp: Vector2) -> Vector3:
         """Velocity of the other foot; its anchor settles where it stands [m/s]."""
         sensor, other = footing.sensor, footing.other
         total, weight = float(sensor.loads.sum()), footing.biped.weight
-        if sensor.centres[other] is None or total < _LEAST_LOAD * weight:
+        if sensor.centres[other] is None or total < LOADED * weight:
             return velocity
         part = float(sensor.loads[other]) / total
         pull, counter = (np.array(sensor.pulls[foot]) for foot in (other, footing.stance))
@@ -174,13 +150,13 @@ class SoleYield:
         return (1.0 - share) * velocity + share / weight * np.array(_GIVE) * give
 
     @staticmethod
-    def _part(footing: Footing, zmp: Float64[np.ndarray, "2"]) -> float:
+    def _part(footing: Footing, zmp: Vector2) -> float:
         """Part of the load that is the other foot's with the ZMP at a place."""
         along = _between(footing)
         from_stance = zmp - footing.sole(footing.stance)[:2]
         return min(1.0, max(0.0, float(from_stance.dot(along) / along.dot(along))))
 
 
-def _between(footing: Footing) -> Float64[np.ndarray, "2"]:
+def _between(footing: Footing) -> Vector2:
     """From the stance to the other foot, along the ground [m]."""
     return (footing.sole(footing.other) - footing.sole(footing.stance))[:2]

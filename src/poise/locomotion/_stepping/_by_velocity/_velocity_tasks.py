@@ -1,10 +1,7 @@
-"""`VelocityTasks`: the stack that the step teleoperator leads where velocities are commanded.
-
-`TaskWeights`: W_A, how much each task of the second level counts.
-"""
+"""Stack of the velocity level: `VelocityTasks` and `VelocityNumbers`."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
@@ -17,15 +14,15 @@ from poise.control import (
 )
 from poise.dynamics import Dynamics, rotation_vector, saturate
 from poise.locomotion._stepping._by_velocity._soles import SoleGrounds, SoleYield
-from poise.locomotion._stepping._by_velocity._velocity_numbers import VelocityNumbers
 from poise.locomotion._stepping._stance import (
     LEVEL,
     Biped,
     DesiredMotion,
     Footing,
+    RobotSize,
     TrunkLean,
 )
-from poise.locomotion._walking import Mode
+from poise.locomotion._walking import CLEARANCE, Mode
 from poise.stack import (
     ComTask,
     FrameTask,
@@ -35,45 +32,54 @@ from poise.stack import (
     SelfCollisionLimit,
     Stack,
     SurfaceContact,
-    Task,
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class VelocityNumbers:
+    """Numbers of Zhang and Kikuuwe, section 3 to 5, and those that the paper leaves open."""
+
+    acceleration_max: float  # a_lim [m/s^2]
+    r_lift: float  # distance of ZMP and reference at which a foot may leave the ground [m]
+    capture_max: float  # largest distance of the DCM from the stance foot at lift-off [m]
+    ct_zmp_max: float  # largest distance of the CT-ZMP from there [m]
+    w_L: float  # weight of the angular momentum in single support
+    lift_speed: float  # largest vertical speed of the COM [m/s]
+    lift_acceleration: float  # largest vertical acceleration of the COM [m/s^2]
+    shift_time: float = 0.01  # time for which a weight shift has to be complete [s]
+    k_omega: float = 10.0  # gain of the angular velocities [1/s]
+    omega_lim: float = 0.8  # largest angular velocity [rad/s]
+    k_level: float = 8.0  # gain with which a stance sole is levelled [1/s]
+    w_B: float = 100.0  # weight of the torso's angular velocity in double support
+    w_B1: float = 3.0  # the same in single support
+    w_S1: float = 30.0  # weight of the swing foot's velocity
+    w_S2: float = 1e4  # weight of the other foot's velocity in double support
+    epsilon: float = 1e-3  # weight of what should not count
+    tilt_soft: float = 0.2  # tilt of the torso at which its attitude weighs twice as much [rad]
+    momentum_leak: float = 5.0  # decay of the desired angular momentum [1/s]
+    velocity_leak: float = 5.0  # decay of the commanded COM velocity into the measured one [1/s]
+
+
+def velocity_numbers(size: RobotSize) -> VelocityNumbers:
+    """Scale the numbers from the paper's robot: 65 kg, feet 0.42 m apart.
+
+    The first swing of the ZMP, a_lim / omega^2, keeps its ratio to the COM's height; `r_lift` keeps
+    its ratio to the distance of the feet, within half a sole. Angular momentum weighs as much as
+    the paper's beside the swing foot's velocity: it goes with m h.
+    """
+    return VelocityNumbers(
+        acceleration_max=size.by_stiffness(0.8 * size.tall),
+        r_lift=min(0.12 * size.apart / 0.42, size.half_sole),
+        capture_max=0.06 * size.wide,
+        ct_zmp_max=0.12 * size.wide,
+        w_L=(65.0 / size.mass / size.tall) ** 2,
+        lift_speed=0.3 * size.tall,
+        lift_acceleration=1.5 * size.tall,
+    )
+
 
 _LIMIT_TIME = 0.05
 """Time in which a joint may at most reach its position limit [s]."""
-
-_MARGIN = 0.01
-"""Distance that is kept between the capsules of two legs [m]. Those of feet are as large as feet,
-and feet are off by up to 9 mm where they land; those of knees are up to 4 cm larger than knees,
-which farther apart would hold ordinary steps."""
-
-
-class WA(NamedTuple):
-    """W_A of the second level in (20)."""
-
-    momentum: float
-    torso: float  # of its angular velocity
-    foot: float  # of the velocity of the foot that is not the stance
-
-
-class TaskWeights:
-    """In place of (39c) and (39d): constant where those chatter with the measured ZMP."""
-
-    def __init__(self, numbers: VelocityNumbers, *, rotator: bool) -> None:
-        self._numbers, self._rotator = numbers, rotator
-
-    def at(self, footing: Footing, *, upright: bool) -> WA:
-        """The weights."""
-        p = self._numbers
-        if not footing.mode.single:
-            return WA(p.epsilon, p.w_B, p.w_S2)
-        # Firm on the ground, so that momentum does not drag the foot; the paper's once clear of it.
-        clear = footing.clearance(footing.ground_below)
-        foot = p.w_S2 ** (1.0 - clear) * p.w_S1**clear
-        if not self._rotator:
-            return WA(p.epsilon, p.w_B, foot)
-        # A torso that leans as far as the momentum asks for takes the hips to their limits.
-        torso = p.w_B1 * (1.0 + (footing.tilt / p.tilt_soft) ** 4)
-        return WA(p.w_L, p.w_B if upright else torso, foot)
 
 
 class VelocityTasks:
@@ -92,7 +98,7 @@ class VelocityTasks:
         self._led = [task.name for task in limbs]
         self._lean = TrunkLean(biped.relief, dt)
         self._grounds, self._yield = SoleGrounds(dt), SoleYield(dt)
-        self._weights = TaskWeights(numbers, rotator=rotator)
+        self._rotator = rotator
         self._com = ComTask()
         self._momentum = MomentumTask("angular_xy")
         self._torso = FrameTask(biped.robot.torso, "orientation", name="torso")
@@ -107,7 +113,7 @@ class VelocityTasks:
                 *([limbs] if limbs else []),
             ],
             joint_limit=JointLimit(position_margin=0.0, position_range=biped.knees),
-            self_collision_limit=SelfCollisionLimit(legs_only=True, margin=_MARGIN),
+            self_collision_limit=SelfCollisionLimit(legs_only=True, margin=CLEARANCE),
         )
         self.stack.bind(biped.robot)
         self.reset()
@@ -133,7 +139,6 @@ class VelocityTasks:
 
     def ask(self, footing: Footing, desired: DesiredMotion, *, upright: bool) -> None:
         """Sets contacts, velocities and weights for a tick."""
-        weights = self._weights.at(footing, upright=upright)
         biped, dynamics, other = self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
         # Feet that stand are no matter of a controller that knows one of them as a contact.
@@ -155,9 +160,23 @@ class VelocityTasks:
                 zmp = dynamics.com[:2] - desired.com_acceleration / footing.omega**2
             foot = self._yield.move(footing, foot, zmp)
         self._places[other].set_velocity(foot - turn.velocity_at(place))
-        _weigh(self._momentum, weights.momentum)
-        _weigh(self._torso, weights.torso)
-        _weigh(self._places[other], weights.foot)
+        weighed = self._momentum, self._torso, self._places[other]
+        for task, weight in zip(weighed, self._weights(footing, upright=upright), strict=True):
+            task.set_weight((weight / DifferentialIK.ROW_WEIGHT) ** 0.5)
+
+    def _weights(self, footing: Footing, *, upright: bool) -> tuple[float, float, float]:
+        """W_A of momentum, torso and foot; (39c) and (39d) chatter with the measured ZMP."""
+        p = self._numbers
+        if not footing.mode.single:
+            return p.epsilon, p.w_B, p.w_S2
+        # Firm on the ground, so that momentum does not drag the foot; the paper's once clear of it.
+        clear = footing.clearance(footing.ground_below)
+        foot = p.w_S2 ** (1.0 - clear) * p.w_S1**clear
+        if not self._rotator:
+            return p.epsilon, p.w_B, foot
+        # A torso that leans as far as the momentum asks for takes the hips to their limits.
+        torso = p.w_B1 * (1.0 + (footing.tilt / p.tilt_soft) ** 4)
+        return p.w_L, p.w_B if upright else torso, foot
 
     def _other_sole(self, footing: Footing) -> Float64[np.ndarray, "3"]:
         """Eq. (17d), parallel to the stance's ground; one that carries yields instead [rad/s]."""
@@ -188,10 +207,6 @@ class VelocityTasks:
         self._stance = foot
         self._contacts[foot].engage(0.0)
         self._contacts[1 - foot].release(0.0)
-
-
-def _weigh(task: Task, row_weight: float) -> None:
-    task.set_weight((row_weight / DifferentialIK.ROW_WEIGHT) ** 0.5)
 
 
 class _Turn:

@@ -1,26 +1,297 @@
-"""`OperatorGuard`: which of an operator's samples count, and how fast they are followed."""
+"""Operator guard: `SampleClock`, `Engagement`, `Tracker` and `OperatorGuard`."""
 
 import math
 from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
-from jaxtyping import Float64
+import pinocchio as pin
 
 from poise._checks import checked_number
-from poise.locomotion._stepping._operator._fields import WarnOnce, checked_sample
+from poise.dynamics import rotation_vector
 from poise.locomotion._stepping._operator._sample import (
     BodyCommand,
     Device,
     OperatorSample,
     TrackedPose,
     Vector,
+    WarnOnce,
+    checked_sample,
 )
-from poise.locomotion._stepping._operator._sample_clock import SILENT_AFTER, Engagement, SampleClock
-from poise.locomotion._stepping._operator._tracking import Tracker, is_turned_away, rotation_of
+from poise.locomotion._support import Rotation, Vector3
 
-# Sticks do not rest at exactly zero [m/s, rad/s]
-_STICK_REST, _STICK_TURN_REST = 0.01, 0.02
+# Period of the slowest device that is followed without gaps [s]: hands move at 5 Hz at most,
+# and ten samples a second are the fewest that show it
+SLOWEST = 0.1
+SILENT_AFTER = SLOWEST  # without a new sample for longer a velocity is unknown [s]
+# Without a good sample for longer a device is lost [s]: a link that drops every fourth sample
+# drops five in a row once in a thousand
+LOST_AFTER = 5 * SLOWEST
+LATE = LOST_AFTER  # a sample that is later than the soonest by this counts as lost [s]
+_DRIFT = 1e-3  # part of the time by which two clocks drift apart: ten times what quartz does
+
+
+class SampleClock:
+    """Accept samples that are newer than the newest and no later than a link makes them."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Accept any clock from now on."""
+        self.newest = self.heard_at = -math.inf
+        self._soonest = math.inf
+
+    def accepts(self, stamp: float, time: float) -> bool:
+        """Return whether a sample counts, which makes it the newest."""
+        # Otherwise a frozen source would be heard for ever.
+        if not math.isfinite(stamp) or stamp == self.newest:
+            return False
+        soonest = time - stamp
+        if not self.is_lost(time) and self.newest > -math.inf:
+            if not 0.0 < stamp - self.newest <= time - self.heard_at + LATE:
+                return False
+            soonest = min(soonest, self._soonest + _DRIFT * (time - self.heard_at))
+        if time - stamp - soonest > LATE:
+            return False
+        self.newest, self.heard_at, self._soonest = stamp, time, soonest
+        return True
+
+    def lateness(self, stamp: float, time: float) -> float:
+        """Return by how much later than the soonest a sample comes [s]."""
+        return time - stamp - self._soonest
+
+    def is_lost(self, time: float) -> bool:
+        """Return whether nothing was heard for too long."""
+        return abs(time - self.heard_at) > LOST_AFTER
+
+
+class Engagement:
+    """When a part leads: from when its clutch closes, which has to be seen, until it opens."""
+
+    def __init__(self) -> None:
+        self.engaged = self._released = False
+        self._good_at = -math.inf
+
+    def expire(self, time: float) -> bool:
+        """Disengage a lost part; return whether it was engaged until now."""
+        if abs(time - self._good_at) <= LOST_AFTER:
+            return False
+        engaged = self.engaged
+        self.engaged = self._released = False
+        return engaged
+
+    def lose(self) -> None:
+        """Disengage until the part is seen released and then closed."""
+        self.engaged = self._released = False
+
+    def release(self, time: float) -> None:
+        """Note an open clutch, at a time of the robot [s]."""
+        self.engaged, self._released, self._good_at = False, True, time
+
+    def engage(self) -> bool:
+        """Note a closed clutch; return whether the part begins to lead now."""
+        begins = self._released and not self.engaged
+        self.engaged, self._released = self.engaged or begins, False
+        return begins
+
+    def refresh(self, time: float) -> None:
+        """Note a good sample, at a time of the robot [s]."""
+        self._good_at = time
+
+
+# Largest speed at which a part is followed [m/s]: a foot in a brisk walk, a hand that reaches
+SPEED_MAX = 2.5
+# Distance that is followed without delay after rest [m]: one period of a tracker of 40 Hz
+BURST = 0.06
+# A sample farther away is another thing's [m]: one period of the slowest device at `SPEED_MAX`
+JUMP = SPEED_MAX * SLOWEST + BURST
+TURN_SPEED_MAX = 3.0  # of a hand that is followed [rad/s]: what wrists of robots reach
+# Turn that is followed without delay after rest [rad]: one period of a tracker of 25 Hz, for a
+# wrist that is flicked runs ahead of what follows it
+TURN_BURST = TURN_SPEED_MAX / 25.0
+TURN_JUMP = 12.0 * SLOWEST  # between samples [rad]: a wrist that is flicked, at 12 rad/s
+# Delay with which a device may read its own velocity [s]: two periods of a tracker of 100 Hz
+VELOCITY_DELAY = 0.02
+VELOCITY_ERROR = SPEED_MAX * VELOCITY_DELAY  # distance between place and integrated velocity [m]
+# Time constant with which that distance is forgotten [s]: no less than a velocity counts
+VELOCITY_MEMORY = 2 * SILENT_AFTER
+UNIT_ERROR = 0.01  # of a quaternion's length: messages round to two figures
+
+
+_STILL: Vector3 = np.zeros(3)
+_STILL.flags.writeable = False
+
+
+class RateLimiter:
+    """Rate-limit a motion: in any n ticks no more than `burst` + n `step`."""
+
+    def __init__(self, step: float, burst: float) -> None:
+        self._step, self._burst = step, burst
+        self._room = burst
+
+    def part(self, distance: float) -> float:
+        """Take one tick of a way; return which part of it is gone."""
+        most = self._room = min(self._room + self._step, self._burst)
+        self._room = max(most - distance, 0.0)
+        return 1.0 if distance <= most else most / distance
+
+    def turn(self, rotation: Rotation, goal: Rotation) -> tuple[Rotation, Vector3]:
+        """Take one tick of a turn."""
+        if rotation is goal:
+            return goal, _STILL
+        way = rotation_vector(goal, rotation)
+        part = self.part(math.hypot(*way))
+        way = part * way
+        return (goal if part == 1.0 else pin.exp3(way) @ rotation), way
+
+
+class VelocityCheck:
+    """Velocity that a device sends, for as long as its position moves accordingly."""
+
+    def __init__(self) -> None:
+        self._velocity: Vector | None = None
+        self._at = -math.inf
+        self._sent: Sequence[float] = (0.0, 0.0, 0.0)
+        self._place: Sequence[float] = (0.0, 0.0, 0.0)
+        self._apart: Sequence[float] = (0.0, 0.0, 0.0)
+
+    def update(self, velocity: Vector | None, place: Vector, time: float) -> None:
+        """Take what came with a good sample."""
+        self._velocity = None
+        # Not a number is no smaller either.
+        if velocity is None or not math.hypot(*velocity) <= SPEED_MAX:
+            return
+        since = time - self._at
+        if 0.0 <= since <= SILENT_AFTER:
+            kept = 1.0 - since / VELOCITY_MEMORY
+            self._apart = [
+                kept * (apart + 0.5 * since * (old + new) - (now - before))
+                for apart, old, new, now, before in zip(
+                    self._apart, self._sent, velocity, place, self._place, strict=True
+                )
+            ]
+        else:
+            self._apart = (0.0, 0.0, 0.0)
+        self._sent, self._place, self._at = velocity, place, time
+        if math.hypot(*self._apart) <= VELOCITY_ERROR:
+            self._velocity = velocity
+
+    def at(self, time: float) -> Vector | None:
+        """Return the velocity at a time of the robot [m/s]; None where it is unknown."""
+        return self._velocity if 0.0 <= time - self._at <= SILENT_AFTER else None
+
+
+class Tracker(Engagement):
+    """Follow a foot or a hand of the operator while it leads."""
+
+    def __init__(self, dt: float) -> None:
+        super().__init__()
+        self._limiter = RateLimiter(dt * SPEED_MAX, BURST)
+        self._turning = RateLimiter(dt * TURN_SPEED_MAX, TURN_BURST)
+        self._velocity = VelocityCheck()
+        self.place: Vector = (0.0, 0.0, 0.0)
+        self._goal = self.place
+        self._rotation: Rotation | None = None
+        self._turn_goal: Rotation | None = None
+        self.step = self.turn = _STILL
+
+    @property
+    def turns(self) -> bool:
+        """The part leads by its orientation, too."""
+        return self.engaged and self._rotation is not None
+
+    def velocity(self, time: float) -> Vector | None:
+        """Return its velocity at a time of the robot [m/s]; None while unknown or not engaged."""
+        return self._velocity.at(time) if self.engaged else None
+
+    def update(
+        self, part: TrackedPose | None, time: float, *, foot: tuple[Vector, float] | None = None
+    ) -> bool:
+        """Take one tick."""
+        self.step = self.turn = _STILL
+        # For a tick at least: what is followed does not jump from one place to another.
+        if self.expire(time):
+            return False
+        good = part is not None and self._accepts(part, time, foot)
+        if not self.engaged:
+            return good
+        if self._rotation is not None and self._turn_goal is not None:
+            self._rotation, self.turn = self._turning.turn(self._rotation, self._turn_goal)
+        before, share = self.place, self._limiter.part(math.dist(self._goal, self.place))
+        if share == 1.0:
+            self.place = self._goal
+        else:
+            (x, y, z), (to_x, to_y, to_z) = before, self._goal
+            self.place = (x + share * (to_x - x), y + share * (to_y - y), z + share * (to_z - z))
+        if foot is None:
+            self.step = np.subtract(self.place, before)
+        return good
+
+    def _accepts(self, part: TrackedPose, time: float, foot: tuple[Vector, float] | None) -> bool:
+        """Engage, follow or refuse a sample."""
+        point, rotation = part.position, None
+        if foot is None:
+            if not part.clutch:
+                self.release(time)
+                return False
+            if part.orientation is not None:
+                rotation = rotation_of(part.orientation)
+                if rotation is None:
+                    return False
+        elif part.clutch is not None:
+            # A tracker's position is in no world; `FootTracker` makes a place of it.
+            return False
+        if point is None:
+            return False
+        if self.engaged:
+            if self._is_elsewhere(point, rotation):
+                return False
+        elif not self._begins(point, time, foot):
+            return False
+        if rotation is None or self._rotation is None:
+            self._rotation = rotation
+        self._goal, self._turn_goal = point, rotation
+        self.refresh(time)
+        self._velocity.update(part.velocity, point, time)
+        return True
+
+    def _begins(self, point: Vector, time: float, foot: tuple[Vector, float] | None) -> bool:
+        if not all(map(math.isfinite, point)):
+            return False
+        begin = point
+        if foot is not None:
+            begin, highest = foot
+            if math.dist(point, begin) > JUMP or point[2] > highest:
+                return False
+            self.release(time)
+        if not self.engage():
+            return False
+        self.place, self._rotation = begin, None
+        return True
+
+    def _is_elsewhere(self, point: Vector, rotation: Rotation | None) -> bool:
+        # Not a number is nowhere near.
+        if not math.dist(point, self.place) <= JUMP:
+            return True
+        return rotation is not None and is_turned_away(rotation, self._rotation)
+
+
+def is_turned_away(rotation: Rotation, before: Rotation | None) -> bool:
+    """Return whether a rotation is so far from the one before that it is another thing's."""
+    return before is not None and math.hypot(*rotation_vector(rotation, before)) > TURN_JUMP
+
+
+def rotation_of(quaternion: Sequence[float]) -> Rotation | None:
+    """Return the rotation matrix of a unit quaternion (x, y, z, w); None for what is none."""
+    length = math.hypot(*quaternion)
+    # Not a number is not near one either.
+    if not abs(length - 1.0) <= UNIT_ERROR:
+        return None
+    return pin.Quaternion(np.array(quaternion) / length).toRotationMatrix()
+
+
+_STICK_REST = 0.02  # sticks do not rest at exactly zero [m/s, rad/s]
 
 
 class DeviceStatus(Enum):
@@ -70,7 +341,7 @@ class OperatorGuard:
         self._clock = SampleClock()
         self._feet, self.hands = (Tracker(dt), Tracker(dt)), (Tracker(dt), Tracker(dt))
         self._look, self._walk = Engagement(), Engagement()
-        self.head: Float64[np.ndarray, "3 3"] | None = None
+        self.head: Rotation | None = None
         self.velocity: Vector = (0.0, 0.0, 0.0)
         self.rest = False
         self._body, self._upright = BodyCommand(), False
@@ -103,8 +374,8 @@ class OperatorGuard:
         self,
         sample: OperatorSample | None,
         time: float,
-        soles: Sequence[Float64[np.ndarray, "3"]] = (),
-        grounds: Sequence[Float64[np.ndarray, "3"]] = (),
+        soles: Sequence[Vector3] = (),
+        grounds: Sequence[Vector3] = (),
     ) -> OperatorSample | None:
         """Take one tick, after which `hands`, `head`, `rest` and `velocity` are those of it.
 
@@ -145,11 +416,7 @@ class OperatorGuard:
         self.held, self.status = (False, False), status
 
     def _goal(
-        self,
-        tracker: Tracker,
-        sole: Float64[np.ndarray, "3"],
-        grounds: Sequence[Float64[np.ndarray, "3"]],
-        time: float,
+        self, tracker: Tracker, sole: Vector3, grounds: Sequence[Vector3], time: float
     ) -> TrackedPose:
         """Place of a device that leads; straight down without one."""
         if tracker.engaged:
@@ -179,8 +446,7 @@ class OperatorGuard:
 
     def _steer(self, velocity: Vector, time: float) -> None:
         """A velocity counts after one of zero: a stick that was held when it was found does not."""
-        ahead, aside, turn = map(abs, velocity)
-        if ahead <= _STICK_REST and aside <= _STICK_REST and turn <= _STICK_TURN_REST:
+        if all(abs(rate) <= _STICK_REST for rate in velocity):
             self._walk.release(time)
             return
         if not all(map(math.isfinite, velocity)):

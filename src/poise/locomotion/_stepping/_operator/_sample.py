@@ -1,11 +1,15 @@
-"""`OperatorSample`: one message of an operator, on the wire, in the loop, scripts and records."""
+"""`OperatorSample`: one message of an operator, and validation of what devices return."""
 
+import logging
 import math
+import reprlib
 from collections.abc import Sequence
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, TypeVar, runtime_checkable
 
+import msgspec
 import numpy as np
 from msgspec import Meta, Struct
+from msgspec.structs import asdict, fields
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # Of a rotation, (x, y, z, w)
@@ -14,7 +18,7 @@ Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 """Of a stick along one of its axes; records have none, and are read whatever a device gave."""
 
 _Numbers = Sequence[float | int] | np.ndarray
-_NOWHERE: Vector = (math.nan, math.nan, math.nan)
+NOWHERE: Vector = (math.nan, math.nan, math.nan)
 
 
 def _floats(values: _Numbers | None) -> Any:
@@ -127,7 +131,7 @@ class OperatorSample(
     def place(self, foot: int) -> Vector:
         """Position of a foot's device, 0 left and 1 right [m]; NaN without one."""
         part = self.feet[foot]
-        return _NOWHERE if part is None or part.position is None else part.position
+        return NOWHERE if part is None or part.position is None else part.position
 
 
 @runtime_checkable
@@ -140,3 +144,168 @@ class Device(Protocol):
         Its vectors may be arrays or lists of any real numbers; None for nothing new.
         """
         ...
+
+
+_LOG = logging.getLogger("poise")
+
+# Kinds whose `repr` is no longer than a number's
+_PLAIN = type(None) | bool | float | complex | np.number | np.bool_
+_MOST_BITS = 64  # the time of writing longer whole numbers grows with the square of their length
+_MOST_NUMBERS = 16  # larger arrays are shown by their shape; no field has more than 4 numbers
+_ARRAYS = (np.ndarray, np.generic)
+
+_LENGTHS = {"position": 3, "orientation": 4, "velocity": 3}  # of the vectors of a tracked part
+_FLAGS = ("upright", "rest", "clutch")
+_WANTED = {"time": "a number", "height": "a number", "torso": "3 numbers", "turns": "2 numbers"}
+_WANTED |= {name: f"{count} numbers" for name, count in _LENGTHS.items()}
+_WANTED |= dict.fromkeys(_FLAGS, "true or false")
+
+T = TypeVar("T")
+
+
+class FieldError(TypeError):
+    """Fields of a sample that are of another kind than they should be."""
+
+    def __init__(self, fields: tuple[str, ...], words: str) -> None:
+        super().__init__(words)
+        self.fields = fields
+
+
+class WarnOnce:
+    """Log faults on the logger `poise`, each kind once: most recur in the next tick."""
+
+    def __init__(self) -> None:
+        self._logged = set[tuple[type[Exception], str]]()
+
+    def __call__(self, error: Exception, message: str, *names: str) -> None:
+        """Log an error with its traceback, unless all of its kinds have been logged."""
+        fields = error.fields if isinstance(error, FieldError) else ("",)
+        kinds = {(type(error), field) for field in fields}
+        if not kinds <= self._logged:
+            self._logged |= kinds
+            _LOG.error(message, *names, exc_info=error)
+
+
+def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | None]:
+    """Return a sample of floats, in which bad vectors of parts are NaN, and what is bad in it."""
+    if sample is None:
+        return None, None
+    whole = _of_kind("sample", sample, OperatorSample)
+    # Without buttons and sticks, which no controller reads.
+    (left, right), (one, other) = _two("feet", whole.feet), _two("hands", whole.hands)
+    parts = {
+        name: None if part is None else asdict(_of_kind(name, part, TrackedPose))
+        for name, part in (
+            ("left foot", left),
+            ("right foot", right),
+            ("left hand", one),
+            ("right hand", other),
+            ("head", whole.head),
+        )
+    }
+    members = {
+        "time": whole.time,
+        "feet": [parts["left foot"], parts["right foot"]],
+        "hands": [parts["left hand"], parts["right hand"]],
+        "head": parts["head"],
+        "body": asdict(_of_kind("body", whole.body, BodyCommand)),
+        "velocity": whole.velocity,
+        "upright": whole.upright,
+        "rest": whole.rest,
+    }
+    try:
+        return msgspec.convert(members, OperatorSample), None
+    except msgspec.ValidationError:
+        return _mended(members, parts)
+
+
+def checked_reading(arm: str, reading: object) -> TrackedPose | None:
+    """Validate what an arm of a foot returned: its position, and whether its clutch is closed."""
+    if reading is None:
+        return None
+    place, clutch = _two(f"reading of {arm}", reading)
+    place = NOWHERE if place is None else _read(f"position of {arm}", place, Vector)
+    return TrackedPose(place, bool(_read(f"clutch of {arm}", clutch, bool | int)))
+
+
+def _mended(
+    members: dict[str, Any], parts: dict[str, dict[str, Any] | None]
+) -> tuple[OperatorSample, FieldError | None]:
+    """Convert NumPy's numbers in a sample, and make vectors of parts NaN that are none."""
+    faults = dict[str, str]()
+    for label, part in (*parts.items(), ("body", members["body"]), ("", members)):
+        kind = BodyCommand if label == "body" else TrackedPose if label else OperatorSample
+        for info in fields(kind):
+            key = info.name
+            if part is None or key not in part or key in ("feet", "hands", "head", "body"):
+                continue
+            field = f"{key} of {label}" if kind is TrackedPose else key
+            flag = key in _FLAGS
+            try:
+                value = _read(field, part[key], info.type | int if flag else info.type)
+                part[key] = bool(value) if flag and value is not None else value
+            except FieldError as fault:
+                if kind is not TrackedPose or flag:
+                    raise
+                faults[field], part[key] = str(fault), (math.nan,) * _LENGTHS[key]
+    good = msgspec.convert(members, OperatorSample)
+    return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
+
+
+def _of_kind(field: str, value: object, kind: type[T]) -> T:
+    if not isinstance(value, kind):
+        raise FieldError((field,), f"{field} is {_BRIEF.repr(value)}, no {kind.__name__}")
+    return value
+
+
+def _two(field: str, values: object) -> tuple[Any, Any]:
+    if not isinstance(values, tuple | list) or len(values) != 2:
+        raise FieldError((field,), f"{field} is {_BRIEF.repr(values)}, not a tuple of two")
+    return values[0], values[1]
+
+
+def _read(field: str, value: object, kind: Any) -> Any:
+    try:
+        return msgspec.convert(_bare(value), kind)
+    except msgspec.ValidationError:
+        raise _fault(field, value) from None
+
+
+def _fault(field: str, value: object) -> FieldError:
+    wanted = _WANTED[field.partition(" of ")[0]]
+    return FieldError((field,), f"{field} is {_BRIEF.repr(value)}, not {wanted}")
+
+
+def _bare(value: Any) -> Any:
+    """Plain numbers or lists of them, where there are few."""
+    if type(value) in (tuple, list):
+        few = len(value) <= _MOST_NUMBERS
+        return [item if type(item) is float else _plain(item) for item in value] if few else value
+    return _plain(value)
+
+
+def _plain(value: Any) -> Any:
+    """Lists and numbers of Python in place of small arrays and NumPy's numbers."""
+    small = isinstance(value, _ARRAYS) and value.size <= _MOST_NUMBERS
+    return value.tolist() if small and value.dtype.kind in "biuf" else value
+
+
+class _Brief(reprlib.Repr):
+    """`repr` in a tick's time: that of an unknown object may take any."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel, self.maxstring = 2, 60
+
+    def repr1(self, x: object, level: int) -> str:
+        if isinstance(x, np.ndarray):
+            brief = x.size <= _MOST_NUMBERS and x.dtype.kind in "biufc"
+            return repr(x) if brief else f"an array of {x.dtype.name} and shape {x.shape}"
+        if type(x) is int and x.bit_length() > _MOST_BITS:
+            return f"a whole number of {x.bit_length()} bits"
+        if type(x) in (int, str, list, tuple):
+            return super().repr1(x, level)
+        return repr(x) if isinstance(x, _PLAIN) else f"a {type(x).__name__}"
+
+
+_BRIEF = _Brief()

@@ -8,12 +8,13 @@ from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
 
 from poise._schema import Bounds, Seconds, Vector, checked
 from poise.dynamics import least_jerk
 from poise.errors import ConfigurationError
+from poise.locomotion._stepping._operator._guard import SLOWEST
 from poise.locomotion._stepping._operator._sample import OperatorSample, TrackedPose
+from poise.locomotion._support import Vector3
 
 # Forward, left and up from where the foot stood at the start [m]
 Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit="m"))]
@@ -52,10 +53,6 @@ class WayPoint:
             raise ConfigurationError("a way-point moves no device", wanted="left, right or both")
 
 
-# When a scripted device takes hold of its hand [s]: its clutch has to be seen open first
-_GRIP_AT = 0.1
-
-
 class ScriptedDevice:
     """Devices that go from way-point to way-point, each part by a blend of least jerk.
 
@@ -73,12 +70,7 @@ class ScriptedDevice:
         ConfigurationError: times that do not increase.
     """
 
-    def __init__(
-        self,
-        points: Sequence[WayPoint],
-        left: Float64[np.ndarray, "3"],
-        right: Float64[np.ndarray, "3"],
-    ) -> None:
+    def __init__(self, points: Sequence[WayPoint], left: Vector3, right: Vector3) -> None:
         for before, after in pairwise(point.at for point in points):
             if not after > before:
                 what, wanted = "way-points are not in order of time", "times that increase"
@@ -113,22 +105,20 @@ class _ScriptedPose:
         if not (self._place.moves or self._turn.moves):
             return None
         turn = pin.Quaternion(pin.exp3(self._turn.at(time))).coeffs() if self._turn.moves else None
-        return TrackedPose.of(self._place.at(time), time > _GRIP_AT, turn)
+        return TrackedPose.of(self._place.at(time), time > SLOWEST, turn)
 
 
 class _Path:
     """Trajectory through offsets from a start [m]; points without one are passed over."""
 
-    def __init__(
-        self, points: Sequence[tuple[float, Offset | None]], start: Float64[np.ndarray, "3"]
-    ) -> None:
+    def __init__(self, points: Sequence[tuple[float, Offset | None]], start: Vector3) -> None:
         given = [(at, start + np.array(way)) for at, way in points if way is not None]
         self.moves = bool(given)
         if not given or given[0][0] > 0.0:
             given = [(0.0, start.copy()), *given]
         self._times, self._places = [at for at, _ in given], [place for _, place in given]
 
-    def at(self, time: float) -> Float64[np.ndarray, "3"]:
+    def at(self, time: float) -> Vector3:
         i = bisect_right(self._times, time)
         if i == 0:
             return self._places[0].copy()

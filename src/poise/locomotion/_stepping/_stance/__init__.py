@@ -1,51 +1,36 @@
-"""How the robot stands: its mode, its soles and legs, and where its feet can go."""
+"""Stance of the robot: its mode, soles and legs, and the workspace of its feet."""
 
-from poise.locomotion._stepping._stance._biped import KNEE, Biped, biped_of, leg_joints
-from poise.locomotion._stepping._stance._desired import POSITION_GAIN, DesiredMotion
-from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._stance._biped import (
+    GIVES as GIVES,
+    KNEE as KNEE,
+    Biped as Biped,
+    FootRange as FootRange,
+    biped_of as biped_of,
+    leg_joints as leg_joints,
+)
+from poise.locomotion._stepping._stance._estimator import (
+    StanceEstimator as StanceEstimator,
+    ZmpSensor as ZmpSensor,
+)
 from poise.locomotion._stepping._stance._footing import (
-    LANDED,
-    Footing,
-    StanceChoice,
-    mean_angle,
-    turn_to_left,
-    wrapped,
-    yaw_of,
+    LANDED as LANDED,
+    LEVEL as LEVEL,
+    POSITION_GAIN as POSITION_GAIN,
+    TORSO_MOST as TORSO_MOST,
+    UPRIGHT as UPRIGHT,
+    DesiredMotion as DesiredMotion,
+    Footing as Footing,
+    StanceChoice as StanceChoice,
+    TrunkLean as TrunkLean,
+    TrunkPose as TrunkPose,
 )
-from poise.locomotion._stepping._stance._lean import (
-    LEVEL,
-    TORSO_MOST,
-    UPRIGHT,
-    TrunkLean,
-    TrunkPose,
+from poise.locomotion._stepping._stance._parameters import (
+    RobotSize as RobotSize,
+    TeleopParameters as TeleopParameters,
+    checked_actuation as checked_actuation,
+    checked_start as checked_start,
+    scaled_parameters as scaled_parameters,
+    size_of as size_of,
+    teleop_parameters as teleop_parameters,
 )
-from poise.locomotion._stepping._stance._parameters import TeleopParameters
-from poise.locomotion._stepping._stance._reach import GIVES, FootRange
-from poise.locomotion._stepping._stance._size import RobotSize
-
-__all__ = [
-    "GIVES",
-    "KNEE",
-    "LANDED",
-    "LEVEL",
-    "POSITION_GAIN",
-    "TORSO_MOST",
-    "UPRIGHT",
-    "Biped",
-    "DesiredMotion",
-    "FootRange",
-    "Footing",
-    "RobotSize",
-    "StanceChoice",
-    "StanceEstimator",
-    "TeleopParameters",
-    "TrunkLean",
-    "TrunkPose",
-    "ZmpSensor",
-    "biped_of",
-    "leg_joints",
-    "mean_angle",
-    "turn_to_left",
-    "wrapped",
-    "yaw_of",
-]
+from poise.locomotion._walking import mean_angle as mean_angle

@@ -1,7 +1,4 @@
-"""`Biped`: of a robot what the step teleoperator looks up once, and not every tick.
-
-`LegGeometry`: a leg as hip, knee and ankle, with what limits where its sole can be.
-"""
+"""Legs of a robot that is stepped: `LegGeometry`, `Biped` and `FootRange`."""
 
 import math
 from collections.abc import Mapping
@@ -12,21 +9,23 @@ from jaxtyping import Float64
 
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
-from poise.locomotion._stepping._stance._size import RobotSize
-from poise.locomotion._support import two_soles
+from poise.locomotion._stepping._stance._parameters import RobotSize, TeleopParameters
+from poise.locomotion._support import Point, Vector2, Vector3, two_soles
+from poise.locomotion._walking import CLEARANCE
 from poise.robots import GRAVITY, Robot
 
-_HIP_JOINTS = 3
-"""The first three joints of a leg are the hip's, in any order."""
+KNEE = 3
+"""Place of the knee among the joints of a leg: behind the hip's three, in any order."""
 
-KNEE = _HIP_JOINTS
-"""Place of the knee among the joints of a leg: behind the hip's three."""
-
-_BASE_JOINT = 1
+BASE_JOINT = 1
 """Pinocchio's index of the floating base; joint 0 is the world."""
 
 _KNEE_MIN = 0.08
 """Least bend of a knee: straighter the leg is singular [rad]."""
+
+_LOAD, _RANGE = 0.7, 0.8
+"""Parts of a joint's torque and of its range to stand with: the rest raises the body again, and
+swings the other leg."""
 
 _PITCH, _ROLL = 1, 0
 """Axes of the ankle in the body: across the leg and along the foot."""
@@ -49,8 +48,8 @@ def leg_joints(robot: Robot, sole: str) -> list[int]:
 class LegGeometry:
     """Thigh and shank between ankle and hip, the point nearest to the axes of the hip's joints."""
 
-    hip: Float64[np.ndarray, "3"]  # in the pelvis's frame [m]
-    ankle: Float64[np.ndarray, "3"]  # origin of the last joint, in the sole's frame [m]
+    hip: Vector3  # in the pelvis's frame [m]
+    ankle: Vector3  # origin of the last joint, in the sole's frame [m]
     length: float  # from hip to ankle with the knee as straight as it may be [m]
     thigh: float  # from hip to knee [m]
     shank: float  # from knee to ankle [m]
@@ -91,38 +90,25 @@ def leg_geometry(robot: Robot, sole: str) -> LegGeometry:
     )
 
 
-_KNEE_LOAD = 0.7
-"""Part of the knee's torque to stand with on one leg: the body is raised again by the rest, and the
-other leg swung. `human` with 0.75 came down on a knee at its torque, and went on down; with 0.6 the
-paper's robot came 1.5 mm near the blocks of scenario 1 by velocities, in place of 13.6."""
-
-
 def _knee_lever(robot: Robot, joints: list[int]) -> float:
     """Lever at which a knee holds all that is above it, by what of its torque it may [m]."""
     below = sum(float(robot.model.inertias[j + 2].mass) for j in joints[KNEE:])
     torque = float(robot.tau_max[joints[KNEE]])
-    return _KNEE_LOAD * torque / (GRAVITY * (robot.mass - below))
+    return _LOAD * torque / (GRAVITY * (robot.mass - below))
 
-
-_HIP_LOAD, _HIP_TURN = 0.75, 0.8
-"""Parts of the hip's torque about the forward axis, and of its range inwards, to stand with."""
 
 _RELIEF_MAX = 0.2
 """The body leans over the foot that carries by no more [rad]."""
 
 
 def _hip_relief(dynamics: Dynamics, sole: str) -> float:
-    """How far the body has to lean over a foot to stand on it alone, within its hip's limits [rad].
-
-    Upright with the COM over the foot the hip is beside it by its offset y from the middle: the leg
-    of length l is turned in by y / l, and the hip holds the body's weight at that lever. Leaning by
-    phi takes both back: the turn by phi, the moment by the weight of the body times its height over
-    the hip times phi.
-    """
+    """Return the lean of the body over a foot with which its hip carries it alone [rad]."""
+    # Upright the leg of length l is turned in by y / l and the hip holds the weight at the lever y.
+    # A lean phi takes back phi of the turn, and weight times height over the hip times phi.
     robot = dynamics.robot
     joints = leg_joints(robot, sole)
     hip, axes = _leg_at(dynamics, sole, robot.q_home[7 + np.array(joints)])
-    roll = max(range(_HIP_JOINTS), key=lambda j: abs(float(axes[j, _ROLL])))
+    roll = max(range(KNEE), key=lambda j: abs(float(axes[j, _ROLL])))
     joint = joints[roll]
     pelvis, _ = dynamics.placement(robot.frame_id(robot.pelvis))
     ankle = dynamics.joint_position(joints[-1] + 2)
@@ -135,17 +121,17 @@ def _hip_relief(dynamics: Dynamics, sole: str) -> float:
     # The leg's own weight, half way, has to be balanced by the body's.
     moment = GRAVITY * (carried + 0.5 * leg) * offset
     height = max(float(middle[2] - hip[2]), 0.1 * float(hip[2]))
-    lacking = moment - _HIP_LOAD * float(robot.tau_max[joint]) * abs(float(axes[roll, _ROLL]))
+    lacking = moment - _LOAD * float(robot.tau_max[joint]) * abs(float(axes[roll, _ROLL]))
     inwards = float(axes[roll, _ROLL]) * (1.0 if hip[1] < pelvis[1] else -1.0) > 0.0
     home = float(robot.q_home[7 + joint])
     limit = robot.q_max[joint] - home if inwards else home - robot.q_min[joint]
-    turn = offset / float(hip[2] - ankle[2]) - _HIP_TURN * float(limit)
+    turn = offset / float(hip[2] - ankle[2]) - _RANGE * float(limit)
     return min(max(lacking / (GRAVITY * carried * height), turn, 0.0), _RELIEF_MAX)
 
 
 def _leg_at(
     dynamics: Dynamics, sole: str, angles: Float64[np.ndarray, " n"]
-) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "n 3"]]:
+) -> tuple[Vector3, Float64[np.ndarray, "n 3"]]:
     """Takes a leg's joints to some angles [rad]; its hip [m], and the axes of its joints."""
     robot = dynamics.robot
     joints = np.array(leg_joints(robot, sole))
@@ -154,15 +140,12 @@ def _leg_at(
     dynamics.update(RobotState(q, np.zeros(robot.nv)))
     axes = dynamics.frame(robot.frame_id(sole)).jacobian[3:, robot.base_dofs + joints].T
     # Pinocchio counts the world and the floating base before the joints.
-    origins = np.array([dynamics.joint_position(int(j) + 2) for j in joints[:_HIP_JOINTS]])
-    return _nearest_to_lines(origins, axes[:_HIP_JOINTS]), axes
+    origins = np.array([dynamics.joint_position(int(j) + 2) for j in joints[:KNEE]])
+    return _nearest_to_lines(origins, axes[:KNEE]), axes
 
 
 def _knee_range(dynamics: Dynamics, sole: str) -> tuple[float, float]:
-    """Angles at which the knee is bent enough, on the side to which it is bent at home [rad].
-
-    Where a model counts the angle from is its own affair, and so is the direction.
-    """
+    """Angles at which the knee is bent enough, on the side to which it is bent at home [rad]."""
     robot = dynamics.robot
     joints = leg_joints(robot, sole)
     home = robot.q_home[7 + np.array(joints)]
@@ -180,7 +163,7 @@ def _knee_range(dynamics: Dynamics, sole: str) -> tuple[float, float]:
 
 def _nearest_to_lines(
     points: Float64[np.ndarray, "k 3"], directions: Float64[np.ndarray, "k 3"]
-) -> Float64[np.ndarray, "3"]:
+) -> Vector3:
     """The point with the least sum of squared distances from lines."""
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
     return np.linalg.solve(across.sum(axis=0), np.einsum("kij,kj->i", across, points))
@@ -192,12 +175,8 @@ def _range_about(
     lower: Float64[np.ndarray, " n"],
     upper: Float64[np.ndarray, " n"],
 ) -> tuple[float, float]:
-    """How far the leg can turn over the sole about an axis of it, one way and the other [rad].
-
-    It is the last joint about that axis, in front of the sole, that decides: what it turns the sole
-    by, the leg turns back by.
-    """
-    joint = max(range(_HIP_JOINTS + 1, len(axes)), key=lambda j: abs(float(axes[j, axis])))
+    """Return the range of the leg over the sole about an axis of it, either way [rad]."""
+    joint = max(range(KNEE + 1, len(axes)), key=lambda j: abs(float(axes[j, axis])))
     forward, back = -float(lower[joint]), float(upper[joint])
     if axes[joint, axis] < 0.0:
         forward, back = back, forward
@@ -234,7 +213,7 @@ def biped_of(robot: Robot, size: RobotSize) -> Biped:
         soles=soles,
         frames=(robot.frame_id(left), robot.frame_id(right)),
         sizes=(_size(robot, left), _size(robot, right)),
-        base=robot.model.getFrameId(robot.model.names[_BASE_JOINT]),
+        base=robot.model.getFrameId(robot.model.names[BASE_JOINT]),
         pelvis=robot.frame_id(robot.pelvis),
         torso=robot.frame_id(robot.torso),
         weight=robot.weight,
@@ -250,3 +229,172 @@ def biped_of(robot: Robot, size: RobotSize) -> Biped:
 
 def _size(robot: Robot, name: str) -> tuple[float, float]:
     return robot.soles[name].length, robot.soles[name].width
+
+
+GIVES = 0.01
+"""Distance of the hip below where a knee holds it, beyond which the swing foot is put down [m]."""
+
+_MARGIN = 0.02
+"""Part of the leg's length by which a commanded foot stays within it."""
+
+_FOLD, _SERVO_FOLD = 0.78, 0.5
+"""Least distance of hip and ankle of a loaded leg, over its length: by torques farther than the
+stack's balance limit keeps, which brakes before it."""
+
+_NARROW_GAP = 0.09
+"""Least distance of narrow soles' edges by torques, over the COM's height, to hold a push aside."""
+
+_LEAN_RATIO = 0.9
+"""Part of the ankle's pitch that the shank may lean forward by."""
+
+_TURNED = 0.05
+"""Soles that are turned by less than this against where the robot faces lie side by side [rad]."""
+
+_ROUNDING = 1e-6
+"""An edge whose normal points aside by less than this faces ahead."""
+
+_SPARE = 0.08
+"""Distance beyond the operator's limits at which feet may stand where the robot put them [m]."""
+
+
+class FootRange:
+    """Keep a swing foot on its side of the other, and its ankle in a sphere around the hip."""
+
+    def __init__(self, biped: Biped, parameters: TeleopParameters, *, servos: bool) -> None:
+        robot, soles = biped.robot, biped.soles
+        self._pelvis = robot.frame_id(robot.pelvis)
+        self._legs = [leg_geometry(robot, name) for name in soles]
+        # A few numbers each tick are several times as quick as such than as arrays.
+        self._ankles: list[list[float]] = [leg.ankle.tolist() for leg in self._legs]
+        self._reach = [(1.0 - _MARGIN) * leg.length for leg in self._legs]
+        self._fold = [(_SERVO_FOLD if servos else _FOLD) * leg.length for leg in self._legs]
+        # Held up by its knee: alone, and beside the other one.
+        self._strong = [(_strong_lean(leg, 1.0), _strong_lean(leg, 0.5)) for leg in self._legs]
+        # A level sole beside the hip takes as much roll of the ankle as the leg leans.
+        sides = [
+            reach * float(np.sin(min(_RANGE * leg.roll_max, 0.5 * np.pi))) + abs(float(leg.hip[1]))
+            for leg, reach in zip(self._legs, self._reach, strict=True)
+        ]
+        sizes = [robot.soles[name] for name in soles]
+        self._halves = [(0.5 * sole.length, 0.5 * sole.width) for sole in sizes]
+        narrow = biped.size.narrow and not servos
+        self._gap = max(CLEARANCE, _NARROW_GAP * biped.size.height if narrow else 0.0)
+        self._apart = sum(width for _, width in self._halves) + self._gap
+        self._step_max, self._lift_max = parameters.step_max, parameters.lift_max
+        self._aside_max = max(self._apart, min(parameters.step_max, *sides))
+
+    def hip(self, foot: int, dynamics: Dynamics) -> Vector3:
+        """Return the position of the hip of a foot's leg [m]."""
+        position, rotation = dynamics.placement(self._pelvis)
+        return position + rotation.dot(self._legs[foot].hip)
+
+    def below_hip(self, foot: int, dynamics: Dynamics) -> tuple[float, float]:
+        """Return x and y of a level sole whose ankle is below the hip of its leg [m]."""
+        (x, y, _), (arm_x, arm_y, _) = self.hip(foot, dynamics).tolist(), self._ankles[foot]
+        return x - arm_x, y - arm_y
+
+    def bring_back(
+        self,
+        foot: int,
+        target: tuple[float, float, float],
+        support: Vector3,
+        hip: Vector3,
+        heading: Vector2,
+        *,
+        lower: float = 0.0,
+        turns: tuple[float, float] = (0.0, 0.0),
+    ) -> Vector3:
+        """The nearest position that the foot can be sent to."""
+        (x, y, z), (support_x, support_y, support_z) = target, support.tolist()
+        forward_x, forward_y = heading.tolist()
+        across_x, across_y = (-forward_y, forward_x) if foot == 0 else (forward_y, -forward_x)
+        x, y, z = x - support_x, y - support_y, min(z, support_z + self._lift_max)
+        aside, ahead = x * across_x + y * across_y, x * forward_x + y * forward_y
+        ahead = min(max(ahead, -self._step_max), self._step_max)
+        apart = self._apart
+        if max(map(abs, turns)) > _TURNED:
+            apart = max(apart, self._gap + self._clear(foot, ahead, turns))
+        aside = min(max(aside, apart), max(self._aside_max, apart))
+        x = support_x + aside * across_x + ahead * forward_x
+        y = support_y + aside * across_y + ahead * forward_y
+        # Across the ground only: how far down a foot gets is for the ground and the knee to say.
+        (arm_x, arm_y, arm_z), (hip_x, hip_y, hip_z) = self._ankles[foot], hip.tolist()
+        drop = hip_z - arm_z - max(z, support_z) - lower
+        room = math.sqrt(max(self._reach[foot] ** 2 - drop * drop, 0.0))
+        offset_x, offset_y = x + arm_x - hip_x, y + arm_y - hip_y
+        distance = math.hypot(offset_x, offset_y)
+        if distance > room:
+            shorter = 1.0 - room / distance
+            x, y = x - shorter * offset_x, y - shorter * offset_y
+        return np.array([x, y, z])
+
+    def _clear(self, foot: int, ahead: float, turns: tuple[float, float]) -> float:
+        """Return the distance aside at which a turned sole is clear of the other [m]."""
+        out = 1.0 if foot == 0 else -1.0
+        needed = math.inf
+        for edge in turns:
+            for x, y in ((math.cos(edge), math.sin(edge)), (-math.sin(edge), math.cos(edge))):
+                # To the foot's own side; an edge that faces ahead alone asks for no room there.
+                x, y = (x, y) if out * y > 0.0 else (-x, -y)
+                if out * y > _ROUNDING:
+                    halves = zip(self._halves, turns, strict=True)
+                    size = sum(_half_across(x, y, *half, turn) for half, turn in halves)
+                    needed = min(needed, (size - x * ahead) / abs(y))
+        return needed
+
+    def spans(self, left: Vector3, right: Vector3, heading: Vector2) -> bool:
+        """Return whether feet stand hardly farther apart than commands may place them."""
+        x, y, _ = (left - right).tolist()
+        forward_x, forward_y = heading.tolist()
+        aside, ahead = y * forward_x - x * forward_y, x * forward_x + y * forward_y
+        return aside <= self._aside_max + _SPARE and abs(ahead) <= self._step_max + _SPARE
+
+    def too_high(self, foot: int, place: Vector3, hip: Vector3, shift: Point) -> float:
+        """Return how far the hip is too high for a foot to reach a place [m]."""
+        (x, y, z), (arm_x, arm_y, arm_z) = place.tolist(), self._ankles[foot]
+        (hip_x, hip_y, hip_z), (shift_x, shift_y) = hip.tolist(), shift
+        across = (x + arm_x - hip_x - shift_x) ** 2 + (y + arm_y - hip_y - shift_y) ** 2
+        return hip_z - z - arm_z - math.sqrt(max(self._reach[foot] ** 2 - across, 0.0))
+
+    def too_low(
+        self, foot: int, place: Vector3, hip: Vector3, heading: Vector2, *, alone: bool
+    ) -> float:
+        """Return the depth of the hip below where a loaded leg holds it; negative for room [m]."""
+        ahead, aside, z = self._to_hip(foot, place, hip, heading)
+        lean = min(_LEAN_RATIO * self._legs[foot].lean_max, self._strong[foot][0 if alone else 1])
+        folded = math.sqrt(max(self._fold[foot] ** 2 - ahead * ahead - aside * aside, 0.0))
+        return max(self._level(foot, ahead, aside, lean), folded) - z
+
+    def too_weak(self, foot: int, place: Vector3, hip: Vector3, heading: Vector2) -> float:
+        """Return how far the hip is too low for the knee of a stance leg; negative for room."""
+        ahead, aside, z = self._to_hip(foot, place, hip, heading)
+        return self._level(foot, ahead, aside, self._strong[foot][0]) - z
+
+    def _to_hip(
+        self, foot: int, place: Vector3, hip: Vector3, heading: Vector2
+    ) -> tuple[float, float, float]:
+        """From ankle to hip, forward, to the left and up [m]."""
+        arm_x, arm_y, arm_z = self._ankles[foot]
+        forward_x, forward_y = heading.tolist()
+        (hip_x, hip_y, hip_z), (x, y, z) = hip.tolist(), place.tolist()
+        x, y, z = hip_x - x - arm_x, hip_y - y - arm_y, hip_z - z - arm_z
+        return x * forward_x + y * forward_y, y * forward_x - x * forward_y, z
+
+    def _level(self, foot: int, ahead: float, aside: float, lean: float) -> float:
+        """Height of the hip over the ankle with the shank so far forward [m]."""
+        leg = self._legs[foot]
+        # From the knee to the hip.
+        thigh = leg.thigh**2 - (ahead - leg.shank * math.sin(lean)) ** 2 - aside * aside
+        return leg.shank * math.cos(lean) + math.sqrt(max(thigh, 0.0))
+
+
+def _half_across(x: float, y: float, length: float, width: float, turn: float) -> float:
+    """Half of a turned rectangle's extent along a direction, from its own halves [m]."""
+    c, s = math.cos(turn), math.sin(turn)
+    return length * abs(x * c + y * s) + width * abs(y * c - x * s)
+
+
+def _strong_lean(leg: LegGeometry, share: float) -> float:
+    """Return the lean of a shank with which its knee holds a part of the weight [rad]."""
+    ahead = leg.knee_lever / share - float(leg.ankle[0])
+    return math.asin(min(max(ahead / leg.shank, 0.0), 1.0))

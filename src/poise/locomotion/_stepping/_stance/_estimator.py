@@ -19,48 +19,26 @@ from poise.estimation import (
     StampedPredictor,
     StateEstimator,
 )
-from poise.locomotion._walking import WalkSense
+from poise.locomotion._stepping._stance._biped import BASE_JOINT
+from poise.locomotion._support import Rotation, Vector2, Vector3
+from poise.locomotion._walking import CLEARANCE, UNLOADED, WalkSense
 from poise.robots import Robot
 
 _DONE = 0.5
-"""Part of what was commanded within the sensors' delay that counts as done. G1 under the bad
-operator, with bumps, a slope and 10 ms of delay: on one foot the base's turning is off by 0.023
-rad/s with none of it, 0.038 with all and 0.029 with half, the legs' by 0.048, 0.032 and 0.033."""
-
-_LEAST_LOAD = 0.02
-"""Part of the weight below which the soles say nothing about the ZMP."""
-
-_CLEAR = 0.01
-"""A sole is in the air so high above where it was put down [m]: a hip that is zeroed badly by 0.3
-degrees moves the end of a leg of 1 m by 5 mm."""
-
-_BASE = 1
-"""Pinocchio's index of the floating base; joint 0 is the world."""
+"""Part of what was commanded within the sensors' delay that counts as done: with less the rates of
+the legs are off, with more that of the base."""
 
 _CORRECTED = EstimatorConfig(tare=False, vote=False)
 
-_NO_WRENCH = (0.0,) * 6
-
 
 class ZmpSensor:
-    """Centre of pressure of both soles, smoothed.
-
-    A wrench [f; m] at a sole's centre presses at (-m_y, m_x) / f_z in the sole's plane, which is
-    what cells at its four corners measure. While nothing presses, the last value holds.
-
-    Attributes:
-        zmp: x and y [m].
-        loads: normal forces, left and right [N].
-        pulls: forces along each sole, forward and to the left in its own axes [N].
-        centres: centre of pressure of each sole, along and across it from its own centre [m]; None
-            where nothing presses.
-    """
+    """Centre of pressure (-m_y, m_x) / f_z of both soles, smoothed; the last while none press."""
 
     def __init__(self, weight: float, time_constant: float, dt: float) -> None:
-        self._least = _LEAST_LOAD * weight
+        self._least = UNLOADED * weight
         self._gain = dt / (time_constant + dt)
-        self.zmp: Float64[np.ndarray, "2"] = np.zeros(2)
-        self.loads: Float64[np.ndarray, "2"] = np.zeros(2)
+        self.zmp: Vector2 = np.zeros(2)  # x and y [m]
+        self.loads: Vector2 = np.zeros(2)  # normal forces, left and right [N]
         self.pulls: list[tuple[float, float]] = [(0.0, 0.0), (0.0, 0.0)]
         self.centres: list[tuple[float, float] | None] = [None, None]
         self._fresh = True
@@ -69,7 +47,7 @@ class ZmpSensor:
         """Reads one measurement."""
         pressed_x = pressed_y = total = 0.0
         for i, wrench in enumerate(sense.wrenches):
-            fx, fy, load, mx, my, _ = _NO_WRENCH if wrench is None else wrench
+            fx, fy, load, mx, my, _ = wrench or (0.0,) * 6
             self.loads[i] = load = load if load > 0.0 else 0.0
             self.pulls[i] = (fx, fy)
             self.centres[i] = (-my / load, mx / load) if load > self._least else None
@@ -90,21 +68,10 @@ class ZmpSensor:
 class StanceEstimator:
     """The base from kinematics: the stance sole stays where it was put down.
 
-    Of the state it reads joint angles and velocities, the base's attitude and its angular velocity
-    (an inertial measurement unit has both), and the soles' loads; never the base's position or
-    linear velocity. The position is dead reckoning: it drifts by what the feet slip. Wrenches of
-    soles in the air are the zeros of their load cells, and the state's are less those.
-
-    The base's linear velocity is the one with which the stance sole rests. Where the robot is
-    pushed, that sole rocks on its edge, and the velocity would be wrong by as much. So an inertial
-    one is that of a `StateEstimator` as long as the state has readings of an inertial unit: those
-    notice what the sole does.
-
-    Attributes:
-        dynamics: of the estimated state.
-        anchors: where each sole was last put down, left then right [m].
-        stance: index of the sole that is taken to be at rest.
-        tare: zeros of the soles' load cells, once they have been in the air.
+    It reads joints, the attitude and angular velocity of the base, and the soles' loads; never the
+    base's position or linear velocity. With readings of an inertial unit the linear velocity is
+    that of a `StateEstimator`, which notices a stance sole that rocks on its edge; without, the one
+    with which that sole rests. What feet slip the position drifts.
     """
 
     def __init__(
@@ -115,18 +82,18 @@ class StanceEstimator:
         *,
         inertial: bool = False,
     ) -> None:
-        self.dynamics = Dynamics(robot)
+        self.dynamics = Dynamics(robot)  # of the estimated state
         self._robot, self._data = robot, robot.model.createData()
         self._sense = WalkSense(robot, soles, self.dynamics)
         self._soles = [robot.frame_id(name) for name in soles]
-        self._world_R_base = self.dynamics.motion.placements[_BASE, :9].reshape(3, 3).T
+        self._world_R_base = self.dynamics.motion.placements[BASE_JOINT, :9].reshape(3, 3).T
         self._start = RobotState(q_start, np.zeros(robot.nv))
         self._inertial = StateEstimator(robot, _CORRECTED, q_start=q_start) if inertial else None
         self._payload = PayloadEstimator(robot) if inertial else None
         self._attitude = AttitudeBiasEstimator() if inertial else None
         self._now = StampedPredictor(robot, _DONE) if inertial else None
         self.tare, self._vote = LoadCellTare(soles, robot.weight), LoadCellVote(robot)
-        self.anchors: list[Float64[np.ndarray, "3"]] = []
+        self.anchors: list[Vector3] = []
         self.reset()
 
     def reset(self) -> None:
@@ -139,13 +106,10 @@ class StanceEstimator:
                 part.reset()
         self.dynamics.update(self._start)
         self.anchors[:] = [self.sole(foot).copy() for foot in (0, 1)]
-        self.stance = 1
+        self.stance = 1  # index of the sole that is taken to be at rest
 
     def update(self, state: RobotState) -> RobotState:
-        """The state with the base's position and velocity estimated; `dynamics` follows.
-
-        Never raises: a state that cannot be used comes back as it is, for the controller to refuse.
-        """
+        """Estimate position and velocity of the base; return an unusable state as it is."""
         known = self._without_base_motion(state)
         if known is None or not is_usable(known, self._robot):
             return state
@@ -203,7 +167,7 @@ class StanceEstimator:
     def _airborne(self) -> tuple[bool, bool]:
         """Return whether each sole is clear of where it stood; the stance never is."""
         other = 1 - self.stance
-        clear = self.sense.positions[other][2] - float(self.anchors[other][2]) > _CLEAR
+        clear = self.sense.positions[other][2] - float(self.anchors[other][2]) > CLEARANCE
         return clear and other == 0, clear and other == 1
 
     @property
@@ -212,12 +176,12 @@ class StanceEstimator:
         self._sense.update(self.dynamics.state)
         return self._sense
 
-    def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
-        """Where a sole's centre is [m]."""
+    def sole(self, foot: int) -> Vector3:
+        """Return the position of a sole's centre [m]."""
         return self.sense.sole(foot)[0]
 
-    def rotation(self, foot: int) -> Float64[np.ndarray, "3 3"]:
-        """How a sole is turned, world_R_sole."""
+    def rotation(self, foot: int) -> Rotation:
+        """Return world_R_sole."""
         return self.sense.sole(foot)[1]
 
     def put_down(self, foot: int) -> None:
@@ -232,7 +196,7 @@ class StanceEstimator:
 
     def _resting_velocity(
         self, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]
-    ) -> Float64[np.ndarray, "3"]:
+    ) -> Vector3:
         """Linear velocity of the base with which the stance sole rests, in the base's axes."""
         jacobian = pin.computeFrameJacobian(
             self._robot.model, self._data, q, self._soles[self.stance], pin.LOCAL_WORLD_ALIGNED

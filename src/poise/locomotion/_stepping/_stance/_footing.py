@@ -1,8 +1,4 @@
-"""`Footing`: how the robot stands in one tick, once mode and stance are settled.
-
-`StanceChoice`: which foot is taken to be at rest, and where the feet count as standing.
-`yaw_of`, `wrapped`, `mean_angle`: angles of feet that may have turned all the way round.
-"""
+"""`Footing`: mode, soles and trunk of one tick, with `StanceChoice` and `TrunkPose`."""
 
 import math
 from collections.abc import Sequence
@@ -10,14 +6,35 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._single_support import SingleSupportRegion
 from poise.locomotion._stepping._stance._biped import Biped
-from poise.locomotion._stepping._stance._desired import POSITION_GAIN
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
-from poise.locomotion._support import SolePart, SupportPolygon, both_soles
-from poise.locomotion._walking import Mode
+from poise.locomotion._support import (
+    Rotation,
+    SingleSupportRegion,
+    SolePart,
+    SupportPolygon,
+    Vector2,
+    Vector3,
+    both_soles,
+)
+from poise.locomotion._walking import Mode, turn_to_left, wrapped
+
+POSITION_GAIN = 10.0
+"""k_v of (17a) and (17c), from distances to velocities of CoM and feet [1/s]."""
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class DesiredMotion:
+    """v_d of (16), less what is kept level and upright by itself, and the CoM's acceleration."""
+
+    com: Vector3  # velocity of the CoM [m/s]
+    com_acceleration: Vector2  # of the CoM along the ground [m/s^2]
+    momentum: Vector2  # angular, about the CoM, x and y [kg m^2/s]
+    foot: Vector3  # velocity of the sole that is not the stance [m/s]
+
 
 LANDED = 0.047
 """Load at which a foot has landed, over the weight: 30 N of the paper's robot."""
@@ -33,18 +50,10 @@ _LOAD_RATIO = 1.2
 
 
 class StanceChoice:
-    """Keeps the estimator's stance and the feet's places up to date.
-
-    Attributes:
-        pressed: how far below its place the foot is sent that carries nothing [m].
-    """
+    """Keeps the estimator's stance and the feet's places up to date."""
 
     def __init__(
-        self,
-        estimator: StanceEstimator,
-        sensor: ZmpSensor,
-        biped: Biped,
-        dt: float,
+        self, estimator: StanceEstimator, sensor: ZmpSensor, biped: Biped, dt: float
     ) -> None:
         self._estimator, self._sensor = estimator, sensor
         self._least_load = LANDED * biped.weight
@@ -75,13 +84,7 @@ class StanceChoice:
             self._pressing, self.pressed = False, 0.0
 
     def _press(self, foot: int) -> None:
-        """Sends a foot down until it carries something.
-
-        One that has only just touched with an edge would hang in the air. It is taken to stand
-        where it is as soon as it carries: pressed further it would tip the robot over the edge of
-        the sole at rest. Its place is the ground that it is over, not where it is sent: the body
-        would go down with that, and up again.
-        """
+        """Sends a foot down until it carries something."""
         anchor, height = self._estimator.anchors[foot], float(self._estimator.sole(foot)[2])
         if self._sensor.loads[foot] < self._least_load:
             anchor[2] = min(float(anchor[2]), height)
@@ -105,7 +108,7 @@ class Footing:
     sensor: ZmpSensor
     pressed: float = 0.0  # how far below its place the other foot is sent in double support [m]
     parts: Sequence[SolePart | None] = (None, None)  # loaded areas; None for all of a sole
-    com_velocity: Float64[np.ndarray, "2"] | None = None  # observed; that of `dynamics` when None
+    com_velocity: Vector2 | None = None  # observed; that of `dynamics` when None
     has_left: bool = True  # the swing foot has left the ground
 
     def __post_init__(self) -> None:
@@ -121,7 +124,7 @@ class Footing:
         self.yaws = math.atan2(left[3], left[0]), math.atan2(right[3], right[0])
 
     @cached_property
-    def zmp_reference(self) -> Float64[np.ndarray, "2"]:
+    def zmp_reference(self) -> Vector2:
         """Eq. (15a): between the feet, or on the foot that shall carry [m]."""
         carries = self.mode.support
         if carries is None:
@@ -130,7 +133,7 @@ class Footing:
         return np.array(self.region.rest(carries, self.anchors[carries], self.soles[carries][1]))
 
     @cached_property
-    def heading(self) -> Float64[np.ndarray, "2"]:
+    def heading(self) -> Vector2:
         """Unit vector where the pelvis faces, along the ground: legs cross or not as it turns."""
         (x, _, _), (y, _, _), _ = self.pelvis[1].tolist()
         length = math.hypot(x, y)
@@ -143,11 +146,7 @@ class Footing:
 
     @cached_property
     def support(self) -> SupportPolygon:
-        """Support of the soles on the ground, with a margin.
-
-        In double support that is both, whatever their load: a foot that happens to carry nothing
-        carries as soon as the ZMP moves towards it.
-        """
+        """Support of the soles on the ground, with a margin."""
         if self.mode.single:
             return self.region.support(self.stance, *self.soles[self.stance])
         return both_soles(self.soles, self.biped.sizes, self.region.margin, self.parts)
@@ -160,7 +159,7 @@ class Footing:
         (x, y, _), (speed_x, speed_y) = self.com.tolist(), velocity.tolist()
         return self.support.depth((x + speed_x / self.omega, y + speed_y / self.omega))
 
-    def sole(self, foot: int) -> Float64[np.ndarray, "3"]:
+    def sole(self, foot: int) -> Vector3:
         """Return the position of a sole's centre [m]."""
         return self.soles[foot][0]
 
@@ -183,11 +182,7 @@ class Footing:
 
     @property
     def ground_below(self) -> float:
-        """Height of the ground that the foot that is not the stance may touch [m].
-
-        It is what it stands on, until it has left that; then the lower of both, so that it gets
-        down beside a block that it stood on.
-        """
+        """Height of the ground that the foot that is not the stance may touch [m]."""
         return self.lowest_ground if self.has_left else float(self.anchors[self.other][2])
 
     def clearance(self, ground: float) -> float:
@@ -196,22 +191,94 @@ class Footing:
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
 
 
-def yaw_of(rotation: Float64[np.ndarray, "3 3"]) -> float:
-    """How something is turned, to the left of the world's x axis, from -pi to pi [rad]."""
-    return math.atan2(rotation[1, 0], rotation[0, 0])
+_RATE = 0.3
+"""Rate of the lean over a foot, and back [rad/s]."""
+
+_TURN_RATE = 0.5
+"""Rate of the trunk towards the heading of the feet and towards the command [rad/s]."""
+
+TORSO_MOST = (0.3, 0.4, 0.5)
+"""Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
+
+UPRIGHT = (0.0, 0.0, 0.0)
+LEVEL = np.eye(3)
 
 
-def turn_to_left(angle: float) -> Float64[np.ndarray, "3 3"]:
-    """Rotation about the vertical [rad]."""
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+class TrunkLean:
+    """Upright, or leaning over the foot that carries where its hip needs that."""
+
+    def __init__(self, relief: tuple[float, float], dt: float) -> None:
+        self._goals = (-relief[0], relief[1])
+        self._step = _RATE * dt
+        self._angle = 0.0
+
+    def reset(self) -> None:
+        """Upright."""
+        self._angle = 0.0
+
+    def rotation(self, footing: Footing) -> Rotation:
+        """Return world_R_trunk of this tick."""
+        carries = footing.mode.support
+        goal = 0.0 if carries is None else self._goals[carries]
+        self._angle += max(-self._step, min(self._step, goal - self._angle))
+        if self._angle == 0.0:
+            return LEVEL
+        x, y = footing.heading.tolist()
+        return pin.exp3(self._angle * np.array([x, y, 0.0]))
 
 
-def wrapped(angle: float) -> float:
-    """The same angle, from -pi to pi [rad]."""
-    return math.remainder(angle, 2.0 * math.pi)
+class TrunkPose:
+    """References of pelvis and torso, where both can be turned."""
 
+    def __init__(
+        self, relief: tuple[float, float], dt: float, waist: Float64[np.ndarray, "3 2"]
+    ) -> None:
+        self._lean, self._dt = TrunkLean(relief, dt), dt
+        self._waist: list[list[float]] = waist.tolist()
+        self.reset()
 
-def mean_angle(left: float, right: float) -> float:
-    """Half way between two angles, the shorter way round [rad]."""
-    return left + 0.5 * wrapped(right - left)
+    def reset(self) -> None:
+        """Upright, facing as the feet do."""
+        self._lean.reset()
+        self._facing: float | None = None
+        self._torso = UPRIGHT
+
+    @property
+    def upright(self) -> bool:
+        """True while the torso is in line with the pelvis, as commanded."""
+        return self._torso == UPRIGHT
+
+    def rotations(
+        self, footing: Footing, facing: float, torso: tuple[float, float, float]
+    ) -> tuple[Rotation, Rotation]:
+        """World_R_pelvis and world_R_torso in this tick."""
+        before = facing if self._facing is None else self._facing
+        most = _TURN_RATE * self._dt
+        # The shorter way, also where angles pass from pi to -pi.
+        turn = wrapped(facing - before)
+        self._facing = before + max(-most, min(most, turn))
+        if torso != self._torso:
+            self._torso = self._moved(torso)
+        pelvis = self._lean.rotation(footing)
+        if self._facing != 0.0:
+            turn = turn_to_left(self._facing)
+            pelvis = turn if pelvis is LEVEL else pelvis.dot(turn)
+        if self.upright:
+            return pelvis, pelvis
+        turned = pelvis @ pin.rpy.rpyToMatrix(np.array(self._torso))
+        pairs = zip(self._torso, self._waist, strict=True)
+        bent = tuple(max(least, min(most, angle)) for angle, (least, most) in pairs)
+        if bent != self._torso:
+            # What the waist cannot do the pelvis does: asked to stay upright beneath a torso that
+            # is asked to bend, both would go half the way.
+            pelvis = turned @ pin.rpy.rpyToMatrix(np.array(bent)).T
+        return pelvis, turned
+
+    def _moved(self, torso: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Roll, pitch and yaw of the torso, rate-limited towards what is commanded [rad]."""
+        most = _TURN_RATE * self._dt
+        roll, pitch, yaw = (
+            before + max(-most, min(most, max(-largest, min(largest, angle)) - before))
+            for before, angle, largest in zip(self._torso, torso, TORSO_MOST, strict=True)
+        )
+        return roll, pitch, yaw

@@ -1,35 +1,52 @@
-"""`TeleopParameters`: settings of the step teleoperator."""
+"""Settings of the step teleoperator, scaled to a robot: `TeleopParameters`, `RobotSize`."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
 
 from poise._schema import Positive, checked
-from poise.errors import ConfigurationError
+from poise.control import fault_of
+from poise.dynamics import Dynamics, RobotState
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.locomotion._pendulum import natural_frequency
+from poise.locomotion._support import single_support_region, two_soles
+from poise.locomotion._walking import mean_angle, yaw_of
+from poise.robots import Robot
 
-_REMOVED = {
-    name: replacement
-    for names, replacement in (
-        (
-            "acceleration_max r_lift k_omega k_level omega_lim w_B w_S1 w_S2 w_L w_B1 epsilon "
-            "momentum_leak capture_max ct_zmp_max shift_time tilt_soft velocity_leak lift_speed "
-            "lift_acceleration",
-            "none: the velocity level has the paper's number, scaled to the robot",
-        ),
-        (
-            "v_lim clear_height support_margin touch_speed press_speed feet_gap fold_min",
-            "none: it follows from the robot's CoM height and soles",
-        ),
-        (
-            "k_v land_load unload_load unload_time shift_timeout zmp_time swing_time knee_min "
-            "reach_margin",
-            "none: it is the same for every robot",
-        ),
-        ("servo_stiffness servo_damping", "servo_gains of the StepTeleoperator"),
-    )
-    for name in names.split()
-}
+_HEIGHT, _HALF_SOLE = 0.765, 0.12
+"""Height of the COM and half the width of a sole of the paper's robot [m]."""
 
 
-@checked(removed=_REMOVED)
+@dataclass(frozen=True, kw_only=True)
+class RobotSize:
+    """Mass, dimensions, and ratios to those of the paper's robot."""
+
+    mass: float  # [kg]
+    height: float  # of the COM over the soles [m]
+    apart: float  # distance of the soles' centres across the heading [m]
+    half_sole: float  # half the narrower side of the smaller sole [m]
+    margin: float  # distance of the CT-ZMP from the soles' edges, at most the paper's [m]
+    narrow: bool  # soles are too narrow for a push outwards, see `SingleSupportRegion`
+
+    @property
+    def tall(self) -> float:
+        """Ratio of the COM's heights."""
+        return self.height / _HEIGHT
+
+    @property
+    def wide(self) -> float:
+        """Ratio of the soles' widths, at most 1: the kick of a landing has to stay within it."""
+        return min(1.0, self.half_sole / _HALF_SOLE)
+
+    def by_stiffness(self, value: float) -> float:
+        """Scale by omega^2 = g / H, so that poles keep their ratio to the robot's own time."""
+        return value * natural_frequency(self.height) ** 2 / natural_frequency(_HEIGHT) ** 2
+
+
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class TeleopParameters:
     """Settings of the step teleoperator; the defaults are for `biped20`, at velocity level.
@@ -68,3 +85,120 @@ class TeleopParameters:
                 got=(self.lower_height, self.lift_height),
                 wanted="lower_height < lift_height",
             )
+
+
+_TORQUE_DT = 0.002
+"""Length of a tick where torques are commanded [s]."""
+
+_NARROW_STEP, _NARROW_LIFT = 0.75, 0.5
+"""Limits ahead and upwards of a foot beside a sole too narrow for a push, over
+`step_max` and `lift_max`: from farther away it does not come down in time to catch the robot."""
+
+
+_ACTUATIONS = ("velocity", "torque")
+
+
+def checked_start(robot: Robot, q_start: Any) -> Float64[np.ndarray, " nq"]:
+    """A configuration to start in."""
+    if q_start is None:
+        return robot.q_home
+    try:
+        q = np.array(q_start, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ConfigurationError(
+            f"the start is no configuration of {robot.name}",
+            got=q_start,
+            wanted="one like Robot.q_home",
+        ) from None
+    fault = fault_of(RobotState(q, np.zeros(robot.nv)), robot)
+    if fault:
+        raise ConfigurationError(
+            f"the start is no configuration of {robot.name}: {fault}",
+            wanted="one like Robot.q_home",
+        )
+    return q
+
+
+def checked_actuation(actuation: str) -> str:
+    """Return a known actuation."""
+    if actuation not in _ACTUATIONS:
+        raise UnknownNameError(
+            "no such actuation of step teleoperation", got=actuation, choices=_ACTUATIONS
+        )
+    return actuation
+
+
+def teleop_parameters(
+    robot: Robot,
+    actuation: str = "torque",
+    *,
+    q_start: Float64[np.ndarray, " nq"] | None = None,
+) -> TeleopParameters:
+    """Scale the settings of a `StepTeleoperator` to a robot.
+
+    - `kp` keeps its ratio to omega^2, so that the poles keep theirs to the robot's own time.
+    - `press_depth`, `lower_speed`, `step_max` and `lift_max` keep their ratio to the COM's height.
+      By torques a foot beside a narrow sole goes less far and high.
+    - Half of `stoop_max` goes with half a sole where velocities are commanded: that sole brakes
+      the body above it.
+
+    Args:
+        robot: a biped.
+        actuation: what is commanded: "torque", or "velocity".
+        q_start: configuration at the start [m, rad]; the robot's home when None.
+
+    Raises:
+        ConfigurationError: no two feet, soles that are too close; no such start.
+        UnknownNameError: no such actuation.
+    """
+    checked_actuation(actuation)
+    return scaled_parameters(size_of(robot, checked_start(robot, q_start)), actuation)
+
+
+def scaled_parameters(size: RobotSize, actuation: str) -> TeleopParameters:
+    """Scale the paper's settings, as `teleop_parameters` says."""
+    paper = TeleopParameters()
+    scaled = replace(
+        paper,
+        kp=size.by_stiffness(paper.kp),
+        press_depth=paper.press_depth * size.tall,
+        lower_speed=paper.lower_speed * size.tall,
+        stoop_max=0.5 * (1.0 + size.wide) * paper.stoop_max,
+        step_max=paper.step_max * size.tall,
+        lift_max=paper.lift_max * size.tall,
+    )
+    if actuation == "velocity":
+        return scaled
+    farthest, highest = (_NARROW_STEP, _NARROW_LIFT) if size.narrow else (1.0, 1.0)
+    return replace(
+        scaled,
+        dt=_TORQUE_DT,
+        stoop_max=paper.stoop_max,
+        step_max=farthest * scaled.step_max,
+        lift_max=highest * scaled.lift_max,
+    )
+
+
+def size_of(robot: Robot, q: Float64[np.ndarray, " nq"]) -> RobotSize:
+    """Measure a robot that stands in a configuration."""
+    soles, dynamics = two_soles(robot), Dynamics(robot)
+    dynamics.update(RobotState(q, np.zeros(robot.nv)))
+    (left, left_R), (right, right_R) = (dynamics.placement(robot.frame_id(s)) for s in soles)
+    ahead = mean_angle(yaw_of(left_R), yaw_of(right_R))
+    apart_x, apart_y, _ = (left - right).tolist()
+    apart = abs(math.cos(ahead) * apart_y - math.sin(ahead) * apart_x)
+    if not apart > 0.0:
+        raise ConfigurationError(
+            "the feet stand too close for step teleoperation", got=apart, wanted="> 0 m apart"
+        )
+    height = float(dynamics.com[2] - 0.5 * (left[2] + right[2]))
+    half = 0.5 * min(min(s.length, s.width) for s in robot.soles.values())
+    region = single_support_region(robot, natural_frequency(height), min(0.02, 0.25 * half))
+    return RobotSize(
+        mass=robot.mass,
+        height=height,
+        apart=apart,
+        half_sole=half,
+        margin=region.margin,
+        narrow=region.narrow,
+    )
