@@ -172,15 +172,19 @@ Triple = Annotated[tuple[float, float, float], Vector(3)]
 Point = Annotated[Float64[np.ndarray, "3"], Vector(3)]
 
 
-def checked(error: type[PoiseError] = ConfigurationError) -> Callable[[type[T]], type[T]]:
+def checked(
+    error: type[PoiseError] = ConfigurationError, *, removed: Mapping[str, str] | None = None
+) -> Callable[[type[T]], type[T]]:
     """Makes a dataclass check its fields by their annotations whenever one is made.
 
     Lists become the tuples that are annotated, whole numbers floats. Its `__post_init__` comes
     afterwards and may rely on the fields.
     """
+    removed = removed or {}
 
     def decorate(kind: type[T]) -> type[T]:
         kind.__pydantic_config__ = _CONFIG  # pyright: ignore[reportAttributeAccessIssue]
+        kind.__removed__ = removed  # pyright: ignore[reportAttributeAccessIssue]
         kind.__get_pydantic_core_schema__ = classmethod(_dataclass_schema)  # pyright: ignore[reportAttributeAccessIssue]
         if "__post_init__" in vars(kind):
             kind.__post_init__ = locatable(kind.__post_init__)  # pyright: ignore[reportAttributeAccessIssue]
@@ -189,7 +193,9 @@ def checked(error: type[PoiseError] = ConfigurationError) -> Callable[[type[T]],
 
         @wraps(kind.__init__)
         def init(self: T, *args: object, **values: object) -> None:
-            given = ArgsKwargs((), parameters.bind(*args, **values).arguments)
+            given: object = values
+            if not removed.keys() & values.keys():
+                given = ArgsKwargs((), parameters.bind(*args, **values).arguments)
             try:
                 _validator(kind).validate_python(given, self_instance=self)
             except ValidationError as problem:
@@ -237,7 +243,7 @@ def locatable(function: Callable[..., T]) -> Callable[..., T]:
 
 def _dataclass_schema(kind: Any, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
     return core_schema.no_info_before_validator_function(
-        partial(_check_keys, _keys(kind)), handler(source)
+        partial(_check_keys, _keys(kind), kind.__removed__), handler(source)
     )
 
 
@@ -245,7 +251,7 @@ def mapping_schema(keys: Mapping[str, tuple[CoreSchema, bool]]) -> CoreSchema:
     """The schema of a mapping in a file."""
     needed = {key: required for key, (_, required) in keys.items()}
     return core_schema.no_info_before_validator_function(
-        partial(_check_keys, needed),
+        partial(_check_keys, needed, {}),
         core_schema.typed_dict_schema(
             {
                 key: core_schema.typed_dict_field(schema, required=required)
@@ -268,12 +274,15 @@ def _keys(kind: Any) -> dict[str, bool]:
     return keys
 
 
-def _check_keys(keys: Mapping[str, bool], data: object) -> object:
-    """Refuse unknown and missing keys in the content of a file."""
+def _check_keys(keys: Mapping[str, bool], removed: Mapping[str, str], data: object) -> object:
+    """Looks for removed, unknown and missing keys in the content of a file."""
     if isinstance(data, dict):
         for key in data:
             if not isinstance(key, str):
                 raise key_error("a key of {subject} is not text", got=key, wanted="a name")
+            if key in removed:
+                what = "{subject} has a key that was removed"
+                raise key_error(what, key=key, got=key, wanted=removed[key])
             if key not in keys:
                 raise key_error("{subject} has an unknown key", key=key, got=key, choices=keys)
         for key, needed in keys.items():

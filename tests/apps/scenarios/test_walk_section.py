@@ -51,6 +51,11 @@ def test_hands_move_beside_a_walk():
         ("length: 0.1", "length: 50", "length is out of range"),
         ("step_time: 0.8", "step_time: -1", r"gait.step_time is out of range.*positive.*\[s\]"),
         ("dcm_gain: 5.0", "gain: 5.0", "unknown key.*gain"),
+        (
+            "dcm_gain: 5.0",
+            "early: 0.5",
+            r"yaml:9: walk.feedback .*removed; got 'early'; wanted none: it is the",
+        ),
         ("length: 0.1", "length: 0.7", "out of reach"),
         ("feedback: {dcm_gain: 5.0}", "carry: [nose]", "no frame task to carry.*nose"),
         ("name: w\n", "name: w\nrobot: arm6\n", "cannot walk on two feet"),
