@@ -16,6 +16,9 @@ from poise.locomotion._walking._stance import Stance
 from poise.locomotion._walking._swing import FIXED, Motion, SwingPose, least_jerk_towards
 from poise.locomotion._walking._tasks import CarriedTarget, ComMotion
 
+_FALL = 1.0
+"""Square of the time of a descent over its height [s^2/m]: a least jerk keeps 0.4 of the weight."""
+
 
 class BodyMotion:
     """References of the body, and of all that goes along with it."""
@@ -117,8 +120,7 @@ class BodyHeight:
         height = max(self._reached(feet, low + asked, yaw, time), least)
         drop = now - height
         if drop > 0.0 and height < low + asked:
-            # In this time, as a number in SI units, a least jerk keeps 0.4 of the weight.
-            return height, yaw, max(time, math.sqrt(drop), FIXED)
+            return height, yaw, max(time, math.sqrt(_FALL * drop), FIXED)
         time = max(time + 0.5 * self._gait.double_support, _BODY_TIME)
         return height, yaw, max(time, self._gait.shift_time) if slow else time
 
