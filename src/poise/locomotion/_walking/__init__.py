@@ -29,7 +29,7 @@ from poise.locomotion._walking._sense import WalkSense as WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import (
     CarriedTarget,
-    swing_braking as swing_braking,
+    stepping_stack as stepping_stack,
     walking_stack,
 )
 from poise.locomotion._walking._walker import Walker

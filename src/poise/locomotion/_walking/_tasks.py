@@ -5,7 +5,7 @@
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -236,17 +236,25 @@ foot that has to stay flat then comes short by centimetres.
 """
 
 
-def swing_braking(robot: Robot) -> dict[str, float]:
-    """How hard the joints of legs stop before their limits, for a `JointLimit`.
-
-    Arms, neck and waist stop as gently as in other stacks: nobody waits for them, and an arm that
-    goes along to its stop would shake the robot that carries it.
-    """
-    return {
-        robot.model.names[joint]: _SWING_BRAKING
-        for sole in robot.soles
-        for joint in robot.leg_joints(sole)
-    }
+def stepping_stack(
+    robot: Robot,
+    levels: Sequence[Sequence[Task]],
+    *,
+    contacts: Sequence[Contact] = (),
+    position_range: Mapping[str, tuple[float, float]] | None = None,
+    collides: bool = True,
+) -> Stack:
+    """Levels above limits of a robot that steps: legs alone stop hard, and no torque jumps."""
+    legs = {joint for sole in robot.soles for joint in robot.leg_joints(sole)}
+    # An arm that came to its stop as hard would shake the robot that carries it.
+    braking = {robot.model.names[joint]: _SWING_BRAKING for joint in legs}
+    return Stack(
+        contacts=contacts or [SurfaceContact(sole) for sole in robot.soles],
+        levels=levels,
+        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
+        joint_limit=JointLimit(position_range=position_range, braking_of=braking),
+        self_collision_limit=SelfCollisionLimit() if collides else None,
+    )
 
 
 def walking_stack(
@@ -302,11 +310,5 @@ def walking_stack(
     if neck is not None:
         upper.append(neck)
     levels = [[*balance, *upper]] if leans else [balance, upper]
-    return Stack(
-        contacts=[SurfaceContact(sole) for sole in soles],
-        levels=[*levels, [PostureTask()]],
-        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
-        joint_limit=JointLimit(braking_of=swing_braking(robot)),
-        # What hands that go along do was planned; whoever leads them may lead them anywhere.
-        self_collision_limit=None if arms is None else SelfCollisionLimit(),
-    )
+    # What hands that go along do was planned; whoever leads them may lead them anywhere.
+    return stepping_stack(robot, [*levels, [PostureTask()]], collides=arms is not None)
