@@ -5,10 +5,11 @@ import pinocchio as pin
 import pytest
 
 from poise.control import WholeBodyController
-from poise.dynamics import Dynamics
+from poise.dynamics import Dynamics, RobotState
 from poise.errors import TargetError
 from poise.locomotion import CarriedTarget, Stride, Walker, plan_footsteps, walking_stack
 from poise.locomotion._walking._tasks import find_walk_tasks
+from poise.robots import GRAVITY
 from poise.sim import Plant, PlantConfig, rollout
 from poise.stack import FrameTask
 
@@ -25,12 +26,28 @@ def test_a_walk_sets_the_com_and_each_foots_own_task_and_contact(get_robot, robo
     assert not {task.name for task in found.feet} & set(found.carried)
 
 
-def test_where_not_all_can_be_had_the_com_gives_least_and_the_pelvis_most(get_robot):
-    robot = get_robot("g1")
+@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
+def test_trunk_and_arms_give_for_com_and_feet_beyond_an_edge_and_only_there(get_robot, robot):
+    robot = get_robot(robot)
     stack = walking_stack(robot)
-    stack.bind(robot)
-    com, foot, pelvis = (stack.task(name).weight for name in ("com", "left_foot", "pelvis"))
-    assert com.min() > foot[:3].max() > foot[3:].max() > pelvis.max()
+    controller = WholeBodyController(robot, stack)
+    dynamics = Dynamics(robot)
+    dynamics.update(state := RobotState(robot.q_home, np.zeros(robot.nv)))
+    com, height = stack.task("com"), float(dynamics.com[2])
+    # The limit leaves the CoM alone that a foothold on each side catches.
+    stack.balance_limit.expect_step([[x, y] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+
+    def missed(shift):
+        com.set_acceleration([-GRAVITY * shift / height, 0.0, 0.0])
+        controller.reset()
+        controller.step(state)
+        rows = {row.name: row.residual for row in controller.status().tasks}
+        return rows["com"], max(rows["pelvis"], rows["torso"])
+
+    inside, beyond = missed(0.02), missed(0.2)
+    assert max(inside) < 1e-6
+    assert beyond[0] < 1e-6
+    assert beyond[1] > 1.0
 
 
 @pytest.mark.parametrize("robot", ["humanoid33", "g1", "talos", "icub"])

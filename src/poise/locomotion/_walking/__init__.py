@@ -44,7 +44,7 @@ from poise.locomotion._walking._settings import (
 from poise.locomotion._walking._swing import CLEAR as CLEAR
 from poise.locomotion._walking._tasks import (
     CarriedTarget as CarriedTarget,
-    swing_braking as swing_braking,
+    stepping_stack as stepping_stack,
     walking_stack as walking_stack,
 )
 from poise.locomotion._walking._walker import Walker as Walker

@@ -5,7 +5,7 @@
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -226,16 +226,6 @@ def _carried(
     return carried
 
 
-_FOOT = (0.3, 0.3, 0.3, 0.1, 0.1, 0.1)
-_PELVIS, _UPPER = 0.03, 0.03
-"""Weights of rows in m/s^2 and rad/s^2 beside the COM's, one.
-
-1 m/s^2 of the COM is 7 cm of ZMP on G1, 1 rad/s^2 of all that can turn at most 1 cm. Weighed alike,
-least squares would take nearly all from the COM that a fast swing or a trunk thrown over by a push
-asks for beyond what soles and torques give, and balance would go first.
-"""
-
-
 _SWING_BRAKING = 60.0
 """Deceleration with which the joints of legs plan to stop before their limits [rad/s^2].
 
@@ -246,43 +236,54 @@ foot that has to stay flat then comes short by centimetres.
 """
 
 
-def swing_braking(robot: Robot) -> dict[str, float]:
-    """How hard the joints of legs stop before their limits, for a `JointLimit`.
-
-    Arms, neck and waist stop as gently as in other stacks: nobody waits for them, and an arm that
-    goes along to its stop would shake the robot that carries it.
-    """
-    return {
-        robot.model.names[joint]: _SWING_BRAKING
-        for sole in robot.soles
-        for joint in robot.leg_joints(sole)
-    }
-
-
-_SOFTENING = 0.005
-"""Softening of the one level [m, rad]: a tenth of the default, as pelvis and torso, whose momentum
-catches the robot, weigh a thirtieth of the CoM."""
+def stepping_stack(
+    robot: Robot,
+    levels: Sequence[Sequence[Task]],
+    *,
+    contacts: Sequence[Contact] = (),
+    position_range: Mapping[str, tuple[float, float]] | None = None,
+    collides: bool = True,
+) -> Stack:
+    """Levels above limits of a robot that steps: legs alone stop hard, and no torque jumps."""
+    legs = {joint for sole in robot.soles for joint in robot.leg_joints(sole)}
+    # An arm that came to its stop as hard would shake the robot that carries it.
+    braking = {robot.model.names[joint]: _SWING_BRAKING for joint in legs}
+    return Stack(
+        contacts=contacts or [SurfaceContact(sole) for sole in robot.soles],
+        levels=levels,
+        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
+        joint_limit=JointLimit(position_range=position_range, braking_of=braking),
+        self_collision_limit=SelfCollisionLimit() if collides else None,
+    )
 
 
 def walking_stack(
     robot: Robot, arms: JointTask | None = None, neck: JointTask | None = None
 ) -> Stack:
-    """COM, feet, pelvis, torso and hands together, then the posture.
+    """CoM and feet, strictly above pelvis, torso and hands, strictly above the posture.
 
-    Where they can be had together, all are met. Where soles or torques do not give all of them, the
-    orientations of pelvis and torso and the hands give most, then the foot in the air, and the COM
-    least.
+    A turn of a foot counts as the way of its edge, half the sole's length away; all else weighs
+    one. With c'' and L' of all tasks together, L about the CoM at height H, the ground would have
+    to push at
 
-    Torso and hands stand in no level of their own: where the pressure has come to an edge of a
-    sole, nothing but angular momentum moves the COM aside, and strictly under it arms would be
-    thrown for the last of its error, to their limits and back, and rock the foot that stands. Where
-    soles lean, there is nothing but edges to stand on, and all weigh the same.
+        z_x = c_x - (H c_x'' + L_y' / m) / g        z_y = c_y - (H c_y'' - L_x' / m) / g
+
+    While z lies in the soles, all tasks are met that torques and joints allow. Beyond an edge, at
+    e, CoM and feet are still met, and trunk and arms turn by what is missing, and by no more,
+
+        dL_y' = m g (z_x - e_x)        dL_x' = -m g (z_y - e_y).
+
+    Their own tasks bring them back with what the edge leaves. A walk asks the CoM only for what a
+    ZMP inside the soles gives, see `DcmFeedback`, so this goes to the feet that deviate from their
+    plan, and to a trunk that is already turning.
+
+    Soles that lean are nothing but edges: there, trunk and hands share the level of CoM and feet.
 
     Args:
         robot: on two soles.
-        arms: of their joints, led by somebody else, in place of hands that go along: their weight
-            is set, and the robot's links are kept off each other.
-        neck: of its joints, led by somebody else; its weight is set, too.
+        arms: of their joints, set by another leader, instead of hands that go along; the robot's
+            links are kept off each other.
+        neck: of its joints, set by another leader.
 
     Returns:
         A new stack.
@@ -292,32 +293,22 @@ def walking_stack(
     """
     soles = two_soles(robot)
     leans = any(robot.soles[sole].leans for sole in soles)
-    pelvis = 1.0 if leans else _PELVIS
-    balance: list[Task] = [
-        ComTask(kp=40.0, speed=LINEAR_SPEED),
-        FrameTask(robot.pelvis, "orientation", kp=100.0, weight=pelvis, name="pelvis"),
-    ]
-    feet: list[Task] = []
+    balance: list[Task] = [ComTask(kp=40.0, speed=LINEAR_SPEED)]
     for sole in soles:
-        rows = sorted(robot.soles[sole].controlled)
-        weight = [1.0 if leans else _FOOT[row] for row in rows]
-        feet.append(FrameTask(sole, kp=300.0, weight=weight, name=sole.replace("sole", "foot")))
-    upper: list[Task] = [FrameTask(robot.torso, "orientation", kp=50.0, name="torso")]
+        lever = 0.5 * robot.soles[sole].length
+        weight = [1.0 if row < 3 else lever for row in sorted(robot.soles[sole].controlled)]
+        name = sole.replace("sole", "foot")
+        balance.append(FrameTask(sole, kp=300.0, weight=weight, name=name))
+    upper: list[Task] = [
+        FrameTask(robot.pelvis, "orientation", kp=100.0, name="pelvis"),
+        FrameTask(robot.torso, "orientation", kp=50.0, name="torso"),
+    ]
     if arms is None:
         upper += [FrameTask(hand, "position", kp=100.0, name=hand) for hand in robot.hands]
     else:
         upper.append(arms)
     if neck is not None:
         upper.append(neck)
-    if not leans:
-        for task in upper:
-            task.set_weight(_UPPER)
-    return Stack(
-        contacts=[SurfaceContact(sole) for sole in soles],
-        levels=[[*balance, *feet, *upper], [PostureTask()]],
-        torque_limit=TorqueLimit(rate=SMOOTH_RATE),
-        joint_limit=JointLimit(braking_of=swing_braking(robot)),
-        # What hands that go along do was planned; whoever leads them may lead them anywhere.
-        self_collision_limit=None if arms is None else SelfCollisionLimit(),
-        softening=_SOFTENING,
-    )
+    levels = [[*balance, *upper]] if leans else [balance, upper]
+    # What hands that go along do was planned; whoever leads them may lead them anywhere.
+    return stepping_stack(robot, [*levels, [PostureTask()]], collides=arms is not None)

@@ -21,18 +21,13 @@ from poise.locomotion._stepping._stance import (
     TrunkPose,
     mean_angle,
 )
-from poise.locomotion._walking import swing_braking
+from poise.locomotion._walking import stepping_stack
 from poise.stack import (
     LINEAR_SPEED,
-    SMOOTH_RATE,
     ComTask,
     FrameTask,
-    JointLimit,
     JointTask,
-    SelfCollisionLimit,
-    Stack,
     SurfaceContact,
-    TorqueLimit,
 )
 
 _KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0
@@ -80,7 +75,13 @@ robot steps by itself [m]."""
 
 
 class TorqueTasks:
-    """Accelerations of CoM, feet and trunk, weighted in this order; standing feet are contacts."""
+    """Accelerations of CoM, feet and trunk, weighted in this order; standing feet are contacts.
+
+    Levels cost balance and smoothness. With CoM and feet strictly above trunk and limbs, above the
+    posture, without softening, pushes of 0.5 and 0.65 m/s in 8 directions made 271 and 1,604 ticks
+    with a torque step above a quarter of its limit, against 41 and 166, and 1 fall of 16 against
+    none. Softened, the CoM's weight holds a swing foot to the posture.
+    """
 
     def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask], solved_by: str) -> None:
         robot = biped.robot
@@ -97,16 +98,12 @@ class TorqueTasks:
         led = {joint for task in limbs for joint in task.joints or ()}
         others = [name for name in robot.joint_names if name not in led]
         posture = JointTask(others, kp=_KP_POSTURE, weight=POSTURE_WEIGHT, name="posture")
-        self.stack = Stack(
+        self.stack = stepping_stack(
+            robot,
+            [[self._com, *self._feet, *self._trunk, *limbs, posture]],
             contacts=self._contacts,
-            levels=[[self._com, *self._feet, *self._trunk, *limbs, posture]],
             # A straight leg gets no shorter whatever its knee does: the trunk would bow for it.
-            joint_limit=JointLimit(
-                position_range={**twist_ranges(biped), **biped.knees},
-                braking_of=swing_braking(robot),
-            ),
-            torque_limit=TorqueLimit(rate=SMOOTH_RATE),
-            self_collision_limit=SelfCollisionLimit(),
+            position_range={**twist_ranges(biped), **biped.knees},
         )
         self.stack.bind(robot)
         posture.set_target(
