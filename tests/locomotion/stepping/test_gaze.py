@@ -72,7 +72,7 @@ class Looks:
 
     @property
     def looks(self):
-        """Along the torso's axes, of a head whose joints are where they are led."""
+        """Along the torso's axes, of a head whose joints are at their targets."""
         robot, task, heads = self.robot, self.leader.task, []
         frame = next(f.name for f in robot.model.frames if f.parentJoint == self.last)
         q = robot.q_home.copy()

@@ -21,8 +21,8 @@ from poise.robots import Robot
 from poise.stack import JointTask
 
 _GAIN, _ACCELERATION, _JOINT_ACCELERATION = 10.0, 15.0, 40.0
-"""How fast a head turns to where it shall look, over the angle [1/s]; how hard it turns and its
-joints do [rad/s^2]."""
+"""Gain of a head's turn towards its gaze [1/s]; largest accelerations of head and joints
+[rad/s^2]."""
 
 _LIMIT_MARGIN = 0.02
 """Distance of joints from their limits [rad]."""

@@ -49,7 +49,7 @@ _UNLED = Tracker(1.0)
 """Of a third hand, which no operator has."""
 
 _GAIN, _TURN_GAIN, _TURN_ACCELERATION = 15.0, 10.0, 20.0
-"""How fast a hand goes to its place and turns, over the way [1/s]; how hard it turns [rad/s^2]."""
+"""Gains of a hand's way and turn [1/s]; largest angular acceleration [rad/s^2]."""
 
 _HOME = Approach(gain=3.0, speed=1.2, acceleration=50.0)
 """Of the joints back to rest."""

@@ -16,7 +16,7 @@ _BIAS_MAX = 30.0
 
 
 class Firmness(NamedTuple):
-    """Stiffness at rest and while led [1/s^2]; rate at which lag becomes a bias [1/s^3]."""
+    """Stiffness at rest and in motion [1/s^2]; rate at which lag becomes a bias [1/s^3]."""
 
     rest: float
     led: float
@@ -36,7 +36,7 @@ the rate is half the root of the stiffness."""
 
 
 class LimbFeedback:
-    """Makes limbs stiff while they are led, and learns what they carry as a `bias`."""
+    """Stiffens limbs in motion, and learns what they carry as a `bias`."""
 
     def __init__(self, task: JointTask | None, firmness: Firmness, dt: float) -> None:
         self._task, self._firmness, self._dt = task, firmness, dt
@@ -50,7 +50,7 @@ class LimbFeedback:
             self._task.set_gains(self._firmness.rest)
 
     def stiffen(self, *, led: bool) -> None:
-        """Take a tick in which the joints are led, or not."""
+        """Take a tick in which the joints follow an operator, or rest."""
         change = self._dt / _STIFFEN if led else -self._dt / _STIFFEN
         before, self._stiff = self._stiff, min(max(self._stiff + change, 0.0), 1.0)
         if self._task is not None and self._stiff != before:

@@ -30,7 +30,7 @@ _BACK_GAIN = 1.0
 
 _SPEED_RATIO, _LIMIT_TIME = 0.7, 0.2
 """Part of the velocity limits that is used; time in which joints may at most reach their limits,
-which brakes them from 12 rad/s by the acceleration that they have [s]."""
+which brakes them from 10 rad/s by the 50 rad/s^2 that arms have [s]."""
 
 _MARGIN = 0.03
 """Distance between links [m]: more than the stack's own limit keeps, so that limbs come to rest
@@ -38,7 +38,7 @@ here and lean on no limit there."""
 
 _SHORT, _SLOW, _HARDLY = 0.05, 0.1, 0.15
 """Speeds below which a frame that gets no nearer is where it shall be [m/s, rad/s], and the part of
-the velocity that is asked for below which it gets no nearer."""
+the requested velocity below which it gets no nearer."""
 
 _POSTURE, _FREE = 1e-2, 1e-4
 """Weights beside an orientation that counts: of the joints' way to rest, which costs it a
@@ -67,7 +67,7 @@ class Motions:
 
 
 class _Limb:
-    """A chain of joints from the torso to a frame, and the velocities that it is asked for."""
+    """A chain of joints from the torso to a frame, and the velocities that its tasks request."""
 
     def __init__(
         self,
@@ -220,12 +220,12 @@ class LimbMotion:
 
     @property
     def blocked(self) -> list[bool]:
-        """Whether each frame gets no nearer to its place."""
+        """True for each frame that gets no nearer to its place."""
         return [limb.blocked for limb in self._limbs]
 
     @property
     def stuck(self) -> list[bool]:
-        """Whether each frame turns no further."""
+        """True for each frame that turns no further."""
         return [limb.stuck for limb in self._limbs]
 
     def advance(self, goals: Sequence[Goal | None]) -> None:
@@ -267,7 +267,7 @@ class LimbMotion:
         return self.v if velocity is None else velocity[self.index]
 
     def _is_at_rest(self) -> bool:
-        """Whether nothing moves any more; then limbs are where they rest to the last bit."""
+        """Put limbs that have arrived at rest there to the last bit; return whether they have."""
         if self.rests:
             return True
         off = max(float(np.abs(self.q - self._rest).max()), float(np.abs(self.v).max()))
@@ -288,6 +288,6 @@ class LimbMotion:
 def _is_stuck(
     asked: Float64[np.ndarray, "3"], found: Float64[np.ndarray, "3"], least: float
 ) -> bool:
-    """Whether joints do hardly anything of a velocity that is asked for."""
+    """Return whether joints do hardly anything of a requested velocity."""
     speed = math.hypot(*asked)
     return speed > least and float(asked @ found) < _HARDLY * speed * speed
