@@ -190,7 +190,9 @@ class LimbMotion:
         ranges = zip(self.joints, self._lower.tolist(), self._upper.tolist(), strict=True)
         stack = Stack(
             # The base stands still: no limb is between it and a sole.
-            contacts=[SurfaceContact(next(iter(robot.soles)))] if robot.floating_base else [],
+            contacts=[
+                SurfaceContact(sole) for sole in list(robot.soles)[:1] if robot.floating_base
+            ],
             levels=levels,
             joint_limit=JointLimit(
                 position_margin=0.0,
