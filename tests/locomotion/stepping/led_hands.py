@@ -5,6 +5,7 @@ import numpy as np
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import HandLeader, OperatorGuard, OperatorSample
 from poise.locomotion._stepping._operator import Tracker
+from poise.locomotion._stepping._upper_body._limb_motion import Goal
 
 DT = 0.002
 
@@ -56,3 +57,22 @@ class Follows:
             for name in (self.robot.torso, self.robot.hands[1])
         )
         return torso.T @ right
+
+
+class Arms:
+    """The model of the arms that a leader has, sent to places; None for an arm that rests."""
+
+    def __init__(self, robot, *, dt=DT, **options):
+        self.motion = HandLeader(robot, dt=dt, **options)._arms
+
+    def __getattr__(self, name):
+        return getattr(self.motion, name)
+
+    @property
+    def hands(self):
+        return self.motion.places
+
+    def advance(self, places, rotations=None, rates=None):
+        nothing = [None] * len(places)
+        goals = zip(places, rotations or nothing, rates or nothing, strict=True)
+        self.motion.advance([None if goal[0] is None else Goal(*goal) for goal in goals])

@@ -25,7 +25,6 @@ from poise.locomotion import (
     WayPoint,
     walking_stack,
 )
-from poise.locomotion._stepping._upper_body._neck import NeckMotion
 
 DT = 0.002
 NECKS = {
@@ -62,22 +61,6 @@ def test_a_neck_is_what_is_between_torso_and_head(get_robot, name, joints):
     assert leader.torso == (0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("name", ["humanoid33", "talos", "romeo"])
-def test_the_jacobian_of_a_neck_is_what_differences_say(get_robot, name):
-    robot, rng, step = get_robot(name), np.random.default_rng(2), 1e-6
-    neck = NeckMotion(robot, robot.q_home, dt=DT, speed_max=2.5)
-    for _ in range(10):
-        q = rng.uniform(neck._lower, neck._upper)
-        neck.q = q
-        neck._update()
-        J, before = neck._jacobian(), neck.rotation
-        for column in range(len(q)):
-            neck.q = q + step * (np.arange(len(q)) == column)
-            neck._update()
-            turn = pin.log3(neck.rotation @ before.T) / step
-            np.testing.assert_allclose(turn, J[:, column], atol=1e-5)
-
-
 class Looks:
     """A leader of a gaze, a tick a sample."""
 
@@ -85,6 +68,33 @@ class Looks:
         self.leader, self.time = GazeLeader(robot, dt=DT, **options), 0.0
         self.guard = OperatorGuard(dt=DT)
         self.gazes = [self.leader.gaze]
+        self.robot = robot
+
+    @property
+    def looks(self):
+        """Along the torso's axes, of a head whose joints are at their targets."""
+        robot, task, heads = self.robot, self.leader.task, []
+        frame = next(f.name for f in robot.model.frames if f.parentJoint == self.last)
+        q = robot.q_home.copy()
+        for joints in (q[self.index], task.target_position):
+            q[self.index] = joints
+            dynamics = Dynamics(robot)
+            dynamics.update(RobotState(q, np.zeros(robot.nv)))
+            torso, head = (dynamics.frame(robot.frame_id(f)).rotation for f in (robot.torso, frame))
+            heads.append(torso.T @ head)
+        return (heads[1] @ heads[0].T)[:, 0]
+
+    @property
+    def index(self):
+        robot = self.robot
+        return [robot.nq - robot.nj + robot.joint_index(j) for j in self.leader.task.joints]
+
+    @property
+    def last(self):
+        """Pinocchio's number of the joint that carries the head."""
+        model = self.robot.model
+        ids = [model.getJointId(name) for name in self.leader.task.joints]
+        return max(ids, key=lambda joint: len(model.supports[joint]))
 
     def say(self, head, seconds=DT, rest=False):
         for _ in range(round(seconds / DT)):
@@ -108,17 +118,17 @@ def test_the_head_looks_there_stays_where_it_is_lost_and_looks_ahead_again(get_r
     assert leader.status is HandStatus.LED
     # It looks there; a neck of two joints may hold its head askew for that.
     looks = pin.exp3(np.array(turn))[:, 0]
-    np.testing.assert_allclose(leader._neck.rotation[:, 0], looks, atol=0.02)
+    np.testing.assert_allclose(robot.looks, looks, atol=0.02)
     robot.say(None, 1.0)
     assert leader.status is HandStatus.HELD
-    np.testing.assert_allclose(leader._neck.rotation[:, 0], looks, atol=0.02)
+    np.testing.assert_allclose(robot.looks, looks, atol=0.02)
     # Found elsewhere, and gripped anew there: that is where it looks, as no hand would.
     robot.say(head(0.0, 0.0, -0.3), 0.5)
-    np.testing.assert_allclose(leader._neck.rotation[:, 0], looks, atol=0.02)
+    np.testing.assert_allclose(robot.looks, looks, atol=0.02)
     robot.say(head(0.0, 0.0, -0.3, clutch=False))
     robot.say(head(0.0, 0.0, -0.3), 1.5)
     away = pin.exp3(np.array([0.0, 0.0, -0.3]))[:, 0]
-    np.testing.assert_allclose(leader._neck.rotation[:, 0], away, atol=0.02)
+    np.testing.assert_allclose(robot.looks, away, atol=0.02)
     robot.say(head(0.0, 0.0, -0.3, clutch=False), 2.0, rest=True)
     assert leader.status is HandStatus.REST
     np.testing.assert_array_equal(leader.task.target_position, home)
@@ -128,13 +138,15 @@ def test_the_head_looks_there_stays_where_it_is_lost_and_looks_ahead_again(get_r
 @pytest.mark.parametrize("every", [1, 9, 50])
 def test_no_stream_of_samples_turns_the_gaze_faster_than_it_may(get_robot, every):
     rng, robot = np.random.default_rng(1), Looks(get_robot("humanoid33"))
+    index = [robot.robot.joint_index(joint) for joint in robot.leader.task.joints]
+    lower, upper = robot.robot.q_min[index], robot.robot.q_max[index]
     for k in range(1500):
         clutch = rng.random() < 0.9
         new = head(*rng.uniform(-0.8, 0.8, 3), clutch=clutch) if k % every == 0 else None
         robot.say(new)
-        limits = robot.leader._neck
-        assert (limits._lower - 1e-9 <= limits.q).all()
-        assert (limits.q <= limits._upper + 1e-9).all()
+        angles = robot.leader.task.target_position
+        assert (lower <= angles).all()
+        assert (angles <= upper).all()
     for ticks in (1, 10, 100):
         far = max(angle(b, a) for a, b in zip(robot.gazes, robot.gazes[ticks:], strict=False))
         assert far <= 0.12 + 2.5 * DT * ticks + 1e-9

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from led_hands import DT, Follows, Hand, both
+from led_hands import DT, Arms, Follows, Hand, both
 from msgspec import structs
 from slow import slow
 from walker import hands as device_of, up_and_down
@@ -23,7 +23,6 @@ from poise.locomotion import (
     WayPoint,
     walking_stack,
 )
-from poise.locomotion._stepping._upper_body._arms import ArmMotion
 from poise.robots import capsules_of
 from poise.sim import PlantConfig
 
@@ -104,7 +103,7 @@ def test_no_stream_of_samples_moves_a_hand_faster_than_it_may():
 @pytest.mark.parametrize("name", ["g1", slow("biped20"), slow("humanoid33"), slow("talos")])
 def test_whatever_is_asked_for_arms_move_smoothly_and_within_their_limits(get_robot, name):
     robot, rng = get_robot(name), np.random.default_rng(2)
-    arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=1.5, acceleration_max=5.0)
+    arms = Arms(robot)
     index = [robot.joint_index(joint) for joint in arms.joints]
     home = robot.q_home[7:][index]
     lower, upper = np.minimum(robot.q_min[index], home), np.maximum(robot.q_max[index], home)
@@ -128,7 +127,7 @@ def test_whatever_is_asked_for_arms_move_smoothly_and_within_their_limits(get_ro
 
 def test_a_hand_gets_where_it_can_and_says_where_it_cannot(get_robot):
     robot = get_robot("g1")
-    arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=1.5, acceleration_max=5.0)
+    arms = Arms(robot)
     near, far = arms.hands[0] + [0.1, 0.05, 0.15], arms.hands[1] + [1.0, 0.0, 0.0]
     for _ in range(1000):
         arms.advance([near, far])
@@ -140,7 +139,7 @@ def test_a_hand_gets_where_it_can_and_says_where_it_cannot(get_robot):
 def test_arms_stay_off_the_body_and_each_other_wherever_hands_are_led(get_robot, name):
     robot, rng = get_robot(name), np.random.default_rng(4)
     capsules, q = capsules_of(robot), robot.q_home.copy()
-    arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=1.5, acceleration_max=5.0)
+    arms = Arms(robot)
     places = [7 + robot.joint_index(joint) for joint in arms.joints]
     margins, start = np.minimum(0.03, capsules.at_home - 0.01), [h.copy() for h in arms.hands]
     middle, least = 0.5 * (start[0] + start[1]), np.inf
@@ -162,7 +161,7 @@ def test_arms_stay_off_the_body_and_each_other_wherever_hands_are_led(get_robot,
 def test_the_model_of_the_arms_is_the_robots(get_robot):
     """Its hands are where the robot's are, seen from the torso."""
     robot, rng = get_robot("g1"), np.random.default_rng(0)
-    arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=1.5, acceleration_max=5.0)
+    arms = Arms(robot)
     for _ in range(400):
         arms.advance([here + rng.normal(0.1, 0.1, 3) for here in arms.hands])
     q = robot.q_home.copy()

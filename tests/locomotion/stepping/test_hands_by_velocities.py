@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from led_hands import Arms
 from msgspec import structs
 from slow import slow
 from walker import hands as device_of, up_and_down
@@ -22,7 +23,6 @@ from poise.locomotion import (
     TrackedPose,
     WayPoint,
 )
-from poise.locomotion._stepping._upper_body._arms import ArmMotion
 from poise.robots import capsules_of
 from poise.sim import Plant, Recorder, rollout
 
@@ -284,7 +284,7 @@ def test_nothing_winds_up_in_arms_that_cannot_follow(get_robot):
 def test_arms_stay_smooth_within_limits_and_off_the_body_at_this_tick(get_robot, name):
     robot, rng = get_robot(name), np.random.default_rng(6)
     capsules, q = capsules_of(robot), robot.q_home.copy()
-    arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=1.5, acceleration_max=5.0)
+    arms = Arms(robot, dt=DT)
     places = 7 + arms.index
     lower = np.minimum(robot.q_min[arms.index], robot.q_home[places])
     upper = np.maximum(robot.q_max[arms.index], robot.q_home[places])

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from led_hands import Arms
 from standing import PARAMETERS, biped, footing, steady
 from walker import sample
 
@@ -18,7 +19,6 @@ from poise.locomotion import Mode, OperatorGuard, OperatorSample, TrackedPose
 from poise.locomotion._stepping._feet import FootTarget, FootVelocity
 from poise.locomotion._stepping._operator._guard import Tracker, VelocityCheck
 from poise.locomotion._stepping._stance._biped import FootRange
-from poise.locomotion._stepping._upper_body._arms import ArmMotion
 
 DT = 0.002
 UP = np.array([0.1, 0.0, 0.2])
@@ -120,7 +120,7 @@ def test_the_velocity_is_added_to_what_leads_to_the_place(get_robot, monkeypatch
 
 def lag(robot, *, told, frequency=0.5):
     """How far a hand is from a place that swings by 8 cm, as a rule [m]."""
-    arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=1.5, acceleration_max=5.0)
+    arms = Arms(robot)
     start, omega, far = [h.copy() for h in arms.hands], 2.0 * math.pi * frequency, []
     for tick in range(1500):
         angle = omega * DT * tick
@@ -139,7 +139,7 @@ def test_a_hand_lags_less_behind_a_device_that_says_how_fast_it_is(get_robot):
 
 def test_a_hand_is_no_faster_than_it_may_be_whatever_its_device_says(get_robot):
     robot = get_robot("humanoid33")
-    arms = ArmMotion(robot, robot.q_home, dt=DT, speed_max=0.5, acceleration_max=5.0)
+    arms = Arms(robot, speed_max=0.5)
     start, before = [h.copy() for h in arms.hands], arms.hands[0].copy()
     for _ in range(400):
         arms.advance([start[0] + [0.1, 0.0, 0.1], None], rates=[np.array([9.0, 0.0, 9.0]), None])

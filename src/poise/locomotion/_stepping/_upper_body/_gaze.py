@@ -8,22 +8,31 @@ from jaxtyping import Float64
 from poise._checks import checked_number
 from poise.locomotion._stepping._operator import OperatorGuard, RateLimiter
 from poise.locomotion._stepping._stance import LEVEL, TORSO_MOST
+from poise.locomotion._stepping._upper_body._approach import Approach
+from poise.locomotion._stepping._upper_body._chains import neck_chain
 from poise.locomotion._stepping._upper_body._hands import HandStatus
 from poise.locomotion._stepping._upper_body._limb_feedback import (
     BY_SERVOS,
     NECK_BY_TORQUES,
     LimbFeedback,
 )
-from poise.locomotion._stepping._upper_body._neck import NeckMotion
+from poise.locomotion._stepping._upper_body._limb_motion import Goal, LimbMotion, Motions
 from poise.robots import Robot
 from poise.stack import JointTask
+
+_GAIN, _ACCELERATION, _JOINT_ACCELERATION = 10.0, 15.0, 40.0
+"""Gain of a head's turn towards its gaze [1/s]; largest accelerations of head and joints
+[rad/s^2]."""
+
+_LIMIT_MARGIN = 0.02
+"""Distance of joints from their limits [rad]."""
 
 
 class GazeLeader:
     """Turns the head as the operator turns theirs, or brings it back to look straight ahead.
 
     The gaze is along the axes of the torso, and ahead is where the head looks at rest. Its task has
-    the neck's joints follow a model of the neck (`NeckMotion`), smooth and within reach. Like that
+    the neck's joints follow a model of the neck (`LimbMotion`), smooth and within reach. Like that
     of the arms it belongs into a level below the balance. Where there is no neck the torso may be
     turned instead, by whoever leads that: by `torso`, as far as a torso is turned by command.
 
@@ -60,7 +69,10 @@ class GazeLeader:
         self._dt = checked_number(dt, "dt of the gaze [s]", above=0.0)
         self._speed = checked_number(speed_max, "speed_max of the gaze [rad/s]", above=0.0)
         q_rest = robot.q_home if q_rest is None else q_rest
-        self._neck = NeckMotion(robot, q_rest, dt=dt, speed_max=speed_max)
+        turn = Approach(gain=_GAIN, speed=speed_max, acceleration=_ACCELERATION)
+        home = Approach(gain=_GAIN, speed=speed_max, acceleration=_JOINT_ACCELERATION)
+        motions = Motions(move=None, turn=turn, home=home, margin=_LIMIT_MARGIN)
+        self._neck = LimbMotion(robot, neck_chain(robot), q_rest, motions, dt=dt)
         self.task: JointTask | None = None
         if self._neck.joints:
             self.task = JointTask(self._neck.joints, weight=weight, name="neck")
@@ -107,7 +119,9 @@ class GazeLeader:
         if goal is not None:
             self.gaze, _ = self._limiter.turn(self.gaze, goal)
         if self.task is not None:
-            self._neck.advance(self.gaze)
+            rests = self.status is HandStatus.REST
+            ahead = self._neck.rest_rotations[0]
+            self._neck.advance([None if rests else Goal(rotation=self.gaze @ ahead)])
             moving = bool(self._neck.v.any())
             self._feedback.stiffen(led=moving or self.status is not HandStatus.REST)
             self._set_target()
@@ -116,7 +130,7 @@ class GazeLeader:
 
     def _at_edge(self) -> bool:
         if self.task is not None:
-            return self._neck.stuck
+            return self._neck.stuck[0]
         _, pitch, yaw = self.torso
         return bool(abs(pitch) > TORSO_MOST[1] or abs(yaw) > TORSO_MOST[2])
 

@@ -13,12 +13,14 @@ from jaxtyping import Float64
 from poise._checks import checked_number
 from poise.dynamics import RobotState, rotation_vector
 from poise.locomotion._stepping._operator import OperatorGuard, Tracker
-from poise.locomotion._stepping._upper_body._arms import ArmMotion
+from poise.locomotion._stepping._upper_body._approach import Approach
+from poise.locomotion._stepping._upper_body._chains import arm_chains
 from poise.locomotion._stepping._upper_body._limb_feedback import (
     ARMS_BY_TORQUES,
     BY_SERVOS,
     LimbFeedback,
 )
+from poise.locomotion._stepping._upper_body._limb_motion import Goal, LimbMotion, Motions
 from poise.robots import Robot
 from poise.stack import JointTask
 
@@ -46,6 +48,15 @@ more, and there are two ways round."""
 _UNLED = Tracker(1.0)
 """Of a third hand, which no operator has."""
 
+_GAIN, _TURN_GAIN, _TURN_ACCELERATION = 15.0, 10.0, 20.0
+"""Gains of a hand's way and turn [1/s]; largest angular acceleration [rad/s^2]."""
+
+_HOME = Approach(gain=3.0, speed=1.2, acceleration=50.0)
+"""Of the joints back to rest."""
+
+_LIMIT_MARGIN = 0.05
+"""Distance of joints from their limits [rad]."""
+
 
 class HandLeader:
     """Leads the arms by an operator's hands, or brings them back to rest.
@@ -54,7 +65,7 @@ class HandLeader:
     of the torso: hands go along with a body that walks, and where it leans no arm is thrown about.
     How a device is turned meanwhile, which gives that, turns its hand, not scaled. A hand that was
     ever turned keeps its orientation in the torso until it rests; another is turned as its arm has
-    it. `task` has the arms' joints follow a model of the arms (`ArmMotion`), smooth and within
+    it. `task` has the arms' joints follow a model of the arms (`LimbMotion`), smooth and within
     reach. It belongs into a level below the balance.
 
     Args:
@@ -98,17 +109,17 @@ class HandLeader:
         checked_number(acceleration_max, "acceleration_max of the hands [m/s^2]", above=0.0)
         checked_number(turn_speed_max, "turn_speed_max of the hands [rad/s]", above=0.0)
         self._joints, self._servos = robot.nj, servos
-        self._arms = ArmMotion(
-            robot,
-            robot.q_home if q_rest is None else q_rest,
-            dt=dt,
-            speed_max=speed_max,
-            acceleration_max=acceleration_max,
-            turn_speed_max=turn_speed_max,
+        motions = Motions(
+            move=Approach(gain=_GAIN, speed=speed_max, acceleration=acceleration_max),
+            turn=Approach(gain=_TURN_GAIN, speed=turn_speed_max, acceleration=_TURN_ACCELERATION),
+            home=_HOME,
+            margin=_LIMIT_MARGIN,
         )
+        q_rest = robot.q_home if q_rest is None else q_rest
+        self._arms = LimbMotion(robot, arm_chains(robot), q_rest, motions, dt=dt)
         self.names = self._arms.names
         self._sides = [
-            _side(robot, *hand) for hand in zip(self.names, self._arms.hands, strict=True)
+            _side(robot, *hand) for hand in zip(self.names, self._arms.places, strict=True)
         ]
         self.task: JointTask | None = None
         if self._arms.joints:
@@ -123,7 +134,7 @@ class HandLeader:
         self._arms.reset()
         self._feedback.reset()
         self._rested = False
-        self.places = [hand.copy() for hand in self._arms.hands]
+        self.places = [place.copy() for place in self._arms.places]
         self.rotations: list[Float64[np.ndarray, "3 3"] | None] = [None for _ in self.names]
         self.status = [HandStatus.REST for _ in self.names]
         self._set_target()
@@ -151,11 +162,16 @@ class HandLeader:
         rests = [status is HandStatus.REST for status in self.status]
         rates = [tracker.velocity(state.time) for tracker in trackers]
         self._arms.advance(
-            [None if rest else place for rest, place in zip(rests, self.places, strict=True)],
-            self.rotations,
-            [None if rate is None else self._scale * np.array(rate) for rate in rates],
+            [
+                None
+                if rest
+                else Goal(place, rotation, None if rate is None else self._scale * np.array(rate))
+                for rest, place, rotation, rate in zip(
+                    rests, self.places, self.rotations, rates, strict=True
+                )
+            ]
         )
-        for hand, here in enumerate(self._arms.hands):
+        for hand, here in enumerate(self._arms.places):
             self._stop_at_edge(hand, here)
         # Servos follow all the way to rest; by torques arms that go there are soft.
         moving = self._servos and bool(self._arms.v.any())

@@ -16,13 +16,7 @@ _BIAS_MAX = 30.0
 
 
 class Firmness(NamedTuple):
-    """How firmly joints follow their model.
-
-    Attributes:
-        rest: stiffness at rest [1/s^2].
-        led: stiffness of joints that are led [1/s^2].
-        learning: how fast what led joints lag by becomes a bias of their accelerations [1/s^3].
-    """
+    """Stiffness at rest and in motion [1/s^2]; rate at which lag becomes a bias [1/s^3]."""
 
     rest: float
     led: float
@@ -42,16 +36,7 @@ the rate is half the root of the stiffness."""
 
 
 class LimbFeedback:
-    """Makes limbs stiff while they are led, and has them learn what they carry.
-
-    Args:
-        task: of the joints, bound to a robot; None without joints.
-        firmness: of the joints.
-        dt: length of a tick [s].
-
-    Attributes:
-        bias: to be added to the joints' accelerations [rad/s^2].
-    """
+    """Stiffens limbs in motion, and learns what they carry as a `bias`."""
 
     def __init__(self, task: JointTask | None, firmness: Firmness, dt: float) -> None:
         self._task, self._firmness, self._dt = task, firmness, dt
@@ -65,11 +50,7 @@ class LimbFeedback:
             self._task.set_gains(self._firmness.rest)
 
     def stiffen(self, *, led: bool) -> None:
-        """One tick.
-
-        Args:
-            led: whether the joints are led.
-        """
+        """Take a tick in which the joints follow an operator, or rest."""
         change = self._dt / _STIFFEN if led else -self._dt / _STIFFEN
         before, self._stiff = self._stiff, min(max(self._stiff + change, 0.0), 1.0)
         if self._task is not None and self._stiff != before:
@@ -89,11 +70,7 @@ class LimbFeedback:
         return self._stiff > 0.0 and self._firmness.learning > 0.0
 
     def learn(self, lag: Float64[np.ndarray, " n"]) -> None:
-        """One tick, where it `learns`; what is not finite teaches nothing.
-
-        Args:
-            lag: how far the joints are from where their model is [rad].
-        """
+        """Take a tick in which it `learns` from what joints are behind their model [rad]."""
         if not all_finite(lag):
             return
         bias = self.bias + self._dt * self._firmness.learning * lag
