@@ -93,9 +93,9 @@ CASES = {
         "does not heed the devices",
     ),
     "another period": (changed("0.005", "0.001"), "control period.*0.001.*0.005"),
-    "another actuation": (
+    "positions at the period of velocities": (
         changed("{control_dt", "{actuation: position, control_dt"),
-        "actuation.*position.*velocity, torque",
+        "control period.*0.005.*0.002",
     ),
     "torques at the period of velocities": (
         changed("{control_dt", "{actuation: torque, control_dt"),

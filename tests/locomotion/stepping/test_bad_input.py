@@ -112,10 +112,10 @@ def test_feet_too_close_are_refused(get_robot):
         size_of(together, together.q_home)
 
 
-def test_a_plant_that_takes_positions_or_has_another_tick_is_refused(get_robot):
+def test_a_plant_that_has_another_tick_is_refused(get_robot):
     robot, device = get_robot("biped20"), ScriptedDevice([], np.zeros(3), np.zeros(3))
     with pytest.raises(UnknownNameError, match="'position'; choices: velocity, torque"):
-        run_teleop(robot, device, PlantConfig(actuation="position"), duration=1.0)
+        StepTeleoperator(robot, actuation="position")
     with pytest.raises(ConfigurationError, match="different control periods"):
         run_teleop(robot, device, PlantConfig(), duration=1.0)
     with pytest.raises(ConfigurationError, match="different control periods"):

@@ -29,8 +29,8 @@ from poise.stack import Stack
 _THERE = 1e-6
 """A foot is sent no nearer than this to where the operator says, whatever is rounded [m]."""
 
-_HANGS = 0.002
-"""A foot so far above where it is sent down to, and no lower than this for a while, hangs [m]."""
+_HANGS, _COMES = 0.005, 0.002
+"""Height over its target at which a descending foot has not arrived; descent of one that comes [m]."""
 
 _PATIENCE, _DRAWN = 0.4, 0.05
 """Time for which a foot may hang, and speed at which it is drawn nearer then [s, m/s]."""
@@ -89,7 +89,7 @@ class FootTarget:
             self._comes()
             return False
         if self._hung < _PATIENCE:
-            if height < self._least - _HANGS:
+            if height < self._least - _COMES:
                 self._least, self._hung = height, 0.0
             self._hung += self._parameters.dt
         return self._hung >= _PATIENCE

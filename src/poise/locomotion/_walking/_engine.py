@@ -16,7 +16,6 @@ from poise.locomotion._walking._parts import WalkParts
 from poise.locomotion._walking._phases import FootMotion, StepPhases
 from poise.locomotion._walking._sense import LONGEST_TICK
 from poise.locomotion._walking._settings import WalkStatus
-from poise.locomotion._walking._stance import CLOSED
 from poise.locomotion._walking._trouble import (
     NO_RESPONSE,
     RESPONSES,
@@ -25,6 +24,9 @@ from poise.locomotion._walking._trouble import (
     TroubleWatch,
 )
 from poise.stack import Stack
+
+_MISPLACED = 0.03
+"""Distance of a sole from the start of a plan beyond which nothing moves [m]."""
 
 
 class SteppingEngine:
@@ -163,7 +165,7 @@ class SteppingEngine:
         parts = self.parts
         if self.status is WalkStatus.READY and isinstance(parts.stand, FootstepPlan):
             for foot, place in enumerate(parts.stand.start):
-                if math.dist(parts.sense.positions[foot], place.position) > CLOSED:
+                if math.dist(parts.sense.positions[foot], place.position) > _MISPLACED:
                     self.status = WalkStatus.MISPLACED
                     return
         self.status = WalkStatus.STANDING

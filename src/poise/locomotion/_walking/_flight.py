@@ -14,13 +14,15 @@ from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._step_choice import Pendulum
 from poise.locomotion._walking._step_planner import Lifted, StepPlanner
 from poise.locomotion._walking._swing import (
-    FIXED,
     RISE,
     SwingFoot,
     SwingPose,
     SwingShape,
     sinking_phase,
 )
+
+_FINAL = 0.05
+"""Time before touchdown from which foothold and time are final [s]."""
 
 _RATE = 2.0
 """Largest rates of foothold [m/s] and time of touchdown [s/s]."""
@@ -66,7 +68,7 @@ class Flight:
     def aim(self, lifted: Lifted, pendulum: Pendulum, dt: float) -> None:
         """Chooses place and time of touchdown."""
         late = self.left == 0.0
-        if self._lands or (self.left <= FIXED and not late):
+        if self._lands or (self.left <= _FINAL and not late):
             return
         turned = self.goal.yaw - lifted.stance.yaw
         step, place = self._planner.choose(lifted, pendulum, turned)

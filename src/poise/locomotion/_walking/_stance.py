@@ -157,7 +157,7 @@ def _whole(edge: float, end: float) -> float:
     return end if abs(end - edge) <= LEVEL else edge
 
 
-CLOSED, _CLOSED_TURN = 0.03, 0.06
+_CLOSED, _CLOSED_TURN = 0.025, 0.06
 """Feet so near to side by side are [m, rad]."""
 
 _DRIFT = 0.002
@@ -254,7 +254,7 @@ class Stance:
         ahead = math.cos(yaw) * dx + math.sin(yaw) * dy
         aside = math.cos(yaw) * dy - math.sin(yaw) * dx
         return (
-            abs(ahead) < CLOSED
-            and abs(aside - width) < CLOSED
+            abs(ahead) < _CLOSED
+            and abs(aside - width) < _CLOSED
             and abs(left.yaw - right.yaw) < _CLOSED_TURN
         )

@@ -137,6 +137,9 @@ def _is_clear(
 FIXED = 0.06
 """The goal does not move any more when the foot is this near to its arrival [s]."""
 
+_FREED = 0.03
+"""Height at which a foot that was held on its way up goes on [m]."""
+
 CLEAR = 0.02
 """Height above where it stood from which a swing foot is free to move and turn [m]."""
 
@@ -216,7 +219,7 @@ class SwingFoot(SwingPose):
     def rise_at(self, x: float, y: float) -> None:
         """Goes straight up at a place before it goes on along the ground."""
         self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
-        self._clears = self._lift_off_height + CLEAR
+        self._clears = self._lift_off_height + _FREED
 
     def retime(self, left: float) -> None:
         """The foot is due in another time from now on; its phase stays what it is."""

@@ -130,8 +130,8 @@ class TroubleWatch:
         return x * x + y * y > _SLIP_SPEED * _SLIP_SPEED
 
 
-_IDLE_TIME = 0.05
-"""An unloaded foot that should stand, beside one that carries the robot, hangs after this [s]."""
+_IDLE, _IDLE_TIME = 0.01, 0.05
+"""Load over the weight below which a stance foot hangs beside one that carries, and the time [s]."""
 
 _NOISE = 5.0
 """Weight of a moment with a load over one without: noise, too, is a load at times."""
@@ -148,7 +148,7 @@ class HangWatch:
     def update(self, dt: float) -> None:
         """Takes in what the feet carry."""
         for foot, contact in enumerate(self._contacts):
-            idle = self._sense.load(foot) < UNLOADED and contact.active
+            idle = self._sense.load(foot) < _IDLE and contact.active
             if idle or self._idle[foot] > 0.0:
                 change = dt if idle else -_NOISE * dt
                 # Remembered for twice the time: a foot that carries again counts within 10 ms.

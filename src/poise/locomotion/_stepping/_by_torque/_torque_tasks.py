@@ -80,7 +80,7 @@ class TorqueTasks:
     Levels cost balance and smoothness. With CoM and feet strictly above trunk and limbs, above the
     posture, without softening, pushes of 0.5 and 0.65 m/s in 8 directions made 271 and 1,604 ticks
     with a torque step above a quarter of its limit, against 41 and 166, and 1 fall of 16 against
-    none. Softened, the CoM's weight holds a swing foot to the posture.
+    none.
     """
 
     def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask], solved_by: str) -> None:

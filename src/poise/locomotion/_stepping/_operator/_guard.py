@@ -291,7 +291,8 @@ def rotation_of(quaternion: Sequence[float]) -> Rotation | None:
     return pin.Quaternion(np.array(quaternion) / length).toRotationMatrix()
 
 
-_STICK_REST = 0.02  # sticks do not rest at exactly zero [m/s, rad/s]
+# Sticks do not rest at exactly zero [m/s, rad/s]
+_STICK_REST, _STICK_TURN_REST = 0.01, 0.02
 
 
 class DeviceStatus(Enum):
@@ -446,7 +447,8 @@ class OperatorGuard:
 
     def _steer(self, velocity: Vector, time: float) -> None:
         """A velocity counts after one of zero: a stick that was held when it was found does not."""
-        if all(abs(rate) <= _STICK_REST for rate in velocity):
+        ahead, aside, turn = map(abs, velocity)
+        if ahead <= _STICK_REST and aside <= _STICK_REST and turn <= _STICK_TURN_REST:
             self._walk.release(time)
             return
         if not all(map(math.isfinite, velocity)):

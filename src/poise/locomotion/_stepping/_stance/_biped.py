@@ -23,7 +23,7 @@ BASE_JOINT = 1
 _KNEE_MIN = 0.08
 """Least bend of a knee: straighter the leg is singular [rad]."""
 
-_LOAD, _RANGE = 0.7, 0.8
+_KNEE_LOAD, _HIP_LOAD, _RANGE = 0.7, 0.75, 0.8
 """Parts of a joint's torque and of its range to stand with: the rest raises the body again, and
 swings the other leg."""
 
@@ -94,7 +94,7 @@ def _knee_lever(robot: Robot, joints: list[int]) -> float:
     """Lever at which a knee holds all that is above it, by what of its torque it may [m]."""
     below = sum(float(robot.model.inertias[j + 2].mass) for j in joints[KNEE:])
     torque = float(robot.tau_max[joints[KNEE]])
-    return _LOAD * torque / (GRAVITY * (robot.mass - below))
+    return _KNEE_LOAD * torque / (GRAVITY * (robot.mass - below))
 
 
 _RELIEF_MAX = 0.2
@@ -121,7 +121,7 @@ def _hip_relief(dynamics: Dynamics, sole: str) -> float:
     # The leg's own weight, half way, has to be balanced by the body's.
     moment = GRAVITY * (carried + 0.5 * leg) * offset
     height = max(float(middle[2] - hip[2]), 0.1 * float(hip[2]))
-    lacking = moment - _LOAD * float(robot.tau_max[joint]) * abs(float(axes[roll, _ROLL]))
+    lacking = moment - _HIP_LOAD * float(robot.tau_max[joint]) * abs(float(axes[roll, _ROLL]))
     inwards = float(axes[roll, _ROLL]) * (1.0 if hip[1] < pelvis[1] else -1.0) > 0.0
     home = float(robot.q_home[7 + joint])
     limit = robot.q_max[joint] - home if inwards else home - robot.q_min[joint]

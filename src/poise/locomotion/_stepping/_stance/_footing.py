@@ -194,8 +194,8 @@ class Footing:
 _RATE = 0.3
 """Rate of the lean over a foot, and back [rad/s]."""
 
-_TURN_RATE = 0.5
-"""Rate of the trunk towards the heading of the feet and towards the command [rad/s]."""
+_TURN_RATE, _POSE_RATE = 0.5, 0.6
+"""Rates of the trunk towards the heading of the feet, and towards the command [rad/s]."""
 
 TORSO_MOST = (0.3, 0.4, 0.5)
 """Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
@@ -276,7 +276,7 @@ class TrunkPose:
 
     def _moved(self, torso: tuple[float, float, float]) -> tuple[float, float, float]:
         """Roll, pitch and yaw of the torso, rate-limited towards what is commanded [rad]."""
-        most = _TURN_RATE * self._dt
+        most = _POSE_RATE * self._dt
         roll, pitch, yaw = (
             before + max(-most, min(most, max(-largest, min(largest, angle)) - before))
             for before, angle, largest in zip(self._torso, torso, TORSO_MOST, strict=True)
