@@ -30,7 +30,7 @@ _THERE = 1e-6
 """A foot is sent no nearer than this to where the operator says, whatever is rounded [m]."""
 
 _HANGS, _COMES = 0.005, 0.002
-"""Height over its target at which a descending foot has not arrived; descent of one that comes [m]."""
+"""Height over its target of a foot that has not arrived; descent of one that comes [m]."""
 
 _PATIENCE, _DRAWN = 0.4, 0.05
 """Time for which a foot may hang, and speed at which it is drawn nearer then [s, m/s]."""

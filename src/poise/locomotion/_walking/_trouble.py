@@ -131,7 +131,7 @@ class TroubleWatch:
 
 
 _IDLE, _IDLE_TIME = 0.01, 0.05
-"""Load over the weight below which a stance foot hangs beside one that carries, and the time [s]."""
+"""Load, by weight, below which a stance foot hangs beside one that carries, and the time [s]."""
 
 _NOISE = 5.0
 """Weight of a moment with a load over one without: noise, too, is a load at times."""
