@@ -1,6 +1,7 @@
 """Actuators: from a command to the controls of MuJoCo's motors."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float64
@@ -65,9 +66,9 @@ class Actuators:
         self,
         command: Command | None,
         position: Float64[np.ndarray, "..."] | None,
-        measured: RobotState,
+        measure: Callable[[], RobotState],
     ) -> None:
-        """Take the command for the next control period; `measured` is the state before it.
+        """Take the command for the next control period; `measure` returns the state before it.
 
         Values that are not finite are taken as zero torque, zero velocity or the last position, and
         counted in `rejected`: nothing raises inside the loop on account of a value.
@@ -79,7 +80,7 @@ class Actuators:
         }
         value = offered.pop(self._actuation)
         if self._actuation == "position" and value is None:
-            value = self._pull(offered.pop("torque"), measured)
+            value = self._pull(offered.pop("torque"), measure)
         if value is None and any(v is not None for v in offered.values()):
             raise ConfigurationError(
                 "the command is of another kind than the plant's actuation",
@@ -108,12 +109,13 @@ class Actuators:
         return self._controls
 
     def _pull(
-        self, torque: Float64[np.ndarray, "..."] | None, measured: RobotState
+        self, torque: Float64[np.ndarray, "..."] | None, measure: Callable[[], RobotState]
     ) -> Float64[np.ndarray, "..."] | None:
         """Return the positions at which servos of positions pull with a torque."""
         if torque is None or torque.shape != (self._nj,):
             return torque
-        q, v = measured.q[-self._nj :], measured.v[-self._nj :]
+        state = measure()
+        q, v = state.q[-self._nj :], state.v[-self._nj :]
         return q + (torque + self._damping * v) / self._stiffness
 
     def _followed(self) -> Float64[np.ndarray, " nj"]:

@@ -233,7 +233,7 @@ class Plant:
         Raises:
             ConfigurationError: the command is of another kind or shape than the plant's actuation.
         """
-        self._actuators.accept(command, position, self.state())
+        self._actuators.accept(command, position, self.state)
         begin = self.time
         self._tick += 1
         if not self._diverged:

@@ -103,7 +103,7 @@ class _Limb:
         self._jacobian = np.concatenate((turn @ own[:3], turn @ own[3:]))
 
     def go(self, v: Float64[np.ndarray, " n"]) -> None:
-        """Ask for what velocities of the joints make of the frame."""
+        """Request the frame velocity of given joint velocities."""
         self.reset()
         self._asked = (self._jacobian @ v[self.own]).reshape(2, 3)
         self.place_task.overwrite_target()[0] = self.place
@@ -111,7 +111,7 @@ class _Limb:
         self._ask(turned=True)
 
     def follow(self, goal: Goal) -> None:
-        """Ask for velocities towards a goal."""
+        """Request velocities towards a goal."""
         motions, asked = self._motions, self._asked
         if motions.move is not None and goal.place is not None:
             way = goal.place - self.place
@@ -136,7 +136,7 @@ class _Limb:
         self.turn_task.set_weight(_FREE ** (1.0 - self._share) if turned else _FREE)
 
     def look(self, v: Float64[np.ndarray, " n"]) -> None:
-        """Find out whether joint velocities bring the frame any nearer to its goal."""
+        """Update `blocked` and `stuck` by the solved joint velocities."""
         found = (self._jacobian @ v[self.own]).reshape(2, 3)
         self.blocked = _is_stuck(self._asked[0], found[0], _SHORT)
         self.stuck = _is_stuck(self._asked[1], found[1], _SLOW)
@@ -145,7 +145,7 @@ class _Limb:
 
 
 class LimbMotion:
-    """Moves limbs' joints on a torso that rests, so that their frames go smoothly to goals."""
+    """Smooth motion of limbs' joints towards goals of their frames, on a torso at rest."""
 
     def __init__(
         self,
@@ -212,7 +212,7 @@ class LimbMotion:
         )
 
     def reset(self) -> None:
-        """All limbs are at rest."""
+        """Put all limbs at rest."""
         n = len(self.joints)
         self.q, self.v, self.a = self._rest.copy(), np.zeros(n), np.zeros(n)
         self.rests = True
@@ -290,6 +290,6 @@ class LimbMotion:
 def _is_stuck(
     asked: Float64[np.ndarray, "3"], found: Float64[np.ndarray, "3"], least: float
 ) -> bool:
-    """Return whether joints do hardly anything of a requested velocity."""
+    """Test for joints that reach hardly any of a requested velocity."""
     speed = math.hypot(*asked)
     return speed > least and float(asked @ found) < _HARDLY * speed * speed
