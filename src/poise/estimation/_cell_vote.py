@@ -81,11 +81,8 @@ class LoadCellVote:
             # What the observer has found so far would never be numbers again.
             self._observer.reset()
             return state
-        loads: dict[str, float] = {}
-        for name in self._names:
-            wrench = state.wrench(name)
-            if wrench is not None:
-                loads[name] = float(wrench[2])
+        measured = {n: wrench for n in self._names if (wrench := state.wrench(n)) is not None}
+        loads = {name: float(wrench[2]) for name, wrench in measured.items()}
         payload = 0.0 if before.payload is None else before.payload.mass * GRAVITY
         gain = dt / (_LOW_PASS + dt)
         expected = (self._weight + payload) * lift / GRAVITY
@@ -98,7 +95,7 @@ class LoadCellVote:
             self._apart[:], self._unexplained = 0.0, 0.0
             return state
         self._watch -= dt
-        self._observer.update(before, torque, dt)
+        self._observer.update(before, torque, dt, measured)
         estimates = self._observer.wrenches
         apart = [loads[n] - estimates[n][2] if n in loads else 0.0 for n in self._names]
         total = sum(float(wrench[2]) for wrench in estimates.values())

@@ -1,6 +1,7 @@
 """`WalkSense`: centre of mass, soles and loads of a state, read once a tick."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -28,6 +29,7 @@ from poise.locomotion._walking._ground import Placement, yaw_of
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._swing import SwingFoot
 from poise.robots import Robot
+from poise.stack import FrameTask
 
 ENGAGE, RELEASE = 0.4, 0.5
 """Ratios of the double support in which the landed foot is loaded and the next one unloaded."""
@@ -120,6 +122,13 @@ class WalkSense:
             row = self._rows[foot]
             pose = self._poses[foot] = row[:ROTATION], row[ROTATION:VELOCITY].reshape(3, 3)
         return pose
+
+    def frames(self, tasks: Sequence[FrameTask]) -> list[pin.SE3]:
+        """Return the poses of the frames of tasks in the last state."""
+        data = self._model.createData()
+        assert self.state is not None
+        pin.framesForwardKinematics(self._model, data, self.state.q)
+        return [data.oMf[self._robot.frame_id(task.frame)].copy() for task in tasks]
 
     def lower_edge(self, foot: int) -> _Pose:
         """Return `sole`, but as high as the lower edge of one that leans."""

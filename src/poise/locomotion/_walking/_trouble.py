@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
 import pinocchio as pin
 
 from poise.dynamics import RobotState
@@ -17,6 +18,7 @@ from poise.locomotion._walking._flight import Flight, HeldFlight
 from poise.locomotion._walking._sense import UNLOADED, WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import WalkTasks
+from poise.robots import GRAVITY
 from poise.stack import Contact
 
 
@@ -58,6 +60,12 @@ _SLIP_SPEED, _LOADED = 0.2, 0.3
 """A sole that is faster [m/s] and carries more than this part of the weight slips; feet that carry
 as much again have been put down."""
 
+
+_HALF = 0.5
+"""Part of the weight below which somebody else carries most of the robot."""
+
+_FREE_FALL = (0.0, 0.0, -GRAVITY)
+"""Acceleration [m/s^2]."""
 
 _STOOD_ON = 0.1
 """Time of the load ramp of feet on which a robot has been put down [s]."""
@@ -101,7 +109,7 @@ class TroubleWatch:
         # In the order of the signs.
         seen = (
             sense.com[2] - lowest < _FALLEN * height,
-            left + right < (_LOADED if self._lifted.there else UNLOADED),
+            left + right < _HALF,
             flight is not None and flight.waited > settings.patience,
             flight is not None and self._is_caught(flight),
             error > _LOST * height,
@@ -160,27 +168,32 @@ class HangWatch:
 
 
 class Hanging:
-    """Targets of a robot that no foot carries: its posture, wherever it is taken."""
+    """Targets of a robot that no foot carries: its posture, falling freely from where it is taken.
+
+    Whoever carries it holds the posture up: with the accelerations of a free fall no joint bears
+    a weight that nobody measures.
+    """
 
     def __init__(self, state: RobotState, sense: WalkSense, tasks: WalkTasks) -> None:
-        base = pin.XYZQUATToSE3(state.q[:7])
-        poses = [sense.sole(foot) for foot in (0, 1)]
-        self._base_M_soles = [base.actInv(pin.SE3(R, p)) for p, R in poses]
         self._sense, self._tasks = sense, tasks
+        self._frames = [*tasks.feet, *(carried.task for carried in tasks.carried.values())]
+        base = pin.XYZQUATToSE3(state.q[:7])
+        self._base_M_frames = [base.actInv(pose) for pose in sense.frames(self._frames)]
         for contact in tasks.contacts:
             contact.release(0.0)
 
     def follow(self, state: RobotState, body: BodyMotion, mass: Point) -> None:
-        """Takes all targets to where the robot has been taken."""
-        base = pin.XYZQUATToSE3(state.q[:7])
-        for task, base_M_sole in zip(self._tasks.feet, self._base_M_soles, strict=True):
-            pose = base.act(base_M_sole)
-            task.set_target(pose.translation, pose.rotation)
-        x, y, z = self._sense.com
-        com = ((x, y, z), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        body.begin(mass, z, body.heading[0])
+        """Take all targets to where the robot has been taken."""
+        base, twist = pin.XYZQUATToSE3(state.q[:7]), pin.Motion(state.v[:6])
+        for task, base_M_frame in zip(self._frames, self._base_M_frames, strict=True):
+            pose, target = base.act(base_M_frame), task.overwrite_target()
+            along_base = twist.linear + np.cross(twist.angular, base_M_frame.translation)
+            target[0], target[1:4] = pose.translation, pose.rotation
+            target[4], target[5] = base.rotation @ along_base, base.rotation @ twist.angular
+            target[6], target[7] = _FREE_FALL, 0.0
+        com = (tuple(self._sense.com), tuple(self._sense.com_velocity), _FREE_FALL)
+        body.begin(mass, self._sense.com[2], body.heading[0])
         self._tasks.lead_com(self._sense, com, (0.0, 0.0))
-        body.carry(com)
 
     def end(self) -> None:
         """The feet carry the robot again."""
