@@ -392,7 +392,7 @@ class FootDevices(DeviceEvents):
             footing, self._command, room_below=self.room_below, falling=self.falling
         )
         velocity = self._velocity.towards(footing, self.sent, target.rate, hurry=target.rescuing)
-        (x, y, z), (vx, vy, vz) = flight.swing.position.tolist(), velocity.tolist()
+        (x, y, z), (vx, vy, vz) = flight.position.tolist(), velocity.tolist()
         here_x, here_y, here_z = footing.sole(foot).tolist()
         x, y, z = x + dt * vx, y + dt * vy, z + dt * vz
         gap_x, gap_y, gap_z = x - here_x, y - here_y, z - here_z

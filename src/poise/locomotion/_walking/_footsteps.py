@@ -16,7 +16,7 @@ from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._support import Point, SolePart, Vector3, bearing, two_soles
 from poise.locomotion._walking._ground import CLEARANCE, Ground, Placement, wrapped, yaw_of
-from poise.locomotion._walking._swing import SwingShape, clear_swing
+from poise.locomotion._walking._swing import clear_swing
 from poise.robots import Robot
 from poise.stack import checked_target
 
@@ -130,7 +130,6 @@ class Footstep:
 
     foot: int  # which foot swings, 0 for the left, 1 for the right
     goal: Placement  # foothold
-    shape: SwingShape  # of the swing that brings it there
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -268,8 +267,14 @@ class FootstepPlan(Stand):
                 sizes[foot],
                 ground,
             )
-            shape = clear_swing(feet[foot], goal, sizes[foot], gait.swing_height, ground, i)
-            steps.append(Footstep(foot=foot, goal=goal, shape=shape))
+            height = gait.swing_height
+            if ground.platforms and not clear_swing(feet[foot], goal, sizes[foot], height, ground):
+                raise ConfigurationError(
+                    f"step {i} of the walk would knock against a platform",
+                    got=f"swing_height {height:g} m",
+                    wanted="a higher swing, or other steps",
+                )
+            steps.append(Footstep(foot=foot, goal=goal))
             feet[foot] = goal
         return cls(**vars(stand), steps=tuple(steps), gait=gait, ground=ground)
 

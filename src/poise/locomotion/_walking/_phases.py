@@ -102,7 +102,7 @@ class StepPhases:
         self._pendulum, self._gait, self._region = parts.pendulum, parts.gait, parts.region
         self._machine, self._time = StepMachine(), 0.0
         self.foot, self.steps_made = 0, 0
-        self.flight: Flight | HeldFlight | None = None
+        self.flight: HeldFlight | None = None
         self.dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
         self.motion: FootMotion | None = None
         self.held = False
@@ -173,10 +173,10 @@ class StepPhases:
             self._stand(dt)
         elif not self.mode.single:
             self._shift(dt)
-        elif isinstance(self.flight, HeldFlight):
-            self._follow(self.flight, dt)
-        elif self.flight is not None:
+        elif isinstance(self.flight, Flight):
             self._fly(self.flight, dt)
+        elif self.flight is not None:
+            self._follow(self.flight, dt)
         if self._landed is not None:
             self._confirm(self._landed, dt)
 
@@ -339,7 +339,7 @@ class StepPhases:
         self._stand_on(1 - foot)
         self._flat = self._sense.sole(1 - foot)[1][:, 2].copy()
         self._machine.advance(ModeEvent.SHIFTED, self._time)
-        self.flight = HeldFlight(foot, self._sense)
+        self.flight = HeldFlight(foot, *self._sense.lower_edge(foot), self._sense.placement(foot))
         motion.take_off(foot)
 
     def _follow(self, flight: HeldFlight, dt: float) -> None:
@@ -358,7 +358,7 @@ class StepPhases:
             self._stand_on(0, 1)
             self._left = self._gait.settle_time
             return
-        self._tasks.lead_foot(self._sense, foot, flight.swing)
+        self._tasks.lead_foot(self._sense, flight)
         self._lead_dcm(self._over(1 - foot, self._region.rest), self._gait.step_time, dt)
 
     def _tips(self, stance: int) -> bool:
@@ -383,7 +383,7 @@ class StepPhases:
         elapsed = 0.0
         if self.flight is not None:
             elapsed = self.flight.elapsed
-            x, y, _ = self.flight.swing.position.tolist()
+            x, y, _ = self.flight.position.tolist()
         return Lifted(
             self.foot,
             (x, y),
@@ -417,16 +417,8 @@ class StepPhases:
             rise, swung = 0.0, self._planner.swung(begin.position[2] - goal.position[2])
         depth = parts.settings.touchdown_depth
         shape = led_swing(begin, goal, size, rise, parts.ground, depth)
-        self.flight = Flight(
-            foot,
-            self._sense,
-            goal,
-            shape,
-            self._planner,
-            self._commands,
-            parts.settings,
-            swung,
-        )
+        pose, time = self._sense.lower_edge(foot), self._planner.times.swing
+        self.flight = Flight(foot, *pose, goal, shape, time, parts.settings, swung)
         self._machine.advance(CATCH[foot] if airborne else ModeEvent.SHIFTED, self._time)
         if self._hurried:
             self._aim(self.flight, math.inf)
@@ -436,14 +428,13 @@ class StepPhases:
         flight.count(dt)
         self._keep(flight)
         self._aim(flight, dt)
-        flight.get_clear()
+        flight.get_clear(self._sense)
+        flight.retime()
         flight.advance(dt)
-        swing = flight.swing
-        down = self._sense.is_down(swing, flight.foot, self._parts.settings)
-        if down and not flight.on_its_way:
+        if flight.is_down(self._sense):
             self._land(flight)
-            return
-        self._tasks.lead_foot(self._sense, flight.foot, swing)
+        else:
+            self._tasks.lead_foot(self._sense, flight)
 
     def _keep(self, flight: Flight) -> None:
         """A foothold that was given for the foot in the air since lift-off is its next step's."""
@@ -454,8 +445,11 @@ class StepPhases:
     def _aim(self, flight: Flight, dt: float) -> None:
         """Chooses the touchdown, and where the divergent component should be now."""
         planner, lifted = self._planner, self._next_foot()
-        pendulum = planner.plan(lifted, self._pendulum.swing_place(flight.swing))
-        flight.aim(lifted, pendulum, dt)
+        pendulum = planner.plan(lifted, self._pendulum.swing_place(flight))
+        if flight.is_open:
+            turned = flight.goal.yaw - lifted.stance.yaw
+            step, place = planner.choose(lifted, pendulum, turned)
+            flight.aim(place, step.left, self._commands.carries, dt)
         pendulum = planner.moved(pendulum, flight.goal.position[:2])
         self.dcm = planner.on_the_way(pendulum, flight.left)
 
@@ -499,7 +493,7 @@ class StepPhases:
         self.foot, self.flight, self._landed = flight.foot, flight, None
         self._machine.advance(CATCH[flight.foot], self._time)
         self._released = self._hurried = self.held = False
-        flight.swing.search_again()
+        flight.search_again()
         self.steps_made -= 1
         self._given = self._made is not None
         if self._made is not None:

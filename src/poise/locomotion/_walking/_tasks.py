@@ -17,9 +17,9 @@ from poise._checks import Numbers
 from poise._compiled import compiled
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._support import Point, two_soles
+from poise.locomotion._walking._flight import HeldFlight
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
-from poise.locomotion._walking._swing import SwingPose
 from poise.robots import Robot
 from poise.stack import (
     LINEAR_SPEED,
@@ -150,11 +150,15 @@ class WalkTasks:
     contacts: tuple[Contact, Contact]
     carried: dict[str, CarriedTarget]
 
-    def lead_foot(self, sense: WalkSense, foot: int, swing: SwingPose) -> None:
+    def lead_foot(self, sense: WalkSense, flight: HeldFlight) -> None:
         """Lead a foot in the air along its way, by the lower edge of a sole that leans."""
-        target, (drop, rate) = self.feet[foot].overwrite_target(), sense.edge_drop(foot)
-        target[0], target[1:4] = swing.position, swing.rotation
-        target[4:6], target[6:] = swing.velocity.reshape(2, 3), swing.acceleration.reshape(2, 3)
+        target, (drop, rate) = (
+            self.feet[flight.foot].overwrite_target(),
+            sense.edge_drop(flight.foot),
+        )
+        target[0], target[1:4] = flight.position, flight.rotation
+        target[4:6] = flight.velocity.reshape(2, 3)
+        target[6:] = flight.acceleration.reshape(2, 3)
         target[0, 2] += drop
         target[4, 2] += rate
 

@@ -13,7 +13,7 @@ import pinocchio as pin
 from poise.dynamics import RobotState
 from poise.locomotion._support import Point
 from poise.locomotion._walking._body import BodyMotion
-from poise.locomotion._walking._flight import Flight, HeldFlight
+from poise.locomotion._walking._flight import HeldFlight
 from poise.locomotion._walking._sense import UNLOADED, WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import WalkTasks
@@ -90,9 +90,7 @@ class TroubleWatch:
         self._lifted = self._signs[WalkStatus.LIFTED]
         self._calm = True
 
-    def look(
-        self, flight: Flight | HeldFlight | None, error: float, dt: float
-    ) -> WalkStatus | None:
+    def look(self, flight: HeldFlight | None, error: float, dt: float) -> WalkStatus | None:
         """Return the worst trouble there is; None for none."""
         sense, settings, height = self._sense, self._settings, self._height
         lowest = min(sense.positions[0][2], sense.positions[1][2])
@@ -115,10 +113,10 @@ class TroubleWatch:
         self._calm = worst is None and not any(seen)
         return worst
 
-    def _is_caught(self, flight: Flight | HeldFlight) -> bool:
+    def _is_caught(self, flight: HeldFlight) -> bool:
         (x, y, _), (to_x, to_y, _) = (
             self._sense.positions[flight.foot],
-            flight.swing.position.tolist(),
+            flight.position.tolist(),
         )
         away = math.hypot(x - to_x, y - to_y) > _CAUGHT
         return away and math.hypot(*self._sense.felt(flight.foot)) > UNLOADED
