@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.control import Controller
+from poise.control import Controller, ControllerPlan, make_controller
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
 from poise.locomotion._stepping._feet import FootDevices, Level, LevelTick, OperatorTick
@@ -63,7 +63,7 @@ class TorqueLevel(Level):
         solved_by: str,
         q_start: Float64[np.ndarray, " nq"],
     ) -> None:
-        self._tasks = TorqueTasks(biped, parameters.dt, limbs, solved_by)
+        self._tasks, self._solved_by = TorqueTasks(biped, parameters.dt, limbs), solved_by
         super().__init__(biped, parameters, reach, estimator, self._tasks.stack)
         stand = stand_of(biped.robot, q_start)
         gait = usual_gait(stand.com[2] - stand.middle[2])
@@ -95,7 +95,8 @@ class TorqueLevel(Level):
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
         """Return the controller of the stack."""
-        return self._tasks.controller(dynamics, time_limit)
+        plan = ControllerPlan(name=self._solved_by, time_limit=time_limit)
+        return make_controller(self._biped.robot, self.stack, plan, dynamics=dynamics)
 
     def outcome(self, footing: Footing) -> LevelTick:
         """Return the outcome of the last tick; feedback is part of the reference of the ZMP."""
