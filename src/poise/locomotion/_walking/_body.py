@@ -7,7 +7,7 @@ import numpy as np
 
 from poise.locomotion._support import Point, SupportPolygon
 from poise.locomotion._walking._commands import LegSpan, side
-from poise.locomotion._walking._dcm import DcmMotion, FeetAt, LegMomentum
+from poise.locomotion._walking._dcm import DcmMotions, FeetAt, LegMomentum
 from poise.locomotion._walking._flight import HeldFlight
 from poise.locomotion._walking._footsteps import Gait, Stand
 from poise.locomotion._walking._ground import Placement
@@ -52,7 +52,7 @@ class BodyMotion:
         self.rise = least_jerk_towards(self.rise, height, time, dt)
         self.heading = least_jerk_towards(self.heading, heading, time, dt)
 
-    def follow(self, dcm: tuple[DcmMotion, DcmMotion], dt: float) -> tuple[Point, Point, Point]:
+    def follow(self, dcm: DcmMotions, dt: float) -> tuple[Point, Point, Point]:
         """Move C on, C' = omega (xi - C); return it with its rates."""
         (x, vx), (y, vy) = dcm
         w, kept = self._omega, math.exp(-self._omega * dt)

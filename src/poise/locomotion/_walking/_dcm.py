@@ -157,6 +157,9 @@ def transfer_gain(legs: LegMomentum, times: StepTimes) -> float:
 DcmMotion = tuple[float, float]
 """Position [m] and velocity [m/s] of xi along one axis."""
 
+DcmMotions = tuple[DcmMotion, DcmMotion]
+"""The same along x and y."""
+
 
 def hermite_step(now: DcmMotion, goal: DcmMotion, left: float, dt: float) -> DcmMotion:
     """One tick along the cubic that is at a goal, as fast as that asks for, in the time left."""

@@ -10,6 +10,7 @@ from jaxtyping import Float64
 
 from poise.dynamics import least_jerk
 from poise.locomotion._support import Point, Rotation, Vector3
+from poise.locomotion._walking._commands import Foothold
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings
@@ -120,6 +121,9 @@ class Flight(HeldFlight):
         x, y, _ = position.tolist()
         self._x, self._y = (x, 0.0, 0.0), (y, 0.0, 0.0)
         self._search: Point | None = None
+        self.given = False  # its foothold was asked for
+        self.made: Foothold | None = None  # that one, once the foot has landed
+        self.stood = self.hovering = 0.0  # since then, and last without load [s]
 
     @property
     def is_open(self) -> bool:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from poise.locomotion._support import Point, SolePart
 from poise.locomotion._walking._commands import FootAxes, LegRoom, StepCommands, side
 from poise.locomotion._walking._dcm import (
-    DcmMotion,
+    DcmMotions,
     LegMomentum,
     StepTimes,
     before_transfer,
@@ -142,7 +142,7 @@ class StepPlanner:
         end = self._legs.joined(there, (there, foothold))
         return pendulum._replace(goal=goal, zmp_end=end, foothold=foothold)
 
-    def on_the_way(self, pendulum: Pendulum, left: float) -> tuple[DcmMotion, DcmMotion]:
+    def on_the_way(self, pendulum: Pendulum, left: float) -> DcmMotions:
         """Return the DCM reference in single support, a time before its goal."""
         start, end, omega = pendulum.zmp, pendulum.zmp_end, pendulum.omega
         now = pendulum.goal
