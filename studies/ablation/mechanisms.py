@@ -213,7 +213,7 @@ MECHANISMS = (
             f"{_CARRYING}._FLAT": (0.0, 0.0),
         },
         watched=f"{_CARRYING}.CarryingArea._learn_from",
-        acts=lambda call, _: tuple(call[0]._upper) != call[0]._reach,
+        acts=lambda call, _: call[0].edges[2:] != call[0].whole[2:],
         walks=True,
     ),
     Mechanism(
