@@ -208,6 +208,6 @@ class TorqueLevel(Level):
             mode=self._engine.mode,
             stance=self._estimator.stance,
             pressed=self._stance.pressed,
-            parts=self._engine.sole_parts,
+            parts=self._engine.parts.stance.parts,
             has_left=self._devices.foot_has_left,
         )
