@@ -41,7 +41,6 @@ class BodyMotion:
         self.heading: Motion = (0.0, 0.0, 0.0)  # with rates [rad]
 
     def begin(self, mass: Point, height: float, heading: float) -> None:
-        """Begins at rest."""
         self._mass = mass
         self.rise, self.heading = (height, 0.0, 0.0), (heading, 0.0, 0.0)
 

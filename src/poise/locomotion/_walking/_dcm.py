@@ -176,7 +176,6 @@ class DcmFeedback:
         self.begin()
 
     def begin(self) -> None:
-        """Forgets the error."""
         self.error = self._offset = (0.0, 0.0)  # of the DCM, xi - xi_ref [m]
         self._continues_from: Point | None = None
 

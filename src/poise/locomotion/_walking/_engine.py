@@ -59,7 +59,6 @@ class SteppingEngine:
 
     @property
     def mode(self) -> Mode:
-        """Feet that carry the robot."""
         return self.steps.mode
 
     @property
@@ -113,7 +112,6 @@ class SteppingEngine:
         self._announce_step()
 
     def _is_stopped_by_trouble(self, state: RobotState, dt: float) -> bool:
-        """Respond as `RESPONSES` lists."""
         error = math.hypot(*self._feedback.error)
         flight = self.steps.flight
         trouble = self._watch.look(flight, error, dt)

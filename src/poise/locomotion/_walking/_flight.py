@@ -1,4 +1,4 @@
-"""Swing foot: `HeldFlight`, led by a `FootMotion`, and `Flight`, along a swing of its own."""
+"""Swing foot: `HeldFlight` of a `FootMotion`, and `Flight` along a swing of its own."""
 
 import math
 from collections.abc import Callable
@@ -171,7 +171,6 @@ class Flight(HeldFlight):
         return math.dist((x, y), self.goal.position[:2]) > _SHORT
 
     def count(self, dt: float) -> None:
-        """Lets the time pass [s]."""
         self.elapsed += dt
         self.left = max(self.left - dt, 0.0)
 
@@ -189,7 +188,6 @@ class Flight(HeldFlight):
 
     @property
     def searching(self) -> bool:
-        """True while it looks for the ground."""
         return self._search is not None
 
     def search_again(self) -> None:
@@ -205,7 +203,6 @@ class Flight(HeldFlight):
             self._search = float(self.position[2]), float(self.velocity[2])
 
     def advance(self, dt: float) -> None:
-        """Moves the foot on."""
         T, shape = self._duration, self._shape
         left = (shape.arrive - self.phase) * T
         self.phase += dt / T

@@ -153,7 +153,6 @@ class StepPhases:
     # A tick ---------------------------------------------------------------------------------------
 
     def advance(self, time: float, dt: float) -> None:
-        """Go on by a tick."""
         self._time = time
         if self.mode is Mode.D:
             self._stand(dt)
@@ -167,7 +166,6 @@ class StepPhases:
             self._confirm(self._landed, dt)
 
     def announce(self, limit: BalanceLimit) -> None:
-        """Announce the next foothold to a balance limit."""
         if self.held:
             limit.expect_step(self._of_stance(self._region.caught) if self.mode.single else None)
         elif self.mode is Mode.D:
@@ -205,7 +203,6 @@ class StepPhases:
 
     @property
     def is_closed(self) -> bool:
-        """Whether the feet are side by side."""
         return self._stance.closed(self._parts.room.width)
 
     def is_held(self, margin: float = 0.0) -> bool:
@@ -322,7 +319,6 @@ class StepPhases:
 
     @property
     def _standing_foot(self) -> Placement:
-        """Where the foot stands that stays."""
         return self._stance.feet[1 - self.foot]
 
     @property

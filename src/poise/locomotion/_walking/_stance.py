@@ -75,7 +75,6 @@ class CarryingArea:
         self._tell(self.edges)
 
     def update(self, dt: float, *, settled: bool = False) -> None:
-        """Update the estimate, and the contact's area."""
         self._learn_from(dt)
         self._tell(self._average if settled else self.edges)
 
@@ -231,7 +230,6 @@ class Stance:
         return 0.5 * (self.feet[0].yaw + self.feet[1].yaw)
 
     def closed(self, width: float) -> bool:
-        """Return whether the feet are side by side."""
         left, right = self.feet
         yaw = self.heading
         dx, dy = (left.position[k] - right.position[k] for k in (0, 1))

@@ -72,8 +72,6 @@ class StepBounds(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Chosen touchdown."""
-
     x: float  # of the foothold, along the stance foot [m]
     y: float  # away from it, to the side of the swing foot [m]
     left: float  # until touchdown [s]
@@ -88,7 +86,6 @@ class Step(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """Of the choice."""
         return self.effort + (self.missed / _DCM) ** 2
 
 
@@ -107,8 +104,6 @@ class Pendulum(NamedTuple):
 
 
 class SwingLimits(NamedTuple):
-    """Limits of the swing foot."""
-
     place: Point  # where it is now [m]
     speed: float  # on average, at most [m/s]
     elapsed: float  # since lift-off [s]
@@ -132,7 +127,7 @@ def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> S
     # For every time tau until touchdown, with E = e^{omega tau}, the ZMP takes the DCM to
     # r_1 + s + E (xi - r_0 - s), s = (r_1 - r_0) / (omega tau), and r (1 - E) farther where it is r
     # beside that. It does what it can within the sole; the foothold moves for the rest, within
-    # reach; what is left is missed. After a last step any place between the feet will do.
+    # reach, and the remainder is missed. After a last step any place between the feet will do.
     best: Step | None = None
     usual = swing.usual - swing.elapsed
     if usual >= _SOONEST:

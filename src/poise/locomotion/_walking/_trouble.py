@@ -21,8 +21,6 @@ from poise.stack import Contact
 
 
 class Response(NamedTuple):
-    """Response to a trouble."""
-
     pace: float = 1.0  # part of the commanded velocity that is followed
     lands: bool = False  # the swing foot comes straight down
     # no contact is loaded and no foot lifted: targets go along with the robot as it hangs or lies,
@@ -64,8 +62,6 @@ _STOOD_ON = 0.1
 
 
 class TroubleWatch:
-    """Looks for trouble in every tick."""
-
     def __init__(self, sense: WalkSense, settings: WalkSettings, height: float) -> None:
         self._sense, self._settings, self._height = sense, settings, height
         self._since = dict.fromkeys(RESPONSES, 0.0)  # for how long a sign has lasted [s]

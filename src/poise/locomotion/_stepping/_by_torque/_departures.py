@@ -56,7 +56,7 @@ def waist_ranges(biped: Biped) -> Float64[np.ndarray, "3 2"]:
 
 
 _NEAR, _BACK = 0.005, 0.03
-"""How near to a limit an ankle is left to its stop, and how far it has to come back from there
+"""Distance from a limit at which an ankle is left to its stop, and to which it has to come back
 until the limit holds again [rad]."""
 
 _GROUND = 0.1
@@ -82,7 +82,6 @@ class AnkleStops:
                 self._leave(ankle, False, False)
 
     def update(self, footing: Footing) -> None:
-        """One tick."""
         for foot, contact in enumerate(self._contacts):
             up_x, up_y, _ = footing.soles[foot][1][2].tolist()
             tilted = math.hypot(up_x, up_y) > _GROUND
@@ -105,7 +104,7 @@ class AnkleStops:
 
 
 _STIFFNESS, _TURN_MOST = 400.0, 60.0
-"""How hard a sole is turned back [1/s^2], and the largest angular acceleration of that
+"""Stiffness with which a sole is turned back [1/s^2], and the largest angular acceleration of that
 [rad/s^2]."""
 
 _LIGHT, _FIRM = 0.1, 0.2
@@ -126,7 +125,6 @@ class SoleRighting:
             self._turn(foot, 0.0, 0.0)
 
     def update(self, footing: Footing) -> None:
-        """One tick."""
         for foot, load in enumerate(footing.sensor.loads.tolist()):
             share = min(max((_FIRM - load / self._weight) / (_FIRM - _LIGHT), 0.0), 1.0)
             if share == 0.0 or not self._contacts[foot].active:
@@ -148,8 +146,8 @@ class SoleRighting:
 
 
 _LEARNING = 50.0
-"""How fast a lasting error becomes an acceleration [1/s^3]: with the trunk's stiffness of 100 /s^2
-within some 2 s."""
+"""Rate at which a lasting error becomes an acceleration [1/s^3]: with the trunk's stiffness of
+100 /s^2 within some 2 s."""
 
 _MOST = 30.0
 """Largest acceleration that is learned: at its stiffness, a lean of 0.3 rad [rad/s^2]."""

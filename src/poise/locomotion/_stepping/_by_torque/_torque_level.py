@@ -90,11 +90,9 @@ class TorqueLevel(Level):
 
     @property
     def mode(self) -> Mode:
-        """Feet that carry the robot."""
         return self._engine.mode
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
-        """Return the controller of the stack."""
         plan = ControllerPlan(name=self._solved_by, time_limit=time_limit)
         return make_controller(self._biped.robot, self.stack, plan, dynamics=dynamics)
 
@@ -110,7 +108,6 @@ class TorqueLevel(Level):
         return LevelTick(target, zmp, zmp, steps.ended)
 
     def reset(self, sensor: ZmpSensor) -> None:
-        """Stand on both feet as at the start."""
         self._engine.reset()
         parts = self._engine.parts
         self._tasks.reset()
@@ -121,7 +118,6 @@ class TorqueLevel(Level):
         self._closing: float | None = None
 
     def lead(self, state: RobotState, operator: OperatorTick) -> bool:
-        """Set the stack for a tick; return whether a walk by velocity has ended in it."""
         engine, devices, guard = self._engine, self._devices, operator.guard
         footing = self._footing()
         devices.update(operator.command, guard.held, footing)
