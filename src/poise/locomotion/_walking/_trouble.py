@@ -97,10 +97,7 @@ class TroubleWatch:
         return worst
 
     def _is_caught(self, flight: HeldFlight) -> bool:
-        (x, y, _), (to_x, to_y, _) = (
-            self._sense.positions[flight.foot],
-            flight.position.tolist(),
-        )
+        (x, y, _), (to_x, to_y, _) = self._sense.positions[flight.foot], flight.position.tolist()
         away = math.hypot(x - to_x, y - to_y) > _CAUGHT
         return away and math.hypot(*self._sense.felt(flight.foot)) > UNLOADED
 

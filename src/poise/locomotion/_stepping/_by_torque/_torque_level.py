@@ -188,10 +188,8 @@ class TorqueLevel(Level):
             self._closing = _CLOSING + p.dt if fits else self._closing + p.dt
         if self._rested <= _REST:
             return False
-        if not fits and self._closing is None:
-            self._closing = 0.0
-            return False
         if not fits and (self._closing or 0.0) <= _CLOSING:
+            self._closing = self._closing or 0.0
             return False
         walked = self._driven
         self._overruled = self._driven = False
