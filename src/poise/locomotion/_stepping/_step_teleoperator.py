@@ -20,7 +20,6 @@ from poise.locomotion._stepping._by_velocity import (
     check_sway,
     velocity_numbers,
 )
-from poise.locomotion._stepping._feet import Level, OperatorTick
 from poise.locomotion._stepping._operator import (
     NOWHERE,
     BodyCommand,
@@ -245,7 +244,7 @@ class StepTeleoperator:
             servos=servos,
         )
         limbs = [task for task in (self.hands.task, self.gaze.task) if task is not None]
-        self._level: Level
+        self._level: VelocityLevel | TorqueLevel
         if servos:
             self._level = VelocityLevel(
                 biped, p, numbers, reach, self.estimator, limbs, driver, rotator=rotator
@@ -368,29 +367,19 @@ class StepTeleoperator:
         self.gaze.lead(guard)
         if command is not None:
             self._body = command.body
-        left, right = self._body.turns
-        walked = self._level.lead(
-            state,
-            OperatorTick(
-                guard=guard,
-                command=command,
-                body=self._body,
-                torso=self._torso(),
-                turns=(self._ahead + left, self._ahead + right),
-                upright=command is not None and command.upright,
-            ),
-        )
-        if walked:
+        if self._level.lead(state, guard, command, self._led_body()):
             self._ahead = self._faces()
 
     def _faces(self) -> float:
         """Heading of the feet, to the left of the world's x axis [rad]."""
         return mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))
 
-    def _torso(self) -> tuple[float, float, float]:
-        """Return the torso's turn: as commanded, and to look where a neck cannot [rad]."""
-        (roll, pitch, yaw), (_, down, left) = self._body.torso, self.gaze.torso
-        return (roll, pitch + down, yaw + left)
+    def _led_body(self) -> BodyCommand:
+        """Add to the command the torso's turn to look where a neck cannot, and `ahead` to feet."""
+        body, (_, down, aside) = self._body, self.gaze.torso
+        (roll, pitch, yaw), (left, right) = body.torso, body.turns
+        turns = self._ahead + left, self._ahead + right
+        return BodyCommand(body.height, (roll, pitch + down, yaw + aside), turns)
 
     def _describe(self, footing: Footing) -> TeleopStatus:
         tick, heading = self._level.outcome(footing), footing.heading.tolist()

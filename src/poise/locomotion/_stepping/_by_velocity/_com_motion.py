@@ -1,4 +1,4 @@
-"""Motion of the COM where velocities are commanded: `ComMotion`, `ComHeight`, `BodyMomentum`."""
+"""Motion of the COM where velocities are commanded: `ComMotion`, `ComHeight`."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from poise.locomotion._pendulum import BodyRotator, ComShifter
+from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._by_velocity._velocity_tasks import VelocityNumbers
 from poise.locomotion._stepping._stance import (
     GIVES,
@@ -142,10 +142,6 @@ class ComHeight:
         self._dt, self._stoop_max = parameters.dt, parameters.stoop_max
         self._velocity = self.offset = 0.0
 
-    def restart(self, velocity: float) -> None:
-        """Go on from the vertical velocity of the CoM [m/s]."""
-        self._velocity = velocity
-
     def room(self, footing: Footing) -> tuple[float, bool]:
         """Return how far the CoM may come down [m], and whether the stance leg gives way."""
         stance = footing.stance
@@ -213,25 +209,3 @@ def _felt(footing: Footing, target: Vector3) -> Vector3:
     x, y, z = target.tolist()
     floor = min(footing.lowest_ground, float(footing.sole(footing.other)[2]) - _DEEPER)
     return np.array([x, y, max(z, floor)])
-
-
-class BodyMomentum:
-    """Eqs (39a) and (39b): integrated in single support, with a leak; zero otherwise."""
-
-    def __init__(self, rotator: BodyRotator | None, dt: float, leak: float) -> None:
-        self._rotator, self._dt = rotator, dt
-        # A pure integral drives the torso in a limit cycle.
-        self._kept = 1.0 - dt * leak
-        self.restart()
-
-    def restart(self) -> None:
-        """Another mode has begun."""
-        self.reference: Vector2 = np.zeros(2)  # about the COM, x and y [kg m^2/s]
-
-    def turn(self, footing: Footing, cart_table_zmp: Vector2) -> None:
-        """One tick."""
-        if self._rotator is None or not footing.mode.single:
-            self.restart()
-            return
-        rate = self._rotator.momentum_rate(footing.zmp_reference, cart_table_zmp)
-        self.reference = self._kept * self.reference + self._dt * rate

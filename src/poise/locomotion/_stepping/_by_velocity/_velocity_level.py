@@ -11,24 +11,15 @@ from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import BodyRotator, ComShifter
 from poise.locomotion._stepping._by_velocity._com_motion import (
-    BodyMomentum,
     ComDriver,
     ComHeight,
     ComMotion,
 )
 from poise.locomotion._stepping._by_velocity._velocity_tasks import VelocityNumbers, VelocityTasks
-from poise.locomotion._stepping._feet import (
-    DeviceEvents,
-    FootTarget,
-    FootVelocity,
-    Level,
-    LevelTick,
-    OperatorTick,
-)
-from poise.locomotion._stepping._operator import OperatorSample
+from poise.locomotion._stepping._feet import Level, LevelTick
+from poise.locomotion._stepping._operator import BodyCommand, OperatorGuard, OperatorSample
 from poise.locomotion._stepping._stance import (
     Biped,
-    DesiredMotion,
     Footing,
     FootRange,
     StanceEstimator,
@@ -114,86 +105,6 @@ def check_sway(
                 )
 
 
-class PaperEvents:
-    """Keep the mode by devices and loads."""
-
-    def __init__(self, parameters: TeleopParameters, numbers: VelocityNumbers) -> None:
-        self._dt, self._numbers, self._machine = parameters.dt, numbers, StepMachine()
-        self._devices, self._shifted = DeviceEvents(parameters), 0.0
-        self.ended: StepEnd | None = None
-
-    @property
-    def mode(self) -> Mode:
-        """Feet that carry the robot."""
-        return self._machine.mode
-
-    @property
-    def foot_has_left(self) -> bool:
-        """True once the swing foot has left the ground."""
-        return self._devices.foot_has_left
-
-    def advance(
-        self,
-        command: OperatorSample | None,
-        held: tuple[bool, bool],
-        footing: Footing,
-        com: ComMotion,
-        time: float,
-        *,
-        rescuing: bool,
-    ) -> bool:
-        """Move the mode on if something happened; return whether it did."""
-        devices, machine, mode = self._devices, self._machine, self.mode
-        devices.update(command, held, footing)
-        if mode.support is None:
-            lifted = devices.lifted()
-            event = None if lifted is None else LIFT[lifted]
-            if event is not None:
-                self.ended = None
-        elif mode.single:
-            swing = 1 - mode.support
-            load = float(footing.sensor.loads[swing]) / footing.biped.weight
-            event = self._ended(
-                devices.end_of_swing(swing, load, rescuing=rescuing), ModeEvent.LANDED
-            )
-        else:
-            ended = devices.end_of_shift(1 - mode.support, time - machine.since)
-            event = self._ended(ended, ModeEvent.CANCEL) or self._shift(footing, com)
-        return event is not None and machine.advance(event, time)
-
-    def begin(self) -> None:
-        """Start the detectors of a mode that has just begun; the feet's places are known."""
-        self._shifted = 0.0
-        if self.mode is Mode.D:
-            self._devices.stand()
-        elif self.mode.support is not None:
-            self._devices.take_off(1 - self.mode.support)
-
-    def _ended(self, ended: StepEnd | None, event: ModeEvent) -> ModeEvent | None:
-        if ended is None:
-            return None
-        self.ended = ended
-        return event
-
-    def _shift(self, footing: Footing, com: ComMotion) -> ModeEvent | None:
-        """The weight is on the foot that shall carry, for long enough."""
-        self._shifted = self._shifted + self._dt if self._has_shifted(footing, com) else 0.0
-        return ModeEvent.SHIFTED if self._shifted > self._numbers.shift_time else None
-
-    def _has_shifted(self, footing: Footing, motion: ComMotion) -> bool:
-        """Eq. (14e), and the CoM too: while it brakes, the ZMP is there and the CoM is not."""
-        p, com, place = self._numbers, footing.dynamics.com[:2], footing.zmp_reference
-        if np.linalg.norm(footing.sensor.zmp - place) > p.r_lift:
-            return False
-        if np.linalg.norm(motion.cart_table_zmp(com) - place) > p.ct_zmp_max:
-            return False
-        # As commanded, and as it is: the robot lags behind a command that has just turned.
-        return all(
-            np.linalg.norm(com + velocity / motion.omega - place) < p.capture_max
-            for velocity in (motion.velocity, motion.observed)
-        )
-
-
 class VelocityLevel(Level):
     """Events (14), references (15), CoM shifter (37), body rotator (39) and P controllers (17)."""
 
@@ -212,7 +123,7 @@ class VelocityLevel(Level):
         self._tasks = VelocityTasks(biped, parameters.dt, numbers, limbs, rotator=rotator)
         super().__init__(biped, parameters, reach, estimator, self._tasks.stack)
         self._driver, self._numbers = driver, numbers
-        self._rotates = rotator
+        self._rotator = BodyRotator(biped.weight) if rotator else None
         self._region = SingleSupportRegion(
             sizes=biped.sizes, margin=biped.size.margin, arrived=numbers.capture_max
         )
@@ -220,7 +131,7 @@ class VelocityLevel(Level):
     @property
     def mode(self) -> Mode:
         """Feet that carry the robot."""
-        return self._events.mode
+        return self._machine.mode
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
         """Return the controller of the stack."""
@@ -229,7 +140,7 @@ class VelocityLevel(Level):
     def outcome(self, footing: Footing) -> LevelTick:
         """Return the outcome of the last tick."""
         cart_table_zmp = self._com.cart_table_zmp(footing.com[:2])
-        return LevelTick(self._sent, footing.zmp_reference, cart_table_zmp, self._events.ended)
+        return LevelTick(self._devices.sent, footing.zmp_reference, cart_table_zmp, self._ended)
 
     def reset(self, sensor: ZmpSensor) -> None:
         """Stand on both feet as at the start."""
@@ -237,62 +148,111 @@ class VelocityLevel(Level):
         self._begin(sensor, self._driver.omega, self._region)
         p, numbers = self._parameters, self._numbers
         self._com = ComMotion(self._driver, p.dt, numbers.velocity_leak)
-        self._events = PaperEvents(p, numbers)
-        rotator = BodyRotator(self._biped.weight) if self._rotates else None
-        self._momentum = BodyMomentum(rotator, p.dt, numbers.momentum_leak)
-        self._target, self._foot = FootTarget(self._reach, p), FootVelocity(p)
         self._height = ComHeight(self._biped.size.height, self._reach, p, numbers)
+        self._momentum: Vector2 = np.zeros(2)  # about the COM, x and y [kg m^2/s]
+        self._machine, self._shifted = StepMachine(), 0.0
+        self._ended: StepEnd | None = None
 
-    def lead(self, state: RobotState, operator: OperatorTick) -> bool:
-        """Set the stack for a tick."""
-        dynamics, com = self._estimator.dynamics, self._com
+    def lead(
+        self,
+        state: RobotState,
+        guard: OperatorGuard,
+        command: OperatorSample | None,
+        body: BodyCommand,
+    ) -> bool:
+        """Set the stack for a tick; no walk by velocity ends in it."""
+        dynamics, com, devices = self._estimator.dynamics, self._com, self._devices
         com.observe(dynamics.com_velocity[:2])
-        self._move_mode(operator, state.time)
+        footing = self._footing()
+        devices.update(command, guard.held, footing)
+        self._move_mode(footing, state.time)
         self.footing = footing = self._footing()
-        self._height.offset = operator.body.height
+        devices.update(command, guard.held, footing)
+        self._height.offset = body.height
         com.drive(footing)
-        self._momentum.turn(footing, com.cart_table_zmp(footing.com[:2]))
-        below, gives_way = self._height.room(footing)
-        falling = gives_way or (footing.mode.single and footing.capture_depth < 0.0)
-        target = self._sent = self._target.place(
-            footing, operator.command, room_below=below, falling=falling
-        )
-        foot = self._foot.towards(footing, target, self._target.rate, hurry=self._target.rescuing)
-        desired = DesiredMotion(
+        cart_table_zmp = com.cart_table_zmp(footing.com[:2])
+        self._turn(footing, cart_table_zmp)
+        devices.room_below, gives_way = self._height.room(footing)
+        devices.falling = gives_way or (footing.mode.single and footing.capture_depth < 0.0)
+        target = devices.aim()
+        self._tasks.ask(
+            footing,
             com=np.array([*com.velocity.tolist(), self._height.velocity(footing, target)]),
-            com_acceleration=com.acceleration,
-            momentum=self._momentum.reference,
-            foot=foot,
+            cart_table_zmp=cart_table_zmp,
+            momentum=self._momentum,
+            foot=devices.velocity(),
+            upright=command is not None and command.upright,
         )
-        self._tasks.ask(footing, desired, upright=operator.upright)
         return False
 
-    def _move_mode(self, operator: OperatorTick, time: float) -> None:
-        events, before = self._events, self._events.mode
-        if events.advance(
-            operator.command,
-            operator.guard.held,
-            self._footing(),
-            self._com,
-            time,
-            rescuing=self._target.rescuing,
-        ):
-            self._stance.begin(before, events.mode)
-            if before.single or events.mode.single:
+    def _turn(self, footing: Footing, cart_table_zmp: Vector2) -> None:
+        """Eqs (39a) and (39b): integrate in single support, with a leak; zero otherwise."""
+        if self._rotator is None or not footing.mode.single:
+            self._momentum = np.zeros(2)
+            return
+        # A pure integral drives the torso in a limit cycle.
+        dt = self._parameters.dt
+        rate = self._rotator.momentum_rate(footing.zmp_reference, cart_table_zmp)
+        self._momentum = (1.0 - dt * self._numbers.momentum_leak) * self._momentum + dt * rate
+
+    def _move_mode(self, footing: Footing, time: float) -> None:
+        before, event = footing.mode, self._event(footing, time)
+        if event is not None and self._machine.advance(event, time):
+            mode = self.mode
+            self._stance.begin(before, mode)
+            if before.single or mode.single:
                 # Not at every change of mode: an operator who cannot decide makes many, and each
                 # restart takes in noise.
                 self._com.restart()
-            events.begin()
-            self._momentum.restart()
-            self._target.restart()
-            self._foot.restart()
-        self._stance.follow(events.mode)
+            self._shifted, self._momentum = 0.0, np.zeros(2)
+            if mode.support is None:
+                self._devices.stand()
+            else:
+                self._devices.take_off(1 - mode.support)
+        self._stance.follow(self.mode)
+
+    def _event(self, footing: Footing, time: float) -> ModeEvent | None:
+        """Return the event (14) of the tick, by devices and loads."""
+        devices, mode = self._devices, footing.mode
+        if mode.support is None:
+            lifted = devices.lifted()
+            if lifted is None:
+                return None
+            self._ended = None
+            return LIFT[lifted]
+        swing = 1 - mode.support
+        if mode.single:
+            event, load = ModeEvent.LANDED, float(footing.sensor.loads[swing])
+            ended = devices.end_of_swing(swing, load / footing.biped.weight)
+        else:
+            event, ended = ModeEvent.CANCEL, devices.end_of_shift(swing, time - self._machine.since)
+        if ended is not None:
+            self._ended = ended
+            return event
+        if mode.single:
+            return None
+        # The weight is on the foot that shall carry, for long enough.
+        self._shifted = self._shifted + self._parameters.dt if self._has_shifted(footing) else 0.0
+        return ModeEvent.SHIFTED if self._shifted > self._numbers.shift_time else None
+
+    def _has_shifted(self, footing: Footing) -> bool:
+        """Eq. (14e), and the CoM too: while it brakes, the ZMP is there and the CoM is not."""
+        p, motion, com, place = self._numbers, self._com, footing.com[:2], footing.zmp_reference
+        if np.linalg.norm(footing.sensor.zmp - place) > p.r_lift:
+            return False
+        if np.linalg.norm(motion.cart_table_zmp(com) - place) > p.ct_zmp_max:
+            return False
+        # As commanded, and as it is: the robot lags behind a command that has just turned.
+        return all(
+            np.linalg.norm(com + velocity / motion.omega - place) < p.capture_max
+            for velocity in (motion.velocity, motion.observed)
+        )
 
     def _footing(self) -> Footing:
         return self._stand(
-            mode=self._events.mode,
+            mode=self.mode,
             stance=self._estimator.stance,
             pressed=self._stance.pressed,
             com_velocity=self._com.observed,
-            has_left=self._events.foot_has_left,
+            has_left=self._devices.foot_has_left,
         )

@@ -17,11 +17,11 @@ from poise.locomotion._stepping._by_velocity._soles import SoleGrounds, SoleYiel
 from poise.locomotion._stepping._stance import (
     LEVEL,
     Biped,
-    DesiredMotion,
     Footing,
     RobotSize,
     TrunkLean,
 )
+from poise.locomotion._support import Vector2, Vector3
 from poise.locomotion._walking import CLEARANCE, Mode
 from poise.stack import (
     ComTask,
@@ -137,8 +137,17 @@ class VelocityTasks:
             dynamics=dynamics,
         )
 
-    def ask(self, footing: Footing, desired: DesiredMotion, *, upright: bool) -> None:
-        """Sets contacts, velocities and weights for a tick."""
+    def ask(
+        self,
+        footing: Footing,
+        *,
+        com: Vector3,
+        cart_table_zmp: Vector2,
+        momentum: Vector2,
+        foot: Vector3,
+        upright: bool,
+    ) -> None:
+        """Set contacts, v_d of (16) and weights for a tick."""
         biped, dynamics, other = self._biped, footing.dynamics, footing.other
         self._stand_on(footing.stance)
         # Feet that stand are no matter of a controller that knows one of them as a contact.
@@ -147,17 +156,14 @@ class VelocityTasks:
         turn = _Turn(footing, self._righting(footing, footing.stance))
         place, _ = dynamics.placement(biped.frames[other])
         _, torso = dynamics.placement(biped.torso)
-        self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
+        self._com.set_velocity(com - turn.velocity_at(dynamics.com))
         self._turns[other].set_velocity(self._other_sole(footing) - turn.rate)
-        self._momentum.set_velocity(desired.momentum - turn.momentum())
+        self._momentum.set_velocity(momentum - turn.momentum())
         self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
-        foot = desired.foot
         if not footing.mode.single:
-            zmp = footing.sensor.zmp
-            if footing.mode is not Mode.D:
-                # The CT-ZMP (26) of the commanded acceleration: what is measured lags behind a
-                # shift. At rest it is what is measured, or the robot would sway by a centimetre.
-                zmp = dynamics.com[:2] - desired.com_acceleration / footing.omega**2
+            # What is measured lags behind a shift; at rest it is what is measured, or the robot
+            # would sway by a centimetre.
+            zmp = footing.sensor.zmp if footing.mode is Mode.D else cart_table_zmp
             foot = self._yield.move(footing, foot, zmp)
         self._places[other].set_velocity(foot - turn.velocity_at(place))
         weighed = self._momentum, self._torso, self._places[other]
