@@ -70,7 +70,11 @@ class Arms:
 
     @property
     def hands(self):
-        return self.motion.places
+        return [arm.place for arm in self.motion.limbs]
+
+    @property
+    def blocked(self):
+        return [arm.blocked for arm in self.motion.limbs]
 
     def advance(self, places, rotations=None, rates=None):
         nothing = [None] * len(places)

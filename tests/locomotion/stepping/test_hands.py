@@ -368,7 +368,7 @@ def test_joints_that_are_not_numbers_teach_nothing_and_raise_nothing(get_robot):
     for tick, state in enumerate((good, replace(good, q=q), good)):
         leader.lead(OperatorGuard(dt=DT), replace(state, time=tick * DT))
         np.testing.assert_allclose(leader.task.target_position, robot.q_home[-14:], atol=1e-9)
-        assert np.isfinite(leader._feedback.bias).all()
+        assert np.isfinite(leader._arms.bias).all()
 
 
 @pytest.mark.parametrize("later", [10.0, -10.0])

@@ -282,7 +282,7 @@ class Watched:
         return self
 
     def sample(self, time):
-        self.hands.append([r.copy() for r in self._teleoperator.hands._arms.rotations])
+        self.hands.append([arm.rotation for arm in self._teleoperator.hands._arms.limbs])
         self.status.append(tuple(self._teleoperator.hands.status))
         return self._device.sample(time)
 

@@ -3,29 +3,31 @@
 import math
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._checks import checked_number
 from poise.locomotion._stepping._operator import OperatorGuard, RateLimiter
 from poise.locomotion._stepping._stance import LEVEL, TORSO_MOST
-from poise.locomotion._stepping._upper_body._approach import Approach
-from poise.locomotion._stepping._upper_body._chains import neck_chain
-from poise.locomotion._stepping._upper_body._hands import HandStatus
-from poise.locomotion._stepping._upper_body._limb_feedback import (
-    BY_SERVOS,
-    NECK_BY_TORQUES,
-    LimbFeedback,
+from poise.locomotion._stepping._upper_body._hands import HandStatus, next_status
+from poise.locomotion._stepping._upper_body._limb_motion import (
+    TURN_GAIN,
+    Approach,
+    Goal,
+    LedLimbs,
 )
-from poise.locomotion._stepping._upper_body._limb_motion import Goal, LimbMotion, Motions
 from poise.robots import Robot
-from poise.stack import JointTask
 
-_GAIN, _ACCELERATION, _JOINT_ACCELERATION = 10.0, 15.0, 40.0
-"""Gain of a head's turn towards its gaze [1/s]; largest accelerations of head and joints
-[rad/s^2]."""
+_ACCELERATION, _JOINT_ACCELERATION = 15.0, 40.0
+"""Largest accelerations of head and joints [rad/s^2]."""
 
 _LIMIT_MARGIN = 0.02
 """Distance of joints from their limits [rad]."""
+
+_BY_TORQUES = (100.0, 100.0, 0.0)
+"""A head carries nothing."""
+
+_HEADS = ("head", "neck")
+"""Names of frames that a head carries."""
 
 
 class GazeLeader:
@@ -68,30 +70,32 @@ class GazeLeader:
     ) -> None:
         self._dt = checked_number(dt, "dt of the gaze [s]", above=0.0)
         self._speed = checked_number(speed_max, "speed_max of the gaze [rad/s]", above=0.0)
-        q_rest = robot.q_home if q_rest is None else q_rest
-        turn = Approach(gain=_GAIN, speed=speed_max, acceleration=_ACCELERATION)
-        home = Approach(gain=_GAIN, speed=speed_max, acceleration=_JOINT_ACCELERATION)
-        motions = Motions(move=None, turn=turn, home=home, margin=_LIMIT_MARGIN)
-        self._neck = LimbMotion(robot, neck_chain(robot), q_rest, motions, dt=dt)
-        self.task: JointTask | None = None
-        if self._neck.joints:
-            self.task = JointTask(self._neck.joints, weight=weight, name="neck")
-            self.task.bind(robot)
-        firmness = BY_SERVOS if servos else NECK_BY_TORQUES
-        self._feedback = LimbFeedback(self.task, firmness, dt)
+        self._neck = LedLimbs(
+            robot,
+            _neck_chain(robot),
+            q_rest,
+            move=None,
+            turn=Approach(gain=TURN_GAIN, speed=speed_max, acceleration=_ACCELERATION),
+            home=Approach(gain=TURN_GAIN, speed=speed_max, acceleration=_JOINT_ACCELERATION),
+            margin=_LIMIT_MARGIN,
+            by_torques=_BY_TORQUES,
+            dt=dt,
+            weight=weight,
+            name="neck",
+            servos=servos,
+        )
+        self.task = self._neck.task
         self._turns_torso = turns_torso and self.task is None
         self.reset()
 
     def reset(self) -> None:
         """Forgets the past: the head looks straight ahead."""
         self._neck.reset()
-        self._feedback.reset()
         # No burst: the head turns at its own speed, whoever leads it.
         self._limiter = RateLimiter(self._dt * self._speed, self._dt * self._speed)
         self.gaze: Float64[np.ndarray, "3 3"] = LEVEL
         can = self.task is not None or self._turns_torso
         self.status: HandStatus | None = HandStatus.REST if can else None
-        self._set_target()
 
     @property
     def torso(self) -> tuple[float, float, float]:
@@ -109,31 +113,39 @@ class GazeLeader:
         """
         if self.status is None:
             return
-        if operator.head is not None:
-            self.status = HandStatus.LED
-        elif operator.rest:
-            self.status = HandStatus.REST
-        elif self.status is not HandStatus.REST:
-            self.status = HandStatus.HELD
-        goal = LEVEL if self.status is HandStatus.REST else operator.head
+        led = operator.head is not None
+        self.status = next_status(self.status, led=led, rest=operator.rest)
+        rests = self.status is HandStatus.REST
+        goal = LEVEL if rests else operator.head
         if goal is not None:
             self.gaze, _ = self._limiter.turn(self.gaze, goal)
-        if self.task is not None:
-            rests = self.status is HandStatus.REST
-            ahead = self._neck.rest_rotations[0]
-            self._neck.advance([None if rests else Goal(rotation=self.gaze @ ahead)])
-            moving = bool(self._neck.v.any())
-            self._feedback.stiffen(led=moving or self.status is not HandStatus.REST)
-            self._set_target()
-        if self.status is HandStatus.LED and self._at_edge():
+        for neck in self._neck.limbs:
+            goal = None if rests else Goal(rotation=self.gaze @ neck.rest_rotation)
+            self._neck.follow([goal])
+        if led and self._at_edge():
             self.status = HandStatus.REACH
 
     def _at_edge(self) -> bool:
         if self.task is not None:
-            return self._neck.stuck[0]
+            return self._neck.limbs[0].stuck
         _, pitch, yaw = self.torso
         return bool(abs(pitch) > TORSO_MOST[1] or abs(yaw) > TORSO_MOST[2])
 
-    def _set_target(self) -> None:
-        if self.task is not None:
-            self.task.set_target(self._neck.q, self._neck.v, self._neck.a)
+
+def _neck_chain(robot: Robot) -> dict[str, Int64[np.ndarray, " k"]]:
+    """Return the joints between the torso and its head, by a frame of it; empty without a neck.
+
+    The head is what frames of that name are on that most joints beyond the torso move, none of
+    which moves a hand or a sole.
+    """
+    torso = set(robot.joints_above(robot.torso))
+    others = torso.union(*(robot.joints_above(name) for name in (*robot.hands, *robot.soles)))
+    found, best = set[int](), ""
+    for each in robot.model.frames:
+        if any(word in each.name.lower() for word in _HEADS):
+            above = set(robot.model.supports[each.parentJoint].tolist()) - {0}
+            own = above - others
+            if torso <= above and len(own) > len(found):
+                found, best = own, each.name
+    first = robot.model.njoints - robot.nj
+    return {best: np.array(sorted(found), np.int64) - first} if found else {}

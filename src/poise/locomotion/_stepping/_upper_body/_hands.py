@@ -4,25 +4,24 @@
 """
 
 import math
+from collections import Counter
 from enum import Enum
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._checks import checked_number
 from poise.dynamics import RobotState, rotation_vector
 from poise.locomotion._stepping._operator import OperatorGuard, Tracker
-from poise.locomotion._stepping._upper_body._approach import Approach
-from poise.locomotion._stepping._upper_body._chains import arm_chains
-from poise.locomotion._stepping._upper_body._limb_feedback import (
-    ARMS_BY_TORQUES,
-    BY_SERVOS,
-    LimbFeedback,
+from poise.locomotion._stepping._upper_body._limb_motion import (
+    TURN_GAIN,
+    Approach,
+    Goal,
+    LedLimbs,
+    Limb,
 )
-from poise.locomotion._stepping._upper_body._limb_motion import Goal, LimbMotion, Motions
 from poise.robots import Robot
-from poise.stack import JointTask
 
 
 class HandStatus(Enum):
@@ -35,9 +34,16 @@ class HandStatus(Enum):
     TURNED = "turned as far as it goes: its place follows"
 
 
+def next_status(status: HandStatus, *, led: bool, rest: bool) -> HandStatus:
+    """Return the status after one, of a part that is led, or that is to rest."""
+    if led:
+        return HandStatus.LED
+    return HandStatus.REST if rest or status is HandStatus.REST else HandStatus.HELD
+
+
 _EDGE = 0.03
 """At the edge of its reach a hand's place is no further ahead than this [m]: when the device comes
-back, so does the hand at once."""
+back, so does the hand."""
 
 _TURN_EDGE = 1.0
 """And it is led to be turned no further ahead than this [rad]. So far a device may turn where the
@@ -48,14 +54,17 @@ more, and there are two ways round."""
 _UNLED = Tracker(1.0)
 """Of a third hand, which no operator has."""
 
-_GAIN, _TURN_GAIN, _TURN_ACCELERATION = 15.0, 10.0, 20.0
-"""Gains of a hand's way and turn [1/s]; largest angular acceleration [rad/s^2]."""
+_GAIN, _TURN_ACCELERATION = 15.0, 20.0
+"""Gain of a hand's way [1/s]; largest angular acceleration [rad/s^2]."""
 
 _HOME = Approach(gain=3.0, speed=1.2, acceleration=50.0)
 """Of the joints back to rest."""
 
 _LIMIT_MARGIN = 0.05
 """Distance of joints from their limits [rad]."""
+
+_BY_TORQUES = (25.0, 150.0, 150.0)
+"""At rest as stiff as the posture; what a hand carries, and nobody knows of, is learned."""
 
 
 class HandLeader:
@@ -108,36 +117,33 @@ class HandLeader:
         checked_number(speed_max, "speed_max of the hands [m/s]", above=0.0)
         checked_number(acceleration_max, "acceleration_max of the hands [m/s^2]", above=0.0)
         checked_number(turn_speed_max, "turn_speed_max of the hands [rad/s]", above=0.0)
-        self._joints, self._servos = robot.nj, servos
-        motions = Motions(
+        self._arms = LedLimbs(
+            robot,
+            _arm_chains(robot),
+            q_rest,
             move=Approach(gain=_GAIN, speed=speed_max, acceleration=acceleration_max),
-            turn=Approach(gain=_TURN_GAIN, speed=turn_speed_max, acceleration=_TURN_ACCELERATION),
+            turn=Approach(gain=TURN_GAIN, speed=turn_speed_max, acceleration=_TURN_ACCELERATION),
             home=_HOME,
             margin=_LIMIT_MARGIN,
+            by_torques=_BY_TORQUES,
+            dt=dt,
+            weight=weight,
+            name="arms",
+            servos=servos,
         )
-        q_rest = robot.q_home if q_rest is None else q_rest
-        self._arms = LimbMotion(robot, arm_chains(robot), q_rest, motions, dt=dt)
-        self.names = self._arms.names
+        self.names, self.task = self._arms.names, self._arms.task
         self._sides = [
-            _side(robot, *hand) for hand in zip(self.names, self._arms.places, strict=True)
+            _side(robot, name, arm.place)
+            for name, arm in zip(self.names, self._arms.limbs, strict=True)
         ]
-        self.task: JointTask | None = None
-        if self._arms.joints:
-            self.task = JointTask(self._arms.joints, weight=weight, name="arms")
-            self.task.bind(robot)
-        firmness = BY_SERVOS if servos else ARMS_BY_TORQUES
-        self._feedback = LimbFeedback(self.task, firmness, dt)
         self.reset()
 
     def reset(self) -> None:
         """Forgets the past: the arms are at rest."""
         self._arms.reset()
-        self._feedback.reset()
-        self._rested = False
-        self.places = [place.copy() for place in self._arms.places]
+        self.places = [arm.place for arm in self._arms.limbs]
         self.rotations: list[Float64[np.ndarray, "3 3"] | None] = [None for _ in self.names]
         self.status = [HandStatus.REST for _ in self.names]
-        self._set_target()
 
     def lead(self, operator: OperatorGuard, state: RobotState) -> None:
         """Set what the arms do in the tick that begins.
@@ -147,39 +153,27 @@ class HandLeader:
             state: as it is measured or estimated.
         """
         left, right = operator.hands
-        if self.task is None or (self._rested and not (left.engaged or right.engaged)):
+        if self._arms.rests and not (left.engaged or right.engaged):
             return
         trackers = [(left, right, _UNLED)[min(side, 2)] for side in self._sides]
-        for hand, tracker in enumerate(trackers):
-            self._turn(hand, tracker)
-            if tracker.engaged:
-                self.places[hand] = self.places[hand] + self._scale * tracker.step
-                self.status[hand] = HandStatus.LED
-            elif operator.rest:
-                self.status[hand] = HandStatus.REST
-            elif self.status[hand] is not HandStatus.REST:
-                self.status[hand] = HandStatus.HELD
-        rests = [status is HandStatus.REST for status in self.status]
-        rates = [tracker.velocity(state.time) for tracker in trackers]
-        self._arms.advance(
-            [
-                None
-                if rest
-                else Goal(place, rotation, None if rate is None else self._scale * np.array(rate))
-                for rest, place, rotation, rate in zip(
-                    rests, self.places, self.rotations, rates, strict=True
-                )
-            ]
-        )
-        for hand, here in enumerate(self._arms.places):
-            self._stop_at_edge(hand, here)
-        # Servos follow all the way to rest; by torques arms that go there are soft.
-        moving = self._servos and bool(self._arms.v.any())
-        self._feedback.stiffen(led=moving or not all(rests))
-        if self._feedback.learns:
-            self._feedback.learn(self._arms.q - state.q[-self._joints :][self._arms.index])
-        self._set_target()
-        self._rested = self._arms.rests and self._feedback.rests
+        goals = [
+            self._goal(hand, tracker, rest=operator.rest, time=state.time)
+            for hand, tracker in enumerate(trackers)
+        ]
+        self._arms.follow(goals, state.q)
+        for hand, arm in enumerate(self._arms.limbs):
+            self._stop_at_edge(hand, arm)
+
+    def _goal(self, hand: int, tracker: Tracker, *, rest: bool, time: float) -> Goal | None:
+        self._turn(hand, tracker)
+        self.status[hand] = next_status(self.status[hand], led=tracker.engaged, rest=rest)
+        if tracker.engaged:
+            self.places[hand] = self.places[hand] + self._scale * tracker.step
+        if self.status[hand] is HandStatus.REST:
+            return None
+        rate = tracker.velocity(time)
+        rate = None if rate is None else self._scale * np.array(rate)
+        return Goal(self.places[hand], self.rotations[hand], rate)
 
     def targets(
         self, position: Float64[np.ndarray, "3"], rotation: Float64[np.ndarray, "3 3"]
@@ -207,32 +201,41 @@ class HandLeader:
         turned = self.rotations[hand]
         if turned is None:
             if tracker.turns:
-                self.rotations[hand] = self._arms.rotations[hand]
+                self.rotations[hand] = self._arms.limbs[hand].rotation
             return
         if tracker.turn.any():
             turned = pin.exp3(tracker.turn) @ turned
-        here = self._arms.rotations[hand]
+        here = self._arms.limbs[hand].rotation
         way = rotation_vector(turned, here)
         far = math.hypot(*way)
         self.rotations[hand] = (
             pin.exp3(way * (_TURN_EDGE / far)) @ here if far > _TURN_EDGE else turned
         )
 
-    def _stop_at_edge(self, hand: int, here: Float64[np.ndarray, "3"]) -> None:
+    def _stop_at_edge(self, hand: int, arm: Limb) -> None:
         """A hand that comes no further says so, and its place stays near."""
         if self.status[hand] is HandStatus.REST:
-            self.places[hand], self.rotations[hand] = here, None
-        elif self._arms.blocked[hand]:
+            self.places[hand], self.rotations[hand] = arm.place, None
+        elif arm.blocked:
             if self.status[hand] is HandStatus.LED:
                 self.status[hand] = HandStatus.REACH
-            way = self.places[hand] - here
-            self.places[hand] = here + way * min(1.0, _EDGE / max(math.hypot(*way), 1e-9))
-        elif self._arms.stuck[hand] and self.status[hand] is HandStatus.LED:
+            way = self.places[hand] - arm.place
+            self.places[hand] = arm.place + way * min(1.0, _EDGE / max(math.hypot(*way), 1e-9))
+        elif arm.stuck and self.status[hand] is HandStatus.LED:
             self.status[hand] = HandStatus.TURNED
 
-    def _set_target(self) -> None:
-        if self.task is not None:
-            self.task.set_target(self._arms.q, self._arms.v, self._arms.a + self._feedback.bias)
+
+def _arm_chains(robot: Robot) -> dict[str, Int64[np.ndarray, " k"]]:
+    """Return the joints of each arm beyond the torso, by its hand; none that moves two hands."""
+    torso = set(robot.joints_above(robot.torso))
+    above = {hand: robot.joints_above(hand) for hand in robot.hands}
+    hands = Counter(joint for joints in above.values() for joint in joints)
+    first = robot.model.njoints - robot.nj
+    chains = {
+        hand: np.array([j - first for j in joints if hands[j] == 1 and j not in torso], np.int64)
+        for hand, joints in above.items()
+    }
+    return {hand: joints for hand, joints in chains.items() if len(joints) >= 3}
 
 
 def _side(robot: Robot, name: str, place: Float64[np.ndarray, "3"]) -> int:

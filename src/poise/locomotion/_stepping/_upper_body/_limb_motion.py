@@ -1,4 +1,4 @@
-"""`LimbMotion`: references of limbs' joints, by inverse kinematics on a torso at rest."""
+"""`LedLimbs`: a task of limbs' joints, led by inverse kinematics on a torso at rest."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise._checks import all_finite
 from poise.control import DifferentialIK
 from poise.dynamics import Dynamics, RobotState, rotation_vector
-from poise.locomotion._stepping._upper_body._approach import Approach
 from poise.robots import Robot
 from poise.stack import (
     JointLimit,
@@ -21,6 +21,12 @@ from poise.stack import (
     SurfaceContact,
     Task,
 )
+
+TURN_GAIN = 10.0
+"""Gain of a frame's turn towards its goal [1/s]."""
+
+_BRAKING = 0.6
+"""Part of the largest acceleration that is counted on near a goal."""
 
 _ARRIVED = 1e-3
 """Joints no farther from rest than this, and no faster, are at rest [rad, rad/s]."""
@@ -48,6 +54,46 @@ _OUT, _IN = 0.2, 1.0
 """Times in which turning fades out where a frame does not get to its place, and in again [s]."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Approach:
+    """Bounds of a motion towards a goal: speed over distance [1/s], speed and acceleration."""
+
+    gain: float
+    speed: float
+    acceleration: float
+
+    def velocity(
+        self, way: Float64[np.ndarray, " n"], rate: Float64[np.ndarray, " n"] | None = None
+    ) -> Float64[np.ndarray, " n"]:
+        """Return the velocity over a way to a goal that moves at a rate: it can be braked."""
+        far = math.hypot(*way)
+        braked = math.sqrt(2.0 * _BRAKING * self.acceleration * far)
+        velocity = way * (min(self.gain * far, braked, self.speed) / max(far, 1e-9))
+        if rate is None:
+            return velocity
+        velocity += rate
+        return velocity * min(1.0, self.speed / max(math.hypot(*velocity), 1e-9))
+
+    def step(
+        self, wanted: Float64[np.ndarray, " n"], now: Float64[np.ndarray, " n"], dt: float
+    ) -> Float64[np.ndarray, " n"]:
+        """Return the velocity after a tick on the way from one velocity to another."""
+        change = wanted - now
+        return now + change * min(1.0, self.acceleration * dt / max(math.hypot(*change), 1e-12))
+
+
+_BY_SERVOS = (0.0, 16.0, 0.0)
+"""Servos follow by themselves and carry what there is, so nothing is learned, and at rest nothing
+is asked for at all. What led joints sag by, or missed in ticks that failed, is taken back at 2 /s:
+the rate is half the root of the stiffness."""
+
+_STIFFEN = 0.5
+"""How long limbs take to become stiff when they are led, and soft again at rest [s]."""
+
+_BIAS_MAX = 30.0
+"""Largest acceleration that is learned for what a hand carries [rad/s^2]."""
+
+
 class Goal(NamedTuple):
     """Pose of a frame in the torso, each part None for any, and the velocity of its place."""
 
@@ -56,17 +102,7 @@ class Goal(NamedTuple):
     rate: Float64[np.ndarray, "3"] | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Motions:
-    """Bounds of places, orientations and joints, and the distance of joints from limits [rad]."""
-
-    move: Approach | None
-    turn: Approach
-    home: Approach
-    margin: float
-
-
-class _Limb:
+class Limb:
     """A chain of joints from the torso to a frame, and the velocities that its tasks request."""
 
     def __init__(
@@ -74,22 +110,25 @@ class _Limb:
         name: str,
         joints: Int64[np.ndarray, " k"],
         own: Int64[np.ndarray, " k"],
-        motions: Motions,
+        move: Approach | None,
+        turn: Approach,
         dt: float,
         dynamics: Dynamics,
     ) -> None:
         robot = dynamics.robot
-        self.own, self._motions, self._dt, self._dynamics = own, motions, dt, dynamics
+        self.own, self._move, self._turn = own, move, turn
+        self._dt, self._dynamics = dt, dynamics
         self._torso, self._frame = robot.frame_id(robot.torso), robot.frame_id(name)
         self._columns = joints + robot.base_dofs
         self.place_task = RelativeFrameTask(name, robot.torso, "position")
         self.turn_task = RelativeFrameTask(name, robot.torso, "orientation")
         self.reset()
         self.update()
-        self._ahead = self.rotation[0].copy()
+        self.rest_rotation = self.rotation
 
     def reset(self) -> None:
         """Forget the past: nothing moves."""
+        # The frame gets no nearer to its place, and turns no further.
         self.blocked = self.stuck = False
         self._share, self._asked = 1.0, np.zeros((2, 3))
 
@@ -106,34 +145,37 @@ class _Limb:
         """Request the frame velocity of given joint velocities."""
         self.reset()
         self._asked = (self._jacobian @ v[self.own]).reshape(2, 3)
-        self.place_task.overwrite_target()[0] = self.place
-        self.turn_task.overwrite_target()[1:4] = self.rotation
-        self._ask(turned=True)
+        self._ask(self.place, self.rotation)
 
     def follow(self, goal: Goal) -> None:
         """Request velocities towards a goal."""
-        motions, asked = self._motions, self._asked
-        if motions.move is not None and goal.place is not None:
-            way = goal.place - self.place
-            wanted = motions.move.velocity(way, goal.rate)
-            asked[0] = motions.move.step(wanted, asked[0], self._dt)
-            self.place_task.overwrite_target()[0] = goal.place
-        asked[1] = 0.0 if goal.rotation is None else asked[1]
-        if goal.rotation is not None:
+        asked = self._asked
+        if self._move is not None and goal.place is not None:
+            wanted = self._move.velocity(goal.place - self.place, goal.rate)
+            asked[0] = self._move.step(wanted, asked[0], self._dt)
+        if goal.rotation is None:
+            asked[1] = 0.0
+        else:
             way = rotation_vector(goal.rotation, self.rotation)
             if len(self.own) < 3:
                 # Two joints have the head look there, and leave how it is held askew.
-                looks = self.rotation @ self._ahead
+                looks = self.rotation @ self.rest_rotation[0]
                 way -= looks * (looks @ way)
-            wanted = motions.turn.velocity(way)
-            asked[1] = motions.turn.step(wanted, asked[1], self._dt)
-            self.turn_task.overwrite_target()[1:4] = goal.rotation
-        self._ask(turned=goal.rotation is not None)
+            asked[1] = self._turn.step(self._turn.velocity(way), asked[1], self._dt)
+        self._ask(goal.place, goal.rotation)
 
-    def _ask(self, *, turned: bool) -> None:
+    def _ask(
+        self,
+        place: Float64[np.ndarray, "3"] | None,
+        rotation: Float64[np.ndarray, "3 3"] | None,
+    ) -> None:
+        if place is not None:
+            self.place_task.overwrite_target()[0] = place
+        if rotation is not None:
+            self.turn_task.overwrite_target()[1:4] = rotation
         self.place_task.set_velocity(self._asked[0])
         self.turn_task.set_velocity(self._asked[1])
-        self.turn_task.set_weight(_FREE ** (1.0 - self._share) if turned else _FREE)
+        self.turn_task.set_weight(_FREE ** (1.0 - self._share) if rotation is not None else _FREE)
 
     def look(self, v: Float64[np.ndarray, " n"]) -> None:
         """Update `blocked` and `stuck` by the solved joint velocities."""
@@ -144,50 +186,75 @@ class _Limb:
         self._share = min(max(self._share + change, 0.0), 1.0)
 
 
-class LimbMotion:
-    """Smooth motion of limbs' joints towards goals of their frames, on a torso at rest."""
+def _is_stuck(
+    asked: Float64[np.ndarray, "3"], found: Float64[np.ndarray, "3"], least: float
+) -> bool:
+    """Test for joints that reach hardly any of a requested velocity."""
+    speed = math.hypot(*asked)
+    return speed > least and float(asked @ found) < _HARDLY * speed * speed
+
+
+class LedLimbs:
+    """Task of limbs' joints towards goals of their frames: smooth, stiffer while they are led.
+
+    Places, orientations and joints have bounds, and joints a distance from their limits [rad]. By
+    torques the task has a stiffness at rest and in motion [1/s^2], and at a rate [1/s^3] the lag of
+    the joints becomes a `bias`.
+    """
 
     def __init__(
         self,
         robot: Robot,
         chains: Mapping[str, Int64[np.ndarray, " k"]],
-        q_rest: Float64[np.ndarray, " nq"],
-        motions: Motions,
+        q_rest: Float64[np.ndarray, " nq"] | None,
         *,
+        move: Approach | None,
+        turn: Approach,
+        home: Approach,
+        margin: float,
+        by_torques: tuple[float, float, float],
         dt: float,
+        weight: float,
+        name: str,
+        servos: bool,
     ) -> None:
-        self.names, self._dt, self._motions = tuple(chains), dt, motions
-        self.index = index = np.sort(np.concatenate([*chains.values(), np.zeros(0, np.int64)]))
-        self.joints = tuple(robot.joint_names[j] for j in index)
+        q_rest = robot.q_home if q_rest is None else q_rest
+        self.names, self._dt, self._move, self._home = tuple(chains), dt, move, home
+        self._servos, self._stiffness = servos, _BY_SERVOS if servos else by_torques
+        self._index = index = np.sort(np.concatenate([*chains.values(), np.zeros(0, np.int64)]))
+        joints = tuple(robot.joint_names[j] for j in index)
         self._q_rest, self._still = q_rest.copy(), np.zeros(robot.nv)
         self._at = index + robot.nq - robot.nj
         self._rest = q_rest[self._at]
-        self._lower = np.minimum(robot.q_min[index] + motions.margin, self._rest)
-        self._upper = np.maximum(robot.q_max[index] - motions.margin, self._rest)
+        self._lower = np.minimum(robot.q_min[index] + margin, self._rest)
+        self._upper = np.maximum(robot.q_max[index] - margin, self._rest)
         self._dynamics = dynamics = Dynamics(robot)
         dynamics.update(RobotState(q_rest, self._still))
-        self._limbs = limbs = [
-            _Limb(name, chain, np.searchsorted(index, chain), motions, dt, dynamics)
+        self.limbs = limbs = [
+            Limb(name, chain, np.searchsorted(index, chain), move, turn, dt, dynamics)
             for name, chain in chains.items()
         ]
-        self.rest_rotations = [limb.rotation for limb in limbs]
-        if self.joints:
-            self._posture = JointTask(self.joints, weight=_POSTURE)
-            self._home = JointTask(self.joints)
-            first = [] if motions.move is None else [[limb.place_task] for limb in limbs]
+        self.task: JointTask | None = None
+        if joints:
+            self.task = JointTask(joints, weight=weight, name=name)
+            self.task.bind(robot)
+            self._posture, self._homing = JointTask(joints, weight=_POSTURE), JointTask(joints)
+            first = [] if move is None else [[limb.place_task] for limb in limbs]
             second = [*(limb.turn_task for limb in limbs), self._posture]
-            self._leads = self._controller([*first, second])
-            self._homes = self._controller([[self._home]])
+            self._leads = self._controller(joints, [*first, second])
+            self._homes = self._controller(joints, [[self._homing]])
         self.reset()
 
-    def _controller(self, levels: Sequence[Sequence[Task]]) -> DifferentialIK:
-        robot, dynamics, move = self._dynamics.robot, self._dynamics, self._motions.move
+    def _controller(
+        self, joints: tuple[str, ...], levels: Sequence[Sequence[Task]]
+    ) -> DifferentialIK:
+        robot, dynamics, move = self._dynamics.robot, self._dynamics, self._move
         limit = SelfCollisionLimit(enabled=False)
         if move is not None:
             # In which the fastest frame stops without braking harder than it may.
             time = move.speed / move.acceleration
             limit = SelfCollisionLimit(margin=_MARGIN, approach_time=time)
-        ranges = zip(self.joints, self._lower.tolist(), self._upper.tolist(), strict=True)
+        ranges = zip(joints, self._lower.tolist(), self._upper.tolist(), strict=True)
         stack = Stack(
             # The base stands still: no limb is between it and a sole.
             contacts=[
@@ -206,44 +273,71 @@ class LimbMotion:
             stack,
             dt=self._dt,
             strategy="hqp",
-            joints=self.joints,
+            joints=joints,
             limit_time=_LIMIT_TIME,
             dynamics=dynamics,
         )
 
     def reset(self) -> None:
-        """Put all limbs at rest."""
-        n = len(self.joints)
-        self.q, self.v, self.a = self._rest.copy(), np.zeros(n), np.zeros(n)
-        self.rests = True
-        for limb in self._limbs:
+        """Put all limbs at rest; they carry nothing."""
+        self._settle()
+        self._stiff, self.bias = 0.0, np.zeros(len(self.q))
+        if self.task is not None:
+            self.task.set_gains(self._stiffness[0])
+            self.task.set_target(self.q, self.v, self.a)
+
+    def _settle(self) -> None:
+        self.q, self._arrived = self._rest.copy(), True
+        self.v, self.a = np.zeros((2, len(self.q)))
+        for limb in self.limbs:
             limb.reset()
         self._update()
 
     @property
-    def blocked(self) -> list[bool]:
-        """True for each frame that gets no nearer to its place."""
-        return [limb.blocked for limb in self._limbs]
+    def rests(self) -> bool:
+        """True while the joints are at rest, as soft as there, and nothing is learned."""
+        return self._arrived and self._stiff == 0.0
 
-    @property
-    def stuck(self) -> list[bool]:
-        """True for each frame that turns no further."""
-        return [limb.stuck for limb in self._limbs]
+    def follow(
+        self, goals: Sequence[Goal | None], q: Float64[np.ndarray, " nq"] | None = None
+    ) -> None:
+        """Move on by a tick; limbs without a goal go back to rest."""
+        led, task, (rest, most, learning) = any(goals), self.task, self._stiffness
+        if task is None or (self.rests and not led):
+            return
+        self.advance(goals)
+        # Servos follow all the way to rest; by torques limbs that go there are soft.
+        stiffens = led or (self._servos and bool(self.v.any()))
+        change = self._dt / _STIFFEN if stiffens else -self._dt / _STIFFEN
+        before, self._stiff = self._stiff, min(max(self._stiff + change, 0.0), 1.0)
+        if self._stiff != before:
+            task.set_gains(rest + self._stiff * (most - rest))
+        if self._stiff == 0.0:
+            self.bias = np.zeros(task.dim)
+        elif q is not None and learning > 0.0 and all_finite(lag := self.q - q[self._at]):
+            bias = self._stiff * (self.bias + self._dt * learning * lag)
+            self.bias = np.clip(bias, -_BIAS_MAX, _BIAS_MAX)
+        task.set_target(self.q, self.v, self.a + self.bias)
 
     def advance(self, goals: Sequence[Goal | None]) -> None:
-        """Move on by a tick; limbs without a goal go back to rest."""
-        if not any(goals) and self._is_at_rest():
-            return
-        self.rests = False
-        dt, home, found = self._dt, self._motions.home, self.v
+        """Move the model on by a tick; limbs without a goal go back to rest."""
+        if not any(goals):
+            off = np.abs((self.q - self._rest, self.v))
+            if not self._arrived and off.max() <= _ARRIVED:
+                # To the last bit.
+                self._settle()
+            if self._arrived:
+                return
+        self._arrived = False
+        dt, home, found = self._dt, self._home, self.v
         posture = _BACK_GAIN * (self._rest - self.q)
-        led = [(limb, goal) for limb, goal in zip(self._limbs, goals, strict=True) if goal]
-        resting = [limb for limb, goal in zip(self._limbs, goals, strict=True) if not goal]
+        led = [(limb, goal) for limb, goal in zip(self.limbs, goals, strict=True) if goal]
+        resting = [limb for limb, goal in zip(self.limbs, goals, strict=True) if not goal]
         if resting:
             asked = self.v.copy()
             for limb in resting:
                 asked[limb.own] = home.velocity(self._rest[limb.own] - self.q[limb.own])
-            self._home.set_velocity(asked)
+            self._homing.set_velocity(asked)
             found = self._solve(self._homes)
             for limb in resting:
                 limb.go(found)
@@ -254,7 +348,7 @@ class LimbMotion:
             self._posture.set_velocity(posture)
             found = self._solve(self._leads)
         v = self.v.copy()
-        for limb in self._limbs:
+        for limb in self.limbs:
             own = limb.own
             limb.look(found)
             change = found[own] - v[own]
@@ -266,30 +360,11 @@ class LimbMotion:
 
     def _solve(self, controller: DifferentialIK) -> Float64[np.ndarray, " n"]:
         velocity = controller.step(self._dynamics.state).velocity
-        return self.v if velocity is None else velocity[self.index]
-
-    def _is_at_rest(self) -> bool:
-        """Put limbs that have arrived at rest there to the last bit; return whether they have."""
-        if self.rests:
-            return True
-        off = max(float(np.abs(self.q - self._rest).max()), float(np.abs(self.v).max()))
-        if off <= _ARRIVED:
-            self.reset()
-        return self.rests
+        return self.v if velocity is None else velocity[self._index]
 
     def _update(self) -> None:
         q = self._q_rest.copy()
         q[self._at] = self.q
         self._dynamics.update(RobotState(q, self._still))
-        for limb in self._limbs:
+        for limb in self.limbs:
             limb.update()
-        self.places = [limb.place for limb in self._limbs]
-        self.rotations = [limb.rotation for limb in self._limbs]
-
-
-def _is_stuck(
-    asked: Float64[np.ndarray, "3"], found: Float64[np.ndarray, "3"], least: float
-) -> bool:
-    """Test for joints that reach hardly any of a requested velocity."""
-    speed = math.hypot(*asked)
-    return speed > least and float(asked @ found) < _HARDLY * speed * speed
