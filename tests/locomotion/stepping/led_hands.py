@@ -68,13 +68,17 @@ class Arms:
     def __getattr__(self, name):
         return getattr(self.motion, name)
 
-    @property
-    def hands(self):
-        return [arm.place for arm in self.motion.limbs]
+    def each(self, name):
+        """An attribute of each arm."""
+        return [getattr(arm, name) for arm in self.motion.limbs]
 
     @property
-    def blocked(self):
-        return [arm.blocked for arm in self.motion.limbs]
+    def joints(self):
+        return self.motion.task.joints
+
+    @property
+    def hands(self):
+        return self.each("place")
 
     def advance(self, places, rotations=None, rates=None):
         nothing = [None] * len(places)

@@ -132,7 +132,7 @@ def test_a_hand_gets_where_it_can_and_says_where_it_cannot(get_robot):
     for _ in range(1000):
         arms.advance([near, far])
     np.testing.assert_allclose(arms.hands[0], near, atol=1e-3)
-    assert arms.blocked == [False, True]
+    assert arms.each("blocked") == [False, True]
 
 
 @pytest.mark.parametrize("name", ["g1", slow("humanoid33"), slow("biped20")])

@@ -126,7 +126,7 @@ def lag(robot, *, told, frequency=0.5):
         rate = np.array([0.0, 0.0, 0.04 * omega * math.sin(angle)])
         arms.advance([place, start[1]], rates=[rate if told else None, None])
         far.append(np.linalg.norm(arms.hands[0] - place))
-    assert not any(arms.blocked)
+    assert not any(arms.each("blocked"))
     return float(np.sqrt(np.mean(np.square(far[300:]))))
 
 

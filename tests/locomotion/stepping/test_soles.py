@@ -8,7 +8,7 @@ from standing import PARAMETERS, footing, sensor
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode
-from poise.locomotion._stepping._by_velocity._soles import SoleGrounds, SoleYield
+from poise.locomotion._stepping._by_velocity._velocity_tasks import SoleGrounds, SoleYield
 
 TICKS = 400
 TILT = 0.02

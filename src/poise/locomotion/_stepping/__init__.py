@@ -1,9 +1,6 @@
 """A person leads the robot's feet: step-by-step teleoperation of bipeds."""
 
-from poise.locomotion._stepping._by_velocity import (
-    ComDriver as ComDriver,
-    ShifterDriver as ShifterDriver,
-)
+from poise.locomotion._stepping._by_velocity import ComDriver as ComDriver
 from poise.locomotion._stepping._feet import FOOT_TURNS as FOOT_TURNS
 from poise.locomotion._stepping._operator import (
     LATE as LATE,

@@ -50,12 +50,12 @@ class FootTracker:
         if not tracker.clutch:
             engagement.release(time)
             return None
-        if engagement.engage():
+        begins = not engagement.engaged
+        if not engagement.engage(time):
+            return None
+        if begins:
             self._ahead = ahead
             self._offset = np.subtract(place, self._way(point))
-        elif not engagement.engaged:
-            return None
-        engagement.refresh(time)
         rate = tracker.velocity
         if rate is not None:
             rate = self._way(rate) if all(map(math.isfinite, rate)) else None

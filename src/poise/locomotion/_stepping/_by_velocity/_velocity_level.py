@@ -1,7 +1,11 @@
-"""`VelocityLevel`: step teleoperation by commanded velocities, `PaperEvents`, `check_sway`."""
+"""`VelocityLevel`: step teleoperation by commanded velocities, and `check_sway`.
+
+`ComDriver`: from ZMP references to velocities of the COM.
+"""
 
 import math
 from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -10,15 +14,12 @@ from poise.control import Controller
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import BodyRotator, ComShifter
-from poise.locomotion._stepping._by_velocity._com_motion import (
-    ComDriver,
-    ComHeight,
-    ComMotion,
-)
 from poise.locomotion._stepping._by_velocity._velocity_tasks import VelocityNumbers, VelocityTasks
 from poise.locomotion._stepping._feet import Level, LevelTick
 from poise.locomotion._stepping._operator import BodyCommand, OperatorGuard, OperatorSample
 from poise.locomotion._stepping._stance import (
+    GIVES,
+    POSITION_GAIN,
     Biped,
     Footing,
     FootRange,
@@ -27,7 +28,7 @@ from poise.locomotion._stepping._stance import (
     ZmpSensor,
     leg_joints,
 )
-from poise.locomotion._support import SingleSupportRegion, Vector2
+from poise.locomotion._support import SingleSupportRegion, Vector2, Vector3
 from poise.locomotion._walking import LIFT, Mode, ModeEvent, StepEnd, StepMachine
 from poise.stack import JointTask
 
@@ -105,6 +106,178 @@ def check_sway(
                 )
 
 
+_OBSERVED = 20.0
+"""Rate at which the observed velocity of the COM follows the measured one [1/s]: noise and the
+shock of a landing are gone in two ticks, a sway is not."""
+
+
+@runtime_checkable
+class ComDriver(Protocol):
+    """From ZMP references to velocities of the COM.
+
+    Attributes:
+        omega: sqrt(g / H) [1/s].
+    """
+
+    omega: float
+
+    def drive(
+        self, reference: Vector2, position: Vector2, velocity: Vector2, dt: float
+    ) -> tuple[Vector2, Vector2]:
+        """One tick."""
+        ...
+
+    def restart(self, commanded: Vector2, measured: Vector2) -> Vector2:
+        """The velocity to go on from when the mode has changed, of the two there are [m/s]."""
+        ...
+
+
+class ComMotion:
+    """Integrate the driver's reference, within the support of the soles."""
+
+    def __init__(self, driver: ComDriver | ComShifter, dt: float, leak: float) -> None:
+        self.omega = driver.omega
+        # Commanded in the last tick [m/s, m/s^2].
+        self.velocity: Vector2 = np.zeros(2)
+        self.acceleration: Vector2 = np.zeros(2)
+        # As measured, smoothed with the commanded acceleration [m/s].
+        self.observed: Vector2 = np.zeros(2)
+        self._driver, self._dt, self._leak = driver, dt, leak
+
+    def observe(self, measured: Vector2) -> None:
+        """Take a measured velocity, once a tick and before all else."""
+        dt = self._dt
+        expected = self.observed + dt * self.acceleration
+        gain = dt * _OBSERVED / (1.0 + dt * _OBSERVED)
+        self.observed = expected + gain * (measured - expected)
+
+    def restart(self) -> None:
+        """Go on from what is when contacts have changed, or from what a driver has."""
+        driver, observed = self._driver, self.observed.copy()
+        shifts = isinstance(driver, ComShifter)
+        self.velocity = observed if shifts else driver.restart(self.velocity, observed)
+
+    def cart_table_zmp(self, com: Vector2) -> Vector2:
+        """CT-ZMP, eq. (26), of the commanded acceleration [m]."""
+        return com - self.acceleration / self.omega**2
+
+    def drive(self, footing: Footing) -> None:
+        """One tick."""
+        dt, dynamics, before = self._dt, footing.dynamics, self.velocity
+        com, reference = dynamics.com[:2], footing.zmp_reference
+        # While a sole rocks on its edge the COM moves by itself, which an integral does not notice.
+        before = before + dt * self._leak * (dynamics.com_velocity[:2] - before)
+        driver = self._driver
+        if not isinstance(driver, ComShifter):
+            self.velocity, self.acceleration = driver.drive(reference, com, before, dt)
+            return
+        # Saturated on a straight line as the COM sets off, and not as it brakes.
+        free = driver.unlimited(reference, com, before)
+        (free_x, free_y), (velocity_x, velocity_y) = free.tolist(), before.tolist()
+        setting_off = free_x * velocity_x + free_y * velocity_y >= 0.0
+        most, limit = max(abs(free_x), abs(free_y)), driver.acceleration_max
+        if setting_off and most > limit:
+            free *= limit / most
+        (x, y), (goal_x, goal_y) = com.tolist(), (com - free / self.omega**2).tolist()
+        support, goal = footing.support, (goal_x, goal_y)
+        kept_x, kept_y = support.towards((x, y), goal) if setting_off else support.nearest(goal)
+        self.acceleration = self.omega**2 * np.array([x - kept_x, y - kept_y])
+        self.velocity = before + dt * self.acceleration
+
+
+_BRAKED = 0.2
+"""Part of its largest acceleration with which the COM is braked before a knee is at its limit."""
+
+_LATE = 0.2
+"""Delay of braking where the knee of the stance leg is at its limit [s]."""
+
+_DEEPER = 0.01
+"""Depth below a swing foot to which the body is lowered for it before it meets a floor [m]."""
+
+
+class ComHeight:
+    """Eq. (15b) with (17a); lower where the legs need it, and steady."""
+
+    def __init__(
+        self,
+        height: float,
+        reach: FootRange,
+        parameters: TeleopParameters,
+        numbers: VelocityNumbers,
+    ) -> None:
+        self._height, self._range, self._numbers = height, reach, numbers
+        self._dt, self._stoop_max = parameters.dt, parameters.stoop_max
+        self._velocity = self.offset = 0.0
+
+    def room(self, footing: Footing) -> tuple[float, bool]:
+        """Return how far the CoM may come down [m], and whether the stance leg gives way."""
+        stance = footing.stance
+        too_weak = self._too_weak(footing, stance, self._range.hip(stance, footing.dynamics))
+        below = min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak)
+        return max(0.0, below), footing.mode.single and too_weak > GIVES
+
+    def velocity(self, footing: Footing, target: Vector3) -> float:
+        """Velocity of the COM upwards [m/s]."""
+        p = self._numbers
+        hips = [self._range.hip(foot, footing.dynamics) for foot in (0, 1)]
+        too_low = self._too_low(footing, hips)
+        way = self._reference(footing, target, hips, too_low) - float(footing.dynamics.com[2])
+        # At v_lim downwards the robot would fall faster than its legs can carry; and one that is
+        # not braked in time goes on beyond where a knee still holds it.
+        braking = _BRAKED * p.lift_acceleration
+        braked = math.sqrt(2.0 * braking * max(-too_low, 0.0))
+        carries = footing.mode.support
+        if carries is not None:
+            room = max(-self._too_weak(footing, carries, hips[carries]), 0.0)
+            braked = min(braked, braking * (math.sqrt(_LATE**2 + 2.0 * room / braking) - _LATE))
+        velocity = max(-min(p.lift_speed, braked), min(p.lift_speed, POSITION_GAIN * way))
+        change = self._dt * p.lift_acceleration
+        self._velocity = max(self._velocity - change, min(self._velocity + change, velocity))
+        return self._velocity
+
+    def _too_weak(self, footing: Footing, foot: int, hip: Vector3) -> float:
+        return self._range.too_weak(foot, footing.anchors[foot], hip, footing.heading)
+
+    def _too_low(self, footing: Footing, hips: Sequence[Vector3]) -> float:
+        """Return the depth of the hips below where the legs hold them; negative for room [m]."""
+        carries, heading = footing.mode.support, footing.heading
+        feet = (footing.stance,) if footing.mode.single else (0, 1)
+        return max(
+            self._range.too_low(
+                foot, footing.anchors[foot], hips[foot], heading, alone=foot == carries
+            )
+            for foot in feet
+        )
+
+    def _reference(
+        self, footing: Footing, target: Vector3, hips: Sequence[Vector3], too_low: float
+    ) -> float:
+        """Eq. (15b), lower where a leg could not reach its foot, now or at the end [m]."""
+        reach, stance, anchors = self._range, footing.stance, footing.anchors
+        x, y, height = footing.dynamics.com.tolist()
+        zmp_x, zmp_y = footing.zmp_reference.tolist()
+        too_high = -math.inf
+        for foot, place in ((stance, anchors[stance]), (footing.other, _felt(footing, target))):
+            for shift in ((0.0, 0.0), (zmp_x - x, zmp_y - y)):
+                too_high = max(too_high, reach.too_high(foot, place, hips[foot], shift))
+        lowest = max(height + too_low, self._lowest(footing))
+        usual = self._height + footing.ground
+        asked = max(usual + self.offset, min(usual, lowest))
+        return min(asked, max(height - too_high, lowest))
+
+    def _lowest(self, footing: Footing) -> float:
+        return (1.0 - self._stoop_max) * self._height + footing.ground
+
+
+def _felt(footing: Footing, target: Vector3) -> Vector3:
+    """A target no lower than the floor; where there is none, no lower than just below the foot."""
+    if not footing.mode.single:
+        return target
+    x, y, z = target.tolist()
+    floor = min(footing.lowest_ground, float(footing.sole(footing.other)[2]) - _DEEPER)
+    return np.array([x, y, max(z, floor)])
+
+
 class VelocityLevel(Level):
     """Events (14), references (15), CoM shifter (37), body rotator (39) and P controllers (17)."""
 
@@ -116,7 +289,7 @@ class VelocityLevel(Level):
         reach: FootRange,
         estimator: StanceEstimator,
         limbs: Sequence[JointTask],
-        driver: ComDriver,
+        driver: ComDriver | ComShifter,
         *,
         rotator: bool,
     ) -> None:

@@ -75,37 +75,33 @@ class ScriptedDevice:
             if not after > before:
                 what, wanted = "way-points are not in order of time", "times that increase"
                 raise ConfigurationError(what, got=(before, after), wanted=wanted)
-        self._feet = [
-            _Path([(p.at, getattr(p, side)) for p in points], start)
-            for side, start in (("left", left), ("right", right))
-        ]
-        self._hands = (
-            _ScriptedPose([(p.at, p.left_hand, p.left_turn) for p in points]),
-            _ScriptedPose([(p.at, p.right_hand, p.right_turn) for p in points]),
-        )
-        self._head = _ScriptedPose([(p.at, None, p.head) for p in points])
+        starts = {"left": left, "right": right}
+        self._paths = {
+            part.name: _Path(
+                [(point.at, getattr(point, part.name)) for point in points],
+                starts.get(part.name, np.zeros(3)),
+            )
+            for part in fields(WayPoint)[1:]
+        }
 
     def sample(self, time: float) -> OperatorSample:
         """Return the devices at a time [s]."""
-        left, right = (TrackedPose.of(path.at(time)) for path in self._feet)
-        hands = self._hands[0].at(time), self._hands[1].at(time)
-        return OperatorSample(time, (left, right), hands, self._head.at(time))
+        paths = self._paths
+        left, right = (TrackedPose.of(paths[foot].at(time)) for foot in ("left", "right"))
+        hands = (
+            _pose(paths["left_hand"], paths["left_turn"], time),
+            _pose(paths["right_hand"], paths["right_turn"], time),
+        )
+        head = _pose(_Path([], np.zeros(3)), paths["head"], time)
+        return OperatorSample(time, (left, right), hands, head)
 
 
-class _ScriptedPose:
-    """Trajectory of a hand or the head, from time [s], place [m] and turn [rad] of points."""
-
-    def __init__(self, points: Sequence[tuple[float, Offset | None, Turn | None]]) -> None:
-        zero = np.zeros(3)
-        self._place = _Path([(at, place) for at, place, _ in points], zero)
-        self._turn = _Path([(at, turn) for at, _, turn in points], zero)
-
-    def at(self, time: float) -> TrackedPose | None:
-        """Return the pose at a time [s]; None without points."""
-        if not (self._place.moves or self._turn.moves):
-            return None
-        turn = pin.Quaternion(pin.exp3(self._turn.at(time))).coeffs() if self._turn.moves else None
-        return TrackedPose.of(self._place.at(time), time > SLOWEST, turn)
+def _pose(place: "_Path", turn: "_Path", time: float) -> TrackedPose | None:
+    """Return the pose of a hand or the head; None without points."""
+    if not (place.moves or turn.moves):
+        return None
+    turned = pin.Quaternion(pin.exp3(turn.at(time))).coeffs() if turn.moves else None
+    return TrackedPose.of(place.at(time), time > SLOWEST, turned)
 
 
 class _Path:

@@ -221,7 +221,7 @@ class LedLimbs:
         q_rest = robot.q_home if q_rest is None else q_rest
         self.names, self._dt, self._move, self._home = tuple(chains), dt, move, home
         self._servos, self._stiffness = servos, _BY_SERVOS if servos else by_torques
-        self._index = index = np.sort(np.concatenate([*chains.values(), np.zeros(0, np.int64)]))
+        self.index = index = np.sort(np.concatenate([*chains.values(), np.zeros(0, np.int64)]))
         joints = tuple(robot.joint_names[j] for j in index)
         self._q_rest, self._still = q_rest.copy(), np.zeros(robot.nv)
         self._at = index + robot.nq - robot.nj
@@ -360,7 +360,7 @@ class LedLimbs:
 
     def _solve(self, controller: DifferentialIK) -> Float64[np.ndarray, " n"]:
         velocity = controller.step(self._dynamics.state).velocity
-        return self.v if velocity is None else velocity[self._index]
+        return self.v if velocity is None else velocity[self.index]
 
     def _update(self) -> None:
         q = self._q_rest.copy()
