@@ -4,8 +4,8 @@ import numpy as np
 
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import HandLeader, OperatorGuard, OperatorSample
-from poise.locomotion._stepping._operator import Tracker
-from poise.locomotion._stepping._upper_body._limb_motion import Goal
+from poise.locomotion._stepping._guard import Tracker
+from poise.locomotion._stepping._limbs import Goal
 
 DT = 0.002
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, TeleopParameters
-from poise.locomotion._stepping._by_velocity._velocity_tasks import velocity_numbers
 from poise.locomotion._stepping._feet import FootDevices
 from poise.locomotion._stepping._stance._biped import FootRange, biped_of
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._stance._footing import Footing
 from poise.locomotion._stepping._stance._parameters import size_of
+from poise.locomotion._stepping._velocity_tasks import velocity_numbers
 from poise.locomotion._support import SingleSupportRegion
 
 PARAMETERS = TeleopParameters()
@@ -95,7 +95,7 @@ def devices(robot, **changes):
 
 
 def aimed(ours, now, command, *, room_below=0.0, falling=False):
-    """Where foot devices send the foot in a tick [m]."""
+    """Place to which foot devices send the foot in a tick [m]."""
     ours.update(command, (True, True), now)
     ours.room_below, ours.falling = room_below, falling
     return ours.aim()

@@ -32,10 +32,10 @@ from poise.locomotion import (
     WayPoint,
 )
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._by_velocity import velocity_numbers
-from poise.locomotion._stepping._operator._sample import FieldError, checked_sample
+from poise.locomotion._stepping._sample import FieldError, checked_sample
 from poise.locomotion._stepping._stance._biped import biped_of, leg_geometry
 from poise.locomotion._stepping._stance._parameters import size_of
+from poise.locomotion._stepping._velocity_tasks import velocity_numbers
 from poise.robots import Sole, standing_posture
 from poise.sim import PlantConfig
 

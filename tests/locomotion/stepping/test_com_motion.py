@@ -6,7 +6,7 @@ from standing import PARAMETERS, footing
 
 from poise.locomotion import Mode
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._by_velocity._velocity_level import ComMotion
+from poise.locomotion._stepping._velocity_level import ComMotion
 
 STILL = np.zeros(2)
 

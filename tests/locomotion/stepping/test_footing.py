@@ -8,8 +8,8 @@ from standing import PARAMETERS, biped, footing, numbers
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, StepTeleoperator
-from poise.locomotion._stepping._by_velocity._velocity_level import ComHeight
 from poise.locomotion._stepping._stance._biped import FootRange
+from poise.locomotion._stepping._velocity_level import ComHeight
 from poise.locomotion._support import SolePart
 
 AWAY = (3.0, -2.0)

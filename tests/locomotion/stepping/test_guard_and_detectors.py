@@ -11,7 +11,7 @@ from walker import sample
 
 from poise.errors import ConfigurationError
 from poise.locomotion import DeviceStatus, StepEnd
-from poise.locomotion._stepping._operator._guard import OperatorGuard
+from poise.locomotion._stepping._guard import OperatorGuard
 
 SOLES = (np.array([0.0, 0.135, 0.0]), np.array([0.0, -0.135, 0.0]))
 """Where the feet stand [m]."""
@@ -364,7 +364,7 @@ LIFT_HEIGHT, LOWER_HEIGHT = 0.02, 0.01
 
 
 def rises(ours, now, height):
-    """Whether the left foot is to be lifted whose device is at a height [m]."""
+    """True where the left foot is to be lifted, its device at a height [m]."""
     x, y, z = now.anchors[0].tolist()
     right = tuple(now.anchors[1].tolist())
     ours.update(sample(0.0, left=(x, y, z + height), right=right), (True, True), now)
@@ -394,7 +394,7 @@ def test_a_device_that_rests_a_little_above_a_foot_that_has_settled_is_not_up(fe
 
 
 def ends(feet, load, ticks=1, *, lifting=False):
-    """How the swing of the right foot has ended after ticks with a load, over the weight."""
+    """End of the right foot's swing after ticks with a load, over the weight."""
     ours, now = feet
     height = 0.1 if lifting else 0.0
     x, y, z = now.sole(1).tolist()

@@ -16,7 +16,7 @@ from poise.apps.teleoperation import (
     write_recording,
 )
 from poise.locomotion import Mode, OperatorGuard, OperatorSample, TrackedPose
-from poise.locomotion._stepping._operator._guard import Tracker, VelocityCheck
+from poise.locomotion._stepping._guard import Tracker, VelocityCheck
 
 DT = 0.002
 UP = np.array([0.1, 0.0, 0.2])

@@ -16,8 +16,8 @@ from poise.locomotion import (
     StepTeleoperator,
     WayPoint,
 )
-from poise.locomotion._stepping._by_velocity._velocity_level import sway_growth, sway_stiffness
 from poise.locomotion._stepping._stance._biped import leg_joints
+from poise.locomotion._stepping._velocity_level import sway_growth, sway_stiffness
 from poise.robots import GRAVITY
 
 OMEGA, LEAK = 3.5, 5.0

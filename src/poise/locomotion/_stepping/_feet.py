@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from poise.locomotion._stepping._operator import OperatorSample, Vector
+from poise.locomotion._stepping._sample import OperatorSample, Vector
 from poise.locomotion._stepping._stance import (
     LANDED,
     POSITION_GAIN,
@@ -60,10 +60,7 @@ FOOT_TURNS = (0.12, 0.6)
 
 
 class FootDevices:
-    """Two foot devices: the events (14), and (15d) and (17c) of the swing foot, within reach.
-
-    A `FootMotion` of the stepping engine.
-    """
+    """`FootMotion` by two devices: events (14), and (15d) and (17c) of the swing foot."""
 
     def __init__(self, reach: FootRange, parameters: TeleopParameters) -> None:
         self._range, self._parameters, self._dt = reach, parameters, parameters.dt

@@ -13,18 +13,12 @@ from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._by_torque import POSTURE_WEIGHT, TorqueLevel
-from poise.locomotion._stepping._by_velocity import (
-    ComDriver,
-    VelocityLevel,
-    check_sway,
-    velocity_numbers,
-)
-from poise.locomotion._stepping._operator import (
+from poise.locomotion._stepping._guard import DeviceStatus, OperatorGuard
+from poise.locomotion._stepping._hands import GazeLeader, HandLeader, HandStatus
+from poise.locomotion._stepping._sample import (
     NOWHERE,
     BodyCommand,
     Device,
-    DeviceStatus,
-    OperatorGuard,
     OperatorSample,
     TrackedPose,
 )
@@ -40,7 +34,8 @@ from poise.locomotion._stepping._stance import (
     scaled_parameters,
     size_of,
 )
-from poise.locomotion._stepping._upper_body import GazeLeader, HandLeader, HandStatus
+from poise.locomotion._stepping._velocity_level import ComDriver, VelocityLevel, check_sway
+from poise.locomotion._stepping._velocity_tasks import velocity_numbers
 from poise.locomotion._support import Rotation, SupportPolygon, Vector2, Vector3, two_soles
 from poise.locomotion._walking import Mode, StepEnd, mean_angle, yaw_of
 from poise.robots import Robot

@@ -10,12 +10,8 @@ from poise.control import Controller
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
 from poise.locomotion._stepping._feet import Level, LevelTick
-from poise.locomotion._stepping._operator import (
-    BodyCommand,
-    DeviceStatus,
-    OperatorGuard,
-    OperatorSample,
-)
+from poise.locomotion._stepping._guard import DeviceStatus, OperatorGuard
+from poise.locomotion._stepping._sample import BodyCommand, OperatorSample
 from poise.locomotion._stepping._stance import (
     GIVES,
     Biped,

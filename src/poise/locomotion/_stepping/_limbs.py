@@ -1,4 +1,4 @@
-"""`LedLimbs`: a task of limbs' joints, led by inverse kinematics on a torso at rest."""
+"""`LedLimbs`: task of limbs' joints, by inverse kinematics on a torso at rest."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -83,12 +83,12 @@ class Approach:
 
 
 _BY_SERVOS = (0.0, 16.0, 0.0)
-"""Servos follow by themselves and carry what there is, so nothing is learned, and at rest nothing
-is asked for at all. What led joints sag by, or missed in ticks that failed, is taken back at 2 /s:
-the rate is half the root of the stiffness."""
+"""Servos follow by themselves and carry what there is: nothing is learned, and at rest there is no
+stiffness. Sag in motion, or what ticks that failed have missed, is taken back at 2 /s, half the
+root of the stiffness."""
 
 _STIFFEN = 0.5
-"""How long limbs take to become stiff when they are led, and soft again at rest [s]."""
+"""Time in which limbs become stiff in motion, and soft again at rest [s]."""
 
 _BIAS_MAX = 30.0
 """Largest acceleration that is learned for what a hand carries [rad/s^2]."""
@@ -195,12 +195,10 @@ def _is_stuck(
 
 
 class LedLimbs:
-    """Task of limbs' joints towards goals of their frames: smooth, stiffer while they are led.
+    """Task of limbs' joints towards goals of their frames: smooth, and stiffer in motion."""
 
-    Places, orientations and joints have bounds, and joints a distance from their limits [rad]. By
-    torques the task has a stiffness at rest and in motion [1/s^2], and at a rate [1/s^3] the lag of
-    the joints becomes a `bias`.
-    """
+    # By torques the task has a stiffness at rest and in motion [1/s^2], and at a rate [1/s^3] the
+    # lag of the joints becomes a `bias`.
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Stack of the velocity level: `VelocityTasks`, `VelocityNumbers`, `SoleGrounds`, `SoleYield`."""
+"""Stack of the velocity level: `VelocityTasks`, `VelocityNumbers` and `SoleGrounds`."""
 
 import math
 from collections.abc import Sequence
@@ -176,51 +176,42 @@ _GIVE = (0.15, 0.15, 0.03)
 along their length."""
 
 
-class SoleYield:
-    """Two feet on the ground are a closed chain: one gives way to forces that only squeeze."""
+# Two feet on the ground are a closed chain: one gives way to forces that only squeeze. It turns
+# until its centre of pressure is as far ahead as the other's and in the middle across the line
+# between the feet, moves with what its pull exceeds the share of its load, and rises or sinks until
+# it bears the load that the ZMP asks for.
 
-    # It turns until its centre of pressure is as far ahead as the other's and in the middle across
-    # the line between the feet, moves with what its pull exceeds the share of its load, and rises
-    # or sinks until it bears the load that the ZMP asks for.
 
-    def __init__(self, dt: float) -> None:
-        self._settle = dt * _FOLLOW
+def yielding_turn(footing: Footing) -> Vector2 | None:
+    """Return the angular velocity of the other sole, x and y; None without load [rad/s]."""
+    sensor, other = footing.sensor, footing.other
+    here, there = sensor.centres[other], sensor.centres[footing.stance]
+    if here is None or there is None:
+        return None
+    along = _between(footing)
+    along /= np.linalg.norm(along)
+    aim = np.array(there)
+    off_x, off_y = (np.array(here) - aim + along * along.dot(aim)).tolist()
+    _, rotation = footing.dynamics.placement(footing.biped.frames[other])
+    share = min(1.0, 2.0 * float(sensor.loads[other]) / footing.biped.weight)
+    return _ROLL_OFF * share * rotation[:2, :2].dot(np.array([off_y, -off_x]))
 
-    def turn(self, footing: Footing) -> Vector2 | None:
-        """Angular velocity of the other sole, x and y; None while it carries nothing [rad/s]."""
-        sensor, other = footing.sensor, footing.other
-        here, there = sensor.centres[other], sensor.centres[footing.stance]
-        if here is None or there is None:
-            return None
-        along = _between(footing)
-        along /= np.linalg.norm(along)
-        aim = np.array(there)
-        off_x, off_y = (np.array(here) - aim + along * along.dot(aim)).tolist()
-        _, rotation = footing.dynamics.placement(footing.biped.frames[other])
-        share = min(1.0, 2.0 * float(sensor.loads[other]) / footing.biped.weight)
-        return _ROLL_OFF * share * rotation[:2, :2].dot(np.array([off_y, -off_x]))
 
-    def move(self, footing: Footing, velocity: Vector3, zmp: Vector2) -> Vector3:
-        """Velocity of the other foot; its anchor settles where it stands [m/s]."""
-        sensor, other = footing.sensor, footing.other
-        total, weight = float(sensor.loads.sum()), footing.biped.weight
-        if sensor.centres[other] is None or total < LOADED * weight:
-            return velocity
-        part = float(sensor.loads[other]) / total
-        pull, counter = (np.array(sensor.pulls[foot]) for foot in (other, footing.stance))
-        squeeze = (1.0 - part) * pull - part * counter
-        give = np.array([*squeeze, (part - self._part(footing, zmp)) * total])
-        share = min(1.0, 2.0 * part)
-        anchor = footing.anchors[other]
-        anchor += self._settle * share * (footing.sole(other) - anchor)
-        return (1.0 - share) * velocity + share / weight * np.array(_GIVE) * give
-
-    @staticmethod
-    def _part(footing: Footing, zmp: Vector2) -> float:
-        """Part of the load that is the other foot's with the ZMP at a place."""
-        along = _between(footing)
-        from_stance = zmp - footing.sole(footing.stance)[:2]
-        return min(1.0, max(0.0, float(from_stance.dot(along) / along.dot(along))))
+def yielding_velocity(footing: Footing, velocity: Vector3, zmp: Vector2, dt: float) -> Vector3:
+    """Return the velocity of the other foot, whose anchor settles where it stands [m/s]."""
+    sensor, other = footing.sensor, footing.other
+    total, weight = float(sensor.loads.sum()), footing.biped.weight
+    if sensor.centres[other] is None or total < LOADED * weight:
+        return velocity
+    part, along = float(sensor.loads[other]) / total, _between(footing)
+    from_stance = zmp - footing.sole(footing.stance)[:2]
+    wanted = min(1.0, max(0.0, float(from_stance.dot(along) / along.dot(along))))
+    pull, counter = (np.array(sensor.pulls[foot]) for foot in (other, footing.stance))
+    give = np.array([*((1.0 - part) * pull - part * counter), (part - wanted) * total])
+    share = min(1.0, 2.0 * part)
+    anchor = footing.anchors[other]
+    anchor += dt * _FOLLOW * share * (footing.sole(other) - anchor)
+    return (1.0 - share) * velocity + share / weight * np.array(_GIVE) * give
 
 
 def _between(footing: Footing) -> Vector2:
@@ -247,7 +238,7 @@ class VelocityTasks:
         self._biped, self._dt, self._numbers = biped, dt, numbers
         self._led = [task.name for task in limbs]
         self._lean = TrunkLean(biped.relief, dt)
-        self._grounds, self._yield = SoleGrounds(dt), SoleYield(dt)
+        self._grounds = SoleGrounds(dt)
         self._rotator = rotator
         self._com = ComTask()
         self._momentum = MomentumTask("angular_xy")
@@ -298,24 +289,33 @@ class VelocityTasks:
         upright: bool,
     ) -> None:
         """Set contacts, v_d of (16) and weights for a tick."""
-        biped, dynamics, other = self._biped, footing.dynamics, footing.other
-        self._stand_on(footing.stance)
+        biped, dynamics = self._biped, footing.dynamics
+        stance, other = footing.stance, footing.other
+        if stance != self._stance:
+            self._stance = stance
+            self._contacts[stance].engage(0.0)
+            self._contacts[other].release(0.0)
         # Feet that stand are no matter of a controller that knows one of them as a contact.
         self.stack.self_collision_limit.rest(not footing.mode.single)
         self._grounds.update(footing)
-        turn = _Turn(footing, self._righting(footing, footing.stance))
-        place, _ = dynamics.placement(biped.frames[other])
-        _, torso = dynamics.placement(biped.torso)
-        self._com.set_velocity(com - turn.velocity_at(dynamics.com))
-        self._turns[other].set_velocity(self._other_sole(footing) - turn.rate)
-        self._momentum.set_velocity(momentum - turn.momentum())
-        self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
+        # The whole robot turns about the stance sole, which is turned onto its ground.
+        rate = self._righting(footing, stance)
+        frames = biped.frames
+        (centre, _), (place, _) = (dynamics.placement(frames[foot]) for foot in (stance, other))
+        # Turned by its base alone the robot is rigid: A_G has its inertia about the base's axes.
+        _, world_R_base = dynamics.placement(biped.base)
+        turned = dynamics.momentum_matrix[3:5, 3:6].dot(rate.dot(world_R_base))
+        _, torso = footing.torso
+        self._com.set_velocity(com - _across(rate, dynamics.com - centre))
+        self._turns[other].set_velocity(self._other_sole(footing) - rate)
+        self._momentum.set_velocity(momentum - turned)
+        self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - rate)
         if not footing.mode.single:
-            # What is measured lags behind a shift; at rest it is what is measured, or the robot
-            # would sway by a centimetre.
+            # What is measured lags behind a shift; by what is commanded the robot would sway by a
+            # centimetre at rest.
             zmp = footing.sensor.zmp if footing.mode is Mode.D else cart_table_zmp
-            foot = self._yield.move(footing, foot, zmp)
-        self._places[other].set_velocity(foot - turn.velocity_at(place))
+            foot = yielding_velocity(footing, foot, zmp, self._dt)
+        self._places[other].set_velocity(foot - _across(rate, place - centre))
         weighed = self._momentum, self._torso, self._places[other]
         for task, weight in zip(weighed, self._weights(footing, upright=upright), strict=True):
             task.set_weight((weight / DifferentialIK.ROW_WEIGHT) ** 0.5)
@@ -339,7 +339,7 @@ class VelocityTasks:
         other, grounds = footing.other, self._grounds
         _, attitude = footing.dynamics.placement(footing.biped.frames[other])
         turn = self._upright(attitude, grounds.rotation(footing.stance))
-        yielding = None if footing.mode.single else self._yield.turn(footing)
+        yielding = None if footing.mode.single else yielding_turn(footing)
         if yielding is not None:
             turn[:2] = yielding + self._righting(footing, other)[:2]
         return turn
@@ -357,31 +357,8 @@ class VelocityTasks:
         p = self._numbers
         return saturate(p.omega_lim, p.k_omega * rotation_vector(target, rotation))
 
-    def _stand_on(self, foot: int) -> None:
-        if foot == self._stance:
-            return
-        self._stance = foot
-        self._contacts[foot].engage(0.0)
-        self._contacts[1 - foot].release(0.0)
 
-
-class _Turn:
-    """Motion of the whole robot about a stance sole that is turned onto its ground, at a rate."""
-
-    def __init__(self, footing: Footing, rate: Float64[np.ndarray, "3"]) -> None:
-        self._footing, self.rate = footing, rate
-        self._sole, _ = footing.dynamics.placement(footing.biped.frames[footing.stance])
-
-    def velocity_at(self, point: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
-        """Velocity of a point of the robot, rate x (point - sole) [m/s]."""
-        (x, y, z), (sole_x, sole_y, sole_z) = point.tolist(), self._sole.tolist()
-        wx, wy, _ = self.rate.tolist()
-        x, y, z = x - sole_x, y - sole_y, z - sole_z
-        return np.array([wy * z, -wx * z, wx * y - wy * x])
-
-    def momentum(self) -> Float64[np.ndarray, "2"]:
-        """Angular momentum about the COM, x and y [kg m^2/s]."""
-        dynamics = self._footing.dynamics
-        _, world_R_base = dynamics.placement(self._footing.biped.base)
-        # Turned by its base alone the robot is rigid: A_G has its inertia about the base's axes.
-        return dynamics.momentum_matrix[3:5, 3:6].dot(self.rate.dot(world_R_base))
+def _across(rate: Vector3, arm: Vector3) -> Vector3:
+    """Return rate x arm, of a rate about level axes."""
+    (wx, wy, _), (x, y, z) = rate.tolist(), arm.tolist()
+    return np.array([wy * z, -wx * z, wx * y - wy * x])

@@ -14,9 +14,9 @@ from poise.control import Controller
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import BodyRotator, ComShifter
-from poise.locomotion._stepping._by_velocity._velocity_tasks import VelocityNumbers, VelocityTasks
 from poise.locomotion._stepping._feet import Level, LevelTick
-from poise.locomotion._stepping._operator import BodyCommand, OperatorGuard, OperatorSample
+from poise.locomotion._stepping._guard import OperatorGuard
+from poise.locomotion._stepping._sample import BodyCommand, OperatorSample
 from poise.locomotion._stepping._stance import (
     GIVES,
     POSITION_GAIN,
@@ -28,6 +28,7 @@ from poise.locomotion._stepping._stance import (
     ZmpSensor,
     leg_joints,
 )
+from poise.locomotion._stepping._velocity_tasks import VelocityNumbers, VelocityTasks
 from poise.locomotion._support import SingleSupportRegion, Vector2, Vector3
 from poise.locomotion._walking import LIFT, Mode, ModeEvent, StepEnd, StepMachine
 from poise.stack import JointTask
@@ -41,12 +42,9 @@ _WAYS = ("forward", "sideways")
 def sway_stiffness(
     biped: Biped, dynamics: Dynamics, foot: int, stiffness: float
 ) -> tuple[Vector2, tuple[str, str]]:
-    """Return the stiffness with which the servos of one leg hold the COM along the ground.
-
-    A force F on the COM asks each joint j of the leg that stands for the torque G_j F, with G the
-    COM's Jacobian while the sole rests; joints give way one after the other, so
-    1 / K = sum G_j^2 / k_j.
-    """
+    """Return the stiffness with which the servos of one leg hold the COM, and the weakest joint."""
+    # A force F on the COM asks each joint j of the leg that stands for the torque G_j F, with G the
+    # COM's Jacobian while the sole rests; joints give way in series, so 1 / K = sum G_j^2 / k_j.
     robot = biped.robot
     joints = np.array(leg_joints(robot, biped.soles[foot]))
     columns = robot.base_dofs + joints
@@ -60,17 +58,11 @@ def sway_stiffness(
 
 
 def sway_growth(stiffness: float, damping: float, shifter: ComShifter, leak: float) -> float:
-    """Return the growth of sway on one foot under the COM shifter; negative where it decays [1/s].
-
-    The COM p of mass m over a sole at rest is an inverted pendulum on the servos' spring. They
-    follow the integral P of the commanded velocity V, which the shifter (37) makes of p, with the
-    leak lambda into the measured velocity:
-
-        p'' = omega^2 p - (k / m) (p - P) - (d / m) (p' - V)      P' = V
-        V'  = -k_p p - k_d V + lambda (p' - V)
-
-    Soft servos are late, and a shifter that brakes late overshoots.
-    """
+    """Return the growth of sway on one foot, negative where it decays [1/s]."""
+    # The COM p over a sole at rest is an inverted pendulum on the servos' spring. They follow the
+    # integral P of the commanded velocity V, which the shifter (37) makes of p, with a leak:
+    #     p'' = omega^2 p - (k / m) (p - P) - (d / m) (p' - V)      P' = V
+    #     V'  = -k_p p - k_d V + lambda (p' - V)
     loop = np.array([
         [0.0, 1.0, 0.0, 0.0],
         [shifter.omega**2 - stiffness, -damping, stiffness, damping],

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from poise._checks import checked_number
 from poise.dynamics import rotation_vector
-from poise.locomotion._stepping._operator._sample import (
+from poise.locomotion._stepping._sample import (
     BodyCommand,
     Device,
     OperatorSample,
@@ -114,10 +114,6 @@ VELOCITY_MEMORY = 2 * SILENT_AFTER
 UNIT_ERROR = 0.01  # of a quaternion's length: messages round to two figures
 
 
-_STILL: Vector3 = np.zeros(3)
-_STILL.flags.writeable = False
-
-
 class RateLimiter:
     """Rate-limit a motion: in any n ticks no more than `burst` + n `step`."""
 
@@ -134,7 +130,7 @@ class RateLimiter:
     def turn(self, rotation: Rotation, goal: Rotation) -> tuple[Rotation, Vector3]:
         """Take one tick of a turn."""
         if rotation is goal:
-            return goal, _STILL
+            return goal, np.zeros(3)
         way = rotation_vector(goal, rotation)
         part = self.part(math.hypot(*way))
         way = part * way
@@ -147,7 +143,7 @@ class VelocityCheck:
     def __init__(self) -> None:
         self._velocity: Vector | None = None
         self._at = -math.inf
-        self._sent = self._place = self._apart = _STILL
+        self._sent = self._place = self._apart = np.zeros(3)
 
     def update(self, velocity: Vector | None, place: Vector, time: float) -> None:
         """Take what came with a good sample."""
@@ -160,7 +156,7 @@ class VelocityCheck:
             apart = self._apart + 0.5 * since * (self._sent + sent) - (here - self._place)
             self._apart = (1.0 - since / VELOCITY_MEMORY) * apart
         else:
-            self._apart = _STILL
+            self._apart = np.zeros(3)
         self._sent, self._place, self._at = sent, here, time
         if math.hypot(*self._apart) <= VELOCITY_ERROR:
             self._velocity = velocity
@@ -182,7 +178,7 @@ class Tracker(Engagement):
         self._goal = self._before = self.place
         self._rotation: Rotation | None = None
         self._turn_goal: Rotation | None = None
-        self.turn = _STILL
+        self.turn: Vector3 = np.zeros(3)
 
     @property
     def turns(self) -> bool:
@@ -202,7 +198,7 @@ class Tracker(Engagement):
         self, part: TrackedPose | None, time: float, *, foot: tuple[Vector, float] | None = None
     ) -> bool:
         """Take one tick; return whether a sample is good."""
-        self._before, self.turn = self.place, _STILL
+        self._before, self.turn = self.place, np.zeros(3)
         # For a tick at least: what is followed does not jump from one place to another.
         if self.expire(time):
             return False
