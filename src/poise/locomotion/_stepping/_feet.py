@@ -164,15 +164,18 @@ class FootDevices:
             # The tick of lift-off.
             return
         self.aim()
-        velocity, here = self.velocity(), footing.sole(foot)
-        place = flight.swing.position + dt * velocity
-        gap = place - here
-        far = math.hypot(*gap.tolist())
+        velocity = self.velocity()
+        (x, y, z), (vx, vy, vz) = flight.swing.position.tolist(), velocity.tolist()
+        here_x, here_y, here_z = footing.sole(foot).tolist()
+        x, y, z = x + dt * vx, y + dt * vy, z + dt * vz
+        gap_x, gap_y, gap_z = x - here_x, y - here_y, z - here_z
+        far = math.hypot(gap_x, gap_y, gap_z)
         if far > _FARTHEST:
-            place = here + _FARTHEST / far * gap
-        if float(here[2]) - footing.ground_below > CLEAR:
+            part = _FARTHEST / far
+            x, y, z = here_x + part * gap_x, here_y + part * gap_y, here_z + part * gap_z
+        if here_z - footing.ground_below > CLEAR:
             self._turn(foot, footing, dt)
-        flight.move(place, velocity, turn_to_left(self._yaw), self._yaw)
+        flight.move(np.array([x, y, z]), velocity, turn_to_left(self._yaw), self._yaw)
 
     def _turn(self, foot: int, footing: Footing, dt: float) -> None:
         """Turn a foot as far as it may be against the other one."""
