@@ -188,7 +188,7 @@ MECHANISMS = (
         name="knees",
         off={
             f"{_LEVEL}.TorqueLevel._limit_stoop": _nothing,
-            f"{_STEPPING}._feet.FootTarget._hangs": _never,
+            f"{_STEPPING}._feet.FootDevices._hangs": _never,
         },
         watched=f"{_LEVEL}.TorqueLevel._limit_stoop",
         acts=lambda call, _: _near_its_end(call[0]),

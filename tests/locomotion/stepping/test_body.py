@@ -14,7 +14,7 @@ from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_tel
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import BodyCommand, Mode, StepTeleoperator
 from poise.locomotion._stepping._by_torque._departures import waist_ranges
-from poise.locomotion._stepping._operator._guard import OperatorGuard
+from poise.locomotion._stepping._guard import OperatorGuard
 from poise.locomotion._stepping._stance._footing import TrunkPose
 
 

@@ -9,8 +9,9 @@ from jaxtyping import Float64
 from poise.control import Controller, ControllerPlan, make_controller
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
-from poise.locomotion._stepping._feet import FootDevices, Level, LevelTick, OperatorTick
-from poise.locomotion._stepping._operator import DeviceStatus
+from poise.locomotion._stepping._feet import Level, LevelTick
+from poise.locomotion._stepping._guard import DeviceStatus, OperatorGuard
+from poise.locomotion._stepping._sample import BodyCommand, OperatorSample
 from poise.locomotion._stepping._stance import (
     GIVES,
     Biped,
@@ -86,7 +87,6 @@ class TorqueLevel(Level):
         )
         # The CoM shifter's k_p under its gain rule: one setting of the DCM feedback.
         self._engine.held_gain = parameters.kp / self._engine.parts.legs.omega
-        self._devices = FootDevices(reach, parameters)
 
     @property
     def mode(self) -> Mode:
@@ -112,17 +112,22 @@ class TorqueLevel(Level):
         parts = self._engine.parts
         self._tasks.reset()
         self._begin(sensor, parts.legs.omega, parts.region)
-        self._devices = FootDevices(self._reach, self._parameters)
         self._seen, self._overruled, self._driven = Mode.D, False, False
         self._rested, self._held = 0.0, 0.0
         self._closing: float | None = None
 
-    def lead(self, state: RobotState, operator: OperatorTick) -> bool:
-        engine, devices, guard = self._engine, self._devices, operator.guard
-        footing = self._footing()
-        devices.update(operator.command, guard.held, footing)
-        devices.turns = operator.turns
-        engine.rise = self._crouch + operator.body.height
+    def lead(
+        self,
+        state: RobotState,
+        guard: OperatorGuard,
+        command: OperatorSample | None,
+        body: BodyCommand,
+    ) -> bool:
+        """Set the stack for a tick; return whether a walk by velocity has ended in it."""
+        engine, devices, footing = self._engine, self._devices, self._footing()
+        devices.update(command, guard.held, footing)
+        devices.turns = body.turns
+        engine.rise = self._crouch + body.height
         self._limit_stoop(footing)
         self._drive(guard.velocity)
         engine.hold(None if self._overruled else devices)
@@ -134,14 +139,15 @@ class TorqueLevel(Level):
             self._stance.begin(self._seen, mode)
             self._seen = mode
             if mode is Mode.D:
-                devices.update(operator.command, guard.held, self._footing())
+                devices.update(command, guard.held, self._footing())
                 devices.stand()
         self._stance.follow(mode)
         if mode is not footing.mode or self._estimator.stance != footing.stance:
             footing = self._footing()
         self.footing = footing
         if not self._overruled:
-            self._tasks.lead(footing, operator.torso, devices.sent, upright=operator.upright)
+            upright = command is not None and command.upright
+            self._tasks.lead(footing, body.torso, devices.sent, upright=upright)
             return False
         guard.let_go(DeviceStatus.WALKING if self._driven else DeviceStatus.OVERRULED)
         self._tasks.accompany(footing, walks=self._driven)
