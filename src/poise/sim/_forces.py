@@ -63,6 +63,9 @@ class PushSchedule:
                     self._model, data, force, self._torque, point, body, data.qfrc_applied
                 )
                 self._acting = True
+        if self._pushes and min(push.start + push.duration for push, *_ in self._pushes) <= begin:
+            # A pull that a user adds in every tick would slow down a long run.
+            self._pushes = [p for p in self._pushes if p[0].start + p[0].duration > begin]
 
 
 _MIN_LOAD = 1.0

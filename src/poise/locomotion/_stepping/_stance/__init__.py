@@ -18,7 +18,6 @@ from poise.locomotion._stepping._stance._footing import (
     POSITION_GAIN as POSITION_GAIN,
     TORSO_MOST as TORSO_MOST,
     UPRIGHT as UPRIGHT,
-    DesiredMotion as DesiredMotion,
     Footing as Footing,
     StanceChoice as StanceChoice,
     TrunkLean as TrunkLean,

@@ -26,16 +26,6 @@ POSITION_GAIN = 10.0
 """k_v of (17a) and (17c), from distances to velocities of CoM and feet [1/s]."""
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
-class DesiredMotion:
-    """v_d of (16), less what is kept level and upright by itself, and the CoM's acceleration."""
-
-    com: Vector3  # velocity of the CoM [m/s]
-    com_acceleration: Vector2  # of the CoM along the ground [m/s^2]
-    momentum: Vector2  # angular, about the CoM, x and y [kg m^2/s]
-    foot: Vector3  # velocity of the sole that is not the stance [m/s]
-
-
 LANDED = 0.047
 """Load at which a foot has landed, over the weight: 30 N of the paper's robot."""
 
