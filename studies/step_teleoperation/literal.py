@@ -191,7 +191,7 @@ class LiteralTeleoperator(StepTeleoperator):
     def _ask(self, reference: Float64[np.ndarray, "2"], dynamics: Dynamics) -> None:
         """Eqs (15) to (17), and (39c) and (39d)."""
         p, stack, estimator = self._numbers, self.stack, self.estimator
-        fastest = self._biped.size.tall  # v_lim: 1 m/s for the paper's robot
+        fastest = self._biped.tall  # v_lim: 1 m/s for the paper's robot
         stance, other = estimator.stance, 1 - estimator.stance
         stack.contact(self.soles[stance]).engage(0.0)
         stack.contact(self.soles[other]).release(0.0)

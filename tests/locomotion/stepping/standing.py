@@ -7,10 +7,9 @@ import numpy as np
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, TeleopParameters
 from poise.locomotion._stepping._by_velocity._velocity_tasks import velocity_numbers
-from poise.locomotion._stepping._stance._biped import biped_of
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
 from poise.locomotion._stepping._stance._footing import Footing
-from poise.locomotion._stepping._stance._parameters import size_of
+from poise.locomotion._stepping._stance._parameters import biped_of
 from poise.locomotion._support import SingleSupportRegion
 
 PARAMETERS = TeleopParameters()
@@ -19,12 +18,16 @@ ZMP_TIME = 0.01
 
 @cache
 def biped(robot):
-    return biped_of(robot, size_of(robot, robot.q_home))
+    return biped_of(robot, robot.q_home)
+
+
+def foot_range(robot, parameters=PARAMETERS):
+    return biped(robot).foot_range(parameters, servos=True)
 
 
 def numbers(robot):
     """Numbers of the velocity level."""
-    return velocity_numbers(biped(robot).size)
+    return velocity_numbers(biped(robot))
 
 
 def estimator(robot):
@@ -63,7 +66,7 @@ def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0
         omega=float(np.sqrt(9.81 / height)),
         region=SingleSupportRegion(
             sizes=biped(robot).sizes,
-            margin=biped(robot).size.margin,
+            margin=biped(robot).margin,
             arrived=numbers(robot).capture_max,
         ),
         sensor=loaded if loaded is not None else sensor(robot, 320.0, 320.0),

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from led_hands import Arms
-from standing import PARAMETERS, biped, footing, steady
+from standing import PARAMETERS, foot_range, footing, steady
 from walker import sample
 
 from poise.apps.teleoperation import (
@@ -18,7 +18,6 @@ from poise.apps.teleoperation import (
 from poise.locomotion import Mode, OperatorGuard, OperatorSample, TrackedPose
 from poise.locomotion._stepping._feet import FootTarget, FootVelocity
 from poise.locomotion._stepping._operator._guard import Tracker, VelocityCheck
-from poise.locomotion._stepping._stance._biped import FootRange
 
 DT = 0.002
 UP = np.array([0.1, 0.0, 0.2])
@@ -86,7 +85,7 @@ def test_one_that_tells_the_truth_again_counts_again():
 def sent(robot, lifted, where):
     """The velocity with which a foot is sent that is led from above where it stood."""
     now = steady(robot, mode=Mode.SL, lifted=lifted)
-    target = FootTarget(FootRange(biped(robot), PARAMETERS, servos=True), PARAMETERS)
+    target = FootTarget(foot_range(robot), PARAMETERS)
     x, y, z = (now.anchors[1] + where).tolist()
     device = sample(0.0, right=(x, y, z), rates=(None, UP))
     place = target.place(now, device, room_below=0.0)

@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from standing import PARAMETERS, biped, footing, steady
+from standing import PARAMETERS, foot_range, footing, steady
 from walker import sample
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode
 from poise.locomotion._stepping._feet import FootTarget, FootVelocity
-from poise.locomotion._stepping._stance._biped import FootRange
 
 _FOOT = "poise.locomotion._stepping._feet"
 
@@ -22,7 +21,7 @@ def at_once(monkeypatch):
 
 
 def target(robot):
-    return FootTarget(FootRange(biped(robot), PARAMETERS, servos=True), PARAMETERS)
+    return FootTarget(foot_range(robot), PARAMETERS)
 
 
 def device_at(footing, up, ahead=0.0):

@@ -172,7 +172,7 @@ class FootVelocity:
         y = POSITION_GAIN * (y - here_y) + rate_y
         z = POSITION_GAIN * (z - here_z) + rate_z
         # v_lim: 1 m/s for the paper's robot.
-        fastest = footing.biped.size.tall
+        fastest = footing.biped.tall
         part = fastest / max(fastest, math.hypot(x, y, z))
         x, y, z = part * x, part * y, part * z
         if not hurry:
@@ -193,7 +193,7 @@ class FootVelocity:
     def _lowering_speed(self, footing: Footing) -> float:
         """Return the largest speed downwards: low where the ground may be [m/s]."""
         clear = footing.clearance(footing.highest_ground)
-        touching = _TOUCH_SPEED * footing.biped.size.wide
+        touching = _TOUCH_SPEED * footing.biped.wide
         return touching + clear * (self._lower_speed - touching)
 
 

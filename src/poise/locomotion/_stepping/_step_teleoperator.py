@@ -33,7 +33,6 @@ from poise.locomotion._stepping._operator import (
 )
 from poise.locomotion._stepping._stance import (
     Footing,
-    FootRange,
     StanceEstimator,
     TeleopParameters,
     ZmpSensor,
@@ -41,7 +40,6 @@ from poise.locomotion._stepping._stance import (
     checked_actuation,
     checked_start,
     scaled_parameters,
-    size_of,
 )
 from poise.locomotion._stepping._upper_body import GazeLeader, HandLeader, HandStatus
 from poise.locomotion._support import Rotation, SupportPolygon, Vector2, Vector3, two_soles
@@ -212,22 +210,21 @@ class StepTeleoperator:
         servos = actuation == "velocity"
         if servos:
             _check_straight(self._faces())
-        size = size_of(robot, q_start)
+        self._biped = biped = biped_of(robot, q_start)
         if parameters is None:
-            parameters = scaled_parameters(size, actuation)
+            parameters = scaled_parameters(biped, actuation)
         self.parameters = p = checked_kind(
             parameters, TeleopParameters, "parameters of the teleoperation"
         )
-        self._biped = biped = biped_of(robot, size)
-        self._numbers = numbers = replace(velocity_numbers(size), **(_numbers or {}))
+        self._numbers = numbers = replace(velocity_numbers(biped), **(_numbers or {}))
         if driver is None:
-            shifter = ComShifter(size.height, kp=p.kp, acceleration_max=numbers.acceleration_max)
+            shifter = ComShifter(biped.height, kp=p.kp, acceleration_max=numbers.acceleration_max)
             driver = ShifterDriver(shifter)
         self.driver = driver
         if servos and isinstance(driver, ShifterDriver):
             dynamics, leak = self.estimator.dynamics, numbers.velocity_leak
             check_sway(biped, dynamics, driver.shifter, servo_gains, leak)
-        reach = FootRange(biped, p, servos=servos)
+        reach = biped.foot_range(p, servos=servos)
         self.hands = HandLeader(
             robot,
             dt=p.dt,

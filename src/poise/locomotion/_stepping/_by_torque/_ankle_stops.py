@@ -3,7 +3,7 @@
 import math
 
 from poise.locomotion._stepping._by_torque._righting import GROUND
-from poise.locomotion._stepping._stance import KNEE, Footing, leg_joints
+from poise.locomotion._stepping._stance import KNEE, Footing
 from poise.robots import Robot
 from poise.stack import JointLimit, SurfaceContact
 
@@ -18,7 +18,11 @@ class AnkleStops:
     def __init__(self, robot: Robot, contacts: list[SurfaceContact], limit: JointLimit) -> None:
         self._contacts, self._limit = contacts, limit
         self._first = robot.nq - robot.nj
-        self._ankles = [leg_joints(robot, contact.frame)[KNEE + 1 :] for contact in contacts]
+        # Pinocchio counts the world and the floating base before the joints.
+        self._ankles = [
+            [joint - 2 for joint in robot.leg_joints(contact.frame)[KNEE + 1 :]]
+            for contact in contacts
+        ]
         self._least, self._most = limit.q_min.tolist(), limit.q_max.tolist()
         self._at_stop = dict[int, tuple[bool, bool]]()
         self.reset()

@@ -34,7 +34,6 @@ from poise.locomotion._stepping._stance import (
     StanceEstimator,
     TeleopParameters,
     ZmpSensor,
-    leg_joints,
 )
 from poise.locomotion._support import SingleSupportRegion, Vector2
 from poise.locomotion._walking import LIFT, Mode, ModeEvent, StepEnd, StepMachine
@@ -56,7 +55,7 @@ def sway_stiffness(
     1 / K = sum G_j^2 / k_j.
     """
     robot = biped.robot
-    joints = np.array(leg_joints(robot, biped.soles[foot]))
+    joints = np.array(biped.legs[foot].joints)
     columns = robot.base_dofs + joints
     sole = dynamics.frame(biped.frames[foot]).jacobian
     base = np.linalg.solve(sole[:, : robot.base_dofs], sole[:, columns])
@@ -214,7 +213,7 @@ class VelocityLevel(Level):
         self._driver, self._numbers = driver, numbers
         self._rotates = rotator
         self._region = SingleSupportRegion(
-            sizes=biped.sizes, margin=biped.size.margin, arrived=numbers.capture_max
+            sizes=biped.sizes, margin=biped.margin, arrived=numbers.capture_max
         )
 
     @property
@@ -241,7 +240,7 @@ class VelocityLevel(Level):
         rotator = BodyRotator(self._biped.weight) if self._rotates else None
         self._momentum = BodyMomentum(rotator, p.dt, numbers.momentum_leak)
         self._target, self._foot = FootTarget(self._reach, p), FootVelocity(p)
-        self._height = ComHeight(self._biped.size.height, self._reach, p, numbers)
+        self._height = ComHeight(self._biped.height, self._reach, p, numbers)
 
     def lead(self, state: RobotState, operator: OperatorTick) -> bool:
         """Set the stack for a tick."""

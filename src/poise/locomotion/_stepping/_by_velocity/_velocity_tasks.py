@@ -19,7 +19,6 @@ from poise.locomotion._stepping._stance import (
     Biped,
     DesiredMotion,
     Footing,
-    RobotSize,
     TrunkLean,
 )
 from poise.locomotion._walking import CLEARANCE, Mode
@@ -60,7 +59,7 @@ class VelocityNumbers:
     velocity_leak: float = 5.0  # decay of the commanded COM velocity into the measured one [1/s]
 
 
-def velocity_numbers(size: RobotSize) -> VelocityNumbers:
+def velocity_numbers(biped: Biped) -> VelocityNumbers:
     """Scale the numbers from the paper's robot: 65 kg, feet 0.42 m apart.
 
     The first swing of the ZMP, a_lim / omega^2, keeps its ratio to the COM's height; `r_lift` keeps
@@ -68,13 +67,13 @@ def velocity_numbers(size: RobotSize) -> VelocityNumbers:
     the paper's beside the swing foot's velocity: it goes with m h.
     """
     return VelocityNumbers(
-        acceleration_max=size.by_stiffness(0.8 * size.tall),
-        r_lift=min(0.12 * size.apart / 0.42, size.half_sole),
-        capture_max=0.06 * size.wide,
-        ct_zmp_max=0.12 * size.wide,
-        w_L=(65.0 / size.mass / size.tall) ** 2,
-        lift_speed=0.3 * size.tall,
-        lift_acceleration=1.5 * size.tall,
+        acceleration_max=biped.by_stiffness(0.8 * biped.tall),
+        r_lift=min(0.12 * biped.apart / 0.42, biped.half_sole),
+        capture_max=0.06 * biped.wide,
+        ct_zmp_max=0.12 * biped.wide,
+        w_L=(65.0 / biped.robot.mass / biped.tall) ** 2,
+        lift_speed=0.3 * biped.tall,
+        lift_acceleration=1.5 * biped.tall,
     )
 
 
@@ -131,7 +130,7 @@ class VelocityTasks:
             self._biped.robot,
             self.stack,
             dt=self._dt,
-            joints=self._biped.legs,
+            joints=self._biped.leg_joints,
             led=self._led,
             limit_time=_LIMIT_TIME,
             dynamics=dynamics,

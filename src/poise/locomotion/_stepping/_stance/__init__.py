@@ -1,13 +1,5 @@
 """Stance of the robot: its mode, soles and legs, and the workspace of its feet."""
 
-from poise.locomotion._stepping._stance._biped import (
-    GIVES as GIVES,
-    KNEE as KNEE,
-    Biped as Biped,
-    FootRange as FootRange,
-    biped_of as biped_of,
-    leg_joints as leg_joints,
-)
 from poise.locomotion._stepping._stance._estimator import (
     StanceEstimator as StanceEstimator,
     ZmpSensor as ZmpSensor,
@@ -25,12 +17,17 @@ from poise.locomotion._stepping._stance._footing import (
     TrunkPose as TrunkPose,
 )
 from poise.locomotion._stepping._stance._parameters import (
-    RobotSize as RobotSize,
+    Biped as Biped,
     TeleopParameters as TeleopParameters,
+    biped_of as biped_of,
     checked_actuation as checked_actuation,
     checked_start as checked_start,
     scaled_parameters as scaled_parameters,
-    size_of as size_of,
     teleop_parameters as teleop_parameters,
 )
-from poise.locomotion._walking import mean_angle as mean_angle
+from poise.locomotion._walking import (
+    GIVES as GIVES,
+    KNEE as KNEE,
+    FootRange as FootRange,
+    mean_angle as mean_angle,
+)

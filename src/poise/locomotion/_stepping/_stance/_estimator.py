@@ -19,7 +19,7 @@ from poise.estimation import (
     StampedPredictor,
     StateEstimator,
 )
-from poise.locomotion._stepping._stance._biped import BASE_JOINT
+from poise.locomotion._stepping._stance._parameters import BASE_JOINT
 from poise.locomotion._support import Rotation, Vector2, Vector3
 from poise.locomotion._walking import CLEARANCE, UNLOADED, WalkSense
 from poise.robots import Robot

@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._stance._biped import Biped
 from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._stance._parameters import Biped
 from poise.locomotion._support import (
     Rotation,
     SingleSupportRegion,
@@ -57,7 +57,7 @@ class StanceChoice:
     ) -> None:
         self._estimator, self._sensor = estimator, sensor
         self._least_load = LANDED * biped.weight
-        self._speed, self._dt = _PRESS_SPEED * biped.size.wide, dt
+        self._speed, self._dt = _PRESS_SPEED * biped.wide, dt
         self._pressing, self.pressed = False, 0.0
 
     def begin(self, before: Mode, mode: Mode) -> None:
@@ -187,7 +187,7 @@ class Footing:
 
     def clearance(self, ground: float) -> float:
         """Return the clearance of the other foot over a ground, from 0 on it to 1."""
-        clear = _CLEAR_HEIGHT * self.biped.size.tall
+        clear = _CLEAR_HEIGHT * self.biped.tall
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
 
 
