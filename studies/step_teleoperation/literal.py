@@ -125,7 +125,7 @@ class LiteralTeleoperator(StepTeleoperator):
         sample = self.device.sample(state.time)
         if sample is not None and np.isfinite([sample.place(0), sample.place(1)]).all():
             self._newest = sample
-        self.zmp_sensor.update(self.estimator.sense)
+        self.zmp_sensor.update(state)
         self._move_on(dynamics)
         reference = self._zmp_reference()
         self._drive(reference, dynamics)

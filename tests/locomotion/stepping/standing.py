@@ -1,19 +1,19 @@
 """A robot that stands without a simulator: states, loads and footings that the tests make up."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, TeleopParameters
 from poise.locomotion._stepping._by_velocity._velocity_tasks import velocity_numbers
-from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._stance._estimator import StanceEstimator
 from poise.locomotion._stepping._stance._footing import Footing
 from poise.locomotion._stepping._stance._parameters import biped_of
 from poise.locomotion._support import SingleSupportRegion
 
 PARAMETERS = TeleopParameters()
-ZMP_TIME = 0.01
 
 
 @cache
@@ -31,14 +31,17 @@ def numbers(robot):
 
 
 def estimator(robot):
-    return StanceEstimator(robot, biped(robot).soles, robot.q_home)
+    return StanceEstimator(biped(robot), robot.q_home, PARAMETERS.dt)
 
 
-def sensor(robot, left, right):
-    """Soles that carry so much [N]."""
-    sensor = ZmpSensor(biped(robot).weight, ZMP_TIME, PARAMETERS.dt)
-    sensor.loads[:] = left, right
-    return sensor
+def sensed(left, right):
+    """What is measured of soles that carry so much [N]."""
+    return SimpleNamespace(
+        loads=np.array([left, right]),
+        centres=[None, None],
+        wrenches=[None, None],
+        zmp=np.zeros(2),
+    )
 
 
 def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0.0), loaded=None):
@@ -58,10 +61,9 @@ def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0
     for anchor in ours.anchors:
         anchor += [*at, -lifted]
     height = float(ours.dynamics.com[2])
-    return Footing(
+    now = Footing(
         biped=biped(robot),
         mode=mode,
-        stance=0,
         estimator=ours,
         omega=float(np.sqrt(9.81 / height)),
         region=SingleSupportRegion(
@@ -69,8 +71,9 @@ def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0
             margin=biped(robot).margin,
             arrived=numbers(robot).capture_max,
         ),
-        sensor=loaded if loaded is not None else sensor(robot, 320.0, 320.0),
     )
+    now.sense = sensed(320.0, 320.0) if loaded is None else loaded
+    return now
 
 
 def measured(robot, left, right, time):

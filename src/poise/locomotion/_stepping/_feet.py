@@ -17,10 +17,8 @@ from poise.locomotion._stepping._stance import (
     Biped,
     Footing,
     FootRange,
-    StanceChoice,
     StanceEstimator,
     TeleopParameters,
-    ZmpSensor,
 )
 from poise.locomotion._support import SingleSupportRegion, Vector2, Vector3
 from poise.locomotion._walking import CLEAR, HeldFlight, Mode, StepEnd, turn_to_left, wrapped
@@ -311,7 +309,7 @@ class DeviceEvents:
         )
         if left and right:
             # Both in one tick: the foot that carries less goes first, the other has to ask again.
-            loads = self._footing.sensor.loads
+            loads = self._footing.sense.loads
             return 0 if loads[0] < loads[1] else 1
         if left:
             return 0
@@ -451,7 +449,7 @@ class Level(ABC):
         self.footing: Footing | None = None  # of the last tick
 
     @abstractmethod
-    def reset(self, sensor: ZmpSensor) -> None:
+    def reset(self) -> None:
         """Stand on both feet as at the start."""
 
     @abstractmethod
@@ -471,16 +469,13 @@ class Level(ABC):
     def lead(self, state: RobotState, operator: OperatorTick) -> bool:
         """Set the stack for a tick; return whether a walk by velocity has ended in it."""
 
-    def _begin(self, sensor: ZmpSensor, omega: float, region: SingleSupportRegion) -> None:
+    def _begin(self, omega: float, region: SingleSupportRegion) -> None:
         """Stand on both feet as at the start, over what stays the same of each `Footing`."""
-        estimator, biped = self._estimator, self._biped
-        self._stance = StanceChoice(estimator, sensor, biped, self._parameters.dt)
         self.footing = None
         self._stand = partial(
             Footing,
-            biped=biped,
-            estimator=estimator,
+            biped=self._biped,
+            estimator=self._estimator,
             omega=omega,
             region=region,
-            sensor=sensor,
         )

@@ -35,7 +35,6 @@ from poise.locomotion._stepping._stance import (
     Footing,
     StanceEstimator,
     TeleopParameters,
-    ZmpSensor,
     biped_of,
     checked_actuation,
     checked_start,
@@ -131,9 +130,6 @@ def _place(place: Vector | Vector3 | None) -> Vector3:
 _STRAIGHT = 0.1
 """Largest heading of a robot to be stepped at velocity level [rad]."""
 
-_ZMP_TIME = 0.01
-"""Time constant with which the measured ZMP is smoothed [s]."""
-
 
 class StepTeleoperator:
     """The leader of Zhang and Kikuuwe: a person places the feet, feedback keeps the balance.
@@ -206,16 +202,17 @@ class StepTeleoperator:
         self.actuation = checked_actuation(actuation)
         _check_driver(driver, actuation)
         self.solved_by = _checked_controller(solved_by, actuation)
-        self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         servos = actuation == "velocity"
-        if servos:
-            _check_straight(self._faces())
         self._biped = biped = biped_of(robot, q_start)
         if parameters is None:
             parameters = scaled_parameters(biped, actuation)
         self.parameters = p = checked_kind(
             parameters, TeleopParameters, "parameters of the teleoperation"
         )
+        self.estimator = StanceEstimator(biped, q_start, p.dt, inertial=not servos)
+        self.zmp_sensor = self.estimator.sense
+        if servos:
+            _check_straight(self._faces())
         self._numbers = numbers = replace(velocity_numbers(biped), **(_numbers or {}))
         if driver is None:
             shifter = ComShifter(biped.height, kp=p.kp, acceleration_max=numbers.acceleration_max)
@@ -257,10 +254,9 @@ class StepTeleoperator:
 
     def reset(self) -> None:
         """Forget the past: both feet stand where they stood at the start."""
-        biped, p = self._biped, self.parameters
+        p = self.parameters
         self.estimator.reset()
-        self.zmp_sensor = ZmpSensor(biped.weight, _ZMP_TIME, p.dt)
-        self._level.reset(self.zmp_sensor)
+        self._level.reset()
         self.hands.reset()
         self.gaze.reset()
         self._guard = OperatorGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
@@ -358,7 +354,6 @@ class StepTeleoperator:
         self._sample = guard.read(self.device, state.time)
         self._status = None
         sense = estimator.sense
-        self.zmp_sensor.update(sense)
         soles = (sense.sole(0)[0], sense.sole(1)[0])
         command = guard.check(self._sample, state.time, soles, estimator.anchors)
         self.hands.lead(guard, state)

@@ -147,7 +147,7 @@ def _knee_range(home: _Posed, knee: int, angle: float) -> Point:
         link - axis * (axis @ link) for link in (home.knee - home.hip, home.ankle - home.knee)
     )
     bend = math.atan2(float(axis @ np.cross(thigh, shank)), float(thigh @ shank))
-    # What is left of rounding would move the limits of knees that are straight at zero.
+    # Rounding alone would move the limits of knees that are straight at zero.
     straight = round(angle - bend, 6)
     if bend < 0.0:
         return -math.inf, straight - _KNEE_MIN

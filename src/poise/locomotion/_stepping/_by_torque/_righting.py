@@ -32,7 +32,7 @@ class SoleRighting:
 
     def update(self, footing: Footing) -> None:
         """One tick."""
-        for foot, load in enumerate(footing.sensor.loads.tolist()):
+        for foot, load in enumerate(footing.sense.loads.tolist()):
             share = min(max((_FIRM - load / self._weight) / (_FIRM - _LIGHT), 0.0), 1.0)
             if share == 0.0 or not self._contacts[foot].active:
                 if self._turning[foot]:

@@ -18,7 +18,6 @@ from poise.locomotion._stepping._stance import (
     FootRange,
     StanceEstimator,
     TeleopParameters,
-    ZmpSensor,
 )
 from poise.locomotion._walking import (
     Mode,
@@ -108,12 +107,12 @@ class TorqueLevel(Level):
             target = np.array(steps.flight.goal.position)
         return LevelTick(target, zmp, zmp, steps.ended)
 
-    def reset(self, sensor: ZmpSensor) -> None:
+    def reset(self) -> None:
         """Stand on both feet as at the start."""
         self._engine.reset()
         parts = self._engine.parts
         self._tasks.reset()
-        self._begin(sensor, parts.legs.omega, parts.region)
+        self._begin(parts.legs.omega, parts.region)
         self._devices = FootDevices(self._reach, self._parameters)
         self._seen, self._overruled, self._driven = Mode.D, False, False
         self._rested, self._held = 0.0, 0.0
@@ -134,12 +133,12 @@ class TorqueLevel(Level):
             self._overruled, self._rested, self._held, self._closing = True, 0.0, 0.0, None
         mode = engine.mode
         if mode is not self._seen:
-            self._stance.begin(self._seen, mode)
+            self._estimator.begin(self._seen, mode)
             self._seen = mode
             if mode is Mode.D:
                 devices.update(operator.command, guard.held, self._footing())
                 devices.stand()
-        self._stance.follow(mode)
+        self._estimator.follow(mode)
         if mode is not footing.mode or self._estimator.stance != footing.stance:
             footing = self._footing()
         self.footing = footing
@@ -205,8 +204,6 @@ class TorqueLevel(Level):
     def _footing(self) -> Footing:
         return self._stand(
             mode=self._engine.mode,
-            stance=self._estimator.stance,
-            pressed=self._stance.pressed,
             parts=self._engine.sole_parts,
             has_left=self._devices.foot_has_left,
         )

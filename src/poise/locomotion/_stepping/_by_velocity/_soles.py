@@ -94,7 +94,7 @@ def _sole_tilt(footing: Footing, foot: int) -> Vector3:
 
 def _pressed(footing: Footing, foot: int) -> tuple[float, float] | None:
     """Return the centre of pressure over half the sole, by turns about x and y that lower it."""
-    centre = footing.sensor.centres[foot]
+    centre = footing.sense.centres[foot]
     if centre is None:
         return None
     length, width = footing.biped.sizes[foot]
@@ -122,8 +122,8 @@ class SoleYield:
 
     def turn(self, footing: Footing) -> Vector2 | None:
         """Angular velocity of the other sole, x and y; None while it carries nothing [rad/s]."""
-        sensor, other = footing.sensor, footing.other
-        here, there = sensor.centres[other], sensor.centres[footing.stance]
+        sense, other = footing.sense, footing.other
+        here, there = sense.centres[other], sense.centres[footing.stance]
         if here is None or there is None:
             return None
         along = _between(footing)
@@ -131,17 +131,19 @@ class SoleYield:
         aim = np.array(there)
         off_x, off_y = (np.array(here) - aim + along * along.dot(aim)).tolist()
         _, rotation = footing.dynamics.placement(footing.biped.frames[other])
-        share = min(1.0, 2.0 * float(sensor.loads[other]) / footing.biped.weight)
+        share = min(1.0, 2.0 * float(sense.loads[other]) / footing.biped.weight)
         return _ROLL_OFF * share * rotation[:2, :2].dot(np.array([off_y, -off_x]))
 
     def move(self, footing: Footing, velocity: Vector3, zmp: Vector2) -> Vector3:
         """Velocity of the other foot; its anchor settles where it stands [m/s]."""
-        sensor, other = footing.sensor, footing.other
-        total, weight = float(sensor.loads.sum()), footing.biped.weight
-        if sensor.centres[other] is None or total < LOADED * weight:
+        sense, other = footing.sense, footing.other
+        total, weight = float(sense.loads.sum()), footing.biped.weight
+        if sense.centres[other] is None or total < LOADED * weight:
             return velocity
-        part = float(sensor.loads[other]) / total
-        pull, counter = (np.array(sensor.pulls[foot]) for foot in (other, footing.stance))
+        part = float(sense.loads[other]) / total
+        pull, counter = (
+            np.array((sense.wrenches[foot] or (0.0, 0.0))[:2]) for foot in (other, footing.stance)
+        )
         squeeze = (1.0 - part) * pull - part * counter
         give = np.array([*squeeze, (part - self._part(footing, zmp)) * total])
         share = min(1.0, 2.0 * part)

@@ -33,7 +33,6 @@ from poise.locomotion._stepping._stance import (
     FootRange,
     StanceEstimator,
     TeleopParameters,
-    ZmpSensor,
 )
 from poise.locomotion._support import SingleSupportRegion, Vector2
 from poise.locomotion._walking import LIFT, Mode, ModeEvent, StepEnd, StepMachine
@@ -151,7 +150,7 @@ class PaperEvents:
                 self.ended = None
         elif mode.single:
             swing = 1 - mode.support
-            load = float(footing.sensor.loads[swing]) / footing.biped.weight
+            load = float(footing.sense.loads[swing]) / footing.biped.weight
             event = self._ended(
                 devices.end_of_swing(swing, load, rescuing=rescuing), ModeEvent.LANDED
             )
@@ -182,7 +181,7 @@ class PaperEvents:
     def _has_shifted(self, footing: Footing, motion: ComMotion) -> bool:
         """Eq. (14e), and the CoM too: while it brakes, the ZMP is there and the CoM is not."""
         p, com, place = self._numbers, footing.dynamics.com[:2], footing.zmp_reference
-        if np.linalg.norm(footing.sensor.zmp - place) > p.r_lift:
+        if np.linalg.norm(footing.sense.zmp - place) > p.r_lift:
             return False
         if np.linalg.norm(motion.cart_table_zmp(com) - place) > p.ct_zmp_max:
             return False
@@ -230,10 +229,10 @@ class VelocityLevel(Level):
         cart_table_zmp = self._com.cart_table_zmp(footing.com[:2])
         return LevelTick(self._sent, footing.zmp_reference, cart_table_zmp, self._events.ended)
 
-    def reset(self, sensor: ZmpSensor) -> None:
+    def reset(self) -> None:
         """Stand on both feet as at the start."""
         self._tasks.reset()
-        self._begin(sensor, self._driver.omega, self._region)
+        self._begin(self._driver.omega, self._region)
         p, numbers = self._parameters, self._numbers
         self._com = ComMotion(self._driver, p.dt, numbers.velocity_leak)
         self._events = PaperEvents(p, numbers)
@@ -276,7 +275,7 @@ class VelocityLevel(Level):
             time,
             rescuing=self._target.rescuing,
         ):
-            self._stance.begin(before, events.mode)
+            self._estimator.begin(before, events.mode)
             if before.single or events.mode.single:
                 # Not at every change of mode: an operator who cannot decide makes many, and each
                 # restart takes in noise.
@@ -285,13 +284,11 @@ class VelocityLevel(Level):
             self._momentum.restart()
             self._target.restart()
             self._foot.restart()
-        self._stance.follow(events.mode)
+        self._estimator.follow(events.mode)
 
     def _footing(self) -> Footing:
         return self._stand(
             mode=self._events.mode,
-            stance=self._estimator.stance,
-            pressed=self._stance.pressed,
             com_velocity=self._com.observed,
             has_left=self._events.foot_has_left,
         )

@@ -19,7 +19,7 @@ from poise.locomotion._stepping._stance import (
     Biped,
     DesiredMotion,
     Footing,
-    TrunkLean,
+    TrunkPose,
 )
 from poise.locomotion._walking import CLEARANCE, Mode
 from poise.stack import (
@@ -95,7 +95,7 @@ class VelocityTasks:
     ) -> None:
         self._biped, self._dt, self._numbers = biped, dt, numbers
         self._led = [task.name for task in limbs]
-        self._lean = TrunkLean(biped.relief, dt)
+        self._lean = TrunkPose(biped.relief, dt, np.zeros((3, 2)))
         self._grounds, self._yield = SoleGrounds(dt), SoleYield(dt)
         self._rotator = rotator
         self._com = ComTask()
@@ -149,10 +149,12 @@ class VelocityTasks:
         self._com.set_velocity(desired.com - turn.velocity_at(dynamics.com))
         self._turns[other].set_velocity(self._other_sole(footing) - turn.rate)
         self._momentum.set_velocity(desired.momentum - turn.momentum())
-        self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - turn.rate)
+        self._torso.set_velocity(
+            self._upright(torso, self._lean.rotations(footing, 0.0)[0]) - turn.rate
+        )
         foot = desired.foot
         if not footing.mode.single:
-            zmp = footing.sensor.zmp
+            zmp = footing.sense.zmp
             if footing.mode is not Mode.D:
                 # The CT-ZMP (26) of the commanded acceleration: what is measured lags behind a
                 # shift. At rest it is what is measured, or the robot would sway by a centimetre.

@@ -1,19 +1,16 @@
 """Stance of the robot: its mode, soles and legs, and the workspace of its feet."""
 
 from poise.locomotion._stepping._stance._estimator import (
+    LANDED as LANDED,
+    POSITION_GAIN as POSITION_GAIN,
     StanceEstimator as StanceEstimator,
-    ZmpSensor as ZmpSensor,
 )
 from poise.locomotion._stepping._stance._footing import (
-    LANDED as LANDED,
     LEVEL as LEVEL,
-    POSITION_GAIN as POSITION_GAIN,
     TORSO_MOST as TORSO_MOST,
     UPRIGHT as UPRIGHT,
     DesiredMotion as DesiredMotion,
     Footing as Footing,
-    StanceChoice as StanceChoice,
-    TrunkLean as TrunkLean,
     TrunkPose as TrunkPose,
 )
 from poise.locomotion._stepping._stance._parameters import (
