@@ -35,7 +35,7 @@ def estimator(robot):
 
 
 def sensed(left, right):
-    """What is measured of soles that carry so much [N]."""
+    """Measurements of soles that carry so much [N]."""
     return SimpleNamespace(
         loads=np.array([left, right]),
         centres=[None, None],

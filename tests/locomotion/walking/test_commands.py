@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from poise.locomotion import Ground, VelocityLimits
-from poise.locomotion._walking._commands import Foothold, StepCommands, side
+from poise.locomotion._support import side
+from poise.locomotion._walking._commands import Foothold, StepCommands
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._legs import LegRoom
 

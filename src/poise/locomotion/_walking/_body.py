@@ -5,8 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from poise.locomotion._support import Point, SupportPolygon
-from poise.locomotion._walking._commands import side
+from poise.locomotion._support import Point, SupportPolygon, side
 from poise.locomotion._walking._dcm import DcmMotion, FeetAt, LegMomentum
 from poise.locomotion._walking._flight import Flight, HeldFlight
 from poise.locomotion._walking._footsteps import Gait, Stand

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 from poise._schema import Bounds, checked
-from poise.locomotion._support import Point
+from poise.locomotion._support import Point, side
 from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, level_place
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement, wrapped
 from poise.locomotion._walking._legs import LegRoom
@@ -42,11 +42,6 @@ class VelocityLimits:
 
 _ASKEW = 0.03
 """A foothold turned by less than this from the command is as commanded [rad]."""
-
-
-def side(foot: int) -> float:
-    """To which side a foot is of the other: 1 for the left one, -1 for the right one."""
-    return 1.0 if foot == 0 else -1.0
 
 
 def _outwards(foot: int, turn: float) -> float:

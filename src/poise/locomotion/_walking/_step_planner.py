@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from poise.locomotion._support import Point, SolePart
-from poise.locomotion._walking._commands import FootAxes, StepCommands, side
+from poise.locomotion._support import Point, SolePart, side
+from poise.locomotion._walking._commands import FootAxes, StepCommands
 from poise.locomotion._walking._dcm import (
     DcmMotion,
     LegMomentum,
