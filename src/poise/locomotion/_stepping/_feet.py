@@ -16,12 +16,19 @@ from poise.locomotion._stepping._stance import (
     POSITION_GAIN,
     Biped,
     Footing,
-    FootRange,
     StanceEstimator,
     TeleopParameters,
 )
 from poise.locomotion._support import SingleSupportRegion, Vector2, Vector3
-from poise.locomotion._walking import CLEAR, HeldFlight, Mode, StepEnd, turn_to_left, wrapped
+from poise.locomotion._walking import (
+    CLEAR,
+    FootRange,
+    HeldFlight,
+    Mode,
+    StepEnd,
+    turn_to_left,
+    wrapped,
+)
 from poise.stack import Stack
 
 _THERE = 1e-6

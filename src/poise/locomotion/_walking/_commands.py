@@ -215,10 +215,8 @@ class StepCommands:
         out, room = side(foot), self._room
         turned = _share(turn * out, room.turn_in) * out
         wide = room.width + _share(sideways * out, room.width - room.near(turned))
-        mean = stance.yaw + 0.5 * turned
-        c, s = math.cos(mean), math.sin(mean)
-        x = stance.position[0] + c * ahead - s * out * wide
-        y = stance.position[1] + s * ahead + c * out * wide
+        between = replace(stance, yaw=stance.yaw + 0.5 * turned)
+        x, y = FootAxes(between, out).without((ahead, wide))
         return self._lying(foot, stance, (x, y, stance.yaw + turned))
 
     def _allowed(self, stance: Placement, asked: Foothold) -> Placement:

@@ -3,7 +3,8 @@
 import math
 
 from poise.locomotion._stepping._by_torque._righting import GROUND
-from poise.locomotion._stepping._stance import KNEE, Footing
+from poise.locomotion._stepping._stance import Footing
+from poise.locomotion._walking import KNEE
 from poise.robots import Robot
 from poise.stack import JointLimit, SurfaceContact
 

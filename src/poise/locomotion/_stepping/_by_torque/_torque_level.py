@@ -12,14 +12,14 @@ from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
 from poise.locomotion._stepping._feet import FootDevices, Level, LevelTick, OperatorTick
 from poise.locomotion._stepping._operator import DeviceStatus
 from poise.locomotion._stepping._stance import (
-    GIVES,
     Biped,
     Footing,
-    FootRange,
     StanceEstimator,
     TeleopParameters,
 )
 from poise.locomotion._walking import (
+    GIVES,
+    FootRange,
     Mode,
     SteppingEngine,
     VelocityLimits,

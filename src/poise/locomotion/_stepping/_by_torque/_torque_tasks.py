@@ -19,9 +19,8 @@ from poise.locomotion._stepping._stance import (
     Biped,
     Footing,
     TrunkPose,
-    mean_angle,
 )
-from poise.locomotion._walking import stepping_stack
+from poise.locomotion._walking import mean_angle, stepping_stack
 from poise.stack import (
     LINEAR_SPEED,
     ComTask,

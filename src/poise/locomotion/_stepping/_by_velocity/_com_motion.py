@@ -8,14 +8,9 @@ import numpy as np
 
 from poise.locomotion._pendulum import BodyRotator, ComShifter
 from poise.locomotion._stepping._by_velocity._velocity_tasks import VelocityNumbers
-from poise.locomotion._stepping._stance import (
-    GIVES,
-    POSITION_GAIN,
-    Footing,
-    FootRange,
-    TeleopParameters,
-)
+from poise.locomotion._stepping._stance import POSITION_GAIN, Footing, TeleopParameters
 from poise.locomotion._support import Vector2, Vector3
+from poise.locomotion._walking import GIVES, FootRange
 
 _OBSERVED = 20.0
 """Rate at which the observed velocity of the COM follows the measured one [1/s]: noise and the

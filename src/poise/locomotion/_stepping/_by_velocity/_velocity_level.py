@@ -30,12 +30,11 @@ from poise.locomotion._stepping._stance import (
     Biped,
     DesiredMotion,
     Footing,
-    FootRange,
     StanceEstimator,
     TeleopParameters,
 )
 from poise.locomotion._support import SingleSupportRegion, Vector2
-from poise.locomotion._walking import LIFT, Mode, ModeEvent, StepEnd, StepMachine
+from poise.locomotion._walking import LIFT, FootRange, Mode, ModeEvent, StepEnd, StepMachine
 from poise.stack import JointTask
 
 _GROWTH_MAX = 0.5

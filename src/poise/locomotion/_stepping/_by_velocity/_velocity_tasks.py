@@ -15,6 +15,7 @@ from poise.control import (
 from poise.dynamics import Dynamics, rotation_vector, saturate
 from poise.locomotion._stepping._by_velocity._soles import SoleGrounds, SoleYield
 from poise.locomotion._stepping._stance import (
+    BASE_JOINT,
     LEVEL,
     Biped,
     DesiredMotion,
@@ -126,11 +127,12 @@ class VelocityTasks:
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
         """Solves the stack, (19) to (23)."""
         refuse_solver_settings(ControllerPlan(name="differential_ik", time_limit=time_limit))
+        robot = self._biped.robot
         return DifferentialIK(
-            self._biped.robot,
+            robot,
             self.stack,
             dt=self._dt,
-            joints=self._biped.leg_joints,
+            joints=[robot.joint_names[j] for leg in self._biped.legs for j in leg.joints],
             led=self._led,
             limit_time=_LIMIT_TIME,
             dynamics=dynamics,
@@ -227,6 +229,6 @@ class _Turn:
     def momentum(self) -> Float64[np.ndarray, "2"]:
         """Angular momentum about the COM, x and y [kg m^2/s]."""
         dynamics = self._footing.dynamics
-        _, world_R_base = dynamics.placement(self._footing.biped.base)
+        world_R_base = dynamics.joint_rotation(BASE_JOINT)
         # Turned by its base alone the robot is rigid: A_G has its inertia about the base's axes.
         return dynamics.momentum_matrix[3:5, 3:6].dot(self.rate.dot(world_R_base))

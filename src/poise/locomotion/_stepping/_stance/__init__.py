@@ -14,6 +14,7 @@ from poise.locomotion._stepping._stance._footing import (
     TrunkPose as TrunkPose,
 )
 from poise.locomotion._stepping._stance._parameters import (
+    BASE_JOINT as BASE_JOINT,
     Biped as Biped,
     TeleopParameters as TeleopParameters,
     biped_of as biped_of,
@@ -21,10 +22,4 @@ from poise.locomotion._stepping._stance._parameters import (
     checked_start as checked_start,
     scaled_parameters as scaled_parameters,
     teleop_parameters as teleop_parameters,
-)
-from poise.locomotion._walking import (
-    GIVES as GIVES,
-    KNEE as KNEE,
-    FootRange as FootRange,
-    mean_angle as mean_angle,
 )

@@ -45,7 +45,6 @@ class Biped:
     soles: tuple[str, str]  # names of the left and the right sole
     legs: tuple[Leg, Leg]
     frames: tuple[int, int]  # of the soles
-    base: int  # frame of the floating base
     torso: int  # frame
     height: float  # of the COM over the soles at the start [m]
     apart: float  # distance of the soles' centres across the heading at the start [m]
@@ -67,11 +66,6 @@ class Biped:
     def sizes(self) -> tuple[Point, Point]:
         """Lengths and widths of the soles [m]."""
         return self.legs[0].size, self.legs[1].size
-
-    @property
-    def leg_joints(self) -> list[str]:
-        """Names of the legs' joints, the left leg's first."""
-        return [self.robot.joint_names[j] for leg in self.legs for j in leg.joints]
 
     @property
     def knees(self) -> Mapping[str, Point]:
@@ -131,7 +125,6 @@ def biped_of(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Biped:
         soles=soles,
         legs=(left_leg, right_leg),
         frames=(left_frame, right_frame),
-        base=robot.model.getFrameId(robot.model.names[BASE_JOINT]),
         torso=robot.frame_id(robot.torso),
         height=height,
         apart=apart,
