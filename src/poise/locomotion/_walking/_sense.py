@@ -105,7 +105,9 @@ class WalkSense:
             self._look(self._dynamics.com, self._dynamics.com_velocity)
         else:
             if state.payload is not self._payload:
-                self._carry(state.payload)
+                self._loaded = self._loaded or LoadedModel(self._robot)
+                self._loaded.carry(state.payload)
+                self._model, self._payload = self._loaded.model, state.payload
             pin.centerOfMass(self._model, self._data, state.q, state.v, False)
             self._look(self._com, self._com_velocity)
         self.state = state
@@ -146,14 +148,6 @@ class WalkSense:
         self.rotations = left[ROTATION:VELOCITY], right[ROTATION:VELOCITY]
         self.velocities = left[VELOCITY:BIAS], right[VELOCITY:BIAS]
         self.com, self.com_velocity = com.tolist(), com_velocity.tolist()
-
-    def _carry(self, payload: Payload | None) -> None:
-        """Take a payload into the model."""
-        if self._loaded is None:
-            self._loaded = LoadedModel(self._robot)
-            self._model = self._loaded.model
-        self._loaded.carry(payload)
-        self._payload = payload
 
     def sole(self, foot: int) -> _Pose:
         """Return position [m] and rotation of a sole in the world."""

@@ -271,7 +271,8 @@ def teleop_parameters(
         q_start: configuration at the start [m, rad]; the robot's home when None.
 
     Raises:
-        ConfigurationError: no two feet, soles that are too close; no such start.
+        ConfigurationError: no two feet, legs of too few joints, soles that are too close; no such
+            start.
         UnknownNameError: no such actuation.
     """
     checked_actuation(actuation)
