@@ -98,7 +98,11 @@ def test_packages_are_reached_through_their_faces(path):
         assert own[: len(package)] == package, name
 
 
-STEPPING = ({"_operator", "_stance"}, {"_feet"}, {"_upper_body", "_by_velocity", "_by_torque"})
+STEPPING = (
+    {"_sample", "_stance"},
+    {"_guard", "_feet", "_limbs", "_velocity_tasks"},
+    {"_hands", "_velocity_level", "_by_torque"},
+)
 """The floors within step teleoperation, below the modules that put them together."""
 
 

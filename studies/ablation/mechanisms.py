@@ -18,6 +18,7 @@ from poise.locomotion import WalkSettings
 _STEPPING, _WALKING = "poise.locomotion._stepping", "poise.locomotion._walking"
 _BY_TORQUE = f"{_STEPPING}._by_torque"
 _TASKS, _LEVEL = f"{_BY_TORQUE}._torque_tasks", f"{_BY_TORQUE}._torque_level"
+_DEPARTURES = f"{_BY_TORQUE}._departures"
 _FLIGHT, _CARRYING = f"{_WALKING}._flight", f"{_WALKING}._stance"
 
 _IMMEDIATE, _FOREVER = 1e-9, 1e6
@@ -118,8 +119,8 @@ _margin = resolve_name(f"{_TASKS}._CAUGHT_MARGIN")
 MECHANISMS = (
     Mechanism(
         name="AnkleStops",
-        off={f"{_BY_TORQUE}._ankle_stops.AnkleStops.update": _nothing},
-        watched=f"{_BY_TORQUE}._ankle_stops.AnkleStops._leave",
+        off={f"{_DEPARTURES}.AnkleStops.update": _nothing},
+        watched=f"{_DEPARTURES}.AnkleStops._leave",
         acts=lambda call, _: call[2] or call[3],
     ),
     Mechanism(
@@ -136,14 +137,14 @@ MECHANISMS = (
     ),
     Mechanism(
         name="SoleRighting",
-        off={f"{_BY_TORQUE}._righting.SoleRighting.update": _nothing},
-        watched=f"{_BY_TORQUE}._righting.SoleRighting._turn",
+        off={f"{_DEPARTURES}.SoleRighting.update": _nothing},
+        watched=f"{_DEPARTURES}.SoleRighting._turn",
         acts=lambda call, _: any(call[2:]),
     ),
     Mechanism(
         name="TrunkFeedback",
-        off={f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.apply": _nothing},
-        watched=f"{_BY_TORQUE}._trunk_feedback.TrunkFeedback.apply",
+        off={f"{_DEPARTURES}.TrunkFeedback.apply": _nothing},
+        watched=f"{_DEPARTURES}.TrunkFeedback.apply",
         acts=lambda call, _: bool(call[1][-3:].any()),
     ),
     Mechanism(
@@ -187,7 +188,7 @@ MECHANISMS = (
         name="knees",
         off={
             f"{_LEVEL}.TorqueLevel._limit_stoop": _nothing,
-            f"{_STEPPING}._feet.FootTarget._hangs": _never,
+            f"{_STEPPING}._feet.FootDevices._hangs": _never,
         },
         watched=f"{_LEVEL}.TorqueLevel._limit_stoop",
         acts=lambda call, _: _near_its_end(call[0]),
@@ -212,7 +213,7 @@ MECHANISMS = (
             f"{_CARRYING}._FLAT": (0.0, 0.0),
         },
         watched=f"{_CARRYING}.CarryingArea._learn_from",
-        acts=lambda call, _: tuple(call[0]._upper) != call[0]._reach,
+        acts=lambda call, _: call[0].edges[2:] != call[0].whole[2:],
         walks=True,
     ),
     Mechanism(

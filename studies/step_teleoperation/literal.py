@@ -29,7 +29,7 @@ _K1, _K2, _W_S2 = 4500.0, 7000.0, 100.0
 _K_V, _LANDED = 10.0, 0.047
 """k_v [1/s], and 30 N over the weight of the paper's robot."""
 
-AS_MEASURED = {"poise.locomotion._stepping._step_teleoperator._ZMP_TIME": 1e-9}
+AS_MEASURED = {"poise.locomotion._stepping._stance._estimator._ZMP_TIME": 1e-9}
 """Changes for `LiteralTeleoperator`: the paper's ZMP is as measured, not smoothed."""
 
 

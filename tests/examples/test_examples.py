@@ -156,7 +156,7 @@ def test_walk_makes_its_steps_and_says_how_well(run):
 @pytest.fixture
 def patient(monkeypatch):
     """An operator who is not thought gone when a busy machine stops all of this for a while."""
-    monkeypatch.setattr("poise.locomotion._stepping._operator._guard.LOST_AFTER", 10.0)
+    monkeypatch.setattr("poise.locomotion._stepping._guard.LOST_AFTER", 10.0)
 
 
 @pytest.mark.slow

@@ -43,7 +43,7 @@ import json, sys
 from pathlib import Path
 from dataclasses import replace
 from unittest.mock import patch
-from poise.locomotion._stepping._by_velocity import velocity_numbers
+from poise.locomotion._stepping._velocity_tasks import velocity_numbers
 from studies.bad_operator.falls_section import Trial, run_trial
 from poise.locomotion import teleop_parameters
 from poise.apps.teleoperation import read_recording, replay_teleop

@@ -10,7 +10,7 @@ from slow import slow
 from unchecked import run_unchecked
 
 from poise.locomotion import TeleopParameters
-from poise.locomotion._stepping._by_velocity._velocity_tasks import VelocityNumbers
+from poise.locomotion._stepping._velocity_tasks import VelocityNumbers
 from studies.step_teleoperation import PLAN
 from studies.step_teleoperation.departures import DEPARTURES, as_markdown
 

@@ -16,7 +16,7 @@ from poise.apps.live import DriveLoop, DriveSession, OperatorInputs
 from poise.apps.live._gamepad import sample_from
 from poise.apps.live._integrator import velocity_of
 from poise.locomotion import OperatorSample, VelocityLimits
-from poise.locomotion._stepping._operator import _guard as clocks
+from poise.locomotion._stepping import _guard as clocks
 
 LIMITS = VelocityLimits(ahead=1.0, back=0.5, sideways=0.4, turn=0.8)
 

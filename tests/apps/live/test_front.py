@@ -23,7 +23,7 @@ from poise.apps.live import _seat as seats
 from poise.apps.live._front import PortInUseError
 from poise.apps.teleoperation import read_recording
 from poise.locomotion import DeviceStatus, Mode
-from poise.locomotion._stepping._operator import _guard as clocks
+from poise.locomotion._stepping import _guard as clocks
 
 HELD = [None, {"position": [0.0, -0.13, 0.4]}]
 """The right handle, well above the ground [m]."""

@@ -61,7 +61,7 @@ def start(get_robot, tmp_path):
 @pytest.fixture(autouse=True)
 def patient(monkeypatch):
     """An operator who is not thought gone when a busy machine stops all of this for a while."""
-    monkeypatch.setattr("poise.locomotion._stepping._operator._guard.LOST_AFTER", 10.0)
+    monkeypatch.setattr("poise.locomotion._stepping._guard.LOST_AFTER", 10.0)
 
 
 def drive(loop, operator, pad, until, what):

@@ -4,8 +4,8 @@ import numpy as np
 
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import HandLeader, OperatorGuard, OperatorSample
-from poise.locomotion._stepping._operator import Tracker
-from poise.locomotion._stepping._upper_body._limb_motion import Goal
+from poise.locomotion._stepping._guard import Tracker
+from poise.locomotion._stepping._limbs import Goal
 
 DT = 0.002
 
@@ -68,9 +68,17 @@ class Arms:
     def __getattr__(self, name):
         return getattr(self.motion, name)
 
+    def each(self, name):
+        """An attribute of each arm."""
+        return [getattr(arm, name) for arm in self.motion.limbs]
+
+    @property
+    def joints(self):
+        return self.motion.task.joints
+
     @property
     def hands(self):
-        return self.motion.places
+        return self.each("place")
 
     def advance(self, places, rotations=None, rates=None):
         nothing = [None] * len(places)

@@ -1,5 +1,6 @@
 """A robot that stands without a simulator: states, loads and footings that the tests make up."""
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -7,10 +8,11 @@ import numpy as np
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, TeleopParameters
-from poise.locomotion._stepping._by_velocity._velocity_tasks import velocity_numbers
+from poise.locomotion._stepping._feet import FootDevices
 from poise.locomotion._stepping._stance._estimator import StanceEstimator
 from poise.locomotion._stepping._stance._footing import Footing
 from poise.locomotion._stepping._stance._parameters import biped_of
+from poise.locomotion._stepping._velocity_tasks import velocity_numbers
 from poise.locomotion._support import SingleSupportRegion
 
 PARAMETERS = TeleopParameters()
@@ -90,3 +92,23 @@ def steady(robot, **changes):
     now = footing(robot, **changes)
     way = now.anchors[0][:2] - now.dynamics.com[:2]
     return footing(robot, **changes, com_velocity=tuple((way * now.omega).tolist()))
+
+
+def devices(robot, **changes):
+    """Two foot devices, by parameters with changes."""
+    parameters = replace(PARAMETERS, **changes)
+    return FootDevices(foot_range(robot, parameters), parameters)
+
+
+def aimed(ours, now, command, *, room_below=0.0, falling=False):
+    """Place to which foot devices send the foot in a tick [m]."""
+    ours.update(command, (True, True), now)
+    ours.room_below, ours.falling = room_below, falling
+    return ours.aim()
+
+
+def towards(ours, now, target, rate=(0.0, 0.0, 0.0), *, hurry=False):
+    """Velocity of a foot in a tick that is sent to a place [m/s]."""
+    ours.update(None, (True, True), now)
+    ours.sent, ours.rate, ours.rescuing = target, rate, hurry
+    return ours.velocity()

@@ -9,7 +9,7 @@ import pytest
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.locomotion import ScriptedDevice, StepTeleoperator, WayPoint
-from poise.locomotion._stepping._by_torque._ankle_stops import AnkleStops
+from poise.locomotion._stepping._by_torque._departures import AnkleStops
 from poise.locomotion._stepping._stance._footing import Footing
 from poise.sim import Block
 from poise.stack import JointLimit, SurfaceContact

@@ -33,10 +33,9 @@ from poise.locomotion import (
     WayPoint,
 )
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._by_velocity import velocity_numbers
-from poise.locomotion._stepping._by_velocity._com_motion import ShifterDriver
-from poise.locomotion._stepping._operator._sample import FieldError, checked_sample
+from poise.locomotion._stepping._sample import FieldError, checked_sample
 from poise.locomotion._stepping._stance._parameters import biped_of
+from poise.locomotion._stepping._velocity_tasks import velocity_numbers
 from poise.robots import Sole, standing_posture
 from poise.sim import PlantConfig
 
@@ -197,7 +196,7 @@ def test_a_run_with_a_driver_of_its_own_is_not_recorded(get_robot, tmp_path):
             ScriptedDevice([], np.zeros(3), np.zeros(3)),
             VELOCITY_TELEOP_PLANT,
             duration=1.0,
-            driver=ShifterDriver(ComShifter(0.765)),
+            driver=ComShifter(0.765),
             recording=tmp_path / "x.mcap",
         )
 

@@ -13,8 +13,8 @@ from walker import hands, sample, up_and_down
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import BodyCommand, Mode, StepTeleoperator
-from poise.locomotion._stepping._by_torque._waist import waist_ranges
-from poise.locomotion._stepping._operator._guard import OperatorGuard
+from poise.locomotion._stepping._by_torque._departures import waist_ranges
+from poise.locomotion._stepping._guard import OperatorGuard
 from poise.locomotion._stepping._stance._footing import TrunkPose
 
 

@@ -6,13 +6,13 @@ from standing import PARAMETERS, footing
 
 from poise.locomotion import Mode
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._by_velocity._com_motion import ComMotion, ShifterDriver
+from poise.locomotion._stepping._velocity_level import ComMotion
 
 STILL = np.zeros(2)
 
 
 def motion():
-    return ComMotion(ShifterDriver(ComShifter(0.765)), PARAMETERS.dt, 5.0)
+    return ComMotion(ComShifter(0.765), PARAMETERS.dt, 5.0)
 
 
 def test_the_shock_of_a_landing_is_not_taken_for_the_velocity_of_the_com():

@@ -9,7 +9,7 @@ from walker import hands
 from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, BadOperator, run_teleop
 from poise.dynamics import RobotState
 from poise.locomotion import ScriptedDevice, StepTeleoperator, WayPoint
-from poise.locomotion._stepping._by_velocity import _velocity_tasks
+from poise.locomotion._stepping import _velocity_tasks
 from poise.robots import capsules_of
 from poise.sim import Plant
 from poise.stack import SelfCollisionLimit

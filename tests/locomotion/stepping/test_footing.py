@@ -8,7 +8,7 @@ from standing import PARAMETERS, foot_range, footing, numbers
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, StepTeleoperator
-from poise.locomotion._stepping._by_velocity._com_motion import ComHeight
+from poise.locomotion._stepping._velocity_level import ComHeight
 from poise.locomotion._support import SolePart
 from poise.locomotion._walking._legs import FootRange
 
@@ -86,16 +86,6 @@ def test_a_foot_is_clear_from_a_height_above_the_ground(get_robot, height, share
     now = footing(get_robot("biped20"), lifted=0.2)
     ground = float(now.sole(1)[2]) - height
     assert now.clearance(ground) == pytest.approx(share)
-
-
-def test_the_com_goes_on_up_or_down_as_it_moves_when_somebody_else_has_led_it(get_robot):
-    robot = get_robot("biped20")
-    now = footing(robot)
-    ours = com_height(robot, float(now.dynamics.com[2]) - now.ground)
-    for velocity in (0.2, -0.1):
-        ours.restart(velocity)
-        most = numbers(robot).lift_acceleration * PARAMETERS.dt
-        assert ours.velocity(now, now.sole(1)) == pytest.approx(velocity, abs=1.01 * most)
 
 
 def test_the_com_comes_down_by_a_part_of_its_height_above_the_ground_that_carries(get_robot):

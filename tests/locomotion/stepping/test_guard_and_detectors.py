@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 from msgspec import structs
+from standing import devices, footing
 from walker import sample
 
 from poise.errors import ConfigurationError
-from poise.locomotion import DeviceStatus, TeleopParameters
-from poise.locomotion._stepping._feet import LandingDetector, LiftDetector
-from poise.locomotion._stepping._operator._guard import OperatorGuard
+from poise.locomotion import DeviceStatus, StepEnd
+from poise.locomotion._stepping._guard import OperatorGuard
 
 SOLES = (np.array([0.0, 0.135, 0.0]), np.array([0.0, -0.135, 0.0]))
 """Where the feet stand [m]."""
@@ -360,35 +360,68 @@ def test_a_guard_that_guards_nothing_is_refused(option):
         guard(**{option: 0.0})
 
 
-def test_a_lift_is_a_rising_edge_with_hysteresis():
-    lift = LiftDetector(TeleopParameters(lift_height=0.02, lower_height=0.01))
+LIFT_HEIGHT, LOWER_HEIGHT = 0.02, 0.01
+
+
+def rises(ours, now, height):
+    """True where the left foot is to be lifted, its device at a height [m]."""
+    x, y, z = now.anchors[0].tolist()
+    right = tuple(now.anchors[1].tolist())
+    ours.update(sample(0.0, left=(x, y, z + height), right=right), (True, True), now)
+    return ours.lifted() == 0
+
+
+@pytest.fixture
+def feet(get_robot):
+    """Devices of feet that stand."""
+    robot = get_robot("biped20")
+    return devices(robot, lift_height=LIFT_HEIGHT, lower_height=LOWER_HEIGHT), footing(robot)
+
+
+def test_a_lift_is_a_rising_edge_with_hysteresis(feet):
     heights = [0.03, 0.015, 0.03, 0.005, 0.015, 0.021, 0.03, 0.012, 0.03, 0.0, 0.025]
-    events = [lift.update(h) for h in heights]
+    events = [rises(*feet, h) for h in heights]
     # Up at the start does not count; nor does a rise from between the two heights.
     assert [i for i, event in enumerate(events) if event] == [5, 10]
 
 
 @pytest.mark.parametrize(("rests", "lifts"), [(0.011, True), (0.019, True), (0.021, False)])
-def test_a_device_that_rests_a_little_above_a_foot_that_has_settled_is_not_up(rests, lifts):
-    lift = LiftDetector(TeleopParameters(lift_height=0.02, lower_height=0.01))
-    lift.reset(rests)
-    assert not lift.update(rests)
-    assert lift.update(0.06) == lifts
+def test_a_device_that_rests_a_little_above_a_foot_that_has_settled_is_not_up(feet, rests, lifts):
+    rises(*feet, rests)
+    feet[0].stand()
+    assert not rises(*feet, rests)
+    assert rises(*feet, 0.06) == lifts
 
 
-def test_landing_is_armed_by_a_foot_without_load():
-    landing = LandingDetector(0.005)
-    assert not any(landing.update(0.47, lifting=False) for _ in range(50))
-    assert not any(landing.update(0.0, lifting=False) for _ in range(10))
-    assert landing.update(0.0625, lifting=False)
+def ends(feet, load, ticks=1, *, lifting=False):
+    """End of the right foot's swing after ticks with a load, over the weight."""
+    ours, now = feet
+    height = 0.1 if lifting else 0.0
+    x, y, z = now.sole(1).tolist()
+    for _ in range(ticks):
+        ours.update(sample(0.0, right=(x, y, z + height)), (True, True), now)
+        ended = ours.end_of_swing(1, load)
+    return ended
 
 
-def test_a_foot_that_scrapes_while_it_is_lifted_has_not_landed():
-    landing = LandingDetector(0.005)
-    for _ in range(10):
-        landing.update(0.0, lifting=True)
-    assert not landing.update(0.156, lifting=True)
-    assert landing.update(0.156, lifting=False)
+def test_landing_is_armed_by_a_foot_without_load(feet):
+    """The device stays just above the height below which a foot on the ground is given back."""
+    now = feet[1]
+    now.anchors[1][2] = now.sole(1)[2] - LOWER_HEIGHT
+    assert ends(feet, 0.47, 50) is None
+    assert ends(feet, 0.0, 10) is None
+    assert ends(feet, 0.0625) is StepEnd.LANDED
+
+
+def test_a_foot_that_scrapes_while_it_is_lifted_has_not_landed(feet):
+    ends(feet, 0.0, 10, lifting=True)
+    assert ends(feet, 0.156, lifting=True) is None
+    assert ends(feet, 0.156) is StepEnd.LANDED
+
+
+def test_a_foot_that_goes_on_carrying_while_it_is_lifted_stays_on_the_ground(feet):
+    assert ends(feet, 0.47, 59, lifting=True) is None
+    assert ends(feet, 0.47, 3, lifting=True) is StepEnd.STUCK
 
 
 def test_a_source_that_is_frozen_is_lost_and_makes_nobody_walk():

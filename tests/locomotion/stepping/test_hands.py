@@ -132,7 +132,7 @@ def test_a_hand_gets_where_it_can_and_says_where_it_cannot(get_robot):
     for _ in range(1000):
         arms.advance([near, far])
     np.testing.assert_allclose(arms.hands[0], near, atol=1e-3)
-    assert arms.blocked == [False, True]
+    assert arms.each("blocked") == [False, True]
 
 
 @pytest.mark.parametrize("name", ["g1", slow("humanoid33"), slow("biped20")])
@@ -368,7 +368,7 @@ def test_joints_that_are_not_numbers_teach_nothing_and_raise_nothing(get_robot):
     for tick, state in enumerate((good, replace(good, q=q), good)):
         leader.lead(OperatorGuard(dt=DT), replace(state, time=tick * DT))
         np.testing.assert_allclose(leader.task.target_position, robot.q_home[-14:], atol=1e-9)
-        assert np.isfinite(leader._feedback.bias).all()
+        assert np.isfinite(leader._arms.bias).all()
 
 
 @pytest.mark.parametrize("later", [10.0, -10.0])

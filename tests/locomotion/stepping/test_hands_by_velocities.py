@@ -275,7 +275,7 @@ def test_nothing_winds_up_in_arms_that_cannot_follow(get_robot):
         both = raised(DT * k)
         guard.check(OperatorSample(DT * k, hands=both), DT * k)
         leader.lead(guard, RobotState(robot.q_home, np.zeros(robot.nv), time=DT * k))
-        assert not leader._feedback.bias.any()
+        assert not leader._arms.bias.any()
     np.testing.assert_allclose(leader.task.velocity_gain, 2.0)
 
 

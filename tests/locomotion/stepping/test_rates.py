@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from led_hands import Arms
-from standing import PARAMETERS, foot_range, footing, steady
+from standing import aimed, devices, footing, steady, towards
 from walker import sample
 
 from poise.apps.teleoperation import (
@@ -16,8 +16,7 @@ from poise.apps.teleoperation import (
     write_recording,
 )
 from poise.locomotion import Mode, OperatorGuard, OperatorSample, TrackedPose
-from poise.locomotion._stepping._feet import FootTarget, FootVelocity
-from poise.locomotion._stepping._operator._guard import Tracker, VelocityCheck
+from poise.locomotion._stepping._guard import Tracker, VelocityCheck
 
 DT = 0.002
 UP = np.array([0.1, 0.0, 0.2])
@@ -85,12 +84,12 @@ def test_one_that_tells_the_truth_again_counts_again():
 def sent(robot, lifted, where):
     """The velocity with which a foot is sent that is led from above where it stood."""
     now = steady(robot, mode=Mode.SL, lifted=lifted)
-    target = FootTarget(foot_range(robot), PARAMETERS)
+    ours = devices(robot)
     x, y, z = (now.anchors[1] + where).tolist()
     device = sample(0.0, right=(x, y, z), rates=(None, UP))
-    place = target.place(now, device, room_below=0.0)
-    assert np.linalg.norm(place - [x, y, z]) < 1e-6 or not any(target.rate)
-    return list(target.rate)
+    place = aimed(ours, now, device)
+    assert np.linalg.norm(place - [x, y, z]) < 1e-6 or not any(ours.rate)
+    return list(ours.rate)
 
 
 def test_a_foot_that_is_sent_where_the_device_is_goes_as_fast(get_robot):
@@ -105,15 +104,15 @@ def test_one_that_is_sent_elsewhere_does_not(get_robot, lifted, where):
 
 
 def test_the_velocity_is_added_to_what_leads_to_the_place(get_robot, monkeypatch):
-    now = footing(get_robot("biped20"), mode=Mode.SL, lifted=0.1)
+    robot = get_robot("biped20")
+    now = footing(robot, mode=Mode.SL, lifted=0.1)
     monkeypatch.setattr("poise.locomotion._stepping._feet._SWING_TIME", 1e-12)
     here = now.sole(1)
-    still = FootVelocity(PARAMETERS).towards(now, here + [0.0, 0.0, 0.01], hurry=True)
-    moving = FootVelocity(PARAMETERS).towards(
-        now, here + [0.0, 0.0, 0.01], tuple(UP.tolist()), hurry=True
-    )
+    above, fast = here + [0.0, 0.0, 0.01], tuple((100.0 * UP).tolist())
+    still = towards(devices(robot), now, above, hurry=True)
+    moving = towards(devices(robot), now, above, tuple(UP.tolist()), hurry=True)
     np.testing.assert_allclose(moving - still, UP, atol=1e-9)
-    most = FootVelocity(PARAMETERS).towards(now, here, tuple((100.0 * UP).tolist()), hurry=True)
+    most = towards(devices(robot), now, here, fast, hurry=True)
     assert np.linalg.norm(most) <= math.sqrt(3.0) * 1.0 + 1e-9
 
 
@@ -127,7 +126,7 @@ def lag(robot, *, told, frequency=0.5):
         rate = np.array([0.0, 0.0, 0.04 * omega * math.sin(angle)])
         arms.advance([place, start[1]], rates=[rate if told else None, None])
         far.append(np.linalg.norm(arms.hands[0] - place))
-    assert not any(arms.blocked)
+    assert not any(arms.each("blocked"))
     return float(np.sqrt(np.mean(np.square(far[300:]))))
 
 

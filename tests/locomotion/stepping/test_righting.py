@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from poise.locomotion._stepping._by_torque._righting import SoleRighting
+from poise.locomotion._stepping._by_torque._departures import SoleRighting
 from poise.locomotion._stepping._stance._footing import Footing
 from poise.stack import SurfaceContact
 

@@ -8,9 +8,13 @@ from standing import PARAMETERS, footing, sensed
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode
-from poise.locomotion._stepping._by_velocity._soles import SoleGrounds, SoleYield
+from poise.locomotion._stepping._velocity_tasks import (
+    SoleGrounds,
+    yielding_turn,
+    yielding_velocity,
+)
 
-TICKS = 400
+TICKS, DT = 400, PARAMETERS.dt
 TILT = 0.02
 SOLE = (0.30, 0.24)
 """Length and width of a sole of biped20 [m]."""
@@ -96,21 +100,21 @@ def test_the_ground_of_a_foot_in_the_air_is_the_stances_and_is_forgotten(get_rob
 
 
 def test_the_other_sole_turns_until_it_is_pressed_as_far_ahead_as_the_stance(get_robot):
-    robot, gives = get_robot("biped20"), SoleYield(PARAMETERS.dt)
+    robot = get_robot("biped20")
     ahead = footing(robot, Mode.D, loaded=pressed((0.02, 0.0), (0.05, 0.0)))
-    roll, turn = gives.turn(ahead)
+    roll, turn = yielding_turn(ahead)
     # Pressed further ahead at its toes, it turns them up.
     assert (roll, turn) == (pytest.approx(0.0, abs=1e-12), pytest.approx(-0.3 * 0.03))
     alike = footing(robot, Mode.D, loaded=pressed((0.04, 0.03), (0.04, 0.0)))
-    assert gives.turn(alike) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert yielding_turn(alike) == pytest.approx([0.0, 0.0], abs=1e-12)
     aside = footing(robot, Mode.D, loaded=pressed((0.0, 0.03), (0.0, 0.03)))
     # Sideways the loads hold the balance: there it is the middle, whatever the stance has.
-    assert gives.turn(aside)[0] == pytest.approx(0.3 * 0.03)
-    assert gives.turn(footing(robot, Mode.D)) is None
+    assert yielding_turn(aside)[0] == pytest.approx(0.3 * 0.03)
+    assert yielding_turn(footing(robot, Mode.D)) is None
 
 
 def test_a_foot_gives_way_to_what_squeezes_and_to_nothing_else(get_robot):
-    robot, gives = get_robot("biped20"), SoleYield(PARAMETERS.dt)
+    robot = get_robot("biped20")
     hold = np.array([0.1, 0.2, 0.3])
     ours = pressed((0.0, 0.0), (0.0, 0.0))
     ours.wrenches[:] = (0.0, -50.0), (0.0, 50.0)
@@ -119,18 +123,18 @@ def test_a_foot_gives_way_to_what_squeezes_and_to_nothing_else(get_robot):
     # Where the ZMP is measured does not matter: joints that sag leave the weight where it was.
     ours.zmp = stands.sole(0)[:2].copy()
     stands.anchors[1][1] -= 0.01
-    x, y, z = gives.move(stands, hold, middle)
+    x, y, z = yielding_velocity(stands, hold, middle, DT)
     weight = robot.weight
     assert (x, z) == (pytest.approx(0.0, abs=1e-9), pytest.approx(0.0, abs=1e-9))
     assert y == pytest.approx(0.15 * 50.0 / weight)
     # It stands where it is: what it was held at goes there.
     assert -0.01 < stands.anchors[1][1] - stands.sole(1)[1] < 0.0
     ours.wrenches[:] = (40.0, 30.0), (40.0, 30.0)
-    assert gives.move(stands, hold, middle) == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+    assert yielding_velocity(stands, hold, middle, DT) == pytest.approx(np.zeros(3), abs=1e-9)
     ours.loads[:] = 400.0, 240.0
     # It carries less than the ZMP in the middle says: down.
-    assert gives.move(stands, np.zeros(3), middle)[2] < 0.0
+    assert yielding_velocity(stands, np.zeros(3), middle, DT)[2] < 0.0
     # Nor is it to carry anything with the ZMP in the other foot: up.
-    assert gives.move(stands, np.zeros(3), stands.sole(0)[:2])[2] > 0.0
+    assert yielding_velocity(stands, np.zeros(3), stands.sole(0)[:2], DT)[2] > 0.0
     ours.centres[1] = None
-    np.testing.assert_array_equal(gives.move(stands, hold, middle), hold)
+    np.testing.assert_array_equal(yielding_velocity(stands, hold, middle, DT), hold)

@@ -17,8 +17,7 @@ from poise.locomotion import (
     StepTeleoperator,
     WayPoint,
 )
-from poise.locomotion._stepping._by_velocity._com_motion import ShifterDriver
-from poise.locomotion._stepping._by_velocity._velocity_level import sway_growth, sway_stiffness
+from poise.locomotion._stepping._velocity_level import sway_growth, sway_stiffness
 from poise.robots import GRAVITY
 
 OMEGA, LEAK = 3.5, 5.0
@@ -153,6 +152,6 @@ def test_the_stiffness_is_that_of_springs_one_after_the_other(get_robot, foot):
 
 
 def test_a_drivers_own_gains_are_what_is_tried(get_robot):
-    robot, driver = get_robot("biped20"), ShifterDriver(ComShifter(0.765, kp=40.0, kd=0.5))
+    robot, driver = get_robot("biped20"), ComShifter(0.765, kp=40.0, kd=0.5)
     with pytest.raises(ConfigurationError, match="it would sway"):
         StepTeleoperator(robot, actuation="velocity", driver=driver)

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from standing import PARAMETERS, foot_range, footing, steady
+from standing import PARAMETERS, aimed, devices, footing, steady, towards
 from walker import sample
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode
-from poise.locomotion._stepping._feet import FootTarget, FootVelocity
 
 _FOOT = "poise.locomotion._stepping._feet"
 
@@ -20,10 +19,6 @@ def at_once(monkeypatch):
     monkeypatch.setattr(f"{_FOOT}._SWING_TIME", 1e-12)
 
 
-def target(robot):
-    return FootTarget(foot_range(robot), PARAMETERS)
-
-
 def device_at(footing, up, ahead=0.0):
     x, y, z = footing.anchors[1].tolist()
     return sample(0.0, right=(x + ahead, y, z + up))
@@ -32,8 +27,8 @@ def device_at(footing, up, ahead=0.0):
 def downwards(robot, height, *, hurry=False):
     """Speed of a foot that is sent far down from a height above the ground [m/s]."""
     now = footing(robot, lifted=height)
-    velocity = FootVelocity(PARAMETERS)
-    return -float(velocity.towards(now, now.sole(1) - [0.0, 0.0, 0.5], hurry=hurry)[2])
+    below = now.sole(1) - [0.0, 0.0, 0.5]
+    return -float(towards(devices(robot), now, below, hurry=hurry)[2])
 
 
 @pytest.mark.parametrize(("share", "wanted"), [(-0.2, 0.0), (0.0, 0.0), (0.5, 0.5), (1.0, 1.0),
@@ -49,17 +44,18 @@ def test_a_foot_that_has_to_be_down_comes_down_as_fast_as_it_can(get_robot, at_o
 
 
 def test_a_foot_goes_up_as_fast_as_it_is_asked(get_robot, at_once):
-    now = footing(get_robot("biped20"))
-    up = FootVelocity(PARAMETERS).towards(now, now.sole(1) + [0.0, 0.0, 0.5])
+    robot = get_robot("biped20")
+    now = footing(robot)
+    up = towards(devices(robot), now, now.sole(1) + [0.0, 0.0, 0.5])
     assert up.tolist() == pytest.approx([0.0, 0.0, 1.0])
 
 
 def swing(robot, com_velocity):
     """Velocity of a foot sent forward and up, once it is smooth."""
     now = footing(robot, com_velocity=com_velocity)
-    velocity, answer = FootVelocity(PARAMETERS), np.zeros(3)
+    ours, answer = devices(robot), np.zeros(3)
     for _ in range(400):
-        answer = velocity.towards(now, now.sole(1) + [0.03, 0.0, 0.04])
+        answer = towards(ours, now, now.sole(1) + [0.03, 0.0, 0.04])
     return answer
 
 
@@ -79,20 +75,17 @@ def test_a_foot_swings_slower_the_nearer_the_robot_is_to_tipping(get_robot):
 
 
 def test_a_swing_starts_smoothly(get_robot):
-    now = footing(get_robot("biped20"))
-    velocity = FootVelocity(PARAMETERS)
-    first = velocity.towards(now, now.sole(1) + [0.0, 0.0, 0.05])
+    robot = get_robot("biped20")
+    now = footing(robot)
+    first = towards(devices(robot), now, now.sole(1) + [0.0, 0.0, 0.05])
     assert first[2] == pytest.approx(0.5 * PARAMETERS.dt / (0.05 + PARAMETERS.dt))
 
 
 def test_a_foot_that_has_not_left_the_ground_cannot_be_pushed_down(get_robot):
     robot = get_robot("biped20")
-    now, ours = steady(robot, lifted=0.02), target(robot)
+    now, ours = steady(robot, lifted=0.02), devices(robot)
     device = device_at(now, 0.005)
-    down = {
-        left: ours.place(replace(now, has_left=left), device, room_below=0.0)
-        for left in (True, False)
-    }
+    down = {left: aimed(ours, replace(now, has_left=left), device) for left in (True, False)}
     assert down[True][2] == pytest.approx(now.anchors[1][2] + 0.005)
     assert down[False][2] == pytest.approx(now.sole(1)[2])
 
@@ -100,7 +93,7 @@ def test_a_foot_that_has_not_left_the_ground_cannot_be_pushed_down(get_robot):
 def test_a_command_goes_no_deeper_than_it_may(get_robot):
     robot = get_robot("biped20")
     now = steady(robot, lifted=0.1)
-    place = target(robot).place(now, device_at(now, -0.4), room_below=0.0)
+    place = aimed(devices(robot), now, device_at(now, -0.4))
     assert place[2] == pytest.approx(now.anchors[1][2] - PARAMETERS.press_depth)
 
 
@@ -108,7 +101,7 @@ def test_a_foot_goes_forward_only_as_far_as_it_is_clear(get_robot):
     robot = get_robot("biped20")
     for lifted, share in ((0.0, 0.0), (0.25, 0.25), (2.0, 1.0)):
         now = steady(robot, lifted=lifted * 0.04)
-        place = target(robot).place(now, device_at(now, 0.1, 0.1), room_below=0.1)
+        place = aimed(devices(robot), now, device_at(now, 0.1, 0.1), room_below=0.1)
         assert place[0] - now.sole(1)[0] == pytest.approx(0.1 * share, abs=1e-12)
 
 
@@ -119,7 +112,7 @@ def test_a_foot_on_a_block_is_not_dragged_over_it(get_robot, has_left):
     now.anchors[0][2] -= 0.1
     now = replace(now, has_left=has_left)
     device = device_at(now, 0.03, 0.1)
-    place = target(now.biped.robot).place(now, device, room_below=0.1)
+    place = aimed(devices(now.biped.robot), now, device, room_below=0.1)
     moved = 0.1 if has_left else 0.0
     assert place[0] - now.sole(1)[0] == pytest.approx(moved, abs=1e-12)
     assert place[2] > now.sole(1)[2] + 0.02
@@ -128,7 +121,7 @@ def test_a_foot_on_a_block_is_not_dragged_over_it(get_robot, has_left):
 def test_without_a_device_the_foot_goes_straight_down(get_robot):
     robot = get_robot("biped20")
     now = footing(robot, lifted=0.1)
-    place = target(robot).place(now, None, room_below=0.0)
+    place = aimed(devices(robot), now, None)
     assert place[:2] == pytest.approx(now.sole(1)[:2])
     assert place[2] < now.anchors[1][2]
 
@@ -148,7 +141,7 @@ def ahead_of_the_hip(robot):
 def sent(now, device, seconds, ours):
     """Where a foot that does not move is sent after so long, from where it is [m]."""
     for _ in range(round(seconds / PARAMETERS.dt)):
-        place = ours.place(now, device, room_below=0.1)
+        place = aimed(ours, now, device, room_below=0.1)
     return place - now.sole(1)
 
 
@@ -157,7 +150,7 @@ def test_a_foot_that_hangs_over_the_ground_is_led_nearer(get_robot, lost):
     """Its leg is at its end, and straight down it would hang for ever."""
     now = ahead_of_the_hip(get_robot("biped20"))
     assert now.capture_depth > 0.0
-    device, ours = None if lost else device_at(now, -0.03), target(now.biped.robot)
+    device, ours = None if lost else device_at(now, -0.03), devices(now.biped.robot)
     assert sent(now, device, 0.35, ours)[:2].tolist() == pytest.approx([0.0, 0.0])
     x, y, z = sent(now, device, 0.1, ours).tolist()
     # With (17c) that is five centimetres in a second.
@@ -168,7 +161,7 @@ def test_a_foot_that_hangs_over_the_ground_is_led_nearer(get_robot, lost):
 
 def test_a_foot_that_still_comes_down_or_is_held_up_is_not_led_nearer(get_robot):
     now = ahead_of_the_hip(get_robot("biped20"))
-    ours, up, down = target(now.biped.robot), device_at(now, 0.03), device_at(now, -0.03)
+    ours, up, down = devices(now.biped.robot), device_at(now, 0.03), device_at(now, -0.03)
     assert sent(now, up, 1.0, ours)[:2].tolist() == pytest.approx([0.0, 0.0])
     for _ in range(5):
         assert sent(now, down, 0.3, ours)[:2].tolist() == pytest.approx([0.0, 0.0])
@@ -183,23 +176,23 @@ def test_a_foot_that_still_comes_down_or_is_held_up_is_not_led_nearer(get_robot)
 
 def test_a_robot_that_falls_puts_its_foot_down_and_goes_on_doing_so(get_robot):
     robot = get_robot("biped20")
-    ours = target(robot)
+    ours = devices(robot)
     safe = steady(robot, lifted=0.1)
     device = device_at(safe, 0.2)
-    assert ours.place(safe, device, room_below=0.0)[2] > safe.anchors[1][2]
+    assert aimed(ours, safe, device)[2] > safe.anchors[1][2]
     for falling in (True, False):
-        place = ours.place(safe, device, room_below=0.0, falling=falling)
+        place = aimed(ours, safe, device, falling=falling)
         assert place[:2] == pytest.approx(safe.sole(1)[:2])
         assert place[2] < safe.anchors[1][2]
         assert ours.rescuing
-    ours.restart()
-    assert ours.place(safe, device, room_below=0.0)[2] > safe.anchors[1][2]
+    ours.take_off(1)
+    assert aimed(ours, safe, device)[2] > safe.anchors[1][2]
 
 
 def test_with_both_feet_on_the_ground_the_other_is_held_where_it_was_put_down(get_robot):
     robot = get_robot("biped20")
     now = footing(robot, Mode.D, lifted=0.01)
-    place = target(robot).place(now, None, room_below=0.0)
+    place = aimed(devices(robot), now, None)
     assert place.tolist() == now.anchors[1].tolist()
 
 
@@ -210,7 +203,6 @@ def test_a_sole_with_no_ground_left_under_it_stops_the_swing_and_raises_nothing(
     for margin in (half, 2.0 * half):
         now = footing(robot)
         now = replace(now, region=replace(now.region, margin=margin))
-        velocity = FootVelocity(PARAMETERS)
-        answer = velocity.towards(now, now.sole(1) + [0.3, 0.0, 0.04])
+        answer = towards(devices(robot), now, now.sole(1) + [0.3, 0.0, 0.04])
         assert np.isfinite(answer).all()
         assert answer[:2].tolist() == [0.0, 0.0]

@@ -10,7 +10,7 @@ from walker import hands, sample
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.locomotion import BodyCommand, Device
-from poise.locomotion._stepping._by_torque._trunk_feedback import TrunkFeedback
+from poise.locomotion._stepping._by_torque._departures import TrunkFeedback
 
 DT, KP = 0.002, 100.0
 LEANING, THROWN = pin.exp3(np.array([0.2, -0.2, 0.0])), pin.exp3(np.array([0.4, 0.0, 0.0]))

@@ -153,7 +153,7 @@ def test_hands_turn_about_each_axis_where_they_are_or_say_that_they_cannot(get_r
     places = [here + [0.1, 0.0, 0.1] for here in arms.hands]
     for _ in range(500):
         arms.advance(places)
-    begun, reached = (arms.q.copy(), [r.copy() for r in arms.rotations]), 0
+    begun, reached = (arms.q.copy(), arms.each("rotation")), 0
     for way in (0.6 * np.vstack((np.eye(3), -np.eye(3)))).tolist():
         arms.reset()
         arms.motion.q = begun[0].copy()
@@ -162,7 +162,9 @@ def test_hands_turn_about_each_axis_where_they_are_or_say_that_they_cannot(get_r
         for _ in range(600):
             arms.advance(places, goals)
         np.testing.assert_allclose(arms.hands, places, atol=1e-3)
-        for goal, rotation, stuck in zip(goals, arms.rotations, arms.stuck, strict=True):
+        for goal, rotation, stuck in zip(
+            goals, arms.each("rotation"), arms.each("stuck"), strict=True
+        ):
             assert angle(goal, rotation) < 0.12 or stuck
             reached += angle(goal, rotation) < 0.12
     assert reached == REACHED[name]
@@ -282,7 +284,7 @@ class Watched:
         return self
 
     def sample(self, time):
-        self.hands.append([r.copy() for r in self._teleoperator.hands._arms.rotations])
+        self.hands.append([arm.rotation for arm in self._teleoperator.hands._arms.limbs])
         self.status.append(tuple(self._teleoperator.hands.status))
         return self._device.sample(time)
 

@@ -8,7 +8,7 @@ import pytest
 
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import StepTeleoperator
-from poise.locomotion._stepping._by_torque._twist import twist_ranges
+from poise.locomotion._stepping._by_torque._departures import twist_ranges
 
 
 def led(robot):

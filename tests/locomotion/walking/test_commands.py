@@ -158,5 +158,5 @@ def test_a_foot_is_no_quicker_than_its_hip():
 
 
 def test_a_foot_that_catches_goes_farther_than_one_that_is_led():
-    assert ROOM.bounds(0.0).ahead == ROOM.ahead
-    assert ROOM.bounds(0.0, far=True).back == -ROOM.far
+    assert ROOM.bounds(0.0).reach == ROOM.ahead
+    assert ROOM.bounds(0.0, far=True).reach == ROOM.far

@@ -41,7 +41,7 @@ class RandomFeet:
 
     def move(self, flight, dt):
         if self._start is None:
-            self._start, self._up = flight.swing.position.copy(), 0.0
+            self._start, self._up = flight.position.copy(), 0.0
         self._time += dt
         falls = self._time > 0.6 + self._holds
         rate = -0.1 if falls else (0.1 if self._time < 0.4 else 0.0)

@@ -53,7 +53,6 @@ def test_velocity_is_how_fast_c_moves(name, get_robot):
 def test_a_foot_that_does_not_move_has_no_momentum_whatever_was_planned(get_robot):
     robot = get_robot("g1")
     walker, state = _in_flight(robot)
-    swing = walker._engine.steps.flight.swing
-    swing.velocity = np.array([2.0, 1.0, 0.5, 0.0, 0.0, 0.0])
+    walker._engine.steps.flight.velocity = np.array([2.0, 1.0, 0.5, 0.0, 0.0, 0.0])
     _, velocity = _mass(walker, state)
     assert velocity == pytest.approx((0.0, 0.0), abs=1e-12)

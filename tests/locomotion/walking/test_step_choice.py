@@ -13,7 +13,7 @@ from poise.locomotion._walking._step_choice import (
 )
 
 OMEGA = 3.7
-BOUNDS = StepBounds(back=-0.4, ahead=0.4, near=0.12, wide=0.5, reach=0.4, beside=0.2)
+BOUNDS = StepBounds(near=0.12, wide=0.5, reach=0.4, beside=0.2)
 SWING = SwingLimits(
     place=(0.0, 0.2), speed=2.5, elapsed=0.1, shortest=0.25, usual=0.42, longest=0.6
 )
@@ -80,7 +80,7 @@ def test_every_choice_is_within_bounds_reach_and_time():
         )
         step = choose_step(pushed(rng.normal(0.0, 0.2, 2)), BOUNDS, swing)
         assert BOUNDS.near - 1e-9 <= step.y <= BOUNDS.wide + 1e-9
-        assert BOUNDS.back - 1e-9 <= step.x <= BOUNDS.ahead + 1e-9
+        assert abs(step.x) <= BOUNDS.reach + 1e-9
         assert step.left >= 0.02
         whole = swing.elapsed + step.left
         assert whole <= max(swing.longest, swing.elapsed + 0.02) + 1e-9

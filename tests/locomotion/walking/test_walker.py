@@ -92,7 +92,7 @@ def test_a_foot_that_catches_the_robot_comes_down_where_it_is_led(led):
         flight = run.walker._engine.steps.flight
         if flight is not None:
             there = run.walker._engine.parts.sense.sole(flight.foot)[0]
-            short[flight.foot] = math.dist(there[:2], flight.swing.position[:2])
+            short[flight.foot] = math.dist(there[:2], flight.position[:2])
     assert max(short) < 0.02
 
 

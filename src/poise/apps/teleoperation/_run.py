@@ -21,7 +21,7 @@ from poise.apps.teleoperation._recording import (
 )
 from poise.apps.teleoperation._setup import RecordingError, TeleopSetup, recorded_robot
 from poise.errors import ConfigurationError
-from poise.locomotion import ComDriver, Device, StepTeleoperator, TeleopParameters
+from poise.locomotion import ComDriver, ComShifter, Device, StepTeleoperator, TeleopParameters
 from poise.robots import Robot
 from poise.sim import Plant, PlantConfig, RunRecord, check_period, rollout
 
@@ -80,7 +80,7 @@ def run_teleop(
     seed: int = 0,
     parameters: TeleopParameters | None = None,
     rotator: bool = True,
-    driver: ComDriver | None = None,
+    driver: ComDriver | ComShifter | None = None,
     q_start: Float64[np.ndarray, " nq"] | None = None,
     recording: str | Path | None = None,
     leader: Callable[..., StepTeleoperator] = StepTeleoperator,

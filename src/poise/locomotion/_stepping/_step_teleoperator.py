@@ -1,7 +1,7 @@
 """`StepTeleoperator`: from foot devices and sensors to a stack, with its `TeleopStatus`."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,23 +13,14 @@ from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._by_torque import POSTURE_WEIGHT, TorqueLevel
-from poise.locomotion._stepping._by_velocity import (
-    ComDriver,
-    ShifterDriver,
-    VelocityLevel,
-    check_sway,
-    velocity_numbers,
-)
-from poise.locomotion._stepping._feet import Level, OperatorTick
-from poise.locomotion._stepping._operator import (
+from poise.locomotion._stepping._guard import DeviceStatus, OperatorGuard
+from poise.locomotion._stepping._hands import GazeLeader, HandLeader, HandStatus
+from poise.locomotion._stepping._sample import (
     NOWHERE,
     BodyCommand,
     Device,
-    DeviceStatus,
-    OperatorGuard,
     OperatorSample,
     TrackedPose,
-    Vector,
 )
 from poise.locomotion._stepping._stance import (
     Footing,
@@ -40,7 +31,8 @@ from poise.locomotion._stepping._stance import (
     checked_start,
     scaled_parameters,
 )
-from poise.locomotion._stepping._upper_body import GazeLeader, HandLeader, HandStatus
+from poise.locomotion._stepping._velocity_level import ComDriver, VelocityLevel, check_sway
+from poise.locomotion._stepping._velocity_tasks import velocity_numbers
 from poise.locomotion._support import Rotation, SupportPolygon, Vector2, Vector3, two_soles
 from poise.locomotion._walking import Mode, StepEnd, mean_angle, yaw_of
 from poise.robots import Robot
@@ -88,43 +80,6 @@ class TeleopStatus:
     hand_rotations: tuple[Rotation | None, ...] = ()
     gaze: HandStatus | None = None
     ended: StepEnd | None = None
-
-    def signals(
-        self, soles: Sequence[str], hands: Sequence[str]
-    ) -> Mapping[str, np.ndarray | float | str]:
-        """The same by name, as a recorder keeps it.
-
-        What is estimated is under `estimate/`, for `com` and `zmp` are the plant's.
-
-        Args:
-            soles: names of the soles, left and right.
-            hands: names of the hands.
-        """
-        support, sample = self.mode.support if self.mode.single else None, self.sample
-        left, right = (None, None) if sample is None else (sample.place(0), sample.place(1))
-        return {
-            **{f"planned/{sole}": float(support in (None, i)) for i, sole in enumerate(soles)},
-            **{f"target/{hand}": at for hand, at in zip(hands, self.hand_targets, strict=True)},
-            "target/left device": _place(left),
-            "target/right device": _place(right),
-            "foot_target": _place(self.target),
-            "zmp_reference": self.zmp_reference,
-            "estimate/zmp": self.zmp,
-            "estimate/cart_table_zmp": self.cart_table_zmp,
-            "estimate/com": self.com,
-            "estimate/soles": np.array(self.soles),
-            "estimate/loads": self.loads,
-            "estimate/tilt": self.tilt,
-            "mode": self.mode.name,
-            "device": self.device.name,
-            "hands": ", ".join([hand.name for hand in self.hands]),
-            "gaze": "" if self.gaze is None else self.gaze.name,
-            "step_end": "" if self.ended is None else self.ended.name,
-        }
-
-
-def _place(place: Vector | Vector3 | None) -> Vector3:
-    return np.array(NOWHERE if place is None else place)
 
 
 _STRAIGHT = 0.1
@@ -189,7 +144,7 @@ class StepTeleoperator:
         parameters: TeleopParameters | None = None,
         q_start: Float64[np.ndarray, " nq"] | None = None,
         rotator: bool = True,
-        driver: ComDriver | None = None,
+        driver: ComDriver | ComShifter | None = None,
         actuation: str = "torque",
         solved_by: str | None = None,
         servo_gains: tuple[float, float] = (70.0, 2.5),
@@ -200,7 +155,6 @@ class StepTeleoperator:
         self.soles = two_soles(robot)
         q_start = checked_start(robot, q_start)
         self.actuation = checked_actuation(actuation)
-        _check_driver(driver, actuation)
         self.solved_by = _checked_controller(solved_by, actuation)
         servos = actuation == "velocity"
         self._biped = biped = biped_of(robot, q_start)
@@ -211,16 +165,14 @@ class StepTeleoperator:
         )
         self.estimator = StanceEstimator(biped, q_start, p.dt, inertial=not servos)
         self.zmp_sensor = self.estimator.sense
-        if servos:
-            _check_straight(self._faces())
+        _check_start(actuation, driver, self._faces())
         self._numbers = numbers = replace(velocity_numbers(biped), **(_numbers or {}))
         if driver is None:
-            shifter = ComShifter(biped.height, kp=p.kp, acceleration_max=numbers.acceleration_max)
-            driver = ShifterDriver(shifter)
+            driver = ComShifter(biped.height, kp=p.kp, acceleration_max=numbers.acceleration_max)
         self.driver = driver
-        if servos and isinstance(driver, ShifterDriver):
+        if servos and isinstance(driver, ComShifter):
             dynamics, leak = self.estimator.dynamics, numbers.velocity_leak
-            check_sway(biped, dynamics, driver.shifter, servo_gains, leak)
+            check_sway(biped, dynamics, driver, servo_gains, leak)
         reach = biped.foot_range(p, servos=servos)
         self.hands = HandLeader(
             robot,
@@ -239,7 +191,7 @@ class StepTeleoperator:
             servos=servos,
         )
         limbs = [task for task in (self.hands.task, self.gaze.task) if task is not None]
-        self._level: Level
+        self._level: VelocityLevel | TorqueLevel
         if servos:
             self._level = VelocityLevel(
                 biped, p, numbers, reach, self.estimator, limbs, driver, rotator=rotator
@@ -335,7 +287,30 @@ class StepTeleoperator:
         and head do; and what is estimated, under `estimate/`, for `com` and `zmp` are the plant's.
         """
         status = self.status
-        return {} if status is None else status.signals(self.soles, self.hands.names)
+        if status is None:
+            return {}
+        mode, sample = status.mode, status.sample or OperatorSample()
+        carries = mode.support if mode.single else None
+        hands = zip(self.hands.names, status.hand_targets, strict=True)
+        return {
+            **{f"planned/{name}": float(carries in (None, i)) for i, name in enumerate(self.soles)},
+            **{f"target/{name}": place for name, place in hands},
+            "target/left device": np.array(sample.place(0)),
+            "target/right device": np.array(sample.place(1)),
+            "foot_target": np.array(NOWHERE if status.target is None else status.target),
+            "zmp_reference": status.zmp_reference,
+            "estimate/zmp": status.zmp,
+            "estimate/cart_table_zmp": status.cart_table_zmp,
+            "estimate/com": status.com,
+            "estimate/soles": np.array(status.soles),
+            "estimate/loads": status.loads,
+            "estimate/tilt": status.tilt,
+            "mode": mode.name,
+            "device": status.device.name,
+            "hands": ", ".join([hand.name for hand in status.hands]),
+            "gaze": "" if status.gaze is None else status.gaze.name,
+            "step_end": "" if status.ended is None else status.ended.name,
+        }
 
     def lead(self, state: RobotState) -> None:
         """Sets contacts, velocities and weights of the stack for the tick that begins.
@@ -360,29 +335,19 @@ class StepTeleoperator:
         self.gaze.lead(guard)
         if command is not None:
             self._body = command.body
-        left, right = self._body.turns
-        walked = self._level.lead(
-            state,
-            OperatorTick(
-                guard=guard,
-                command=command,
-                body=self._body,
-                torso=self._torso(),
-                turns=(self._ahead + left, self._ahead + right),
-                upright=command is not None and command.upright,
-            ),
-        )
-        if walked:
+        if self._level.lead(state, guard, command, self._led_body()):
             self._ahead = self._faces()
 
     def _faces(self) -> float:
         """Heading of the feet, to the left of the world's x axis [rad]."""
         return mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))
 
-    def _torso(self) -> tuple[float, float, float]:
-        """Return the torso's turn: as commanded, and to look where a neck cannot [rad]."""
-        (roll, pitch, yaw), (_, down, left) = self._body.torso, self.gaze.torso
-        return (roll, pitch + down, yaw + left)
+    def _led_body(self) -> BodyCommand:
+        """Add to the command the torso's turn to look where a neck cannot, and `ahead` to feet."""
+        body, (_, down, aside) = self._body, self.gaze.torso
+        (roll, pitch, yaw), (left, right) = body.torso, body.turns
+        turns = self._ahead + left, self._ahead + right
+        return BodyCommand(body.height, (roll, pitch + down, yaw + aside), turns)
 
     def _describe(self, footing: Footing) -> TeleopStatus:
         tick, heading = self._level.outcome(footing), footing.heading.tolist()
@@ -407,23 +372,19 @@ class StepTeleoperator:
         )
 
 
-def _check_straight(ahead: float) -> None:
-    """Refuses a start that is turned, for velocities."""
-    if abs(ahead) > _STRAIGHT:
+def _check_start(actuation: str, driver: ComDriver | ComShifter | None, ahead: float) -> None:
+    """Refuse another driver than the COM shifter for torques, a turned start for velocities."""
+    if actuation == "velocity" and abs(ahead) > _STRAIGHT:
         raise ConfigurationError(
             "at velocity level soles keep the world's yaw, and the robot starts turned",
             got=f"{ahead:.2f} rad",
             wanted="feet along the world's x axis, or torques",
         )
-
-
-def _check_driver(driver: ComDriver | None, actuation: str) -> None:
-    """Refuse another driver than the COM shifter where torques are commanded."""
-    if actuation == "torque" and not (driver is None or isinstance(driver, ShifterDriver)):
+    if actuation == "torque" and not (driver is None or isinstance(driver, ComShifter)):
         raise ConfigurationError(
             "torques need the COM shifter, whose feedback is on what is measured",
             got=type(driver).__name__,
-            wanted="ShifterDriver, or none",
+            wanted="ComShifter, or none",
         )
 
 

@@ -2,7 +2,7 @@
 
 from poise.locomotion._walking._commands import VelocityLimits as VelocityLimits
 from poise.locomotion._walking._engine import SteppingEngine as SteppingEngine
-from poise.locomotion._walking._flight import HeldFlight as HeldFlight
+from poise.locomotion._walking._flight import CLEAR as CLEAR, HeldFlight as HeldFlight
 from poise.locomotion._walking._footsteps import (
     Footstep as Footstep,
     FootstepPlan as FootstepPlan,
@@ -48,7 +48,6 @@ from poise.locomotion._walking._settings import (
     WalkSettings as WalkSettings,
     WalkStatus as WalkStatus,
 )
-from poise.locomotion._walking._swing import CLEAR as CLEAR
 from poise.locomotion._walking._tasks import (
     CarriedTarget as CarriedTarget,
     stepping_stack as stepping_stack,

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from poise.locomotion._support import Point, SupportPolygon, side
-from poise.locomotion._walking._dcm import DcmMotion, FeetAt, LegMomentum
-from poise.locomotion._walking._flight import Flight, HeldFlight
+from poise.locomotion._walking._dcm import DcmMotions, FeetAt, LegMomentum
+from poise.locomotion._walking._flight import HeldFlight
 from poise.locomotion._walking._footsteps import Gait, Stand
 from poise.locomotion._walking._ground import Placement
 from poise.locomotion._walking._legs import Leg
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._stance import Stance
-from poise.locomotion._walking._swing import FIXED, Motion, SwingPose, least_jerk_towards
+from poise.locomotion._walking._swing import FIXED, Motion, least_jerk_towards
 from poise.locomotion._walking._tasks import CarriedTarget, ComMotion
 
 _FALL = 1.0
@@ -41,7 +41,6 @@ class BodyMotion:
         self.heading: Motion = (0.0, 0.0, 0.0)  # with rates [rad]
 
     def begin(self, mass: Point, height: float, heading: float) -> None:
-        """Begins at rest."""
         self._mass = mass
         self.rise, self.heading = (height, 0.0, 0.0), (heading, 0.0, 0.0)
 
@@ -52,7 +51,7 @@ class BodyMotion:
         self.rise = least_jerk_towards(self.rise, height, time, dt)
         self.heading = least_jerk_towards(self.heading, heading, time, dt)
 
-    def follow(self, dcm: tuple[DcmMotion, DcmMotion], dt: float) -> tuple[Point, Point, Point]:
+    def follow(self, dcm: DcmMotions, dt: float) -> tuple[Point, Point, Point]:
         """Move C on, C' = omega (xi - C); return it with its rates."""
         (x, vx), (y, vy) = dcm
         w, kept = self._omega, math.exp(-self._omega * dt)
@@ -96,7 +95,7 @@ class BodyHeight:
     def goal(
         self,
         stance: Stance,
-        flight: Flight | HeldFlight | None,
+        flight: HeldFlight | None,
         now: float,
         *,
         slow: bool,
@@ -110,7 +109,7 @@ class BodyHeight:
         if flight is not None:
             foot = feet[1 - flight.foot]
             # A foot that looks for the ground takes the body down with it.
-            sought = min(flight.goal.position[2], float(flight.swing.position[2]))
+            sought = min(flight.goal.position[2], float(flight.position[2]))
             low, yaw = min(foot.position[2], sought), 0.5 * (foot.yaw + flight.goal.yaw)
             time, feet[flight.foot] = flight.left, flight.goal
         asked = self._height + offset
@@ -143,38 +142,38 @@ class MeasuredPendulum:
         self._legs, self._rise = legs, rise
         self._sense, self._stance, self._body = sense, stance, body
 
-    def places(self, flight: Flight | HeldFlight | None) -> FeetAt:
+    def places(self, flight: HeldFlight | None) -> FeetAt:
         """Return the positions of both feet [m]."""
         left, right = self._stance.feet
         a, b = left.position[:2], right.position[:2]
         if flight is None:
             return a, b
-        place = self.swing_place(flight.swing)
+        place = self.swing_place(flight)
         return (place, b) if flight.foot == 0 else (a, place)
 
-    def rates(self, flight: Flight | HeldFlight | None) -> tuple[FeetAt, FeetAt]:
+    def rates(self, flight: HeldFlight | None) -> tuple[FeetAt, FeetAt]:
         """Return velocities [m/s] and accelerations [m/s^2] of both feet."""
         if flight is None:
             still = _of_one(0, (0.0, 0.0))
             return still, still
-        swing, foot = flight.swing, flight.foot
         velocity, acceleration = (
-            self._counted(*row[:3].tolist()) for row in (swing.velocity, swing.acceleration)
+            _of_one(flight.foot, self._counted(*row[:3].tolist()))
+            for row in (flight.velocity, flight.acceleration)
         )
-        return _of_one(foot, velocity), _of_one(foot, acceleration)
+        return velocity, acceleration
 
-    def swing_place(self, swing: SwingPose) -> Point:
+    def swing_place(self, flight: HeldFlight) -> Point:
         """Return the position of the swing foot, whose height counts [m]."""
-        x, y, z = swing.position.tolist()
+        x, y, z = flight.position.tolist()
         # Over that line: feet that stand count where they are, on whatever step.
-        return self._counted(x, y, z - swing.slant)
+        return self._counted(x, y, z - flight.slant)
 
     def _counted(self, x: float, y: float, z: float) -> Point:
         """Place of a foot along the ground, or a rate of it, its height counted in."""
         heading = self._body.heading[0]
         return x + self._rise * math.cos(heading) * z, y + self._rise * math.sin(heading) * z
 
-    def mass(self, flight: Flight | HeldFlight | None) -> tuple[Point, Point]:
+    def mass(self, flight: HeldFlight | None) -> tuple[Point, Point]:
         """Return C [m] and its velocity [m/s]."""
         feet = self.places(flight)
         velocities = _of_one(0, (0.0, 0.0))
@@ -184,12 +183,12 @@ class MeasuredPendulum:
         (x, y, _), (vx, vy, _) = self._sense.com, self._sense.com_velocity
         return self._legs.joined((x, y), feet), self._legs.joined((vx, vy), velocities)
 
-    def xi(self, flight: Flight | HeldFlight | None) -> Point:
+    def xi(self, flight: HeldFlight | None) -> Point:
         """The DCM [m]."""
         (x, y), (vx, vy) = self.mass(flight)
         return x + vx / self._legs.omega, y + vy / self._legs.omega
 
-    def depth(self, flight: Flight | HeldFlight | None, support: SupportPolygon) -> float:
+    def depth(self, flight: HeldFlight | None, support: SupportPolygon) -> float:
         """Return the depth of the DCM inside a region of the ZMP, negative outside [m]."""
         return support.depth(self._legs.parted(self.xi(flight), self.places(flight)))
 

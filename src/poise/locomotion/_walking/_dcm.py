@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._support import Point, Rotation, SupportPolygon
+from poise.locomotion._support import Point, SupportPolygon
 from poise.robots import Robot
 
 FeetAt = tuple[Point, Point]
@@ -29,52 +29,36 @@ def leg_ratios(robot: Robot, q: Float64[np.ndarray, " nq"], soles: tuple[str, st
     pin.updateFramePlacements(model, data)
     momentum = pin.computeCentroidalMap(model, data, q)
     height = float(pin.centerOfMass(model, data, q)[2])
-    ahead: list[float] = []
-    rise: list[float] = []
+    ratios: list[Point] = []
     for sole in soles:
         frame = robot.frame_id(sole)
         jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
         leg = [model.joints[j].idx_v for j in robot.joints_above(sole) if j > 1]
         lever = robot.mass * (height - float(data.oMf[frame].translation[2]))
-        c, s = _facing(data.oMf[frame].rotation)
+        facing = data.oMf[frame].rotation[:2, 0]
+        c, s = facing / np.linalg.norm(facing)
         ways = np.array([[c, s, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]).T
         motions = np.linalg.lstsq(jacobian[:, leg], ways, rcond=None)[0]
         about_left = c * momentum[4, leg] - s * momentum[3, leg]
         x, z = (-about_left @ motions / lever).tolist()
-        ahead.append(x)
-        rise.append(z / x)
-    return LegRatios(float(np.mean(ahead)), float(np.mean(rise)))
-
-
-def _facing(rotation: Rotation) -> Point:
-    """Return the heading of a sole along the ground."""
-    x, y = float(rotation[0, 0]), float(rotation[1, 0])
-    length = math.hypot(x, y)
-    return x / length, y / length
+        ratios.append((x, z / x))
+    return LegRatios(*np.mean(ratios, axis=0).tolist())
 
 
 class LegMomentum:
-    """The linear inverted pendulum of a robot whose legs are not light.
+    """The linear inverted pendulum of a robot whose legs are not light."""
 
-    A leg that swings has angular momentum, which the ground has to give: with
-    L_y = -m h beta (p' - c') for each foot p, the ZMP z and the COM c,
-
-        c'' = omega^2 (c - z) + beta sum (p'' - c'')
-
-    so C = (1 + 2 beta) c - beta (p_left + p_right), roughly the COM of everything but the legs,
-    moves as the COM of the plain pendulum does, C'' = W^2 (C - Z), with Z made of z in the same way
-    and W^2 = omega^2 / (1 + 2 beta). It is the pendulum with three masses. All that is known of the
-    plain one holds for C, Z and C + C' / W. A foot that rises turns its leg as one does that moves
-    ahead, so its height counts as a way ahead, `LegRatios.rise` times.
-
-    Attributes:
-        beta: of each leg.
-        factor: 1 + 2 beta.
-        omega: W [1/s].
-    """
+    # A leg that swings has angular momentum, which the ground has to give: with
+    # L_y = -m h beta (p' - c') for each foot p, the ZMP z and the COM c,
+    #     c'' = omega^2 (c - z) + beta sum (p'' - c'')
+    # so C = (1 + 2 beta) c - beta (p_left + p_right) moves as the COM of the plain pendulum does,
+    # C'' = W^2 (C - Z), with Z made of z in the same way and W^2 = omega^2 / (1 + 2 beta). A foot
+    # that rises turns its leg as one does that moves ahead: its height counts `LegRatios.rise`
+    # times as a way ahead.
 
     def __init__(self, beta: float, omega: float) -> None:
         self.beta, self.factor = beta, 1.0 + 2.0 * beta
+        # W [1/s]
         self.omega = omega / math.sqrt(self.factor)
 
     def joined(self, body: Point, feet: FeetAt) -> Point:
@@ -157,6 +141,9 @@ def transfer_gain(legs: LegMomentum, times: StepTimes) -> float:
 DcmMotion = tuple[float, float]
 """Position [m] and velocity [m/s] of xi along one axis."""
 
+DcmMotions = tuple[DcmMotion, DcmMotion]
+"""The same along x and y."""
+
 
 def hermite_step(now: DcmMotion, goal: DcmMotion, left: float, dt: float) -> DcmMotion:
     """One tick along the cubic that is at a goal, as fast as that asks for, in the time left."""
@@ -176,30 +163,20 @@ _FADE = 0.05
 
 
 class DcmFeedback:
-    """Feedback of the DCM, inside the soles.
+    """Feedback of the DCM, inside the soles (Englsberger, Ott, Albu-Schaeffer 2015)."""
 
-    With xi = c + cdot / omega and the reference's own ZMP r_ref = c_ref - cdd_ref / omega^2,
-
-        r = r_ref + (1 + k / omega) (xi - xi_ref)        taken into the support polygon
-        cdd = omega^2 (c - r)
-
-    as Englsberger, Ott, Albu-Schaeffer (2015, "Three-Dimensional Bipedal Walking Control Based on
-    Divergent Component of Motion") have it; the error dies out with the rate k while the ZMP is
-    free.
-
-    Attributes:
-        error: of the DCM, xi - xi_ref [m].
-        zmp: r [m].
-    """
+    # With xi = c + c' / omega and the reference's own ZMP r_ref = c_ref - c_ref'' / omega^2,
+    #     r = r_ref + (1 + k / omega) (xi - xi_ref), taken into the support polygon
+    #     c'' = omega^2 (c - r)
+    # The error dies out with the rate k while the ZMP is free.
 
     def __init__(self, omega: float, gain: float) -> None:
         self.omega, self._gain = omega, gain
-        self.zmp = (0.0, 0.0)
+        self.zmp = (0.0, 0.0)  # r [m]
         self.begin()
 
     def begin(self) -> None:
-        """Forgets the error."""
-        self.error = self._offset = (0.0, 0.0)
+        self.error = self._offset = (0.0, 0.0)  # of the DCM, xi - xi_ref [m]
         self._continues_from: Point | None = None
 
     def continue_from(self, zmp: Point) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from poise._checks import all_finite, is_time
 from poise.dynamics import RobotState
-from poise.locomotion._support import SolePart, Vector2
+from poise.locomotion._support import Vector2
 from poise.locomotion._walking._body import LOWEST
 from poise.locomotion._walking._dcm import DcmFeedback, JoinedSupport
 from poise.locomotion._walking._footsteps import FootstepPlan
@@ -46,7 +46,7 @@ class SteppingEngine:
             area.forget()
         parts = self.parts = self._make()
         self.commands, self.status = parts.commands, WalkStatus.READY
-        self._steps = StepPhases(parts)
+        self.steps = StepPhases(parts)
         self._feedback = DcmFeedback(parts.legs.omega, parts.settings.dcm_gain)
         self._hang_watch = HangWatch(parts.sense, parts.tasks.contacts)
         self._watch = TroubleWatch(parts.sense, parts.settings, parts.height)
@@ -55,32 +55,21 @@ class SteppingEngine:
 
     def hold(self, motion: FootMotion | None) -> None:
         """Set the motion of feet; without one, a foot that is held makes a capture step."""
-        self._steps.motion = motion
-
-    @property
-    def steps(self) -> StepPhases:
-        """Phases of the steps."""
-        return self._steps
+        self.steps.motion = motion
 
     @property
     def mode(self) -> Mode:
-        """Feet that carry the robot."""
-        return self._steps.mode
+        return self.steps.mode
 
     @property
     def overrules(self) -> bool:
         """True while the engine steps by itself, or no foot carries the robot."""
-        return self._hanging is not None or (self.mode is not Mode.D and not self._steps.held)
+        return self._hanging is not None or (self.mode is not Mode.D and not self.steps.held)
 
     @property
     def at_rest(self) -> bool:
         """True while both feet stand and hold the DCM, and nothing is wrong."""
-        return self.status.ok and self.mode is Mode.D and self._steps.is_held()
-
-    @property
-    def sole_parts(self) -> list[SolePart | None]:
-        """Loaded area of each sole, left then right; None for all of it."""
-        return self.parts.stance.parts
+        return self.status.ok and self.mode is Mode.D and self.steps.is_held()
 
     @property
     def dcm_error(self) -> Vector2:
@@ -90,14 +79,14 @@ class SteppingEngine:
     @property
     def zmp(self) -> Vector2:
         """Reference of the ZMP, feedback included [m]."""
-        feet = self.parts.pendulum.places(self._steps.flight)
+        feet = self.parts.pendulum.places(self.steps.flight)
         return np.array(self.parts.legs.parted(self._feedback.zmp, feet))
 
     def lead(self, state: RobotState) -> None:
         """Set what the next tick should do; a state that is not finite is passed over."""
-        if not _is_finite(state):
+        if not (is_time(state.time) and all_finite(state.q) and all_finite(state.v)):
             return
-        parts, steps = self.parts, self._steps
+        parts, steps = self.parts, self.steps
         dt = 0.0 if self._time is None else min(max(state.time - self._time, 0.0), LONGEST_TICK)
         self._time = state.time
         parts.sense.update(state)
@@ -123,9 +112,8 @@ class SteppingEngine:
         self._announce_step()
 
     def _is_stopped_by_trouble(self, state: RobotState, dt: float) -> bool:
-        """Respond as `RESPONSES` lists."""
         error = math.hypot(*self._feedback.error)
-        flight = self._steps.flight
+        flight = self.steps.flight
         trouble = self._watch.look(flight, error, dt)
         self.status = trouble or self._plain_status
         response = NO_RESPONSE if trouble is None else RESPONSES[trouble]
@@ -149,17 +137,17 @@ class SteppingEngine:
         parts = self.parts
         if self._hanging is None:
             self._hanging = Hanging(state, parts.sense, parts.tasks)
-            self._steps.stand()
+            self.steps.stand()
             # Put down again, it stands until another command.
             self.commands.stop()
-        mass, _ = parts.pendulum.mass(self._steps.flight)
+        mass, _ = parts.pendulum.mass(self.steps.flight)
         self._hanging.follow(state, parts.body, mass)
         self._announce_step()
 
     def _announce_step(self) -> None:
         limit = self._stack.balance_limit
         if limit.enabled:
-            self._steps.announce(limit)
+            self.steps.announce(limit)
 
     def _begin(self) -> None:
         parts = self.parts
@@ -170,13 +158,13 @@ class SteppingEngine:
                     return
         self.status = WalkStatus.STANDING
         self._feedback.begin()
-        self._steps.begin()
-        mass, _ = parts.pendulum.mass(self._steps.flight)
+        self.steps.begin()
+        mass, _ = parts.pendulum.mass(self.steps.flight)
         parts.body.begin(mass, parts.sense.com[2], parts.stance.heading)
 
     def _keep_balance(self, dt: float, *, holds: bool) -> None:
         """Lead the CoM, and what goes along with it, along the DCM reference."""
-        parts, steps = self.parts, self._steps
+        parts, steps = self.parts, self.steps
         goal = parts.rise.goal(
             parts.stance,
             steps.flight,
@@ -201,7 +189,3 @@ class SteppingEngine:
         )
         parts.tasks.lead_com(parts.sense, motion, parted(acceleration, accelerations))
         parts.body.carry(motion)
-
-
-def _is_finite(state: RobotState) -> bool:
-    return is_time(state.time) and all_finite(state.q) and all_finite(state.v)

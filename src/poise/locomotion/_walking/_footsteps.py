@@ -14,9 +14,9 @@ from poise._checks import Numbers, checked_kind
 from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._support import Point, SolePart, Vector3, bearing, two_soles
+from poise.locomotion._support import Point, SolePart, bearing, two_soles
 from poise.locomotion._walking._ground import CLEARANCE, Ground, Placement, wrapped, yaw_of
-from poise.locomotion._walking._swing import SwingShape, clear_swing
+from poise.locomotion._walking._swing import clear_swing
 from poise.robots import Robot
 from poise.stack import checked_target
 
@@ -130,7 +130,6 @@ class Footstep:
 
     foot: int  # which foot swings, 0 for the left, 1 for the right
     goal: Placement  # foothold
-    shape: SwingShape  # of the swing that brings it there
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -172,18 +171,37 @@ class Stand:
         return x, y, z
 
 
+_FLAT = 0.05
+"""Soles tilted more than this do not stand on the ground [rad]."""
+
+
 def stand_of(robot: Robot, q: Numbers | None = None) -> Stand:
     """Return how a robot stands in a posture, in its home one when None."""
     left, right = two_soles(robot)
     posture = robot.q_home if q is None else checked_target(q, robot.nq, "q of the walk")
-    start, com = _standing_soles(robot, (left, right), posture)
-    size_left, size_right = ((robot.soles[s].length, robot.soles[s].width) for s in (left, right))
+    model, data = robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, posture)
+    start: list[Placement] = []
+    for name in (left, right):
+        pose = data.oMf[robot.frame_id(name)]
+        if math.acos(min(1.0, float(pose.rotation[2, 2]))) > _FLAT:
+            raise ConfigurationError(
+                f"{name} does not lie flat at the beginning of the walk",
+                got=pose.rotation.round(3).tolist(),
+                wanted="a robot that stands on its soles",
+            )
+        x, y, z = pose.translation.tolist()
+        start.append(Placement(position=(x, y, z), yaw=yaw_of(pose.rotation)))
+    x, y, z = pin.centerOfMass(model, data, posture).tolist()
+    size_left, size_right = ((s.length, s.width) for s in (robot.soles[left], robot.soles[right]))
+    # Headings are counted on from the left foot's, so that no difference is a whole turn.
+    yaw = start[0].yaw + wrapped(start[1].yaw - start[0].yaw)
     return Stand(
         soles=(left, right),
         sizes=(size_left, size_right),
-        start=start,
+        start=(start[0], replace(start[1], yaw=yaw)),
         q=posture.copy(),
-        com=com,
+        com=(x, y, z),
         bearings=(bearing(robot, left, 1.0), bearing(robot, right, -1.0)),
     )
 
@@ -262,29 +280,38 @@ class FootstepPlan(Stand):
                     choices=soles,
                 )
             foot = soles.index(sole)
-            goal = _lying(
-                checked_target(place, 3, f"foothold {i} of the plan"),
-                feet[foot],
-                sizes[foot],
-                ground,
-            )
-            shape = clear_swing(feet[foot], goal, sizes[foot], gait.swing_height, ground, i)
-            steps.append(Footstep(foot=foot, goal=goal, shape=shape))
+            before, size = feet[foot], sizes[foot]
+            x, y, yaw = checked_target(place, 3, f"foothold {i} of the plan").tolist()
+            # A heading is the same a whole turn on; the foot goes the shorter way.
+            yaw += 2.0 * math.pi * round((before.yaw - yaw) / (2.0 * math.pi))
+            level = ground.level_under(Placement(position=(x, y, 0.0), yaw=yaw), size)
+            if level is None:
+                raise ConfigurationError(
+                    f"the foothold at x = {x:.3f} m, y = {y:.3f} m does not carry the whole sole",
+                    got="an edge under it",
+                    wanted="one height under the sole",
+                )
+            goal = Placement(position=(x, y, level), yaw=yaw)
+            height = gait.swing_height
+            if ground.platforms and not clear_swing(before, goal, size, height, ground):
+                raise ConfigurationError(
+                    f"step {i} of the walk would knock against a platform",
+                    got=f"swing_height {height:g} m",
+                    wanted="a higher swing, or other steps",
+                )
+            steps.append(Footstep(foot=foot, goal=goal))
             feet[foot] = goal
         return cls(**vars(stand), steps=tuple(steps), gait=gait, ground=ground)
 
     def _check_apart(self, done: int) -> None:
         left, right = self.placements(done)
-        if not _finite(left) or not _finite(right):
-            raise ConfigurationError(
-                f"step {done} of the plan is not finite", got=(left, right), wanted="numbers"
-            )
         yaw = 0.5 * (left.yaw + right.yaw)
         dx = left.position[0] - right.position[0]
         dy = left.position[1] - right.position[1]
         apart = -math.sin(yaw) * dx + math.cos(yaw) * dy
         needed = self.clearance + beside(self.sizes, left.yaw - right.yaw)
-        if apart < needed:
+        finite = all(map(math.isfinite, (*left.position, left.yaw, *right.position, right.yaw)))
+        if not (finite and apart >= needed):
             raise ConfigurationError(
                 f"step {done} of the plan brings the feet together or across each other",
                 got=f"{apart:.3f} m from the right sole's centre to the left one's",
@@ -324,57 +351,9 @@ def beside(sizes: Sequence[Point], yaw: float) -> float:
     return sum(0.5 * (width * c + length * s) for length, width in sizes)
 
 
-def _finite(placement: Placement) -> bool:
-    return all(math.isfinite(value) for value in (*placement.position, placement.yaw))
-
-
-def _lying(
-    place: Vector3, before: Placement, size: tuple[float, float], ground: Ground
-) -> Placement:
-    """A sole on the ground at x, y [m] with a heading [rad]."""
-    x, y, yaw = place.tolist()
-    # A heading is the same a whole turn on; the foot goes the shorter way.
-    yaw += 2.0 * math.pi * round((before.yaw - yaw) / (2.0 * math.pi))
-    height = ground.level_under(Placement(position=(x, y, 0.0), yaw=yaw), size)
-    if height is None:
-        raise ConfigurationError(
-            f"the foothold at x = {x:.3f} m, y = {y:.3f} m does not carry the whole sole",
-            got="an edge under it",
-            wanted="one height under the sole",
-        )
-    return Placement(position=(x, y, height), yaw=yaw)
-
-
 def level_floor(start: tuple[Placement, Placement]) -> Ground:
     """A floor as high as the soles that stand on it."""
     return Ground(height=0.5 * sum(p.position[2] for p in start))
-
-
-_FLAT = 0.05
-"""Soles tilted more than this do not stand on the ground [rad]."""
-
-
-def _standing_soles(
-    robot: Robot, soles: tuple[str, str], q: Float64[np.ndarray, " nq"]
-) -> tuple[tuple[Placement, Placement], tuple[float, float, float]]:
-    """Return soles and centre of mass of a posture."""
-    model, data = robot.model, robot.model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    found: list[Placement] = []
-    for name in soles:
-        pose = data.oMf[robot.frame_id(name)]
-        if math.acos(min(1.0, float(pose.rotation[2, 2]))) > _FLAT:
-            raise ConfigurationError(
-                f"{name} does not lie flat at the beginning of the walk",
-                got=pose.rotation.round(3).tolist(),
-                wanted="a robot that stands on its soles",
-            )
-        x, y, z = pose.translation.tolist()
-        found.append(Placement(position=(x, y, z), yaw=yaw_of(pose.rotation)))
-    x, y, z = pin.centerOfMass(model, data, q).tolist()
-    # Headings are counted on from the left foot's, so that no difference is a whole turn.
-    right = replace(found[1], yaw=found[0].yaw + wrapped(found[1].yaw - found[0].yaw))
-    return (found[0], right), (x, y, z)
 
 
 _EDGE = 0.015
@@ -421,8 +400,17 @@ def plan_footsteps(
     ground = ground or level_floor(start)
     width = gait.width if gait.width is not None else stand.width
     footholds: list[tuple[str, Numbers]] = []
-    for i, (foot, body) in enumerate(_body_path(start, strides), 1):
-        footholds.append((soles[foot], _foothold(foot, body, width, sizes[foot], ground, i)))
+    for i, (foot, (x, y, yaw)) in enumerate(_body_path(start, strides), 1):
+        out = (0.5 - foot) * width
+        x, y = x - out * math.sin(yaw), y + out * math.cos(yaw)
+        found = level_place((x, y, yaw), sizes[foot], ground)
+        if found is None:
+            raise ConfigurationError(
+                f"step {i} of the walk finds no place that carries the whole sole",
+                got=f"x = {x:.3f} m, y = {y:.3f} m",
+                wanted=f"one height under the sole within {_FARTHEST:g} m ahead or behind",
+            )
+        footholds.append((soles[foot], (*found.position[:2], yaw)))
     return FootstepPlan.from_footholds(robot, footholds, gait, q=stand.q, ground=ground)
 
 
@@ -438,8 +426,8 @@ def _body_path(
     bodies: list[tuple[int, tuple[float, float, float]]] = []
     for stride in strides:
         for _ in range(stride.steps):
-            side = stride.sideways if (stride.sideways > 0.0) == (foot == 0) else 0.0
-            turn = stride.turn if (stride.turn > 0.0) == (foot == 0) else 0.0
+            out = 1 - 2 * foot
+            side, turn = (out * max(out * way, 0.0) for way in (stride.sideways, stride.turn))
             middle = yaw + turn
             x += stride.length * math.cos(middle) - 2.0 * side * math.sin(middle)
             y += stride.length * math.sin(middle) + 2.0 * side * math.cos(middle)
@@ -448,28 +436,6 @@ def _body_path(
             foot = 1 - foot
     bodies.append((foot, (x, y, yaw)))
     return bodies
-
-
-def _foothold(
-    foot: int,
-    body: tuple[float, float, float],
-    width: float,
-    size: tuple[float, float],
-    ground: Ground,
-    number: int,
-) -> tuple[float, float, float]:
-    """The place of a foot beside the body, or the nearest ahead or behind that carries it all."""
-    x, y, yaw = body
-    side = 0.5 * width if foot == 0 else -0.5 * width
-    x, y = x - side * math.sin(yaw), y + side * math.cos(yaw)
-    found = level_place((x, y, yaw), size, ground)
-    if found is None:
-        raise ConfigurationError(
-            f"step {number} of the walk finds no place that carries the whole sole",
-            got=f"x = {x:.3f} m, y = {y:.3f} m",
-            wanted=f"one height under the sole within {_FARTHEST:g} m ahead or behind",
-        )
-    return (*found.position[:2], yaw)
 
 
 def level_place(

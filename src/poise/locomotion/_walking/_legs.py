@@ -215,9 +215,8 @@ class LegRoom(NamedTuple):
 
     def bounds(self, yaw: float, *, far: bool = False) -> StepBounds:
         """Return the region of a foothold."""
-        ahead = self.far if far else self.ahead
         near = min(self.near(yaw), self.width)
-        return StepBounds(-ahead, ahead, near, self.wide, ahead, self.width)
+        return StepBounds(near, self.wide, self.far if far else self.ahead, self.width)
 
 
 GIVES = 0.01

@@ -2,17 +2,21 @@
 
 import math
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-import pinocchio as pin
-from jaxtyping import Float64
 
-from poise.locomotion._support import Point, SupportPolygon, sole_rectangle
+from poise.locomotion._support import (
+    Point,
+    Rotation,
+    SupportPolygon,
+    Vector3,
+    sole_rectangle,
+)
 from poise.locomotion._walking._commands import Foothold
-from poise.locomotion._walking._dcm import REST_TIME, DcmMotion, hermite_step
+from poise.locomotion._walking._dcm import REST_TIME, DcmMotions, hermite_step
 from poise.locomotion._walking._flight import Flight, HeldFlight
-from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._ground import Placement, turn_to_left
 from poise.locomotion._walking._modes import (
     CATCH,
     LIFT,
@@ -49,8 +53,10 @@ _HOVERING, _BOUNCES = 0.01, 0.15
 later than this after it landed [s], has not landed."""
 
 
-_Rest = Callable[[int, Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]], Point]
-_Region = Callable[[int, Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]], SupportPolygon]
+T = TypeVar("T")
+
+_Part = Callable[[int, Vector3, Rotation], T]
+"""Part of a `SingleSupportRegion`, of a foot and the pose of its sole."""
 
 
 @runtime_checkable
@@ -79,44 +85,28 @@ class FootMotion(Protocol):
 
 
 class StepPhases:
-    """Lift, lead and put down the feet, and move the DCM reference with them.
+    """Lift, lead and put down the feet, and move the DCM reference with them."""
 
-    A step is timed, along footholds of `StepCommands`, or held by a `FootMotion`. Whoever leads,
-    once the feet do not hold the DCM the swing foot, or the better one of two, makes a capture
-    step, and timed steps go on until both feet hold it again.
-
-    Attributes:
-        foot: swing foot, now, next or last; 0 for the left one.
-        flight: of the swing foot; None in double support.
-        dcm: reference of C, see `LegMomentum`, by its DCM and that one's velocity along x and y
-            [m, m/s].
-        steps_made: number of touchdowns.
-        motion: holds the feet; None for nobody.
-        held: whether it holds the step under way.
-        ended: end of the last step that was held; None while one goes on, and before the first.
-    """
+    # A step is timed, along footholds of `StepCommands`, or held by a `FootMotion`. Whoever leads,
+    # once the feet do not hold the DCM the swing foot, or the better one of two, makes a capture
+    # step, and timed steps go on until both feet hold it again.
 
     def __init__(self, parts: WalkParts) -> None:
         self._parts, self._commands, self._tasks = parts, parts.commands, parts.tasks
         self._sense, self._stance, self._planner = parts.sense, parts.stance, parts.planner
         self._pendulum, self._gait, self._region = parts.pendulum, parts.gait, parts.region
         self._machine, self._time = StepMachine(), 0.0
-        self.foot, self.steps_made = 0, 0
-        self.flight: Flight | HeldFlight | None = None
-        self.dcm: tuple[DcmMotion, DcmMotion] = ((0.0, 0.0), (0.0, 0.0))
-        self.motion: FootMotion | None = None
-        self.held = False
+        self.foot, self.steps_made = 0, 0  # swing foot, now, next or last; touchdowns
+        self.flight: HeldFlight | None = None  # of the swing foot; None in double support
+        # Reference of C, see `LegMomentum`, by its DCM along x and y.
+        self.dcm: DcmMotions = ((0.0, 0.0), (0.0, 0.0))
+        self.motion: FootMotion | None = None  # holds the feet
+        self.held = False  # whether it holds the step under way
+        # How the last held step ended; None while one goes on, and before the first.
         self.ended: StepEnd | None = None
-        self._landed: Flight | None = None
-        self._made: Foothold | None = None
-        self._hovering = self._stood = 0.0
-        self._released = self._hurried = self._given = False
-        self._left = self._waited = 0.0
-        self._flat: Float64[np.ndarray, "3"] = np.zeros(3)
-        self._announced: tuple[Placement | None, Float64[np.ndarray, "4 2"]] = (
-            None,
-            np.zeros((4, 2)),
-        )
+        self._landed: Flight | None = None  # that may still bounce
+        self._released = self._hurried = False  # load of the foot to lift; capture step
+        self._left = self._waited = 0.0  # until lift-off or rest, and of patience spent [s]
 
     @property
     def mode(self) -> Mode:
@@ -134,18 +124,15 @@ class StepPhases:
     def begin(self) -> None:
         """Begin the DCM reference where the robot is."""
         self._stance.stand_on((0, 1), self._sense.placement(0).yaw)
-        mass, _ = self._pendulum.mass(self.flight)
-        self.dcm = ((mass[0], 0.0), (mass[1], 0.0))
+        self.dcm = _resting(self._pendulum.mass(self.flight)[0])
         self._left = self._gait.shift_time
 
     def put_down(self, foot: int) -> None:
         """Make a capture step with a foot in the air, whoever lifted it."""
-        if self.held:
-            self.held, self.ended = False, StepEnd.OVERRULED
+        self._overrule()
         # On its way to be side by side it would cost time, and its leg momentum.
         self._commands.insert(Foothold(foot, self._sense.placement(foot)))
-        self._tasks.contacts[foot].release(0.0)
-        self._tasks.feet[foot].set_target(*self._sense.sole(foot))
+        self._release(foot, 0.0)
         self.foot, self._hurried = foot, True
         self._lift(foot, airborne=True)
 
@@ -160,51 +147,37 @@ class StepPhases:
         """Make a capture step with a foot that should stand, and hangs, unless it is lifted now."""
         if self.mode.single or (self._released and foot == self.foot and self.mode is not Mode.D):
             return
-        self._landed = None
         self._tasks.contacts[1 - foot].engage(0.0)
         self.put_down(foot)
 
     # A tick ---------------------------------------------------------------------------------------
 
     def advance(self, time: float, dt: float) -> None:
-        """Go on by a tick."""
         self._time = time
         if self.mode is Mode.D:
             self._stand(dt)
         elif not self.mode.single:
             self._shift(dt)
-        elif isinstance(self.flight, HeldFlight):
-            self._follow(self.flight, dt)
-        elif self.flight is not None:
+        elif isinstance(self.flight, Flight):
             self._fly(self.flight, dt)
+        elif self.flight is not None:
+            self._follow(self.flight, dt)
         if self._landed is not None:
             self._confirm(self._landed, dt)
 
     def announce(self, limit: BalanceLimit) -> None:
-        """Announce the next foothold to a balance limit."""
         if self.held:
-            stance = 1 - self.foot
-            caught = self._region.caught(stance, *self._sense.sole(stance))
-            limit.expect_step(caught if self.mode.single else None)
-            return
-        if self.mode is Mode.D:
+            limit.expect_step(self._of_stance(self._region.caught) if self.mode.single else None)
+        elif self.mode is Mode.D:
             # The last foot of a plan does not carry at once: it is still the one that catches.
             if self._landed is None or self._commands.closes:
                 limit.expect_step(None)
-            return
-        if self.flight is not None:
-            goal = self.flight.goal
         else:
-            goal = self._commands.steps(self.foot, self._standing_foot, AHEAD)[0]
-        if goal is not self._announced[0]:
-            ends = 2.0 * _ADJUST
+            goal = self._next_foothold if self.flight is None else self.flight.goal
             length, width = self._parts.stand.sizes[self.foot]
-            rotation = pin.utils.rotate("z", goal.yaw)
-            corners = sole_rectangle(
-                np.array(goal.position), rotation, (length + ends, width + ends)
-            )
-            self._announced = goal, np.array(corners)
-        limit.expect_step(self._announced[1])
+            size = (length + 2.0 * _ADJUST, width + 2.0 * _ADJUST)
+            corners = sole_rectangle(np.array(goal.position), turn_to_left(goal.yaw), size)
+            limit.expect_step(np.array(corners))
 
     # Both feet on the ground ----------------------------------------------------------------------
 
@@ -212,8 +185,7 @@ class StepPhases:
         commands = self._commands
         self._left = max(self._left - dt, 0.0)
         self._stance.follow(self._parts.body.heading[0])
-        x, y = self._parts.stand.rest(self._stance.feet)
-        self._lead_dcm(((x, 0.0), (y, 0.0)), self._left, dt)
+        self._lead_dcm(_resting(self._parts.stand.rest(self._stance.feet)), self._left, dt)
         if not self.is_held(_CALM if self._closes else 0.0):
             self._hurry()
         elif self.motion is not None and (lifted := self.motion.lifted()) is not None:
@@ -231,7 +203,6 @@ class StepPhases:
 
     @property
     def is_closed(self) -> bool:
-        """Whether the feet are side by side."""
         return self._stance.closed(self._parts.room.width)
 
     def is_held(self, margin: float = 0.0) -> bool:
@@ -243,12 +214,15 @@ class StepPhases:
         """Region of the commanded ZMP."""
         return self._holding(self._region.asked)
 
-    def _holding(self, region: _Region) -> SupportPolygon:
+    def _holding(self, part: _Part[SupportPolygon]) -> SupportPolygon:
         """Return the region of a foot that carries alone while the other one is held."""
-        if not (self.held and self.mode.single):
-            return self._stance.support
+        alone = self.held and self.mode.single
+        return self._of_stance(part) if alone else self._stance.support
+
+    def _of_stance(self, part: _Part[T]) -> T:
+        """Return a part of the region of the foot that carries alone, now or next."""
         stance = 1 - self.foot
-        return region(stance, *self._sense.sole(stance))
+        return part(stance, *self._sense.sole(stance))
 
     def _stand_on(self, *feet: int) -> None:
         self._stance.stand_on(feet, self._parts.body.heading[0])
@@ -258,10 +232,14 @@ class StepPhases:
         self._machine.advance(LIFT[foot], self._time)
         self.foot, self._left, self._released, self._waited = foot, time, False, 0.0
 
-    def _hurry(self) -> None:
-        """Make a capture step with the better foot."""
+    def _overrule(self) -> None:
+        """Take the feet from whoever holds them."""
         if self.held:
             self.held, self.ended = False, StepEnd.OVERRULED
+
+    def _hurry(self) -> None:
+        """Make a capture step with the better foot."""
+        self._overrule()
         stance = self._stance
         bearings = [stance.bearing(foot) for foot in (0, 1)]
         xi = self._pendulum.xi(self.flight)
@@ -276,12 +254,14 @@ class StepPhases:
         quick = not self.held and self._left <= QUICK
         if not quick and not self._released and not self.is_held():
             self._hurry()
-        foot, contact = self.foot, self._tasks.contacts[self.foot]
         if self.held and self.motion is not None:
             self._left = max(self._left, 0.0)
-            if not self._released and self._stays(self.motion):
+            since = self._time - self._machine.since
+            ended = None if self._released else self.motion.end_of_shift(self.foot, since)
+            if ended is not None:
+                self._give_back(ended)
                 return
-            self._lead_dcm(self._over(1 - foot, self._region.arriving), self._left, dt)
+            self._lead_dcm(self._over_stance(self._region.arriving), self._left, dt)
         elif not self._hurried:
             planner = self._planner
             lift_off = planner.on_the_way(planner.plan(self._next_foot()), planner.times.swing)
@@ -295,25 +275,16 @@ class StepPhases:
                 self._left, self._waited = ramp, self._waited + dt
                 self._calm_down()
                 return
-            contact.release(ramp)
+            self._release(self.foot, ramp)
             self._released = True
-            # The tick that finds the contact gone comes before the next state: it holds the foot.
-            self._tasks.feet[foot].set_target(*self._sense.sole(foot))
-        if self._left <= 0.0 and not contact.active:
-            if self.held and self.motion is not None:
-                self._take_off(foot, self.motion)
-            else:
-                self._lift(foot)
+        if self._left <= 0.0 and not self._tasks.contacts[self.foot].active:
+            self._lift(self.foot)
 
-    # A held foot ----------------------------------------------------------------------------------
-
-    def _stays(self, motion: FootMotion) -> bool:
-        """Give both feet back where the lift is called off."""
-        ended = motion.end_of_shift(self.foot, self._time - self._machine.since)
-        if ended is None:
-            return False
-        self._give_back(ended)
-        return True
+    def _release(self, foot: int, ramp: float) -> None:
+        """Take the load off a foot in a time [s], and hold its sole where it is."""
+        self._tasks.contacts[foot].release(ramp)
+        # The tick that finds the contact gone comes before the next state: it holds the foot.
+        self._tasks.feet[foot].set_target(*self._sense.sole(foot))
 
     def _give_back(self, ended: StepEnd) -> None:
         """Stand on both feet again."""
@@ -322,25 +293,71 @@ class StepPhases:
 
     def _has_shifted(self) -> bool:
         """Return whether the DCM rests over the foot that shall carry."""
-        stance = 1 - self.foot
-        goal = self._region.arriving(stance, *self._sense.sole(stance))
-        feet = self._pendulum.places(None)
-        xi = self._parts.legs.parted(self._pendulum.xi(None), feet)
-        return math.dist(xi, goal) < self._region.arrived
+        xi = self._parts.legs.parted(self._pendulum.xi(None), self._pendulum.places(None))
+        return math.dist(xi, self._of_stance(self._region.arriving)) < self._region.arrived
 
-    def _over(self, stance: int, rest: _Rest) -> tuple[DcmMotion, DcmMotion]:
-        """Reference of the DCM at rest over a foot."""
+    def _can_wait(self) -> bool:
+        """Whether both feet hold the robot, and a step now would cost it much."""
+        return self.is_held() and self._planner.cost(self._next_foot()) > _WORTH
+
+    def _calm_down(self) -> None:
+        """Go on from the measured DCM after a hurry that both feet hold again."""
+        if self._hurried:
+            self._hurried = False
+            self._stand_on(0, 1)
+            self.dcm = _resting(self._pendulum.xi(self.flight))
+
+    def _next_foot(self) -> Lifted:
+        """The foot that comes down next, in the air or not yet."""
+        x, y, _ = self._stance.feet[self.foot].position
+        elapsed = 0.0
+        if self.flight is not None:
+            elapsed = self.flight.elapsed
+            x, y, _ = self.flight.position.tolist()
+        bearing, xi = self._stance.bearing(1 - self.foot), self._pendulum.xi(self.flight)
+        return Lifted(self.foot, (x, y), self._standing_foot, bearing, xi, elapsed)
+
+    @property
+    def _standing_foot(self) -> Placement:
+        return self._stance.feet[1 - self.foot]
+
+    @property
+    def _next_foothold(self) -> Placement:
+        return self._commands.steps(self.foot, self._standing_foot, AHEAD)[0]
+
+    def _over_stance(self, rest: _Part[Point]) -> DcmMotions:
+        """Reference of the DCM at rest over the foot that carries alone."""
         feet = self._pendulum.places(self.flight)
-        x, y = self._parts.legs.joined(rest(stance, *self._sense.sole(stance)), feet)
-        return (x, 0.0), (y, 0.0)
+        return _resting(self._parts.legs.joined(self._of_stance(rest), feet))
 
-    def _take_off(self, foot: int, motion: FootMotion) -> None:
+    def _lead_dcm(self, goal: DcmMotions, left: float, dt: float) -> None:
+        """Move the reference on, to be at a goal in a while [s]."""
+        (x, y), (to_x, to_y) = self.dcm, goal
+        self.dcm = hermite_step(x, to_x, left, dt), hermite_step(y, to_y, left, dt)
+
+    # One foot in the air --------------------------------------------------------------------------
+
+    def _lift(self, foot: int, *, airborne: bool = False) -> None:
+        parts, sense, planner = self._parts, self._sense, self._planner
         self._landed = None
         self._stand_on(1 - foot)
-        self._flat = self._sense.sole(1 - foot)[1][:, 2].copy()
-        self._machine.advance(ModeEvent.SHIFTED, self._time)
-        self.flight = HeldFlight(foot, self._sense)
-        motion.take_off(foot)
+        self._machine.advance(CATCH[foot] if airborne else ModeEvent.SHIFTED, self._time)
+        pose, begin = sense.lower_edge(foot), sense.placement(foot)
+        if self.held and self.motion is not None:
+            self.flight = HeldFlight(foot, *pose, begin)
+            self._flat = sense.sole(1 - foot)[1][:, 2].copy()
+            self.motion.take_off(foot)
+            return
+        goal, rise, swung = self._next_foothold, self._gait.swing_height, None
+        if airborne:
+            rise, swung = 0.0, planner.swung(begin.position[2] - goal.position[2])
+        size, depth = parts.stand.sizes[foot], parts.settings.touchdown_depth
+        shape = led_swing(begin, goal, size, rise, parts.ground, depth)
+        self.flight = Flight(foot, *pose, goal, shape, planner.times.swing, parts.settings, swung)
+        self.flight.given = self._commands.asks_for(foot)
+        if self._hurried:
+            self._aim(self.flight, math.inf)
+        self._hurried = False
 
     def _follow(self, flight: HeldFlight, dt: float) -> None:
         """Follow whoever holds the swing foot, until touchdown or a capture step."""
@@ -351,127 +368,60 @@ class StepPhases:
         motion.move(flight, dt)
         ended = motion.end_of_swing(foot, self._sense.load(foot))
         if ended is not None:
-            self._machine.advance(ModeEvent.LANDED, self._time)
-            self._tasks.contacts[foot].engage(ENGAGE * self._gait.double_support)
-            self.flight, self.held, self.ended = None, False, ended
-            self.steps_made += 1
-            self._stand_on(0, 1)
+            self.held, self.ended = False, ended
+            self._touch_down(flight, 1.0)
             self._left = self._gait.settle_time
             return
-        self._tasks.lead_foot(self._sense, foot, flight.swing)
-        self._lead_dcm(self._over(1 - foot, self._region.rest), self._gait.step_time, dt)
+        self._tasks.lead_foot(self._sense, flight)
+        self._lead_dcm(self._over_stance(self._region.rest), self._gait.step_time, dt)
 
     def _tips(self, stance: int) -> bool:
         """Return whether the stance sole has turned over an edge since lift-off."""
         return float(self._flat @ self._sense.sole(stance)[1][:, 2]) < _TIPPED
 
-    def _can_wait(self) -> bool:
-        """Whether both feet hold the robot, and a step now would cost it much."""
-        return self.is_held() and self._planner.cost(self._next_foot()) > _WORTH
-
-    def _calm_down(self) -> None:
-        """Who was in a hurry, and is held again, leads the divergent component on from here."""
-        if self._hurried:
-            self._hurried = False
-            self._stand_on(0, 1)
-            x, y = self._pendulum.xi(self.flight)
-            self.dcm = ((x, 0.0), (y, 0.0))
-
-    def _next_foot(self) -> Lifted:
-        """The foot that comes down next, in the air or not yet."""
-        x, y, _ = self._stance.feet[self.foot].position
-        elapsed = 0.0
-        if self.flight is not None:
-            elapsed = self.flight.elapsed
-            x, y, _ = self.flight.swing.position.tolist()
-        return Lifted(
-            self.foot,
-            (x, y),
-            self._standing_foot,
-            self._stance.bearing(1 - self.foot),
-            self._pendulum.xi(self.flight),
-            elapsed,
-        )
-
-    @property
-    def _standing_foot(self) -> Placement:
-        """Where the foot stands that stays."""
-        return self._stance.feet[1 - self.foot]
-
-    def _lead_dcm(self, goal: tuple[DcmMotion, DcmMotion], left: float, dt: float) -> None:
-        """Moves the reference on, to be at a goal in a while."""
-        (x, y), (to_x, to_y) = self.dcm, goal
-        self.dcm = hermite_step(x, to_x, left, dt), hermite_step(y, to_y, left, dt)
-
-    # One foot in the air --------------------------------------------------------------------------
-
-    def _lift(self, foot: int, *, airborne: bool = False) -> None:
-        parts = self._parts
-        self._landed = None
-        self._stand_on(1 - foot)
-        self._given = self._commands.asks_for(foot)
-        goal = self._commands.steps(foot, self._standing_foot, AHEAD)[0]
-        begin, size = self._sense.placement(foot), parts.stand.sizes[foot]
-        rise, swung = self._gait.swing_height, None
-        if airborne:
-            rise, swung = 0.0, self._planner.swung(begin.position[2] - goal.position[2])
-        depth = parts.settings.touchdown_depth
-        shape = led_swing(begin, goal, size, rise, parts.ground, depth)
-        self.flight = Flight(
-            foot,
-            self._sense,
-            goal,
-            shape,
-            self._planner,
-            self._commands,
-            parts.settings,
-            swung,
-        )
-        self._machine.advance(CATCH[foot] if airborne else ModeEvent.SHIFTED, self._time)
-        if self._hurried:
-            self._aim(self.flight, math.inf)
-        self._hurried = False
-
     def _fly(self, flight: Flight, dt: float) -> None:
         flight.count(dt)
-        self._keep(flight)
-        self._aim(flight, dt)
-        flight.get_clear()
-        flight.advance(dt)
-        swing = flight.swing
-        down = self._sense.is_down(swing, flight.foot, self._parts.settings)
-        if down and not flight.on_its_way:
-            self._land(flight)
-            return
-        self._tasks.lead_foot(self._sense, flight.foot, swing)
-
-    def _keep(self, flight: Flight) -> None:
-        """A foothold that was given for the foot in the air since lift-off is its next step's."""
-        if not self._given and self._commands.asks_for(flight.foot):
+        if not flight.given and self._commands.asks_for(flight.foot):
+            # A foothold that was given for the swing foot since lift-off is its next step's.
             self._commands.insert(Foothold(flight.foot, flight.goal, checked=True))
-            self._given = True
+            flight.given = True
+        self._aim(flight, dt)
+        flight.get_clear(self._sense)
+        flight.retime()
+        flight.advance(dt)
+        if flight.is_down(self._sense):
+            self._land(flight)
+        else:
+            self._tasks.lead_foot(self._sense, flight)
 
     def _aim(self, flight: Flight, dt: float) -> None:
-        """Chooses the touchdown, and where the divergent component should be now."""
+        """Chooses the touchdown, and where the DCM should be now."""
         planner, lifted = self._planner, self._next_foot()
-        pendulum = planner.plan(lifted, self._pendulum.swing_place(flight.swing))
-        flight.aim(lifted, pendulum, dt)
+        pendulum = planner.plan(lifted, self._pendulum.swing_place(flight))
+        if flight.is_open:
+            turned = flight.goal.yaw - lifted.stance.yaw
+            step, place = planner.choose(lifted, pendulum, turned)
+            flight.aim(place, step.left, self._commands.carries, dt)
         pendulum = planner.moved(pendulum, flight.goal.position[:2])
         self.dcm = planner.on_the_way(pendulum, flight.left)
 
     # Touchdown ------------------------------------------------------------------------------------
 
-    def _land(self, flight: Flight) -> None:
-        foot, commands = flight.foot, self._commands
+    def _touch_down(self, flight: HeldFlight, ramp: float) -> None:
+        """Stand on both feet from now on, with a part of the usual ramp of load on the new one."""
         self._machine.advance(ModeEvent.LANDED, self._time)
-        # What came down in a hurry has to carry as soon.
-        hurry = min(max(flight.elapsed / self._planner.times.swing, 0.0), 1.0)
-        self._tasks.contacts[foot].engage(hurry * ENGAGE * self._gait.double_support)
-        self._landed, self._hovering, self._stood = flight, 0.0, 0.0
+        self._tasks.contacts[flight.foot].engage(ramp * ENGAGE * self._gait.double_support)
         self.flight = None
         self.steps_made += 1
-        self._made = commands.footholds.popleft() if commands.asks_for(foot) else None
         self._stand_on(0, 1)
+
+    def _land(self, flight: Flight) -> None:
+        foot, commands = flight.foot, self._commands
+        # What came down in a hurry has to carry as soon.
+        self._touch_down(flight, min(max(flight.elapsed / self._planner.times.swing, 0.0), 1.0))
+        self._landed = flight
+        flight.hovering = flight.stood = 0.0
+        flight.made = commands.footholds.popleft() if commands.asks_for(foot) else None
         opened = commands.closes and not self.is_closed
         # Who steps only in order not to fall keeps any stand that holds.
         calm = _CALM if commands.closes else 0.0
@@ -480,28 +430,31 @@ class StepPhases:
             again = following == foot
             self._go(following, self._gait.shift_time if again else self._gait.double_support)
         else:
-            # The divergent component goes over to where it rests as it was planned to, or in peace.
-            planned = not commands.closes
-            self._left = REST_TIME if planned else self._gait.settle_time
+            # The DCM goes over to where it rests as it was planned to, or in peace.
+            self._left = self._gait.settle_time if commands.closes else REST_TIME
 
     def _confirm(self, flight: Flight, dt: float) -> None:
         """A foot that has bounced off what it met looks for the ground again."""
-        self._stood += dt
-        if self._stood > _BOUNCES:
+        flight.stood += dt
+        if flight.stood > _BOUNCES:
             self._landed = None
             return
         load = self._sense.load(flight.foot)
-        self._hovering = 0.0 if load > _HOVERING else self._hovering + dt
-        if self._hovering < self._parts.settings.bounce_time:
+        flight.hovering = 0.0 if load > _HOVERING else flight.hovering + dt
+        if flight.hovering < self._parts.settings.bounce_time:
             return
         self._tasks.contacts[flight.foot].release(0.0)
         self._tasks.contacts[1 - flight.foot].engage(0.0)
         self.foot, self.flight, self._landed = flight.foot, flight, None
         self._machine.advance(CATCH[flight.foot], self._time)
         self._released = self._hurried = self.held = False
-        flight.swing.search_again()
+        flight.search_again()
         self.steps_made -= 1
-        self._given = self._made is not None
-        if self._made is not None:
-            self._commands.insert(self._made)
+        flight.given = flight.made is not None
+        if flight.made is not None:
+            self._commands.insert(flight.made)
         self._stand_on(1 - flight.foot)
+
+
+def _resting(at: Point) -> DcmMotions:
+    return (at[0], 0.0), (at[1], 0.0)

@@ -25,8 +25,6 @@ from poise.dynamics import (
 )
 from poise.locomotion._support import Point, Rotation, Vector2, Vector3
 from poise.locomotion._walking._ground import Placement, yaw_of
-from poise.locomotion._walking._settings import WalkSettings
-from poise.locomotion._walking._swing import SwingFoot
 from poise.robots import Robot
 
 ENGAGE, RELEASE = 0.4, 0.5
@@ -37,10 +35,6 @@ UNLOADED, LOADED = 0.02, 0.1
 
 LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
-
-
-_EARLY = 0.5
-"""Phase of a swing from which ground counts as ground."""
 
 _Pose = tuple[Vector3, Rotation]
 
@@ -202,15 +196,6 @@ class WalkSense:
             return 0.0, 0.0, 0.0
         x, y, z = self._in_world(foot, wrench)
         return x / self.weight, y / self.weight, z / self.weight
-
-    def is_down(self, swing: SwingFoot, foot: int, settings: WalkSettings) -> bool:
-        """Return whether a foot in the air has come to the ground."""
-        wrench = self.wrenches[foot]
-        if wrench is None:
-            # Nothing is measured: the foot is down when it should be.
-            return swing.phase >= 1.0
-        loaded = wrench[2] >= settings.touchdown_force * self.weight
-        return loaded and (swing.phase >= _EARLY or swing.searching)
 
 
 @compiled

@@ -29,6 +29,10 @@ _FLAT = 0.25, 0.5
 """Parts of its length and of its width on which a sole carries that lies flat."""
 
 
+_Edges = tuple[float, ...]
+"""Lower edges along x and y of a rectangle in a sole, then its upper ones [m]."""
+
+
 class CarryingArea:
     """A rectangle in a sole on which it may be asked to carry."""
 
@@ -37,50 +41,42 @@ class CarryingArea:
         surface = isinstance(contact, SurfaceContact) and contact.tilts
         self._contact = contact if surface else None
         x, y = contact.pressure_reach.tolist()
-        self._reach: Point = (x, y)
-        self._lower, self._upper = [-x, -y], [x, y]
-        self._told = self._all_of_it = (-x, -y, x, y)
-        # Lower and upper edges on the average; all that can carry where nothing is known [m].
-        self._average = self._all_of_it
-        self._settled: tuple[float, float, float, float] | None = None
+        self.whole: _Edges = (-x, -y, x, y)  # of all that can carry
+        self.edges = self._told = self._average = self.whole
+        self._settled: _Edges | None = None
 
     @property
     def lies(self) -> bool:
         """True while the sole seems to lie flat: on an edge, it says nothing of the ground."""
-        sizes = zip(self._lower, self._upper, self._reach, _FLAT, strict=True)
-        return all(upper - lower >= part * 2.0 * reach for lower, upper, reach, part in sizes)
+        return all(
+            self.edges[2 + k] - self.edges[k] >= _FLAT[k] * 2.0 * self.whole[2 + k] for k in (0, 1)
+        )
 
     def bearing(self, whole: SolePart) -> SolePart:
         """Return the region of the ZMP in single support on this foot."""
         known = self._average
-        return whole if known == self._all_of_it else whole.within(*self._open(*known))
+        return whole if known == self.whole else whole.within(*self._open(known))
 
     def part(self, size: Point) -> SolePart | None:
         """Return the loaded area of the sole as estimated; None for all of it."""
-        edges = self._average
-        if edges == self._all_of_it:
+        if self._average == self.whole:
             return None
-        ends: list[Point] = []
-        for axis, side in enumerate(size):
-            low, high, most = edges[axis], edges[2 + axis], self._reach[axis]
-            # An edge that is where it can be at most is the sole's: contacts keep a margin.
-            ends.append(
-                (-0.5 * side if low == -most else low, 0.5 * side if high == most else high)
-            )
-        (a, b), (c, d) = ends
-        part = SolePart(0.5 * (a + b), 0.5 * (c + d), b - a, d - c)
+        length, width = size
+        ends = (-0.5 * length, -0.5 * width, 0.5 * length, 0.5 * width)
+        # An edge that is where it can be at most is the sole's: contacts keep a margin.
+        edges = zip(self._average, self.whole, ends, strict=True)
+        a, b, c, d = (end if edge == most else edge for edge, most, end in edges)
+        part = SolePart(0.5 * (a + c), 0.5 * (b + d), c - a, d - b)
         return None if (part.length, part.width) == size else part
 
     def forget(self) -> None:
         """All of the sole carries, for all that is known."""
-        self._lower, self._upper = [-r for r in self._reach], list(self._reach)
-        self._settled, self._average = None, self._all_of_it
-        self._tell(*self._lower, *self._upper)
+        self.edges, self._average, self._settled = self.whole, self.whole, None
+        self._tell(self.edges)
 
     def update(self, dt: float, *, settled: bool = False) -> None:
-        """Update the estimate, and the contact's area."""
         self._learn_from(dt)
-        self._tell(*(self._average if settled else (*self._lower, *self._upper)))
+        self._tell(self._average if settled else self.edges)
 
     def _learn_from(self, dt: float) -> None:
         contact = self._contact
@@ -89,54 +85,50 @@ class CarryingArea:
         stands = contact.active
         *_, x, y, _ = self._sense.velocities[self._foot]
         still = not stands or (abs(x) <= _TURNING and abs(y) <= _TURNING)
-        edges, all_of_it = (*self._lower, *self._upper), self._all_of_it
-        if still and edges == all_of_it and self._settled == (all_of_it if stands else None):
+        known = self._settled == (self.whole if stands else None)
+        if still and known and self.edges == self.whole:
             return
         wrench = self._sense.wrenches[self._foot]
         if wrench is None or not stands:
-            self._lower, self._upper = [-r for r in self._reach], list(self._reach)
+            self.edges = self.whole
         else:
             _, _, load, m_x, m_y, _ = wrench
             carries = load > LOADED * self._sense.weight
             pressure = (-m_y / load, m_x / load) if carries else (None, None)
             # Turning to the front, about y, the toes go down; to the right, about x, that edge.
-            for axis, down in enumerate((y, -x)):
-                self._learn(axis, down, pressure[axis], dt)
+            low_x, high_x = self._learn(0, y, pressure[0], dt)
+            low_y, high_y = self._learn(1, -x, pressure[1], dt)
+            self.edges = low_x, low_y, high_x, high_y
         self._settle(stands, dt)
 
-    def _tell(self, a: float, b: float, c: float, d: float) -> None:
+    def _tell(self, edges: _Edges) -> None:
         """Tells the contact what it does not know yet: its lower and its upper edges."""
-        if self._contact is not None and (a, b, c, d) != self._told:
-            self._told = (a, b, c, d)
-            self._contact.carry_on(*self._open(a, b, c, d))
+        if self._contact is not None and edges != self._told:
+            self._told = edges
+            self._contact.carry_on(*self._open(edges))
 
-    def _open(self, a: float, b: float, c: float, d: float) -> tuple[Point, Point]:
+    def _open(self, edges: _Edges) -> tuple[Point, Point]:
         """Lower and upper corner, infinite where edges are where they can be at most [m]."""
         # Those take nothing away: contacts keep a margin, and it may change.
-        x, y = self._reach
-        lower = (-math.inf if a == -x else a, -math.inf if b == -y else b)
-        return lower, (math.inf if c == x else c, math.inf if d == y else d)
+        pairs = zip(edges, self.whole, strict=True)
+        a, b, c, d = (math.copysign(math.inf, most) if e == most else e for e, most in pairs)
+        return (a, b), (c, d)
 
     def _settle(self, stands: bool, dt: float) -> None:
         """Averages the area for those who plan, from where the foot came to stand on."""
-        edges = (*self._lower, *self._upper)
         if not stands:
-            self._settled, self._average = None, self._all_of_it
+            self._settled, self._average = None, self.whole
             return
-        a, b, c, d = self._settled or self._all_of_it
-        ratio = -math.expm1(-dt / _SETTLING)
-        self._settled = (
-            a + ratio * (edges[0] - a),
-            b + ratio * (edges[1] - b),
-            c + ratio * (edges[2] - c),
-            d + ratio * (edges[3] - d),
-        )
-        (a, b, c, d), (x, y) = self._settled, self._reach
-        self._average = _whole(a, -x), _whole(b, -y), _whole(c, x), _whole(d, y)
+        ratio, before = -math.expm1(-dt / _SETTLING), self._settled or self.whole
+        pairs = zip(before, self.edges, strict=True)
+        self._settled = known = tuple(old + ratio * (new - old) for old, new in pairs)
+        # An edge that is nearly where it can be at most is there.
+        pairs = zip(known, self.whole, strict=True)
+        self._average = tuple(most if abs(most - e) <= LEVEL else e for e, most in pairs)
 
-    def _learn(self, axis: int, down: float, pressure: float | None, dt: float) -> None:
-        """One axis of the sole."""
-        reach, lower, upper = self._reach[axis], self._lower[axis], self._upper[axis]
+    def _learn(self, axis: int, down: float, pressure: float | None, dt: float) -> Point:
+        """Return lower and upper edge along one axis of the sole."""
+        reach, lower, upper = self.whole[2 + axis], self.edges[axis], self.edges[2 + axis]
         if abs(down) <= _TURNING:
             lower, upper = lower - _SPREAD * dt, upper + _SPREAD * dt
         if pressure is not None:
@@ -148,13 +140,7 @@ class CarryingArea:
             lower, upper = min(lower, at), max(upper, at)
         missing = 0.5 * max(_LEAST - (upper - lower), 0.0)
         middle = min(max(0.5 * (lower + upper), -reach + missing), reach - missing)
-        self._lower[axis] = max(min(lower, middle - missing), -reach)
-        self._upper[axis] = min(max(upper, middle + missing), reach)
-
-
-def _whole(edge: float, end: float) -> float:
-    """An edge, or the end of what can carry where it is nearly there [m]."""
-    return end if abs(end - edge) <= LEVEL else edge
+        return max(min(lower, middle - missing), -reach), min(max(upper, middle + missing), reach)
 
 
 _CLOSED, _CLOSED_TURN = 0.025, 0.06
@@ -202,7 +188,9 @@ class Stance:
 
     def refresh(self) -> None:
         """Update the support polygon of two soles, where only a part of one carries, or did."""
-        parts = self.parts = self._estimated_parts()
+        # Of each sole as estimated; None for all of it.
+        pairs = zip(self._areas, self._stand.sizes, strict=True)
+        parts = self.parts = [area.part(size) for area, size in pairs]
         if len(self._feet) == 2 and not parts == self._seen == [None, None]:
             self._look(parts)
 
@@ -215,11 +203,6 @@ class Stance:
         else:
             corners = stand.bearings[foot].corners(*sense.sole(foot), self._margin)
             self.support = SupportPolygon(corners, 0.0)
-
-    def _estimated_parts(self) -> list[SolePart | None]:
-        """Return the loaded area of each sole as estimated; None for all of it."""
-        (left, right), sizes = self._areas, self._stand.sizes
-        return [left.part(sizes[0]), right.part(sizes[1])]
 
     def follow(self, heading: float) -> None:
         """Looks again at two feet that stand, once they seem to have moved."""
@@ -247,7 +230,6 @@ class Stance:
         return 0.5 * (self.feet[0].yaw + self.feet[1].yaw)
 
     def closed(self, width: float) -> bool:
-        """Return whether the feet are side by side."""
         left, right = self.feet
         yaw = self.heading
         dx, dy = (left.position[k] - right.position[k] for k in (0, 1))

@@ -54,11 +54,9 @@ def beyond(miss: float, most: float) -> float:
 class StepBounds(NamedTuple):
     """Bounds of a foothold, along the stance foot and away from it."""
 
-    back: float  # farthest behind, negative [m]
-    ahead: float  # farthest ahead [m]
     near: float  # nearest beside, so that feet neither cross nor touch [m]
     wide: float  # farthest beside [m]
-    reach: float  # farthest from the place `beside` [m]
+    reach: float  # farthest ahead and behind, and from the place `beside` [m]
     beside: float  # where it is side by side, half way between what is near and comfortable [m]
 
     def nearest(self, place: Point) -> Point:
@@ -70,12 +68,10 @@ class StepBounds(NamedTuple):
             x *= ratio
             if y > self.beside:
                 y = self.beside + ratio * (y - self.beside)
-        return min(max(x, self.back), self.ahead), min(max(y, self.near), self.wide)
+        return x, min(max(y, self.near), self.wide)
 
 
 class Step(NamedTuple):
-    """Chosen touchdown."""
-
     x: float  # of the foothold, along the stance foot [m]
     y: float  # away from it, to the side of the swing foot [m]
     left: float  # until touchdown [s]
@@ -90,7 +86,6 @@ class Step(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """Of the choice."""
         return self.effort + (self.missed / _DCM) ** 2
 
 
@@ -109,8 +104,6 @@ class Pendulum(NamedTuple):
 
 
 class SwingLimits(NamedTuple):
-    """Limits of the swing foot."""
-
     place: Point  # where it is now [m]
     speed: float  # on average, at most [m/s]
     elapsed: float  # since lift-off [s]
@@ -130,15 +123,11 @@ _PLACE, _TIME, _DCM = 0.1, 0.15, 0.01
 
 
 def choose_step(pendulum: Pendulum, bounds: StepBounds, swing: SwingLimits) -> Step:
-    """The touchdown that costs least.
-
-    For every time tau until touchdown, with E = e^{omega tau}, the ZMP takes the divergent
-    component to r_1 + s + E (xi - r_0 - s), s = (r_1 - r_0) / (omega tau), and r (1 - E) farther
-    where it is r beside that. It does what it can within the sole; the foothold moves for the rest,
-    within reach; what is left is missed. Deviations of place, time and divergent component are
-    weighed against each other, in the manner of Khadiv et al. (2020). After a last step any place
-    of the DCM between the feet will do.
-    """
+    """Return the touchdown that costs least, in the manner of Khadiv et al. (2020)."""
+    # For every time tau until touchdown, with E = e^{omega tau}, the ZMP takes the DCM to
+    # r_1 + s + E (xi - r_0 - s), s = (r_1 - r_0) / (omega tau), and r (1 - E) farther where it is r
+    # beside that. It does what it can within the sole; the foothold moves for the rest, within
+    # reach, and the remainder is missed. After a last step any place between the feet will do.
     best: Step | None = None
     usual = swing.usual - swing.elapsed
     if usual >= _SOONEST:

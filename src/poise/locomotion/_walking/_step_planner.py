@@ -8,7 +8,7 @@ from typing import NamedTuple
 from poise.locomotion._support import Point, SolePart, side
 from poise.locomotion._walking._commands import FootAxes, StepCommands
 from poise.locomotion._walking._dcm import (
-    DcmMotion,
+    DcmMotions,
     LegMomentum,
     StepTimes,
     before_transfer,
@@ -75,11 +75,7 @@ class StepPlanner:
         self._commands, self._room, self._legs, self.times = commands, room, legs, times
         self._margin, self._gain = margin, transfer_gain(legs, times)
         self._asked: tuple[Sequence[Placement], int | None, SolePart | None] = ((), None, None)
-        self._bounds = 0.0, room.bounds(0.0, far=True)
         self._planned: Pendulum
-        # The same along the axes of the stance foot.
-        self._axes: FootAxes
-        self._seen: Pendulum
         # As fast as the hips move a foot: side by side at least, and as far as it goes at most.
         self._shortest = max(_SHORTEST * times.swing, room.shortest_swing(room.width))
         self._speed = room.far / room.shortest_swing(room.far)
@@ -95,15 +91,6 @@ class StepPlanner:
         asked = (steps, self._commands.left, lifted.bearing)
         if steps is not self._asked[0] or asked[1:] != self._asked[1:]:
             self._asked, self._planned = asked, self._plan(lifted, steps, self._commands.left)
-            axes, planned = FootAxes(lifted.stance, side(lifted.foot)), self._planned
-            self._axes, self._seen = (
-                axes,
-                planned._replace(
-                    zmp_end=axes.within(planned.zmp_end),
-                    goal=axes.within(planned.goal),
-                    foothold=axes.within(planned.foothold),
-                ),
-            )
         there = self._planned.zmp
         zmp = self._legs.joined(there, (there, counts_as or lifted.place))
         return self._planned._replace(xi=lifted.xi, zmp=zmp)
@@ -143,7 +130,7 @@ class StepPlanner:
         end = self._legs.joined(there, (there, foothold))
         return pendulum._replace(goal=goal, zmp_end=end, foothold=foothold)
 
-    def on_the_way(self, pendulum: Pendulum, left: float) -> tuple[DcmMotion, DcmMotion]:
+    def on_the_way(self, pendulum: Pendulum, left: float) -> DcmMotions:
         """Return the DCM reference in single support, a time before its goal."""
         start, end, omega = pendulum.zmp, pendulum.zmp_end, pendulum.omega
         now = pendulum.goal
@@ -154,11 +141,14 @@ class StepPlanner:
 
     def choose(self, lifted: Lifted, pendulum: Pendulum, turned: float) -> tuple[Step, Point]:
         """Return the best touchdown of a plan, and where that is in the world [m]."""
-        if pendulum.foothold is not self._planned.foothold:
-            # Another foot has been planned since.
-            self.plan(lifted)
-        axes, usual = self._axes, self.times.swing
-        seen = self._seen._replace(xi=axes.within(pendulum.xi), zmp=axes.within(pendulum.zmp))
+        axes, usual = FootAxes(lifted.stance, side(lifted.foot)), self.times.swing
+        seen = pendulum._replace(
+            xi=axes.within(pendulum.xi),
+            zmp=axes.within(pendulum.zmp),
+            zmp_end=axes.within(pendulum.zmp_end),
+            goal=axes.within(pendulum.goal),
+            foothold=axes.within(pendulum.foothold),
+        )
         limits = SwingLimits(
             place=axes.within(lifted.place),
             speed=self._speed,
@@ -167,9 +157,7 @@ class StepPlanner:
             usual=usual,
             longest=_LONGEST * usual,
         )
-        if turned != self._bounds[0]:
-            self._bounds = turned, self._room.bounds(turned, far=True)
-        step = choose_step(seen, self._bounds[1], limits)
+        step = choose_step(seen, self._room.bounds(turned, far=True), limits)
         return step, axes.without((step.x, step.y))
 
     def cost(self, lifted: Lifted) -> float:
@@ -196,7 +184,8 @@ class StepPlanner:
         # Until lift-off the ZMP gets to the foot that stays, and the rest grows.
         x, y = (z + growth * (p - z) for p, z in zip(lifted.xi, pendulum.zmp, strict=True))
         step, place = self.choose(lifted, pendulum._replace(xi=(x, y)), 0.0)
-        goal, off = self.moved(pendulum, place).goal, self._axes.turned(step.off)
+        goal = self.moved(pendulum, place).goal
+        off = FootAxes(stance, side(lifted.foot)).turned(step.off)
         landed = replace(stance, position=(*place, stance.position[2]))
         x, y = (there + by for there, by in zip(goal, off, strict=True))
         bearing = self._stand.bearings[lifted.foot]

@@ -17,9 +17,9 @@ from poise._checks import Numbers
 from poise._compiled import compiled
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._support import Point, two_soles
+from poise.locomotion._walking._flight import HeldFlight
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._sense import WalkSense
-from poise.locomotion._walking._swing import SwingPose
 from poise.robots import Robot
 from poise.stack import (
     LINEAR_SPEED,
@@ -65,7 +65,7 @@ class CarriedTarget:
         origin: Float64[np.ndarray, "3"],
     ) -> None:
         self.task = task
-        self._moves, self._origin = task.unit != "rad", origin.copy()
+        self._origin = origin.copy()
         self._target = PoseTarget(f"carried task {task.name!r}", sorted(task.components))
         self._given = self._target.overwrite()
         self.set_target(position, rotation)
@@ -95,8 +95,7 @@ class CarriedTarget:
         Args:
             body: displacement and turn of the body, then their rates, a row each [m, rad].
         """
-        task, out = self.task, self.task.overwrite_target()
-        _carry(body, self._given, self._origin, self._moves, task.turns, out)
+        _carry(body, self._given, self._origin, self.task.overwrite_target())
 
 
 @compiled
@@ -104,57 +103,50 @@ def _carry(
     body: Float64[np.ndarray, "3 4"],
     given: Float64[np.ndarray, "8 3"],
     origin: Float64[np.ndarray, "3"],
-    moves: bool,
-    turns: bool,
     out: Float64[np.ndarray, "8 3"],
 ) -> None:
     """Take a target along with a body."""
     c, s, rate, second = math.cos(body[0, 3]), math.sin(body[0, 3]), body[1, 3], body[2, 3]
-    if turns:
-        for k in range(3):
-            x, y = given[1, k], given[2, k]
-            out[1, k], out[2, k], out[3, k] = c * x - s * y, s * x + c * y, given[3, k]
-        x, y = c * given[5, 0] - s * given[5, 1], s * given[5, 0] + c * given[5, 1]
-        out[5, 0], out[5, 1], out[5, 2] = x, y, given[5, 2] + rate
-        # The axes that the target spins about turn with the body.
-        out[7, 0] = c * given[7, 0] - s * given[7, 1] - rate * y
-        out[7, 1] = s * given[7, 0] + c * given[7, 1] + rate * x
-        out[7, 2] = given[7, 2] + second
-    if moves:
-        x, y = given[0, 0] - origin[0], given[0, 1] - origin[1]
-        px, py = c * x - s * y, s * x + c * y
-        vx, vy = c * given[4, 0] - s * given[4, 1], s * given[4, 0] + c * given[4, 1]
-        ax, ay = c * given[6, 0] - s * given[6, 1], s * given[6, 0] + c * given[6, 1]
-        out[0, 0], out[0, 1] = origin[0] + body[0, 0] + px, origin[1] + body[0, 1] + py
-        out[4, 0], out[4, 1] = body[1, 0] + vx - rate * py, body[1, 1] + vy + rate * px
-        # Tangential, centripetal and Coriolis acceleration.
-        out[6, 0] = body[2, 0] + ax - second * py - rate * (rate * px + 2.0 * vy)
-        out[6, 1] = body[2, 1] + ay + second * px - rate * (rate * py - 2.0 * vx)
-        out[0, 2], out[4, 2] = body[0, 2] + given[0, 2], body[1, 2] + given[4, 2]
-        out[6, 2] = body[2, 2] + given[6, 2]
+    for k in range(3):
+        x, y = given[1, k], given[2, k]
+        out[1, k], out[2, k], out[3, k] = c * x - s * y, s * x + c * y, given[3, k]
+    x, y = c * given[5, 0] - s * given[5, 1], s * given[5, 0] + c * given[5, 1]
+    out[5, 0], out[5, 1], out[5, 2] = x, y, given[5, 2] + rate
+    # The axes that the target spins about turn with the body.
+    out[7, 0] = c * given[7, 0] - s * given[7, 1] - rate * y
+    out[7, 1] = s * given[7, 0] + c * given[7, 1] + rate * x
+    out[7, 2] = given[7, 2] + second
+    x, y = given[0, 0] - origin[0], given[0, 1] - origin[1]
+    px, py = c * x - s * y, s * x + c * y
+    vx, vy = c * given[4, 0] - s * given[4, 1], s * given[4, 0] + c * given[4, 1]
+    ax, ay = c * given[6, 0] - s * given[6, 1], s * given[6, 0] + c * given[6, 1]
+    out[0, 0], out[0, 1] = origin[0] + body[0, 0] + px, origin[1] + body[0, 1] + py
+    out[4, 0], out[4, 1] = body[1, 0] + vx - rate * py, body[1, 1] + vy + rate * px
+    # Tangential, centripetal and Coriolis acceleration.
+    out[6, 0] = body[2, 0] + ax - second * py - rate * (rate * px + 2.0 * vy)
+    out[6, 1] = body[2, 1] + ay + second * px - rate * (rate * py - 2.0 * vx)
+    out[0, 2], out[4, 2] = body[0, 2] + given[0, 2], body[1, 2] + given[4, 2]
+    out[6, 2] = body[2, 2] + given[6, 2]
 
 
 @dataclass(frozen=True, kw_only=True)
 class WalkTasks:
-    """Tasks and contacts that a walk sets.
-
-    Attributes:
-        com: the task of the centre of mass.
-        feet: the pose of the left and of the right sole.
-        contacts: of the left and of the right sole.
-        carried: targets that go along with the body, by the name of their task.
-    """
+    """Tasks and contacts that a walk sets."""
 
     com: ComTask
-    feet: tuple[FrameTask, FrameTask]
-    contacts: tuple[Contact, Contact]
-    carried: dict[str, CarriedTarget]
+    feet: tuple[FrameTask, FrameTask]  # the pose of the left and of the right sole
+    contacts: tuple[Contact, Contact]  # of the left and of the right sole
+    carried: dict[str, CarriedTarget]  # targets that go along with the body, by their task's name
 
-    def lead_foot(self, sense: WalkSense, foot: int, swing: SwingPose) -> None:
+    def lead_foot(self, sense: WalkSense, flight: HeldFlight) -> None:
         """Lead a foot in the air along its way, by the lower edge of a sole that leans."""
-        target, (drop, rate) = self.feet[foot].overwrite_target(), sense.edge_drop(foot)
-        target[0], target[1:4] = swing.position, swing.rotation
-        target[4:6], target[6:] = swing.velocity.reshape(2, 3), swing.acceleration.reshape(2, 3)
+        target, (drop, rate) = (
+            self.feet[flight.foot].overwrite_target(),
+            sense.edge_drop(flight.foot),
+        )
+        target[0], target[1:4] = flight.position, flight.rotation
+        target[4:6] = flight.velocity.reshape(2, 3)
+        target[6:] = flight.acceleration.reshape(2, 3)
         target[0, 2] += drop
         target[4, 2] += rate
 
@@ -218,7 +210,7 @@ def _carried(
     carried: dict[str, CarriedTarget] = {}
     # Compiled now, not in the first tick.
     nothing = np.zeros((8, 3))
-    _carry(np.zeros((3, 4)), nothing, nothing[0], False, False, nothing)
+    _carry(np.zeros((3, 4)), nothing, nothing[0], nothing)
     for name, task in frames.items():
         if names is None or name in names:
             pose = data.oMf[robot.frame_id(task.frame)]

@@ -13,7 +13,7 @@ import pinocchio as pin
 from poise.dynamics import RobotState
 from poise.locomotion._support import Point
 from poise.locomotion._walking._body import BodyMotion
-from poise.locomotion._walking._flight import Flight, HeldFlight
+from poise.locomotion._walking._flight import HeldFlight
 from poise.locomotion._walking._sense import UNLOADED, WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import WalkTasks
@@ -21,8 +21,6 @@ from poise.stack import Contact
 
 
 class Response(NamedTuple):
-    """Response to a trouble."""
-
     pace: float = 1.0  # part of the commanded velocity that is followed
     lands: bool = False  # the swing foot comes straight down
     # no contact is loaded and no foot lifted: targets go along with the robot as it hangs or lies,
@@ -63,63 +61,43 @@ _STOOD_ON = 0.1
 """Time of the load ramp of feet on which a robot has been put down [s]."""
 
 
-class _Sign:
-    """Presence of one trouble, by how long its sign lasts."""
-
-    def __init__(self, status: WalkStatus) -> None:
-        self._response = RESPONSES[status]
-        self._since = self._left = 0.0
-
-    def update(self, seen: bool, dt: float) -> None:
-        self._since = self._since + dt if seen else 0.0
-        self._left = max(self._left - dt, 0.0)
-        if seen and (self.there or self._since >= self._response.noticed):
-            self._left = self._response.lasts + dt
-
-    @property
-    def there(self) -> bool:
-        return self._left > 0.0
-
-
 class TroubleWatch:
-    """Looks for trouble in every tick."""
-
     def __init__(self, sense: WalkSense, settings: WalkSettings, height: float) -> None:
         self._sense, self._settings, self._height = sense, settings, height
-        self._signs = {status: _Sign(status) for status in RESPONSES}
-        self._lifted = self._signs[WalkStatus.LIFTED]
+        self._since = dict.fromkeys(RESPONSES, 0.0)  # for how long a sign has lasted [s]
+        self._left = dict.fromkeys(RESPONSES, 0.0)  # for how long it still counts [s]
         self._calm = True
 
-    def look(
-        self, flight: Flight | HeldFlight | None, error: float, dt: float
-    ) -> WalkStatus | None:
+    def look(self, flight: HeldFlight | None, error: float, dt: float) -> WalkStatus | None:
         """Return the worst trouble there is; None for none."""
         sense, settings, height = self._sense, self._settings, self._height
         lowest = min(sense.positions[0][2], sense.positions[1][2])
         flying = None if flight is None else flight.foot
-        left, right = sense.load(0, stands=flying != 0), sense.load(1, stands=flying != 1)
+        loads = [sense.load(foot, stands=flying != foot) for foot in (0, 1)]
+        lifted = self._left[WalkStatus.LIFTED] > 0.0
         # In the order of the signs.
         seen = (
             sense.com[2] - lowest < _FALLEN * height,
-            left + right < (_LOADED if self._lifted.there else UNLOADED),
+            sum(loads) < (_LOADED if lifted else UNLOADED),
             flight is not None and flight.waited > settings.patience,
             flight is not None and self._is_caught(flight),
             error > _LOST * height,
-            self._slips(0, left) or self._slips(1, right),
+            self._slips(0, loads[0]) or self._slips(1, loads[1]),
         )
         if self._calm and not any(seen):
             return None
-        for sign, is_seen in zip(self._signs.values(), seen, strict=True):
-            sign.update(is_seen, dt)
-        worst = next((status for status, sign in self._signs.items() if sign.there), None)
+        since, left = self._since, self._left
+        for (status, response), is_seen in zip(RESPONSES.items(), seen, strict=True):
+            since[status] = since[status] + dt if is_seen else 0.0
+            left[status] = max(left[status] - dt, 0.0)
+            if is_seen and (left[status] > 0.0 or since[status] >= response.noticed):
+                left[status] = response.lasts + dt
+        worst = next((status for status in RESPONSES if left[status] > 0.0), None)
         self._calm = worst is None and not any(seen)
         return worst
 
-    def _is_caught(self, flight: Flight | HeldFlight) -> bool:
-        (x, y, _), (to_x, to_y, _) = (
-            self._sense.positions[flight.foot],
-            flight.swing.position.tolist(),
-        )
+    def _is_caught(self, flight: HeldFlight) -> bool:
+        (x, y, _), (to_x, to_y, _) = self._sense.positions[flight.foot], flight.position.tolist()
         away = math.hypot(x - to_x, y - to_y) > _CAUGHT
         return away and math.hypot(*self._sense.felt(flight.foot)) > UNLOADED
 

@@ -6,17 +6,13 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from poise.control import Controller
+from poise.control import Controller, ControllerPlan, make_controller
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
-from poise.locomotion._stepping._feet import FootDevices, Level, LevelTick, OperatorTick
-from poise.locomotion._stepping._operator import DeviceStatus
-from poise.locomotion._stepping._stance import (
-    Biped,
-    Footing,
-    StanceEstimator,
-    TeleopParameters,
-)
+from poise.locomotion._stepping._feet import Level, LevelTick
+from poise.locomotion._stepping._guard import DeviceStatus, OperatorGuard
+from poise.locomotion._stepping._sample import BodyCommand, OperatorSample
+from poise.locomotion._stepping._stance import Biped, Footing, StanceEstimator, TeleopParameters
 from poise.locomotion._walking import (
     GIVES,
     FootRange,
@@ -62,7 +58,7 @@ class TorqueLevel(Level):
         solved_by: str,
         q_start: Float64[np.ndarray, " nq"],
     ) -> None:
-        self._tasks = TorqueTasks(biped, parameters.dt, limbs, solved_by)
+        self._tasks, self._solved_by = TorqueTasks(biped, parameters.dt, limbs), solved_by
         super().__init__(biped, parameters, reach, estimator, self._tasks.stack)
         stand = stand_of(biped.robot, q_start)
         gait = usual_gait(stand.com[2] - stand.middle[2])
@@ -85,16 +81,14 @@ class TorqueLevel(Level):
         )
         # The CoM shifter's k_p under its gain rule: one setting of the DCM feedback.
         self._engine.held_gain = parameters.kp / self._engine.parts.legs.omega
-        self._devices = FootDevices(reach, parameters)
 
     @property
     def mode(self) -> Mode:
-        """Feet that carry the robot."""
         return self._engine.mode
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
-        """Return the controller of the stack."""
-        return self._tasks.controller(dynamics, time_limit)
+        plan = ControllerPlan(name=self._solved_by, time_limit=time_limit)
+        return make_controller(self._biped.robot, self.stack, plan, dynamics=dynamics)
 
     def outcome(self, footing: Footing) -> LevelTick:
         """Return the outcome of the last tick; feedback is part of the reference of the ZMP."""
@@ -108,23 +102,26 @@ class TorqueLevel(Level):
         return LevelTick(target, zmp, zmp, steps.ended)
 
     def reset(self) -> None:
-        """Stand on both feet as at the start."""
         self._engine.reset()
         parts = self._engine.parts
         self._tasks.reset()
         self._begin(parts.legs.omega, parts.region)
-        self._devices = FootDevices(self._reach, self._parameters)
         self._seen, self._overruled, self._driven = Mode.D, False, False
         self._rested, self._held = 0.0, 0.0
         self._closing: float | None = None
 
-    def lead(self, state: RobotState, operator: OperatorTick) -> bool:
+    def lead(
+        self,
+        state: RobotState,
+        guard: OperatorGuard,
+        command: OperatorSample | None,
+        body: BodyCommand,
+    ) -> bool:
         """Set the stack for a tick; return whether a walk by velocity has ended in it."""
-        engine, devices, guard = self._engine, self._devices, operator.guard
-        footing = self._footing()
-        devices.update(operator.command, guard.held, footing)
-        devices.turns = operator.turns
-        engine.rise = self._crouch + operator.body.height
+        engine, devices, footing = self._engine, self._devices, self._footing()
+        devices.update(command, guard.held, footing)
+        devices.turns = body.turns
+        engine.rise = self._crouch + body.height
         self._limit_stoop(footing)
         self._drive(guard.velocity)
         engine.hold(None if self._overruled else devices)
@@ -136,14 +133,15 @@ class TorqueLevel(Level):
             self._estimator.begin(self._seen, mode)
             self._seen = mode
             if mode is Mode.D:
-                devices.update(operator.command, guard.held, self._footing())
+                devices.update(command, guard.held, self._footing())
                 devices.stand()
         self._estimator.follow(mode)
         if mode is not footing.mode or self._estimator.stance != footing.stance:
             footing = self._footing()
         self.footing = footing
         if not self._overruled:
-            self._tasks.lead(footing, operator.torso, devices.sent, upright=operator.upright)
+            upright = command is not None and command.upright
+            self._tasks.lead(footing, body.torso, devices.sent, upright=upright)
             return False
         guard.let_go(DeviceStatus.WALKING if self._driven else DeviceStatus.OVERRULED)
         self._tasks.accompany(footing, walks=self._driven)
@@ -190,10 +188,8 @@ class TorqueLevel(Level):
             self._closing = _CLOSING + p.dt if fits else self._closing + p.dt
         if self._rested <= _REST:
             return False
-        if not fits and self._closing is None:
-            self._closing = 0.0
-            return False
         if not fits and (self._closing or 0.0) <= _CLOSING:
+            self._closing = self._closing or 0.0
             return False
         walked = self._driven
         self._overruled = self._driven = False
@@ -204,6 +200,6 @@ class TorqueLevel(Level):
     def _footing(self) -> Footing:
         return self._stand(
             mode=self._engine.mode,
-            parts=self._engine.sole_parts,
+            parts=self._engine.parts.stance.parts,
             has_left=self._devices.foot_has_left,
         )

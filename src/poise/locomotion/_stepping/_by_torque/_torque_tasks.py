@@ -3,31 +3,19 @@
 import math
 from collections.abc import Sequence
 
-import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
 
-from poise.control import Controller, ControllerPlan, make_controller
-from poise.dynamics import Dynamics
-from poise.locomotion._stepping._by_torque._ankle_stops import AnkleStops
-from poise.locomotion._stepping._by_torque._righting import SoleRighting
-from poise.locomotion._stepping._by_torque._trunk_feedback import TrunkFeedback
-from poise.locomotion._stepping._by_torque._twist import twist_ranges
-from poise.locomotion._stepping._by_torque._waist import waist_ranges
-from poise.locomotion._stepping._stance import (
-    UPRIGHT,
-    Biped,
-    Footing,
-    TrunkPose,
+from poise.locomotion._stepping._by_torque._departures import (
+    AnkleStops,
+    SoleRighting,
+    TrunkFeedback,
+    twist_ranges,
+    waist_ranges,
 )
+from poise.locomotion._stepping._stance import UPRIGHT, Biped, Footing, TrunkPose
+from poise.locomotion._support import Rotation, Vector3
 from poise.locomotion._walking import mean_angle, stepping_stack
-from poise.stack import (
-    LINEAR_SPEED,
-    ComTask,
-    FrameTask,
-    JointTask,
-    SurfaceContact,
-)
+from poise.stack import LINEAR_SPEED, ComTask, FrameTask, JointTask, SurfaceContact
 
 _KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0
 """Stiffness of the COM's height, of the foot in the air, of pelvis and torso [1/s^2]."""
@@ -53,7 +41,7 @@ above the ground [m] it is not too high for landing. Lighter, a push throws it u
 _CAUGHT_FOOT = (1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
 """Weight of the feet meanwhile: a foot that is late, or stumbles, costs the balance, too."""
 
-_Weights = tuple[float | tuple[float, ...], float | tuple[float, ...], tuple[float, float, float]]
+_Weights = tuple[float | tuple[float, ...], float | tuple[float, ...], tuple[float, ...]]
 """Of CoM, feet and trunk."""
 
 _EASED = 0.3
@@ -74,17 +62,15 @@ robot steps by itself [m]."""
 
 
 class TorqueTasks:
-    """Accelerations of CoM, feet and trunk, weighted in this order; standing feet are contacts.
+    """Accelerations of CoM, feet and trunk, weighted in this order; standing feet are contacts."""
 
-    Levels cost balance and smoothness. With CoM and feet strictly above trunk and limbs, above the
-    posture, without softening, pushes of 0.5 and 0.65 m/s in 8 directions made 271 and 1,604 ticks
-    with a torque step above a quarter of its limit, against 41 and 166, and 1 fall of 16 against
-    none.
-    """
+    # Levels cost balance and smoothness. With CoM and feet strictly above trunk and limbs, above
+    # the posture, without softening, pushes of 0.5 and 0.65 m/s in 8 directions made 271 and 1,604
+    # ticks with a torque step above a quarter of its limit, against 41 and 166, and 1 fall of 16
+    # against none.
 
-    def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask], solved_by: str) -> None:
-        robot = biped.robot
-        self._robot, self._dt, self._solved_by = robot, dt, solved_by
+    def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask]) -> None:
+        robot, self._dt = biped.robot, dt
         self._com = ComTask(kp=_KP_COM, weight=_BALANCE, speed=LINEAR_SPEED)
         self._feet = [FrameTask(sole, kp=_KP_FOOT, name=f"{sole} foot") for sole in biped.soles]
         frames = robot.model.frames
@@ -127,23 +113,19 @@ class TorqueTasks:
         for contact in self._contacts:
             contact.engage(0.0)
 
-    def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
-        """Solves the stack for torques."""
-        plan = ControllerPlan(name=self._solved_by, time_limit=time_limit)
-        return make_controller(self._robot, self.stack, plan, dynamics=dynamics)
-
     def lead(
         self,
         footing: Footing,
         torso: tuple[float, float, float],
-        sent: Float64[np.ndarray, "3"],
+        sent: Vector3,
         *,
         upright: bool,
     ) -> None:
         """Set trunk and contacts for a tick in which the operator leads the feet."""
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
-        com, foot = _eased_balance(self._eased), _foot_weight(footing, sent)
-        self._weigh((com, foot, _URGENT_TRUNK if upright else _TRUNK), caught=False)
+        com = tuple(_CATCHING * (most / _CATCHING) ** self._eased for most in _BALANCE)
+        trunk = _URGENT_TRUNK if upright else _TRUNK
+        self._weigh((com, _foot_weight(footing, sent), trunk), caught=False)
         self._turn_trunk(footing, UPRIGHT if upright else torso, learns=True)
 
     def accompany(self, footing: Footing, *, walks: bool) -> None:
@@ -193,19 +175,7 @@ class TorqueTasks:
                 target[3:12] = _towards(goals[k], here, max(left, 0.0)).ravel()
 
 
-def _eased_balance(eased: float) -> tuple[float, float, float]:
-    """Weight of the COM, from what it is while the robot steps by itself, 0, to the usual, 1."""
-    if eased == 1.0:
-        return _BALANCE
-    x, y, z = _BALANCE
-    return (
-        _CATCHING * (x / _CATCHING) ** eased,
-        _CATCHING * (y / _CATCHING) ** eased,
-        _CATCHING * (z / _CATCHING) ** eased,
-    )
-
-
-def _foot_weight(footing: Footing, sent: Float64[np.ndarray, "3"]) -> float:
+def _foot_weight(footing: Footing, sent: Vector3) -> float:
     """Weight of the swing foot, by how far it has been thrown from where it is sent."""
     if not (footing.region.narrow and footing.mode.single):
         return 1.0
@@ -215,9 +185,7 @@ def _foot_weight(footing: Footing, sent: Float64[np.ndarray, "3"]) -> float:
     return _THROWN ** min(max(away - 1.0, 0.0), 1.0)
 
 
-def _towards(
-    goal: Float64[np.ndarray, "3 3"], here: Float64[np.ndarray, "3 3"], most: float
-) -> Float64[np.ndarray, "3 3"]:
+def _towards(goal: Rotation, here: Rotation, most: float) -> Rotation:
     """A rotation on the way from one to another, no farther than that [rad]."""
     way = pin.log3(here.T @ goal)
     far = math.hypot(*way.tolist())

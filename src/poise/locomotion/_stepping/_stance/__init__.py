@@ -9,7 +9,6 @@ from poise.locomotion._stepping._stance._footing import (
     LEVEL as LEVEL,
     TORSO_MOST as TORSO_MOST,
     UPRIGHT as UPRIGHT,
-    DesiredMotion as DesiredMotion,
     Footing as Footing,
     TrunkPose as TrunkPose,
 )

@@ -22,17 +22,6 @@ from poise.locomotion._support import (
 )
 from poise.locomotion._walking import Mode, turn_to_left, wrapped
 
-
-@dataclass(slots=True, kw_only=True, eq=False)
-class DesiredMotion:
-    """v_d of (16), less what is kept level and upright by itself, and the CoM's acceleration."""
-
-    com: Vector3  # velocity of the CoM [m/s]
-    com_acceleration: Vector2  # of the CoM along the ground [m/s^2]
-    momentum: Vector2  # angular, about the CoM, x and y [kg m^2/s]
-    foot: Vector3  # velocity of the sole that is not the stance [m/s]
-
-
 _CLEAR_HEIGHT = 0.04
 """Height above the ground from which a foot is free to move along it, for the paper's robot [m]."""
 

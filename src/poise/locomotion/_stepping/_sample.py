@@ -154,6 +154,7 @@ _MOST_BITS = 64  # the time of writing longer whole numbers grows with the squar
 _MOST_NUMBERS = 16  # larger arrays are shown by their shape; no field has more than 4 numbers
 _ARRAYS = (np.ndarray, np.generic)
 
+_PARTS = ("left foot", "right foot", "left hand", "right hand", "head")
 _LENGTHS = {"position": 3, "orientation": 4, "velocity": 3}  # of the vectors of a tracked part
 _FLAGS = ("upright", "rest", "clutch")
 _WANTED = {"time": "a number", "height": "a number", "torso": "3 numbers", "turns": "2 numbers"}
@@ -191,23 +192,18 @@ def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | 
     if sample is None:
         return None, None
     whole = _of_kind("sample", sample, OperatorSample)
-    # Without buttons and sticks, which no controller reads.
-    (left, right), (one, other) = _two("feet", whole.feet), _two("hands", whole.hands)
+    given = (*_two("feet", whole.feet), *_two("hands", whole.hands), whole.head)
     parts = {
         name: None if part is None else asdict(_of_kind(name, part, TrackedPose))
-        for name, part in (
-            ("left foot", left),
-            ("right foot", right),
-            ("left hand", one),
-            ("right hand", other),
-            ("head", whole.head),
-        )
+        for name, part in zip(_PARTS, given, strict=True)
     }
+    left, right, one, other, head = parts.values()
+    # Without buttons and sticks, which no controller reads.
     members = {
         "time": whole.time,
-        "feet": [parts["left foot"], parts["right foot"]],
-        "hands": [parts["left hand"], parts["right hand"]],
-        "head": parts["head"],
+        "feet": (left, right),
+        "hands": (one, other),
+        "head": head,
         "body": asdict(_of_kind("body", whole.body, BodyCommand)),
         "velocity": whole.velocity,
         "upright": whole.upright,
@@ -268,12 +264,9 @@ def _read(field: str, value: object, kind: Any) -> Any:
     try:
         return msgspec.convert(_bare(value), kind)
     except msgspec.ValidationError:
-        raise _fault(field, value) from None
-
-
-def _fault(field: str, value: object) -> FieldError:
-    wanted = _WANTED[field.partition(" of ")[0]]
-    return FieldError((field,), f"{field} is {_BRIEF.repr(value)}, not {wanted}")
+        wanted = _WANTED[field.partition(" of ")[0]]
+        words = f"{field} is {_BRIEF.repr(value)}, not {wanted}"
+        raise FieldError((field,), words) from None
 
 
 def _bare(value: Any) -> Any:

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from poise._checks import checked_number
 from poise.dynamics import rotation_vector
-from poise.locomotion._stepping._operator._sample import (
+from poise.locomotion._stepping._sample import (
     BodyCommand,
     Device,
     OperatorSample,
@@ -75,11 +75,10 @@ class Engagement:
 
     def expire(self, time: float) -> bool:
         """Disengage a lost part; return whether it was engaged until now."""
-        if abs(time - self._good_at) <= LOST_AFTER:
-            return False
         engaged = self.engaged
-        self.engaged = self._released = False
-        return engaged
+        if abs(time - self._good_at) > LOST_AFTER:
+            self.lose()
+        return engaged and not self.engaged
 
     def lose(self) -> None:
         """Disengage until the part is seen released and then closed."""
@@ -89,15 +88,11 @@ class Engagement:
         """Note an open clutch, at a time of the robot [s]."""
         self.engaged, self._released, self._good_at = False, True, time
 
-    def engage(self) -> bool:
-        """Note a closed clutch; return whether the part begins to lead now."""
-        begins = self._released and not self.engaged
-        self.engaged, self._released = self.engaged or begins, False
-        return begins
-
-    def refresh(self, time: float) -> None:
-        """Note a good sample, at a time of the robot [s]."""
-        self._good_at = time
+    def engage(self, time: float) -> bool:
+        """Note a good sample with a closed clutch; return whether the part leads."""
+        if self.engaged or self._released:
+            self.engaged, self._released, self._good_at = True, False, time
+        return self.engaged
 
 
 # Largest speed at which a part is followed [m/s]: a foot in a brisk walk, a hand that reaches
@@ -119,10 +114,6 @@ VELOCITY_MEMORY = 2 * SILENT_AFTER
 UNIT_ERROR = 0.01  # of a quaternion's length: messages round to two figures
 
 
-_STILL: Vector3 = np.zeros(3)
-_STILL.flags.writeable = False
-
-
 class RateLimiter:
     """Rate-limit a motion: in any n ticks no more than `burst` + n `step`."""
 
@@ -139,7 +130,7 @@ class RateLimiter:
     def turn(self, rotation: Rotation, goal: Rotation) -> tuple[Rotation, Vector3]:
         """Take one tick of a turn."""
         if rotation is goal:
-            return goal, _STILL
+            return goal, np.zeros(3)
         way = rotation_vector(goal, rotation)
         part = self.part(math.hypot(*way))
         way = part * way
@@ -152,9 +143,7 @@ class VelocityCheck:
     def __init__(self) -> None:
         self._velocity: Vector | None = None
         self._at = -math.inf
-        self._sent: Sequence[float] = (0.0, 0.0, 0.0)
-        self._place: Sequence[float] = (0.0, 0.0, 0.0)
-        self._apart: Sequence[float] = (0.0, 0.0, 0.0)
+        self._sent = self._place = self._apart = np.zeros(3)
 
     def update(self, velocity: Vector | None, place: Vector, time: float) -> None:
         """Take what came with a good sample."""
@@ -162,18 +151,13 @@ class VelocityCheck:
         # Not a number is no smaller either.
         if velocity is None or not math.hypot(*velocity) <= SPEED_MAX:
             return
-        since = time - self._at
+        since, sent, here = time - self._at, np.array(velocity), np.array(place)
         if 0.0 <= since <= SILENT_AFTER:
-            kept = 1.0 - since / VELOCITY_MEMORY
-            self._apart = [
-                kept * (apart + 0.5 * since * (old + new) - (now - before))
-                for apart, old, new, now, before in zip(
-                    self._apart, self._sent, velocity, place, self._place, strict=True
-                )
-            ]
+            apart = self._apart + 0.5 * since * (self._sent + sent) - (here - self._place)
+            self._apart = (1.0 - since / VELOCITY_MEMORY) * apart
         else:
-            self._apart = (0.0, 0.0, 0.0)
-        self._sent, self._place, self._at = velocity, place, time
+            self._apart = np.zeros(3)
+        self._sent, self._place, self._at = sent, here, time
         if math.hypot(*self._apart) <= VELOCITY_ERROR:
             self._velocity = velocity
 
@@ -191,15 +175,20 @@ class Tracker(Engagement):
         self._turning = RateLimiter(dt * TURN_SPEED_MAX, TURN_BURST)
         self._velocity = VelocityCheck()
         self.place: Vector = (0.0, 0.0, 0.0)
-        self._goal = self.place
+        self._goal = self._before = self.place
         self._rotation: Rotation | None = None
         self._turn_goal: Rotation | None = None
-        self.step = self.turn = _STILL
+        self.turn: Vector3 = np.zeros(3)
 
     @property
     def turns(self) -> bool:
         """The part leads by its orientation, too."""
         return self.engaged and self._rotation is not None
+
+    @property
+    def step(self) -> Vector3:
+        """Way of the last tick [m]."""
+        return np.subtract(self.place, self._before)
 
     def velocity(self, time: float) -> Vector | None:
         """Return its velocity at a time of the robot [m/s]; None while unknown or not engaged."""
@@ -208,8 +197,8 @@ class Tracker(Engagement):
     def update(
         self, part: TrackedPose | None, time: float, *, foot: tuple[Vector, float] | None = None
     ) -> bool:
-        """Take one tick."""
-        self.step = self.turn = _STILL
+        """Take one tick; return whether a sample is good."""
+        self._before, self.turn = self.place, np.zeros(3)
         # For a tick at least: what is followed does not jump from one place to another.
         if self.expire(time):
             return False
@@ -218,72 +207,59 @@ class Tracker(Engagement):
             return good
         if self._rotation is not None and self._turn_goal is not None:
             self._rotation, self.turn = self._turning.turn(self._rotation, self._turn_goal)
-        before, share = self.place, self._limiter.part(math.dist(self._goal, self.place))
-        if share == 1.0:
-            self.place = self._goal
-        else:
-            (x, y, z), (to_x, to_y, to_z) = before, self._goal
-            self.place = (x + share * (to_x - x), y + share * (to_y - y), z + share * (to_z - z))
-        if foot is None:
-            self.step = np.subtract(self.place, before)
+        before, goal = self.place, self._goal
+        self._before, share = before, self._limiter.part(math.dist(goal, before))
+        if share < 1.0:
+            (x, y, z), (to_x, to_y, to_z) = before, goal
+            goal = (x + share * (to_x - x), y + share * (to_y - y), z + share * (to_z - z))
+        self.place = goal
         return good
 
     def _accepts(self, part: TrackedPose, time: float, foot: tuple[Vector, float] | None) -> bool:
         """Engage, follow or refuse a sample."""
-        point, rotation = part.position, None
-        if foot is None:
-            if not part.clutch:
-                self.release(time)
-                return False
-            if part.orientation is not None:
-                rotation = rotation_of(part.orientation)
-                if rotation is None:
-                    return False
-        elif part.clutch is not None:
+        point, rotation, begins = part.position, rotation_of(part.orientation), not self.engaged
+        if foot is not None:
+            rotation = None
             # A tracker's position is in no world; `FootTracker` makes a place of it.
+            if part.clutch is not None:
+                return False
+        elif not part.clutch:
+            self.release(time)
+            return False
+        elif rotation is None and part.orientation is not None:
             return False
         if point is None:
             return False
-        if self.engaged:
-            if self._is_elsewhere(point, rotation):
+        here = self.place
+        if begins:
+            here, self._rotation = point if foot is None else foot[0], None
+        # Not a number is nowhere near.
+        if not math.dist(point, here) <= JUMP or is_turned_away(rotation, self._rotation):
+            return False
+        if begins and foot is not None:
+            if point[2] > foot[1]:
                 return False
-        elif not self._begins(point, time, foot):
+            self.release(time)
+        if not self.engage(time):
             return False
         if rotation is None or self._rotation is None:
             self._rotation = rotation
-        self._goal, self._turn_goal = point, rotation
-        self.refresh(time)
+        self.place, self._goal, self._turn_goal = here, point, rotation
         self._velocity.update(part.velocity, point, time)
         return True
 
-    def _begins(self, point: Vector, time: float, foot: tuple[Vector, float] | None) -> bool:
-        if not all(map(math.isfinite, point)):
-            return False
-        begin = point
-        if foot is not None:
-            begin, highest = foot
-            if math.dist(point, begin) > JUMP or point[2] > highest:
-                return False
-            self.release(time)
-        if not self.engage():
-            return False
-        self.place, self._rotation = begin, None
-        return True
 
-    def _is_elsewhere(self, point: Vector, rotation: Rotation | None) -> bool:
-        # Not a number is nowhere near.
-        if not math.dist(point, self.place) <= JUMP:
-            return True
-        return rotation is not None and is_turned_away(rotation, self._rotation)
-
-
-def is_turned_away(rotation: Rotation, before: Rotation | None) -> bool:
+def is_turned_away(rotation: Rotation | None, before: Rotation | None) -> bool:
     """Return whether a rotation is so far from the one before that it is another thing's."""
-    return before is not None and math.hypot(*rotation_vector(rotation, before)) > TURN_JUMP
+    if rotation is None or before is None:
+        return False
+    return math.hypot(*rotation_vector(rotation, before)) > TURN_JUMP
 
 
-def rotation_of(quaternion: Sequence[float]) -> Rotation | None:
+def rotation_of(quaternion: Sequence[float] | None) -> Rotation | None:
     """Return the rotation matrix of a unit quaternion (x, y, z, w); None for what is none."""
+    if quaternion is None:
+        return None
     length = math.hypot(*quaternion)
     # Not a number is not near one either.
     if not abs(length - 1.0) <= UNIT_ERROR:
@@ -395,12 +371,12 @@ class OperatorGuard:
         news = sample if sample is not None and self._clock.accepts(sample.time, time) else None
         self._take(news, time)
         refused = news is None
-        left, right = self._feet
         parts = (None, None) if news is None else news.feet
         for tracker, part, sole, ground in zip(self._feet, parts, soles, grounds, strict=False):
             (x, y, z), highest = sole.tolist(), float(ground[2]) + self._low
             good = tracker.update(part, time, foot=((x, y, z), highest))
             refused = refused or (tracker.engaged and part is not None and not good)
+        left, right = self._feet
         self.held = left.engaged, right.engaged
         if sample is not None:
             self._refused, self._came_at = refused, time
@@ -453,21 +429,18 @@ class OperatorGuard:
             return
         if not all(map(math.isfinite, velocity)):
             return
-        self._walk.engage()
-        if self._walk.engaged:
+        if self._walk.engage(time):
             self.velocity = velocity
-            self._walk.refresh(time)
 
     def _turn_head(self, head: TrackedPose, time: float) -> None:
         if not head.clutch:
             self._look.release(time)
             return
-        rotation = None if head.orientation is None else rotation_of(head.orientation)
-        if rotation is not None:
-            begins = self._look.engage()
-            if self._look.engaged and (begins or not is_turned_away(rotation, self.head)):
-                self.head = rotation
-                self._look.refresh(time)
+        rotation = rotation_of(head.orientation)
+        if rotation is None or is_turned_away(rotation, self.head):
+            return
+        if self._look.engage(time):
+            self.head = rotation
 
     def _status(self, time: float) -> DeviceStatus:
         left, right = self.held

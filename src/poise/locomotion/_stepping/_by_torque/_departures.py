@@ -1,0 +1,181 @@
+"""Departures from plain tasks and contacts: ranges of joints, soles off level, a lasting lean."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float64
+
+from poise.dynamics import Dynamics, RobotState
+from poise.locomotion._stepping._stance import Biped, Footing
+from poise.locomotion._support import Rotation
+from poise.locomotion._walking import KNEE
+from poise.robots import Robot
+from poise.stack import JointLimit, SurfaceContact
+
+_ALONG = 0.7
+"""A joint turns about an axis along which its own has this part at home."""
+
+_FARTHEST = 1.2
+"""From home [rad]. Waists and hips of some robots turn by 2.6: pushed on one foot, G1 turned its
+waist by 2.6 and its pelvis by 1.8 over the feet within two seconds. Then the shorter way for torso
+and pelvis to face ahead again is on into the stops, and its trunk leaned on them by half a radian
+and more until it fell, eight seconds later."""
+
+
+def _at_home(biped: Biped) -> Dynamics:
+    dynamics = Dynamics(biped.robot)
+    dynamics.update(RobotState(biped.robot.q_home, np.zeros(biped.robot.nv)))
+    return dynamics
+
+
+def twist_ranges(biped: Biped) -> Mapping[str, tuple[float, float]]:
+    """Lower and upper angle of each joint about the vertical between feet and torso [rad]."""
+    robot, dynamics = biped.robot, _at_home(biped)
+    found = dict[str, tuple[float, float]]()
+    for frame in (*biped.frames, biped.pelvis, biped.torso):
+        vertical = dynamics.frame(frame).jacobian[5, robot.base_dofs :]
+        for joint in np.flatnonzero(np.abs(vertical) > _ALONG).tolist():
+            home = float(robot.q_home[robot.nq - robot.nj + joint])
+            found[robot.joint_names[joint]] = home - _FARTHEST, home + _FARTHEST
+    return found
+
+
+def waist_ranges(biped: Biped) -> Float64[np.ndarray, "3 2"]:
+    """Least and largest roll, pitch and yaw of the torso against the pelvis, from home [rad]."""
+    robot, dynamics = biped.robot, _at_home(biped)
+    pelvis, torso = (dynamics.frame(f) for f in (biped.pelvis, biped.torso))
+    axes = pelvis.rotation.T @ (torso.jacobian - pelvis.jacobian)[3:, robot.base_dofs :]
+    limits = np.array((robot.model.lowerPositionLimit, robot.model.upperPositionLimit))
+    room = (limits - robot.q_home)[:, robot.nq - robot.nj :]
+    # Zero about axes for which the waist has no joint: there only the pelvis turns the torso.
+    ranges = np.zeros((3, 2))
+    for axis, joint in np.argwhere(np.abs(axes) > _ALONG).tolist():
+        ranges[axis] += np.sort(axes[axis, joint] * room[:, joint])
+    return ranges
+
+
+_NEAR, _BACK = 0.005, 0.03
+"""Distance from a limit at which an ankle is left to its stop, and to which it has to come back
+until the limit holds again [rad]."""
+
+_GROUND = 0.1
+"""Sine of how far a sole may be off level, and lie as the ground does, as far as anyone knows: a
+slope of 3 degrees with an attitude off by 1, or a bump."""
+
+
+class AnkleStops:
+    """Leave an ankle to its stop while its sole leans on an edge: the sole turns with the shank."""
+
+    def __init__(self, robot: Robot, contacts: list[SurfaceContact], limit: JointLimit) -> None:
+        self._contacts, self._limit = contacts, limit
+        self._first = robot.nq - robot.nj
+        # Pinocchio counts the world and the floating base before the joints.
+        self._ankles = [
+            [joint - 2 for joint in robot.leg_joints(contact.frame)[KNEE + 1 :]]
+            for contact in contacts
+        ]
+        self._least, self._most = limit.q_min.tolist(), limit.q_max.tolist()
+        self._at_stop = dict[int, tuple[bool, bool]]()
+        self.reset()
+
+    def reset(self) -> None:
+        """All limits hold."""
+        for ankles in self._ankles:
+            for ankle in ankles:
+                self._leave(ankle, False, False)
+
+    def update(self, footing: Footing) -> None:
+        for foot, contact in enumerate(self._contacts):
+            up_x, up_y, _ = footing.soles[foot][1][2].tolist()
+            tilted = math.hypot(up_x, up_y) > _GROUND
+            for ankle in self._ankles[foot]:
+                at_lower, at_upper = self._at_stop[ankle]
+                if not (tilted or at_lower or at_upper):
+                    continue
+                angle = float(footing.dynamics.q[self._first + ankle])
+                below, above = angle - self._least[ankle], self._most[ankle] - angle
+                self._leave(
+                    ankle,
+                    contact.active and (below < _BACK if at_lower else tilted and below < _NEAR),
+                    contact.active and (above < _BACK if at_upper else tilted and above < _NEAR),
+                )
+
+    def _leave(self, ankle: int, at_lower: bool, at_upper: bool) -> None:
+        if self._at_stop.get(ankle) != (at_lower, at_upper):
+            self._at_stop[ankle] = at_lower, at_upper
+            self._limit.leave_to_stop(ankle, at_lower=at_lower, at_upper=at_upper)
+
+
+_STIFFNESS, _TURN_MOST = 400.0, 60.0
+"""Stiffness with which a sole is turned back [1/s^2], and the largest angular acceleration of that
+[rad/s^2]."""
+
+_LIGHT, _FIRM = 0.1, 0.2
+"""Parts of the weight: a sole that carries less than the first is turned, one that carries more
+than the second lies as the ground does."""
+
+
+class SoleRighting:
+    """Turn soles that have just landed, or have lost their load, as if they were in the air."""
+
+    def __init__(self, contacts: list[SurfaceContact], weight: float) -> None:
+        self._contacts, self._weight = contacts, weight
+        self._turning = [False, False]
+
+    def reset(self) -> None:
+        """No sole is turned."""
+        for foot in (0, 1):
+            self._turn(foot, 0.0, 0.0)
+
+    def update(self, footing: Footing) -> None:
+        for foot, load in enumerate(footing.sense.loads.tolist()):
+            share = min(max((_FIRM - load / self._weight) / (_FIRM - _LIGHT), 0.0), 1.0)
+            if share == 0.0 or not self._contacts[foot].active:
+                self._turn(foot, 0.0, 0.0)
+                continue
+            # The sine of the angle to the vertical, about the sole's own axes.
+            up_x, up_y, _ = footing.soles[foot][1][2].tolist()
+            off = math.hypot(up_x, up_y)
+            beyond = share * _STIFFNESS * max(0.0, 1.0 - _GROUND / max(off, _GROUND))
+            most = share * _TURN_MOST
+            x, y = -beyond * up_y, beyond * up_x
+            self._turn(foot, max(-most, min(most, x)), max(-most, min(most, y)))
+
+    def _turn(self, foot: int, x: float, y: float) -> None:
+        turns = x != 0.0 or y != 0.0
+        if turns or self._turning[foot]:
+            self._contacts[foot].set_acceleration((0.0, 0.0, 0.0, x, y, 0.0))
+            self._turning[foot] = turns
+
+
+_LEARNING = 50.0
+"""Rate at which a lasting error becomes an acceleration [1/s^3]: with the trunk's stiffness of
+100 /s^2 within some 2 s."""
+
+_MOST = 30.0
+"""Largest acceleration that is learned: at its stiffness, a lean of 0.3 rad [rad/s^2]."""
+
+_THROWN = 0.3
+"""A trunk so far off has been thrown: no lasting error [rad]."""
+
+
+class TrunkFeedback:
+    """Integrate one frame's orientation error about its own x and y: a moment the model lacks."""
+
+    def __init__(self, dt: float) -> None:
+        self._step = _LEARNING * dt
+        self._learned: Float64[np.ndarray, "2"] = np.zeros(2)
+
+    def reset(self) -> None:
+        """Nothing is known."""
+        self._learned[:] = 0.0
+
+    def apply(self, target: Float64[np.ndarray, "24"], here: Rotation, *, learns: bool) -> None:
+        """Take a tick, and write the acceleration into a pose target beside its rotation."""
+        if learns:
+            off = pin.log3(here.T @ target[3:12].reshape(3, 3))[:2]
+            if math.hypot(*off.tolist()) < _THROWN:
+                np.clip(self._learned + self._step * off, -_MOST, _MOST, out=self._learned)
+        target[21:] = here[:, :2] @ self._learned

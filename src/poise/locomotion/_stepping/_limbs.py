@@ -1,0 +1,368 @@
+"""`LedLimbs`: task of limbs' joints, by inverse kinematics on a torso at rest."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise._checks import all_finite
+from poise.control import DifferentialIK
+from poise.dynamics import Dynamics, RobotState, rotation_vector
+from poise.robots import Robot
+from poise.stack import (
+    JointLimit,
+    JointTask,
+    RelativeFrameTask,
+    SelfCollisionLimit,
+    Stack,
+    SurfaceContact,
+    Task,
+)
+
+TURN_GAIN = 10.0
+"""Gain of a frame's turn towards its goal [1/s]."""
+
+_BRAKING = 0.6
+"""Part of the largest acceleration that is counted on near a goal."""
+
+_ARRIVED = 1e-3
+"""Joints no farther from rest than this, and no faster, are at rest [rad, rad/s]."""
+
+_BACK_GAIN = 1.0
+"""Rate at which the freedom that a frame leaves its joints goes back to rest [1/s]."""
+
+_SPEED_RATIO, _LIMIT_TIME = 0.7, 0.2
+"""Part of the velocity limits that is used; time in which joints may at most reach their limits,
+which brakes them from 10 rad/s by the 50 rad/s^2 that arms have [s]."""
+
+_MARGIN = 0.03
+"""Distance between links [m]: more than the stack's own limit keeps, so that limbs come to rest
+here and lean on no limit there."""
+
+_SHORT, _SLOW, _HARDLY = 0.05, 0.1, 0.15
+"""Speeds below which a frame that gets no nearer is where it shall be [m/s, rad/s], and the part of
+the requested velocity below which it gets no nearer."""
+
+_POSTURE, _FREE = 1e-2, 1e-4
+"""Weights beside an orientation that counts: of the joints' way to rest, which costs it a
+ten-thousandth, and of an orientation that does not count."""
+
+_OUT, _IN = 0.2, 1.0
+"""Times in which turning fades out where a frame does not get to its place, and in again [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Approach:
+    """Bounds of a motion towards a goal: speed over distance [1/s], speed and acceleration."""
+
+    gain: float
+    speed: float
+    acceleration: float
+
+    def velocity(
+        self, way: Float64[np.ndarray, " n"], rate: Float64[np.ndarray, " n"] | None = None
+    ) -> Float64[np.ndarray, " n"]:
+        """Return the velocity over a way to a goal that moves at a rate: it can be braked."""
+        far = math.hypot(*way)
+        braked = math.sqrt(2.0 * _BRAKING * self.acceleration * far)
+        velocity = way * (min(self.gain * far, braked, self.speed) / max(far, 1e-9))
+        if rate is None:
+            return velocity
+        velocity += rate
+        return velocity * min(1.0, self.speed / max(math.hypot(*velocity), 1e-9))
+
+    def step(
+        self, wanted: Float64[np.ndarray, " n"], now: Float64[np.ndarray, " n"], dt: float
+    ) -> Float64[np.ndarray, " n"]:
+        """Return the velocity after a tick on the way from one velocity to another."""
+        change = wanted - now
+        return now + change * min(1.0, self.acceleration * dt / max(math.hypot(*change), 1e-12))
+
+
+_BY_SERVOS = (0.0, 16.0, 0.0)
+"""Servos follow by themselves and carry what there is: nothing is learned, and at rest there is no
+stiffness. Sag in motion, or what ticks that failed have missed, is taken back at 2 /s, half the
+root of the stiffness."""
+
+_STIFFEN = 0.5
+"""Time in which limbs become stiff in motion, and soft again at rest [s]."""
+
+_BIAS_MAX = 30.0
+"""Largest acceleration that is learned for what a hand carries [rad/s^2]."""
+
+
+class Goal(NamedTuple):
+    """Pose of a frame in the torso, each part None for any, and the velocity of its place."""
+
+    place: Float64[np.ndarray, "3"] | None = None
+    rotation: Float64[np.ndarray, "3 3"] | None = None
+    rate: Float64[np.ndarray, "3"] | None = None
+
+
+class Limb:
+    """A chain of joints from the torso to a frame, and the velocities that its tasks request."""
+
+    def __init__(
+        self,
+        name: str,
+        joints: Int64[np.ndarray, " k"],
+        own: Int64[np.ndarray, " k"],
+        move: Approach | None,
+        turn: Approach,
+        dt: float,
+        dynamics: Dynamics,
+    ) -> None:
+        robot = dynamics.robot
+        self.own, self._move, self._turn = own, move, turn
+        self._dt, self._dynamics = dt, dynamics
+        self._torso, self._frame = robot.frame_id(robot.torso), robot.frame_id(name)
+        self._columns = joints + robot.base_dofs
+        self.place_task = RelativeFrameTask(name, robot.torso, "position")
+        self.turn_task = RelativeFrameTask(name, robot.torso, "orientation")
+        self.reset()
+        self.update()
+        self.rest_rotation = self.rotation
+
+    def reset(self) -> None:
+        """Forget the past: nothing moves."""
+        # The frame gets no nearer to its place, and turns no further.
+        self.blocked = self.stuck = False
+        self._share, self._asked = 1.0, np.zeros((2, 3))
+
+    def update(self) -> None:
+        """Take pose and Jacobian from the model's state."""
+        torso, frame = (self._dynamics.frame(f) for f in (self._torso, self._frame))
+        turn = torso.rotation.T
+        self.place = turn @ (frame.position - torso.position)
+        self.rotation = turn @ frame.rotation
+        own = frame.jacobian[:, self._columns]
+        self._jacobian = np.concatenate((turn @ own[:3], turn @ own[3:]))
+
+    def go(self, v: Float64[np.ndarray, " n"]) -> None:
+        """Request the frame velocity of given joint velocities."""
+        self.reset()
+        self._asked = (self._jacobian @ v[self.own]).reshape(2, 3)
+        self._ask(self.place, self.rotation)
+
+    def follow(self, goal: Goal) -> None:
+        """Request velocities towards a goal."""
+        asked = self._asked
+        if self._move is not None and goal.place is not None:
+            wanted = self._move.velocity(goal.place - self.place, goal.rate)
+            asked[0] = self._move.step(wanted, asked[0], self._dt)
+        if goal.rotation is None:
+            asked[1] = 0.0
+        else:
+            way = rotation_vector(goal.rotation, self.rotation)
+            if len(self.own) < 3:
+                # Two joints have the head look there, and leave how it is held askew.
+                looks = self.rotation @ self.rest_rotation[0]
+                way -= looks * (looks @ way)
+            asked[1] = self._turn.step(self._turn.velocity(way), asked[1], self._dt)
+        self._ask(goal.place, goal.rotation)
+
+    def _ask(
+        self,
+        place: Float64[np.ndarray, "3"] | None,
+        rotation: Float64[np.ndarray, "3 3"] | None,
+    ) -> None:
+        if place is not None:
+            self.place_task.overwrite_target()[0] = place
+        if rotation is not None:
+            self.turn_task.overwrite_target()[1:4] = rotation
+        self.place_task.set_velocity(self._asked[0])
+        self.turn_task.set_velocity(self._asked[1])
+        self.turn_task.set_weight(_FREE ** (1.0 - self._share) if rotation is not None else _FREE)
+
+    def look(self, v: Float64[np.ndarray, " n"]) -> None:
+        """Update `blocked` and `stuck` by the solved joint velocities."""
+        found = (self._jacobian @ v[self.own]).reshape(2, 3)
+        self.blocked = _is_stuck(self._asked[0], found[0], _SHORT)
+        self.stuck = _is_stuck(self._asked[1], found[1], _SLOW)
+        change = -self._dt / _OUT if self.blocked else self._dt / _IN
+        self._share = min(max(self._share + change, 0.0), 1.0)
+
+
+def _is_stuck(
+    asked: Float64[np.ndarray, "3"], found: Float64[np.ndarray, "3"], least: float
+) -> bool:
+    """Test for joints that reach hardly any of a requested velocity."""
+    speed = math.hypot(*asked)
+    return speed > least and float(asked @ found) < _HARDLY * speed * speed
+
+
+class LedLimbs:
+    """Task of limbs' joints towards goals of their frames: smooth, and stiffer in motion."""
+
+    # By torques the task has a stiffness at rest and in motion [1/s^2], and at a rate [1/s^3] the
+    # lag of the joints becomes a `bias`.
+
+    def __init__(
+        self,
+        robot: Robot,
+        chains: Mapping[str, Int64[np.ndarray, " k"]],
+        q_rest: Float64[np.ndarray, " nq"] | None,
+        *,
+        move: Approach | None,
+        turn: Approach,
+        home: Approach,
+        margin: float,
+        by_torques: tuple[float, float, float],
+        dt: float,
+        weight: float,
+        name: str,
+        servos: bool,
+    ) -> None:
+        q_rest = robot.q_home if q_rest is None else q_rest
+        self.names, self._dt, self._move, self._home = tuple(chains), dt, move, home
+        self._servos, self._stiffness = servos, _BY_SERVOS if servos else by_torques
+        self.index = index = np.sort(np.concatenate([*chains.values(), np.zeros(0, np.int64)]))
+        joints = tuple(robot.joint_names[j] for j in index)
+        self._q_rest, self._still = q_rest.copy(), np.zeros(robot.nv)
+        self._at = index + robot.nq - robot.nj
+        self._rest = q_rest[self._at]
+        self._lower = np.minimum(robot.q_min[index] + margin, self._rest)
+        self._upper = np.maximum(robot.q_max[index] - margin, self._rest)
+        self._dynamics = dynamics = Dynamics(robot)
+        dynamics.update(RobotState(q_rest, self._still))
+        self.limbs = limbs = [
+            Limb(name, chain, np.searchsorted(index, chain), move, turn, dt, dynamics)
+            for name, chain in chains.items()
+        ]
+        self.task: JointTask | None = None
+        if joints:
+            self.task = JointTask(joints, weight=weight, name=name)
+            self.task.bind(robot)
+            self._posture, self._homing = JointTask(joints, weight=_POSTURE), JointTask(joints)
+            first = [] if move is None else [[limb.place_task] for limb in limbs]
+            second = [*(limb.turn_task for limb in limbs), self._posture]
+            self._leads = self._controller(joints, [*first, second])
+            self._homes = self._controller(joints, [[self._homing]])
+        self.reset()
+
+    def _controller(
+        self, joints: tuple[str, ...], levels: Sequence[Sequence[Task]]
+    ) -> DifferentialIK:
+        robot, dynamics, move = self._dynamics.robot, self._dynamics, self._move
+        limit = SelfCollisionLimit(enabled=False)
+        if move is not None:
+            # In which the fastest frame stops without braking harder than it may.
+            time = move.speed / move.acceleration
+            limit = SelfCollisionLimit(margin=_MARGIN, approach_time=time)
+        ranges = zip(joints, self._lower.tolist(), self._upper.tolist(), strict=True)
+        stack = Stack(
+            # The base stands still: no limb is between it and a sole.
+            contacts=[
+                SurfaceContact(sole) for sole in list(robot.soles)[:1] if robot.floating_base
+            ],
+            levels=levels,
+            joint_limit=JointLimit(
+                position_margin=0.0,
+                velocity_scale=_SPEED_RATIO,
+                position_range={name: (low, up) for name, low, up in ranges if low < up},
+            ),
+            self_collision_limit=limit,
+        )
+        return DifferentialIK(
+            robot,
+            stack,
+            dt=self._dt,
+            strategy="hqp",
+            joints=joints,
+            limit_time=_LIMIT_TIME,
+            dynamics=dynamics,
+        )
+
+    def reset(self) -> None:
+        """Put all limbs at rest; they carry nothing."""
+        self._settle()
+        self._stiff, self.bias = 0.0, np.zeros(len(self.q))
+        if self.task is not None:
+            self.task.set_gains(self._stiffness[0])
+            self.task.set_target(self.q, self.v, self.a)
+
+    def _settle(self) -> None:
+        self.q, self._arrived = self._rest.copy(), True
+        self.v, self.a = np.zeros((2, len(self.q)))
+        for limb in self.limbs:
+            limb.reset()
+        self._update()
+
+    @property
+    def rests(self) -> bool:
+        """True while the joints are at rest, as soft as there, and nothing is learned."""
+        return self._arrived and self._stiff == 0.0
+
+    def follow(
+        self, goals: Sequence[Goal | None], q: Float64[np.ndarray, " nq"] | None = None
+    ) -> None:
+        """Move on by a tick; limbs without a goal go back to rest."""
+        led, task, (rest, most, learning) = any(goals), self.task, self._stiffness
+        if task is None or (self.rests and not led):
+            return
+        self.advance(goals)
+        # Servos follow all the way to rest; by torques limbs that go there are soft.
+        stiffens = led or (self._servos and bool(self.v.any()))
+        change = self._dt / _STIFFEN if stiffens else -self._dt / _STIFFEN
+        before, self._stiff = self._stiff, min(max(self._stiff + change, 0.0), 1.0)
+        if self._stiff != before:
+            task.set_gains(rest + self._stiff * (most - rest))
+        if self._stiff == 0.0:
+            self.bias = np.zeros(task.dim)
+        elif q is not None and learning > 0.0 and all_finite(lag := self.q - q[self._at]):
+            bias = self._stiff * (self.bias + self._dt * learning * lag)
+            self.bias = np.clip(bias, -_BIAS_MAX, _BIAS_MAX)
+        task.set_target(self.q, self.v, self.a + self.bias)
+
+    def advance(self, goals: Sequence[Goal | None]) -> None:
+        """Move the model on by a tick; limbs without a goal go back to rest."""
+        if not any(goals):
+            off = np.abs((self.q - self._rest, self.v))
+            if not self._arrived and off.max() <= _ARRIVED:
+                # To the last bit.
+                self._settle()
+            if self._arrived:
+                return
+        self._arrived = False
+        dt, home, found = self._dt, self._home, self.v
+        posture = _BACK_GAIN * (self._rest - self.q)
+        led = [(limb, goal) for limb, goal in zip(self.limbs, goals, strict=True) if goal]
+        resting = [limb for limb, goal in zip(self.limbs, goals, strict=True) if not goal]
+        if resting:
+            asked = self.v.copy()
+            for limb in resting:
+                asked[limb.own] = home.velocity(self._rest[limb.own] - self.q[limb.own])
+            self._homing.set_velocity(asked)
+            found = self._solve(self._homes)
+            for limb in resting:
+                limb.go(found)
+                posture[limb.own] = found[limb.own]
+        if led:
+            for limb, goal in led:
+                limb.follow(goal)
+            self._posture.set_velocity(posture)
+            found = self._solve(self._leads)
+        v = self.v.copy()
+        for limb in self.limbs:
+            own = limb.own
+            limb.look(found)
+            change = found[own] - v[own]
+            fastest = float(np.abs(change).max()) / home.acceleration
+            v[own] += change * min(1.0, dt / max(fastest, 1e-12))
+        v = np.clip(v, (self._lower - self.q) / dt, (self._upper - self.q) / dt)
+        self.q, self.v, self.a = self.q + dt * v, v, (v - self.v) / dt
+        self._update()
+
+    def _solve(self, controller: DifferentialIK) -> Float64[np.ndarray, " n"]:
+        velocity = controller.step(self._dynamics.state).velocity
+        return self.v if velocity is None else velocity[self.index]
+
+    def _update(self) -> None:
+        q = self._q_rest.copy()
+        q[self._at] = self.q
+        self._dynamics.update(RobotState(q, self._still))
+        for limb in self.limbs:
+            limb.update()
