@@ -6,7 +6,7 @@ At velocity level; the table in docs/teleoperation.md has the same rows.
 from dataclasses import dataclass, field
 
 _STEPPING = "poise.locomotion._stepping"
-_FOOT, _FOOTING = f"{_STEPPING}._feet", f"{_STEPPING}._stance._footing"
+_FOOT, _STANCE = f"{_STEPPING}._feet", f"{_STEPPING}._stance"
 
 _NONE, _ANY = 1e-9, 1e3
 """Numbers that take a rule's effect away: nothing of it, or as much as one likes."""
@@ -50,7 +50,7 @@ DEPARTURES = (
         rule="the measured ZMP is smoothed",
         paper="the ZMP as measured",
         reason="load cells have noise, and soles that touch the ground knock",
-        taken_back={f"{_STEPPING}._step_teleoperator._ZMP_TIME": _NONE},
+        taken_back={f"{_STANCE}._estimator._ZMP_TIME": _NONE},
     ),
     Departure(
         rule="other foot firm in double support (`w_S2`)",
@@ -63,7 +63,7 @@ DEPARTURES = (
         paper="the foot is soft and goes anywhere as soon as the mode says so",
         reason="a foot that still touches is dragged over the ground, by angular momentum or by "
         "the operator",
-        taken_back={f"{_FOOTING}._CLEAR_HEIGHT": _NONE},
+        taken_back={f"{_STANCE}._footing._CLEAR_HEIGHT": _NONE},
     ),
     Departure(
         rule="angular momentum leaks (`momentum_leak`)",
@@ -164,7 +164,7 @@ DEPARTURES = (
         "at most 0.1 m/s, and stands where it is as soon as it carries: pressed further it "
         "would tip the robot over the edge of the other sole. One that is about to be lifted is "
         "not pressed: that drums it on the ground, and throws the ZMP to the far edge of the other",
-        taken_back={f"{_FOOTING}._PRESS_SPEED": _NONE},
+        taken_back={f"{_STANCE}._estimator._PRESS_SPEED": _NONE},
     ),
     Departure(
         rule="COM comes down for the legs to reach (`stoop_max`)",

@@ -29,7 +29,7 @@ _K1, _K2, _W_S2 = 4500.0, 7000.0, 100.0
 _K_V, _LANDED = 10.0, 0.047
 """k_v [1/s], and 30 N over the weight of the paper's robot."""
 
-AS_MEASURED = {"poise.locomotion._stepping._step_teleoperator._ZMP_TIME": 1e-9}
+AS_MEASURED = {"poise.locomotion._stepping._stance._estimator._ZMP_TIME": 1e-9}
 """Changes for `LiteralTeleoperator`: the paper's ZMP is as measured, not smoothed."""
 
 
@@ -125,7 +125,7 @@ class LiteralTeleoperator(StepTeleoperator):
         sample = self.device.sample(state.time)
         if sample is not None and np.isfinite([sample.place(0), sample.place(1)]).all():
             self._newest = sample
-        self.zmp_sensor.update(self.estimator.sense)
+        self.zmp_sensor.update(state)
         self._move_on(dynamics)
         reference = self._zmp_reference()
         self._drive(reference, dynamics)
@@ -191,7 +191,7 @@ class LiteralTeleoperator(StepTeleoperator):
     def _ask(self, reference: Float64[np.ndarray, "2"], dynamics: Dynamics) -> None:
         """Eqs (15) to (17), and (39c) and (39d)."""
         p, stack, estimator = self._numbers, self.stack, self.estimator
-        fastest = self._biped.size.tall  # v_lim: 1 m/s for the paper's robot
+        fastest = self._biped.tall  # v_lim: 1 m/s for the paper's robot
         stance, other = estimator.stance, 1 - estimator.stance
         stack.contact(self.soles[stance]).engage(0.0)
         stack.contact(self.soles[other]).release(0.0)

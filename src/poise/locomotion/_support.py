@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._compiled import compiled
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack import find_hull
@@ -24,11 +23,14 @@ class SupportPolygon:
     """Convex hull of the corners of soles, shrunk."""
 
     def __init__(self, corners: Sequence[Point], margin: float) -> None:
-        points = np.array(corners, dtype=np.float64).reshape(-1, 2)
-        hull, edges = np.empty((2 * len(points), 2)), np.empty((len(points), 3))
-        count = _find_edges(points, margin, hull, edges)
-        # Inward unit normal and offset of each.
-        self._edges: list[list[float]] = edges[:count].tolist()
+        points = convex_hull(corners)
+        # Inward unit normal and offset of each edge, counter-clockwise.
+        self._edges: list[list[float]] = []
+        for (ax, ay), (bx, by) in zip(points, points[1:] + points[:1], strict=True):
+            nx, ny = ay - by, bx - ax
+            length = math.sqrt(nx * nx + ny * ny)
+            nx, ny = nx / length, ny / length
+            self._edges.append([nx, ny, nx * ax + ny * ay + margin])
 
     @classmethod
     def of_edges(cls, edges: list[list[float]]) -> "SupportPolygon":
@@ -142,13 +144,8 @@ class SolePart(NamedTuple):
 
     def within(self, lower: Point, upper: Point) -> "SolePart":
         """Return its part in another rectangle; the nearest edge or corner where there is none."""
-        (x, length), (y, width) = (
-            _common(middle, size, *ends)
-            for middle, size, *ends in (
-                (self.x, self.length, lower[0], upper[0]),
-                (self.y, self.width, lower[1], upper[1]),
-            )
-        )
+        ends = zip(self[:2], self[2:], lower, upper, strict=True)
+        (x, length), (y, width) = (_common(*axis) for axis in ends)
         return SolePart(x, y, length, width)
 
 
@@ -237,24 +234,6 @@ def signed_margin(
     return np.where(inside & (not flat), distance, -distance)
 
 
-@compiled
-def _find_edges(
-    points: Float64[np.ndarray, "n 2"],
-    margin: float,
-    hull: Float64[np.ndarray, "k 2"],
-    edges: Float64[np.ndarray, "n 3"],
-) -> int:
-    """Edges of the convex hull, moved inwards."""
-    count = find_hull(points, len(points), hull)
-    for i in range(count):
-        a, b = hull[i], hull[(i + 1) % count]
-        nx, ny = a[1] - b[1], b[0] - a[0]
-        length = math.sqrt(nx * nx + ny * ny)
-        nx, ny = nx / length, ny / length
-        edges[i, 0], edges[i, 1], edges[i, 2] = nx, ny, nx * a[0] + ny * a[1] + margin
-    return count
-
-
 def _meet(a: Sequence[float], b: Sequence[float]) -> Point:
     """Return the intersection of two edges' lines."""
     det = a[0] * b[1] - a[1] * b[0]
@@ -303,43 +282,43 @@ class SingleSupportRegion:
     momentum: float = _MOMENTUM  # distance beyond the sole's outer edge of the CT-ZMP [m]
     narrow: bool = False  # too narrow for a push outwards wherever the ZMP rests
 
-    def rest(self, foot: int, place: Vector3, rotation: Rotation) -> Point:
+    def rest(self, foot: int, place: Vector3, rotation: Rotation, share: float = 1.0) -> Point:
         """Return the rest of the ZMP on a foot that carries alone [m]."""
-        return _beside(place, rotation, inner_side(foot) * self.inwards)
+        (x, y, _), (along_x, along_y) = place.tolist(), rotation[:2, 1].tolist()
+        left = -side(foot) * share * self.inwards
+        return x + left * along_x, y + left * along_y
 
     def arriving(self, foot: int, place: Vector3, rotation: Rotation) -> Point:
         """Return the goal of the ZMP in a weight shift to a foot, further outwards [m]."""
-        return _beside(place, rotation, inner_side(foot) * _ARRIVING * self.inwards)
+        return self.rest(foot, place, rotation, _ARRIVING)
 
     def support(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
         """Return the sole, less the margin."""
-        part = SolePart(0.0, 0.0, *self.sizes[foot])
-        return one_sole(part, place, rotation, self.margin)
+        return one_sole(self._widened(foot), place, rotation, self.margin)
 
     def held(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
         """Return where the DCM is held."""
-        part = self._widened(foot, self.sizes[foot], self.inner, self.outer)
+        part = self._widened(foot, self.inner, self.outer)
         return one_sole(part, place, rotation, self.margin)
 
     def asked(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
         """Return where the CT-ZMP may be asked for: beyond the outer edge of a narrow sole only."""
-        length, width = self.sizes[foot]
-        size = (length + 2.0 * _MOMENTUM, width)
         inner = -_INNER_MARGIN if self.narrow else _MOMENTUM
-        part = self._widened(foot, size, inner, self.momentum)
+        part = self._widened(foot, inner, self.momentum, _MOMENTUM)
         return one_sole(part, place, rotation, 0.0)
 
     def caught(self, foot: int, place: Vector3, rotation: Rotation) -> list[Point] | None:
         """Return corners of the foothold that a swing foot offers beside a narrow sole [m]."""
         if not self.narrow:
             return None
-        part = SolePart(0.0, _ANNOUNCED * inner_side(foot) * self.inwards, *self.sizes[foot])
+        part = SolePart(0.0, -side(foot) * _ANNOUNCED * self.inwards, *self.sizes[foot])
         return part.corners(place, rotation, 0.0)
 
-    def _widened(self, foot: int, size: Point, inner: float, outer: float) -> SolePart:
-        length, width = size
-        middle = 0.5 * inner_side(foot) * (inner - outer)
-        return SolePart(0.0, middle, length, width + inner + outer)
+    def _widened(
+        self, foot: int, inner: float = 0.0, outer: float = 0.0, along: float = 0.0
+    ) -> SolePart:
+        (length, width), middle = self.sizes[foot], -0.5 * side(foot) * (inner - outer)
+        return SolePart(0.0, middle, length + 2.0 * along, width + inner + outer)
 
 
 def single_support_region(robot: Robot, omega: float, margin: float) -> SingleSupportRegion:
@@ -367,43 +346,32 @@ def single_support_region(robot: Robot, omega: float, margin: float) -> SingleSu
     )
 
 
-def inner_side(foot: int) -> float:
-    """Return the side of a foot on which the other one is: 1 for its left."""
-    return 1.0 if foot == 1 else -1.0
-
-
-def _beside(place: Vector3, rotation: Rotation, left: float) -> Point:
-    (x, y, _), (along_x, along_y) = place.tolist(), rotation[:2, 1].tolist()
-    return x + left * along_x, y + left * along_y
+def side(foot: int) -> float:
+    """To which side a foot is of the other: 1 for the left one, -1 for the right one."""
+    return 1.0 if foot == 0 else -1.0
 
 
 def bearing(robot: Robot, sole: str, outwards: float) -> SolePart:
     """All of the sole, but for what its leg cannot hold."""
-    size = robot.soles[sole]
-    back, front = _held(robot, sole, 4, 0, 0.5 * size.length)
-    right, left = _held(robot, sole, 3, 1, 0.5 * size.width)
-    if size.leans:
-        left = right = 0.5 * outwards * size.width
-    return SolePart(0.5 * (front + back), 0.5 * (left + right), front - back, left - right)
-
-
-def _held(robot: Robot, sole: str, turn: int, axis: int, half: float) -> tuple[float, float]:
-    """The part of a sole along one axis that the joint which turns it about the other one holds."""
-    model, data, frame = robot.model, robot.model.createData(), robot.frame_id(sole)
+    model, data = robot.model, robot.model.createData()
+    frame, size = robot.frame_id(sole), robot.soles[sole]
     pin.computeJointJacobians(model, data, robot.q_home)
     J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL)
     pose = pin.updateFramePlacement(model, data, frame)
-    for joint in reversed(robot.leg_joints(sole)):
-        column = model.joints[joint].idx_v
-        # Nearer to the axis than to the one across it.
-        if abs(J[turn, column]) > math.sqrt(0.5):
-            at = float(pose.actInv(data.oMi[joint].translation)[axis])
-            torque = float(robot.tau_max[column - robot.base_dofs])
-            reach = torque / robot.weight
-            low, high = max(at - reach, -half), min(at + reach, half)
-            if low < high:
-                return low, high
-            # An ankle that holds nothing of the sole: as near to its axis as can be.
-            nearest = min(max(at, -half), half)
-            return nearest, nearest
-    return -half, half
+    ends: list[Point] = []
+    for axis, half in enumerate((0.5 * size.length, 0.5 * size.width)):
+        low, high = -half, half
+        for joint in reversed(robot.leg_joints(sole)):
+            column = model.joints[joint].idx_v
+            # The joint that turns it about the other axis, nearer to that than to this one.
+            if abs(J[4 - axis, column]) > math.sqrt(0.5):
+                at = float(pose.actInv(data.oMi[joint].translation)[axis])
+                reach = float(robot.tau_max[column - robot.base_dofs]) / robot.weight
+                # An ankle that holds nothing of the sole: as near to its axis as can be.
+                low, high = min(max(at - reach, -half), half), max(min(at + reach, half), -half)
+                break
+        ends.append((low, high))
+    (back, front), (right, left) = ends
+    if size.leans:
+        left = right = 0.5 * outwards * size.width
+    return SolePart(0.5 * (front + back), 0.5 * (left + right), front - back, left - right)

@@ -3,10 +3,19 @@
 import numpy as np
 
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion._stepping._stance._biped import leg_joints
+from poise.locomotion._walking._legs import measure_leg
 
 PITCHES = {"biped20": (2, 3, 4), "talos": (2, 3, 4), "g1": (0, 3, 4)}
 """Places of hip pitch, knee and ankle pitch in a leg."""
+
+
+def leg_joints(robot, sole):
+    """Indices among the robot's joints, from the hip on."""
+    return [joint - 2 for joint in robot.leg_joints(sole)]
+
+
+def measured_leg(robot, sole):
+    return measure_leg(Dynamics(robot), sole, robot.q_home)
 
 
 def bent(robot, hip, knee, ankle):

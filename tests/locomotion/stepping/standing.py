@@ -2,42 +2,48 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, TeleopParameters
 from poise.locomotion._stepping._feet import FootDevices
-from poise.locomotion._stepping._stance._biped import FootRange, biped_of
-from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._stance._estimator import StanceEstimator
 from poise.locomotion._stepping._stance._footing import Footing
-from poise.locomotion._stepping._stance._parameters import size_of
+from poise.locomotion._stepping._stance._parameters import biped_of
 from poise.locomotion._stepping._velocity_tasks import velocity_numbers
 from poise.locomotion._support import SingleSupportRegion
 
 PARAMETERS = TeleopParameters()
-ZMP_TIME = 0.01
 
 
 @cache
 def biped(robot):
-    return biped_of(robot, size_of(robot, robot.q_home))
+    return biped_of(robot, robot.q_home)
+
+
+def foot_range(robot, parameters=PARAMETERS):
+    return biped(robot).foot_range(parameters, servos=True)
 
 
 def numbers(robot):
     """Numbers of the velocity level."""
-    return velocity_numbers(biped(robot).size)
+    return velocity_numbers(biped(robot))
 
 
 def estimator(robot):
-    return StanceEstimator(robot, biped(robot).soles, robot.q_home)
+    return StanceEstimator(biped(robot), robot.q_home, PARAMETERS.dt)
 
 
-def sensor(robot, left, right):
-    """Soles that carry so much [N]."""
-    sensor = ZmpSensor(biped(robot).weight, ZMP_TIME, PARAMETERS.dt)
-    sensor.loads[:] = left, right
-    return sensor
+def sensed(left, right):
+    """Measurements of soles that carry so much [N]."""
+    return SimpleNamespace(
+        loads=np.array([left, right]),
+        centres=[None, None],
+        wrenches=[None, None],
+        zmp=np.zeros(2),
+    )
 
 
 def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0.0), loaded=None):
@@ -57,19 +63,19 @@ def footing(robot, mode=Mode.SL, lifted=0.0, com_velocity=(0.0, 0.0), at=(0.0, 0
     for anchor in ours.anchors:
         anchor += [*at, -lifted]
     height = float(ours.dynamics.com[2])
-    return Footing(
+    now = Footing(
         biped=biped(robot),
         mode=mode,
-        stance=0,
         estimator=ours,
         omega=float(np.sqrt(9.81 / height)),
         region=SingleSupportRegion(
             sizes=biped(robot).sizes,
-            margin=biped(robot).size.margin,
+            margin=biped(robot).margin,
             arrived=numbers(robot).capture_max,
         ),
-        sensor=loaded if loaded is not None else sensor(robot, 320.0, 320.0),
     )
+    now.sense = sensed(320.0, 320.0) if loaded is None else loaded
+    return now
 
 
 def measured(robot, left, right, time):
@@ -91,7 +97,7 @@ def steady(robot, **changes):
 def devices(robot, **changes):
     """Two foot devices, by parameters with changes."""
     parameters = replace(PARAMETERS, **changes)
-    return FootDevices(FootRange(biped(robot), parameters, servos=True), parameters)
+    return FootDevices(foot_range(robot, parameters), parameters)
 
 
 def aimed(ours, now, command, *, room_below=0.0, falling=False):

@@ -7,6 +7,7 @@ from unittest.mock import Mock
 import numpy as np
 import pinocchio as pin
 import pytest
+from legs import measured_leg
 from msgspec import structs
 from odd import odd
 from standing import footing
@@ -33,8 +34,7 @@ from poise.locomotion import (
 )
 from poise.locomotion._pendulum import ComShifter
 from poise.locomotion._stepping._sample import FieldError, checked_sample
-from poise.locomotion._stepping._stance._biped import biped_of, leg_geometry
-from poise.locomotion._stepping._stance._parameters import size_of
+from poise.locomotion._stepping._stance._parameters import biped_of
 from poise.locomotion._stepping._velocity_tasks import velocity_numbers
 from poise.robots import Sole, standing_posture
 from poise.sim import PlantConfig
@@ -59,8 +59,8 @@ def test_legs_of_five_joints_are_refused(get_robot):
 def test_the_lift_radius_fits_a_sole_that_is_hardly_there(get_robot):
     robot = get_robot("biped20")
     small = {n: Sole(name=n, length=0.2, width=0.05) for n in robot.soles}
-    size = size_of(replace(robot, soles=small), robot.q_home)
-    assert velocity_numbers(size).r_lift <= 0.025
+    biped = biped_of(replace(robot, soles=small), robot.q_home)
+    assert velocity_numbers(biped).r_lift <= 0.025
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
@@ -108,7 +108,7 @@ def test_feet_too_close_are_refused(get_robot):
     left.parentJoint, left.placement = right.parentJoint, right.placement
     together = replace(robot, model=model)
     with pytest.raises(ConfigurationError, match="too close"):
-        size_of(together, together.q_home)
+        biped_of(together, together.q_home)
 
 
 def test_a_plant_that_has_another_tick_is_refused(get_robot):
@@ -269,8 +269,8 @@ def test_what_holds_arrays_is_compared_as_the_thing_it_is(get_robot):
     """Not number by number, which would be no answer."""
     robot = get_robot("biped20")
     makes = (
-        lambda: leg_geometry(robot, next(iter(robot.soles))),
-        lambda: biped_of(robot, size_of(robot, robot.q_home)),
+        lambda: measured_leg(robot, next(iter(robot.soles))),
+        lambda: biped_of(robot, robot.q_home),
         lambda: footing(robot),
     )
     for make in makes:

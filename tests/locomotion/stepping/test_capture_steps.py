@@ -17,7 +17,7 @@ from poise.locomotion import (
     StepTeleoperator,
     WayPoint,
 )
-from poise.locomotion._stepping._stance._biped import FootRange
+from poise.locomotion._walking._legs import FootRange
 from poise.locomotion._walking._phases import StepPhases
 
 STATUSES, MODES = list(DeviceStatus), list(Mode)

@@ -4,20 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from standing import PARAMETERS, biped, footing, numbers
+from standing import PARAMETERS, foot_range, footing, numbers
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode, StepTeleoperator
-from poise.locomotion._stepping._stance._biped import FootRange
 from poise.locomotion._stepping._velocity_level import ComHeight
 from poise.locomotion._support import SolePart
+from poise.locomotion._walking._legs import FootRange
 
 AWAY = (3.0, -2.0)
 
 
 def com_height(robot, height, **changes):
     parameters = replace(PARAMETERS, **changes)
-    reach = FootRange(biped(robot), parameters, servos=True)
+    reach = foot_range(robot, parameters)
     return ComHeight(height, reach, parameters, numbers(robot))
 
 

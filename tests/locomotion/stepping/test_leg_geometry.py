@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from legs import PITCHES, bent
-
-from poise.locomotion._stepping._stance._biped import leg_geometry, leg_joints
+from legs import PITCHES, bent, leg_joints, measured_leg
 
 KNEE_MIN = 0.08
 EXACT, NEAR = 1e-9, 0.025
@@ -19,7 +17,7 @@ ROBOTS = [("biped20", EXACT, 9.0), ("talos", EXACT, 9.0), ("g1", NEAR, 0.5)]
 
 def measured(robot, foot):
     sole = list(robot.soles)[foot]
-    return sole, leg_joints(robot, sole), leg_geometry(robot, sole)
+    return sole, leg_joints(robot, sole), measured_leg(robot, sole)
 
 
 def random_posture(robot, seed, spread):
@@ -120,7 +118,7 @@ def test_a_strong_hip_needs_no_relief_and_a_weak_one_a_bounded_one(get_robot, fo
     for part in (0.4, 0.3, 0.2, 0.01):
         torque = robot.tau_max.copy()
         torque[joints[:3]] *= part
-        reliefs.append(leg_geometry(replace(robot, tau_max=torque), sole).relief)
+        reliefs.append(measured_leg(replace(robot, tau_max=torque), sole).relief)
     assert reliefs == sorted(reliefs)
     assert reliefs[-1] == pytest.approx(0.2)
 
@@ -132,7 +130,7 @@ def test_a_hip_that_does_not_turn_in_needs_relief(get_robot, foot):
     stiff = replace(robot, q_min=robot.q_min.copy(), q_max=robot.q_max.copy())
     for joint in joints[:3]:
         stiff.q_min[joint] = stiff.q_max[joint] = robot.q_home[7 + joint]
-    assert leg_geometry(stiff, sole).relief > 0.05
+    assert measured_leg(stiff, sole).relief > 0.05
 
 
 def test_both_legs_are_mirror_images(get_robot):

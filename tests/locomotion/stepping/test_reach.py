@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from legs import bent, soles_of
-from standing import biped
+from legs import bent, leg_joints, measured_leg, soles_of
+from standing import foot_range
 
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion import StepTeleoperator, TeleopParameters
-from poise.locomotion._stepping._stance._biped import FootRange, leg_geometry, leg_joints
+from poise.locomotion._walking._legs import FootRange
 from poise.robots import standing_posture
 
 GAP, MARGIN, LEAN_SHARE = 0.01, 0.02, 0.9
@@ -16,11 +16,11 @@ STAY = (0.0, 0.0)
 
 
 def range_of(robot, **changes):
-    return FootRange(biped(robot), TeleopParameters(**changes), servos=True)
+    return foot_range(robot, TeleopParameters(**changes))
 
 
 def leg_of(robot):
-    return leg_geometry(robot, next(iter(robot.soles)))
+    return measured_leg(robot, next(iter(robot.soles)))
 
 
 def knee_for(leg, distance):

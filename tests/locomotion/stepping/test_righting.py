@@ -25,7 +25,7 @@ def contacts(get_robot):
 def look(righting, rotations, loads):
     """A tick with the soles turned like that, which carry such parts of the weight."""
     footing = Mock(spec=Footing)
-    footing.sensor = Mock(loads=WEIGHT * np.array(loads))
+    footing.sense = Mock(loads=WEIGHT * np.array(loads))
     footing.soles = [(np.zeros(3), rotation) for rotation in rotations]
     righting.update(footing)
 

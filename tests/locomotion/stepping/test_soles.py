@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from standing import PARAMETERS, footing, sensor
+from standing import PARAMETERS, footing, sensed
 
 from poise.dynamics import RobotState
 from poise.locomotion import Mode
@@ -20,9 +20,9 @@ SOLE = (0.30, 0.24)
 """Length and width of a sole of biped20 [m]."""
 
 
-def pressed(robot, left, right, loads=(320.0, 320.0)):
+def pressed(left, right, loads=(320.0, 320.0)):
     """What soles measure that are pressed at points of their own [m]."""
-    ours = sensor(robot, *loads)
+    ours = sensed(*loads)
     ours.centres[:] = left, right
     return ours
 
@@ -43,7 +43,7 @@ def pitch(grounds, foot):
 
 def test_a_sole_that_lies_flat_says_how_its_ground_is_tilted(get_robot):
     robot = get_robot("biped20")
-    grounds, ours = SoleGrounds(PARAMETERS.dt), pressed(robot, (0.01, 0.0), (0.0, -0.01))
+    grounds, ours = SoleGrounds(PARAMETERS.dt), pressed((0.01, 0.0), (0.0, -0.01))
     stands = tilted(robot, TILT, ours)
     for _ in range(TICKS):
         grounds.update(stands)
@@ -57,11 +57,11 @@ def test_a_sole_that_lies_flat_says_how_its_ground_is_tilted(get_robot):
 @pytest.mark.parametrize(("toe", "known"), [(0.149, 0.0), (-0.149, TILT)])
 def test_a_sole_on_its_edge_is_tilted_only_towards_that_edge(get_robot, toe, known):
     robot = get_robot("biped20")
-    grounds, flat = SoleGrounds(PARAMETERS.dt), pressed(robot, (0.0, 0.0), (0.0, 0.0))
+    grounds, flat = SoleGrounds(PARAMETERS.dt), pressed((0.0, 0.0), (0.0, 0.0))
     upright = tilted(robot, 0.0, flat)
     for _ in range(TICKS):
         grounds.update(upright)
-    edge = tilted(robot, TILT, pressed(robot, (toe, 0.0), (toe, 0.0)))
+    edge = tilted(robot, TILT, pressed((toe, 0.0), (toe, 0.0)))
     for _ in range(TICKS):
         grounds.update(edge)
     # On its toes the sole has left its ground; on its heel the ground has to be so.
@@ -76,38 +76,38 @@ def test_a_sole_on_its_edge_is_tilted_only_towards_that_edge(get_robot, toe, kno
 )
 def test_a_sole_that_has_not_lain_flat_yet_turns_its_free_edge_down(get_robot, point, turn):
     robot = get_robot("biped20")
-    grounds, ours = SoleGrounds(PARAMETERS.dt), pressed(robot, point, point)
+    grounds, ours = SoleGrounds(PARAMETERS.dt), pressed(point, point)
     stands = tilted(robot, 0.0, ours)
     grounds.update(stands)
     assert grounds.seeking(stands, 0)[:2] == pytest.approx(turn)
-    inside = tilted(robot, 0.0, pressed(robot, (0.0, 0.0), (0.0, 0.0)))
+    inside = tilted(robot, 0.0, pressed((0.0, 0.0), (0.0, 0.0)))
     grounds.update(inside)
     assert not grounds.seeking(stands, 0).any()
 
 
 def test_the_ground_of_a_foot_in_the_air_is_the_stances_and_is_forgotten(get_robot):
     robot = get_robot("biped20")
-    grounds, both = SoleGrounds(PARAMETERS.dt), pressed(robot, (0.0, 0.0), (0.0, 0.0))
+    grounds, both = SoleGrounds(PARAMETERS.dt), pressed((0.0, 0.0), (0.0, 0.0))
     grounds.update(tilted(robot, 0.0, both))
-    alone = tilted(robot, TILT, pressed(robot, (0.0, 0.0), None, (640.0, 0.0)), Mode.SL)
+    alone = tilted(robot, TILT, pressed((0.0, 0.0), None, (640.0, 0.0)), Mode.SL)
     for _ in range(TICKS):
         grounds.update(alone)
     np.testing.assert_array_equal(grounds.rotation(1), grounds.rotation(0))
     assert pitch(grounds, 1) == pytest.approx(TILT, abs=1e-6)
-    landed = pressed(robot, (0.0, 0.0), (0.149, 0.0))
+    landed = pressed((0.0, 0.0), (0.149, 0.0))
     grounds.update(tilted(robot, TILT, landed))
     assert grounds.seeking(tilted(robot, TILT, landed), 1)[1] < 0.0
 
 
 def test_the_other_sole_turns_until_it_is_pressed_as_far_ahead_as_the_stance(get_robot):
     robot = get_robot("biped20")
-    ahead = footing(robot, Mode.D, loaded=pressed(robot, (0.02, 0.0), (0.05, 0.0)))
+    ahead = footing(robot, Mode.D, loaded=pressed((0.02, 0.0), (0.05, 0.0)))
     roll, turn = yielding_turn(ahead)
     # Pressed further ahead at its toes, it turns them up.
     assert (roll, turn) == (pytest.approx(0.0, abs=1e-12), pytest.approx(-0.3 * 0.03))
-    alike = footing(robot, Mode.D, loaded=pressed(robot, (0.04, 0.03), (0.04, 0.0)))
+    alike = footing(robot, Mode.D, loaded=pressed((0.04, 0.03), (0.04, 0.0)))
     assert yielding_turn(alike) == pytest.approx([0.0, 0.0], abs=1e-12)
-    aside = footing(robot, Mode.D, loaded=pressed(robot, (0.0, 0.03), (0.0, 0.03)))
+    aside = footing(robot, Mode.D, loaded=pressed((0.0, 0.03), (0.0, 0.03)))
     # Sideways the loads hold the balance: there it is the middle, whatever the stance has.
     assert yielding_turn(aside)[0] == pytest.approx(0.3 * 0.03)
     assert yielding_turn(footing(robot, Mode.D)) is None
@@ -116,8 +116,8 @@ def test_the_other_sole_turns_until_it_is_pressed_as_far_ahead_as_the_stance(get
 def test_a_foot_gives_way_to_what_squeezes_and_to_nothing_else(get_robot):
     robot = get_robot("biped20")
     hold = np.array([0.1, 0.2, 0.3])
-    ours = pressed(robot, (0.0, 0.0), (0.0, 0.0))
-    ours.pulls[:] = (0.0, -50.0), (0.0, 50.0)
+    ours = pressed((0.0, 0.0), (0.0, 0.0))
+    ours.wrenches[:] = (0.0, -50.0), (0.0, 50.0)
     stands = footing(robot, Mode.D, loaded=ours)
     middle = stands.zmp_reference
     # Where the ZMP is measured does not matter: joints that sag leave the weight where it was.
@@ -129,7 +129,7 @@ def test_a_foot_gives_way_to_what_squeezes_and_to_nothing_else(get_robot):
     assert y == pytest.approx(0.15 * 50.0 / weight)
     # It stands where it is: what it was held at goes there.
     assert -0.01 < stands.anchors[1][1] - stands.sole(1)[1] < 0.0
-    ours.pulls[:] = (40.0, 30.0), (40.0, 30.0)
+    ours.wrenches[:] = (40.0, 30.0), (40.0, 30.0)
     assert yielding_velocity(stands, hold, middle, DT) == pytest.approx(np.zeros(3), abs=1e-9)
     ours.loads[:] = 400.0, 240.0
     # It carries less than the ZMP in the middle says: down.

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from legs import leg_joints
 from standing import biped as biped_at_home
 
 from poise.apps.teleoperation import SCRIPTS, VELOCITY_TELEOP_PLANT, run_teleop
@@ -16,7 +17,6 @@ from poise.locomotion import (
     StepTeleoperator,
     WayPoint,
 )
-from poise.locomotion._stepping._stance._biped import leg_joints
 from poise.locomotion._stepping._velocity_level import sway_growth, sway_stiffness
 from poise.robots import GRAVITY
 

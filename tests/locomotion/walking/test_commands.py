@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from poise.locomotion import Ground, VelocityLimits
-from poise.locomotion._walking._commands import Foothold, LegRoom, StepCommands, side
+from poise.locomotion._support import side
+from poise.locomotion._walking._commands import Foothold, StepCommands
 from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._legs import LegRoom
 
 ROOM = LegRoom(
     sizes=((0.2, 0.08), (0.2, 0.08)),

@@ -6,9 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from poise.dynamics import Dynamics
 from poise.locomotion import Stride, plan_footsteps
 from poise.locomotion._walking._ground import Placement
-from poise.locomotion._walking._parts import LegReach
+from poise.locomotion._walking._legs import LegReach, measure_leg
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, -2.0])
@@ -28,19 +29,20 @@ def test_the_robot_is_moved_and_turned_as_one_to_where_its_com_should_be(get_rob
 
 @pytest.mark.parametrize("name", ["g1", "humanoid33"])
 def test_a_com_as_high_as_a_foot_lets_it_be_stretches_the_leg(get_robot, name):
-    plan = plan_footsteps(get_robot(name), [Stride(steps=2, length=0.1)])
-    span = LegReach(get_robot(name), plan).span
+    robot = get_robot(name)
+    plan = plan_footsteps(robot, [Stride(steps=2, length=0.1)])
+    leg = measure_leg(Dynamics(robot), plan.soles[0], plan.q)
     lowered, stands = 0.85 * plan.com[2], 0.98 * plan.com[2]
-    assert 0.0 < span.beside(stands) < span.beside(lowered) < span.length
-    assert span.highest(span.beside(lowered)) == pytest.approx(lowered)
-    assert math.hypot(span.beside(lowered), lowered + span.hip) == pytest.approx(span.length)
+    assert 0.0 < leg.beside(stands) < leg.beside(lowered) < leg.span
+    assert leg.highest(leg.beside(lowered)) == pytest.approx(lowered)
+    assert math.hypot(leg.beside(lowered), lowered + leg.rise) == pytest.approx(leg.span)
 
 
 @pytest.mark.parametrize("name", ["g1", "humanoid33"])
 def test_the_quickest_foot_is_driven_by_all_of_the_hips_torque(get_robot, name):
     robot = get_robot(name)
     plan = plan_footsteps(robot, [Stride(steps=2, length=0.1)])
-    found = LegReach(robot, plan).quickness
+    found = measure_leg(Dynamics(robot), plan.soles[0], plan.q).quickness
     model, data = robot.model, robot.model.createData()
     hip = next(k for k, joint in enumerate(robot.joint_names) if "left_hip_pitch" in joint)
     column = robot.base_dofs + hip

@@ -12,14 +12,18 @@ from poise.locomotion._stepping._stance import (
     POSITION_GAIN,
     Biped,
     Footing,
-    FootRange,
-    StanceChoice,
     StanceEstimator,
     TeleopParameters,
-    ZmpSensor,
 )
 from poise.locomotion._support import SingleSupportRegion, Vector2, Vector3
-from poise.locomotion._walking import CLEAR, HeldFlight, StepEnd, turn_to_left, wrapped
+from poise.locomotion._walking import (
+    CLEAR,
+    FootRange,
+    HeldFlight,
+    StepEnd,
+    turn_to_left,
+    wrapped,
+)
 from poise.stack import Stack
 
 _THERE = 1e-6
@@ -98,7 +102,7 @@ class FootDevices:
 
     def lifted(self) -> int | None:
         """Return the foot whose device was lifted, eqs (14a) and (14b); once a tick."""
-        lifted, loads = [foot for foot in (0, 1) if self._rises(foot)], self._footing.sensor.loads
+        lifted, loads = [foot for foot in (0, 1) if self._rises(foot)], self._footing.sense.loads
         # Both in one tick: the foot that carries less goes first, the other has to ask again.
         return min(lifted, key=lambda foot: (loads[foot], -foot), default=None)
 
@@ -257,18 +261,18 @@ class FootDevices:
 
     def velocity(self) -> Vector3:
         """Eq. (17c) with the device's velocity as feedforward, gently down and smoothed [m/s]."""
-        footing, hurry, size = self._footing, self.rescuing, self._footing.biped.size
+        footing, hurry, biped = self._footing, self.rescuing, self._footing.biped
         (x, y, z), (rate_x, rate_y, rate_z) = self.sent.tolist(), self.rate
         here_x, here_y, here_z = footing.sole(footing.other).tolist()
         x = POSITION_GAIN * (x - here_x) + rate_x
         y = POSITION_GAIN * (y - here_y) + rate_y
         z = POSITION_GAIN * (z - here_z) + rate_z
         # v_lim: 1 m/s for the paper's robot.
-        part = size.tall / max(size.tall, math.hypot(x, y, z))
+        part = biped.tall / max(biped.tall, math.hypot(x, y, z))
         x, y, z = part * x, part * y, part * z
         if not hurry:
             # Low where the ground may be.
-            touching = _TOUCH_SPEED * size.wide
+            touching = _TOUCH_SPEED * biped.wide
             clear = footing.clearance(footing.highest_ground)
             z = max(z, -(touching + clear * (self._parameters.lower_speed - touching)))
         if not footing.mode.single:
@@ -317,17 +321,14 @@ class Level:
         self._estimator, self.stack = estimator, stack
         self.footing: Footing | None = None  # of the last tick
 
-    def _begin(self, sensor: ZmpSensor, omega: float, region: SingleSupportRegion) -> None:
+    def _begin(self, omega: float, region: SingleSupportRegion) -> None:
         """Stand on both feet as at the start, over what stays the same of each `Footing`."""
-        estimator, biped = self._estimator, self._biped
-        self._stance = StanceChoice(estimator, sensor, biped, self._parameters.dt)
         self._devices = FootDevices(self._reach, self._parameters)
         self.footing = None
         self._stand = partial(
             Footing,
-            biped=biped,
-            estimator=estimator,
+            biped=self._biped,
+            estimator=self._estimator,
             omega=omega,
             region=region,
-            sensor=sensor,
         )

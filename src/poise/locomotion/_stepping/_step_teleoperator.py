@@ -24,15 +24,12 @@ from poise.locomotion._stepping._sample import (
 )
 from poise.locomotion._stepping._stance import (
     Footing,
-    FootRange,
     StanceEstimator,
     TeleopParameters,
-    ZmpSensor,
     biped_of,
     checked_actuation,
     checked_start,
     scaled_parameters,
-    size_of,
 )
 from poise.locomotion._stepping._velocity_level import ComDriver, VelocityLevel, check_sway
 from poise.locomotion._stepping._velocity_tasks import velocity_numbers
@@ -87,9 +84,6 @@ class TeleopStatus:
 
 _STRAIGHT = 0.1
 """Largest heading of a robot to be stepped at velocity level [rad]."""
-
-_ZMP_TIME = 0.01
-"""Time constant with which the measured ZMP is smoothed [s]."""
 
 
 class StepTeleoperator:
@@ -162,24 +156,24 @@ class StepTeleoperator:
         q_start = checked_start(robot, q_start)
         self.actuation = checked_actuation(actuation)
         self.solved_by = _checked_controller(solved_by, actuation)
-        self.estimator = StanceEstimator(robot, self.soles, q_start, inertial=actuation == "torque")
         servos = actuation == "velocity"
-        _check_start(actuation, driver, self._faces())
-        size = size_of(robot, q_start)
+        self._biped = biped = biped_of(robot, q_start)
         if parameters is None:
-            parameters = scaled_parameters(size, actuation)
+            parameters = scaled_parameters(biped, actuation)
         self.parameters = p = checked_kind(
             parameters, TeleopParameters, "parameters of the teleoperation"
         )
-        self._biped = biped = biped_of(robot, size)
-        self._numbers = numbers = replace(velocity_numbers(size), **(_numbers or {}))
+        self.estimator = StanceEstimator(biped, q_start, p.dt, inertial=not servos)
+        self.zmp_sensor = self.estimator.sense
+        _check_start(actuation, driver, self._faces())
+        self._numbers = numbers = replace(velocity_numbers(biped), **(_numbers or {}))
         if driver is None:
-            driver = ComShifter(size.height, kp=p.kp, acceleration_max=numbers.acceleration_max)
+            driver = ComShifter(biped.height, kp=p.kp, acceleration_max=numbers.acceleration_max)
         self.driver = driver
         if servos and isinstance(driver, ComShifter):
             dynamics, leak = self.estimator.dynamics, numbers.velocity_leak
             check_sway(biped, dynamics, driver, servo_gains, leak)
-        reach = FootRange(biped, p, servos=servos)
+        reach = biped.foot_range(p, servos=servos)
         self.hands = HandLeader(
             robot,
             dt=p.dt,
@@ -212,10 +206,9 @@ class StepTeleoperator:
 
     def reset(self) -> None:
         """Forget the past: both feet stand where they stood at the start."""
-        biped, p = self._biped, self.parameters
+        p = self.parameters
         self.estimator.reset()
-        self.zmp_sensor = ZmpSensor(biped.weight, _ZMP_TIME, p.dt)
-        self._level.reset(self.zmp_sensor)
+        self._level.reset()
         self.hands.reset()
         self.gaze.reset()
         self._guard = OperatorGuard(dt=p.dt, low=p.lower_height, press_depth=p.press_depth)
@@ -336,7 +329,6 @@ class StepTeleoperator:
         self._sample = guard.read(self.device, state.time)
         self._status = None
         sense = estimator.sense
-        self.zmp_sensor.update(sense)
         soles = (sense.sole(0)[0], sense.sole(1)[0])
         command = guard.check(self._sample, state.time, soles, estimator.anchors)
         self.hands.lead(guard, state)

@@ -18,19 +18,23 @@ from poise.locomotion._stepping._feet import Level, LevelTick
 from poise.locomotion._stepping._guard import OperatorGuard
 from poise.locomotion._stepping._sample import BodyCommand, OperatorSample
 from poise.locomotion._stepping._stance import (
-    GIVES,
     POSITION_GAIN,
     Biped,
     Footing,
-    FootRange,
     StanceEstimator,
     TeleopParameters,
-    ZmpSensor,
-    leg_joints,
 )
 from poise.locomotion._stepping._velocity_tasks import VelocityNumbers, VelocityTasks
 from poise.locomotion._support import SingleSupportRegion, Vector2, Vector3
-from poise.locomotion._walking import LIFT, Mode, ModeEvent, StepEnd, StepMachine
+from poise.locomotion._walking import (
+    GIVES,
+    LIFT,
+    FootRange,
+    Mode,
+    ModeEvent,
+    StepEnd,
+    StepMachine,
+)
 from poise.stack import JointTask
 
 _GROWTH_MAX = 0.5
@@ -46,7 +50,7 @@ def sway_stiffness(
     # A force F on the COM asks each joint j of the leg that stands for the torque G_j F, with G the
     # COM's Jacobian while the sole rests; joints give way in series, so 1 / K = sum G_j^2 / k_j.
     robot = biped.robot
-    joints = np.array(leg_joints(robot, biped.soles[foot]))
+    joints = np.array(biped.legs[foot].joints)
     columns = robot.base_dofs + joints
     sole = dynamics.frame(biped.frames[foot]).jacobian
     base = np.linalg.solve(sole[:, : robot.base_dofs], sole[:, columns])
@@ -290,7 +294,7 @@ class VelocityLevel(Level):
         self._driver, self._numbers = driver, numbers
         self._rotator = BodyRotator(biped.weight) if rotator else None
         self._region = SingleSupportRegion(
-            sizes=biped.sizes, margin=biped.size.margin, arrived=numbers.capture_max
+            sizes=biped.sizes, margin=biped.margin, arrived=numbers.capture_max
         )
 
     @property
@@ -307,13 +311,13 @@ class VelocityLevel(Level):
         cart_table_zmp = self._com.cart_table_zmp(footing.com[:2])
         return LevelTick(self._devices.sent, footing.zmp_reference, cart_table_zmp, self._ended)
 
-    def reset(self, sensor: ZmpSensor) -> None:
+    def reset(self) -> None:
         """Stand on both feet as at the start."""
         self._tasks.reset()
-        self._begin(sensor, self._driver.omega, self._region)
+        self._begin(self._driver.omega, self._region)
         p, numbers = self._parameters, self._numbers
         self._com = ComMotion(self._driver, p.dt, numbers.velocity_leak)
-        self._height = ComHeight(self._biped.size.height, self._reach, p, numbers)
+        self._height = ComHeight(self._biped.height, self._reach, p, numbers)
         self._momentum: Vector2 = np.zeros(2)  # about the COM, x and y [kg m^2/s]
         self._machine, self._shifted = StepMachine(), 0.0
         self._ended: StepEnd | None = None
@@ -364,7 +368,7 @@ class VelocityLevel(Level):
         before, event = footing.mode, self._event(footing, time)
         if event is not None and self._machine.advance(event, time):
             mode = self.mode
-            self._stance.begin(before, mode)
+            self._estimator.begin(before, mode)
             if before.single or mode.single:
                 # Not at every change of mode: an operator who cannot decide makes many, and each
                 # restart takes in noise.
@@ -374,7 +378,7 @@ class VelocityLevel(Level):
                 self._devices.stand()
             else:
                 self._devices.take_off(1 - mode.support)
-        self._stance.follow(self.mode)
+        self._estimator.follow(self.mode)
 
     def _event(self, footing: Footing, time: float) -> ModeEvent | None:
         """Return the event (14) of the tick, by devices and loads."""
@@ -387,7 +391,7 @@ class VelocityLevel(Level):
             return LIFT[lifted]
         swing = 1 - mode.support
         if mode.single:
-            event, load = ModeEvent.LANDED, float(footing.sensor.loads[swing])
+            event, load = ModeEvent.LANDED, float(footing.sense.loads[swing])
             ended = devices.end_of_swing(swing, load / footing.biped.weight)
         else:
             event, ended = ModeEvent.CANCEL, devices.end_of_shift(swing, time - self._machine.since)
@@ -403,7 +407,7 @@ class VelocityLevel(Level):
     def _has_shifted(self, footing: Footing) -> bool:
         """Eq. (14e), and the CoM too: while it brakes, the ZMP is there and the CoM is not."""
         p, motion, com, place = self._numbers, self._com, footing.com[:2], footing.zmp_reference
-        if np.linalg.norm(footing.sensor.zmp - place) > p.r_lift:
+        if np.linalg.norm(footing.sense.zmp - place) > p.r_lift:
             return False
         if np.linalg.norm(motion.cart_table_zmp(com) - place) > p.ct_zmp_max:
             return False
@@ -416,8 +420,6 @@ class VelocityLevel(Level):
     def _footing(self) -> Footing:
         return self._stand(
             mode=self.mode,
-            stance=self._estimator.stance,
-            pressed=self._stance.pressed,
             com_velocity=self._com.observed,
             has_left=self._devices.foot_has_left,
         )

@@ -15,13 +15,7 @@ from poise.control import (
     refuse_solver_settings,
 )
 from poise.dynamics import Dynamics, rotation_vector, saturate
-from poise.locomotion._stepping._stance import (
-    LEVEL,
-    Biped,
-    Footing,
-    RobotSize,
-    TrunkLean,
-)
+from poise.locomotion._stepping._stance import BASE_JOINT, LEVEL, Biped, Footing, TrunkPose
 from poise.locomotion._support import Rotation, Vector2, Vector3
 from poise.locomotion._walking import CLEARANCE, LOADED, Mode
 from poise.stack import (
@@ -61,7 +55,7 @@ class VelocityNumbers:
     velocity_leak: float = 5.0  # decay of the commanded COM velocity into the measured one [1/s]
 
 
-def velocity_numbers(size: RobotSize) -> VelocityNumbers:
+def velocity_numbers(biped: Biped) -> VelocityNumbers:
     """Scale the numbers from the paper's robot: 65 kg, feet 0.42 m apart.
 
     The first swing of the ZMP, a_lim / omega^2, keeps its ratio to the COM's height; `r_lift` keeps
@@ -69,13 +63,13 @@ def velocity_numbers(size: RobotSize) -> VelocityNumbers:
     the paper's beside the swing foot's velocity: it goes with m h.
     """
     return VelocityNumbers(
-        acceleration_max=size.by_stiffness(0.8 * size.tall),
-        r_lift=min(0.12 * size.apart / 0.42, size.half_sole),
-        capture_max=0.06 * size.wide,
-        ct_zmp_max=0.12 * size.wide,
-        w_L=(65.0 / size.mass / size.tall) ** 2,
-        lift_speed=0.3 * size.tall,
-        lift_acceleration=1.5 * size.tall,
+        acceleration_max=biped.by_stiffness(0.8 * biped.tall),
+        r_lift=min(0.12 * biped.apart / 0.42, biped.half_sole),
+        capture_max=0.06 * biped.wide,
+        ct_zmp_max=0.12 * biped.wide,
+        w_L=(65.0 / biped.robot.mass / biped.tall) ** 2,
+        lift_speed=0.3 * biped.tall,
+        lift_acceleration=1.5 * biped.tall,
     )
 
 
@@ -160,7 +154,7 @@ def _sole_tilt(footing: Footing, foot: int) -> Vector3:
 
 def _pressed(footing: Footing, foot: int) -> tuple[float, float] | None:
     """Return the centre of pressure over half the sole, by turns about x and y that lower it."""
-    centre = footing.sensor.centres[foot]
+    centre = footing.sense.centres[foot]
     if centre is None:
         return None
     length, width = footing.biped.sizes[foot]
@@ -184,8 +178,8 @@ along their length."""
 
 def yielding_turn(footing: Footing) -> Vector2 | None:
     """Return the angular velocity of the other sole, x and y; None without load [rad/s]."""
-    sensor, other = footing.sensor, footing.other
-    here, there = sensor.centres[other], sensor.centres[footing.stance]
+    sense, other = footing.sense, footing.other
+    here, there = sense.centres[other], sense.centres[footing.stance]
     if here is None or there is None:
         return None
     along = _between(footing)
@@ -193,20 +187,22 @@ def yielding_turn(footing: Footing) -> Vector2 | None:
     aim = np.array(there)
     off_x, off_y = (np.array(here) - aim + along * along.dot(aim)).tolist()
     _, rotation = footing.dynamics.placement(footing.biped.frames[other])
-    share = min(1.0, 2.0 * float(sensor.loads[other]) / footing.biped.weight)
+    share = min(1.0, 2.0 * float(sense.loads[other]) / footing.biped.weight)
     return _ROLL_OFF * share * rotation[:2, :2].dot(np.array([off_y, -off_x]))
 
 
 def yielding_velocity(footing: Footing, velocity: Vector3, zmp: Vector2, dt: float) -> Vector3:
     """Return the velocity of the other foot, whose anchor settles where it stands [m/s]."""
-    sensor, other = footing.sensor, footing.other
-    total, weight = float(sensor.loads.sum()), footing.biped.weight
-    if sensor.centres[other] is None or total < LOADED * weight:
+    sense, other = footing.sense, footing.other
+    total, weight = float(sense.loads.sum()), footing.biped.weight
+    if sense.centres[other] is None or total < LOADED * weight:
         return velocity
-    part, along = float(sensor.loads[other]) / total, _between(footing)
+    part, along = float(sense.loads[other]) / total, _between(footing)
     from_stance = zmp - footing.sole(footing.stance)[:2]
     wanted = min(1.0, max(0.0, float(from_stance.dot(along) / along.dot(along))))
-    pull, counter = (np.array(sensor.pulls[foot]) for foot in (other, footing.stance))
+    pull, counter = (
+        np.array((sense.wrenches[foot] or (0.0, 0.0))[:2]) for foot in (other, footing.stance)
+    )
     give = np.array([*((1.0 - part) * pull - part * counter), (part - wanted) * total])
     share = min(1.0, 2.0 * part)
     anchor = footing.anchors[other]
@@ -237,7 +233,7 @@ class VelocityTasks:
     ) -> None:
         self._biped, self._dt, self._numbers = biped, dt, numbers
         self._led = [task.name for task in limbs]
-        self._lean = TrunkLean(biped.relief, dt)
+        self._lean = TrunkPose(biped.relief, dt, np.zeros((3, 2)))
         self._grounds = SoleGrounds(dt)
         self._rotator = rotator
         self._com = ComTask()
@@ -268,11 +264,12 @@ class VelocityTasks:
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
         """Solves the stack, (19) to (23)."""
         refuse_solver_settings(ControllerPlan(name="differential_ik", time_limit=time_limit))
+        robot = self._biped.robot
         return DifferentialIK(
-            self._biped.robot,
+            robot,
             self.stack,
             dt=self._dt,
-            joints=self._biped.legs,
+            joints=[robot.joint_names[j] for leg in self._biped.legs for j in leg.joints],
             led=self._led,
             limit_time=_LIMIT_TIME,
             dynamics=dynamics,
@@ -303,17 +300,17 @@ class VelocityTasks:
         frames = biped.frames
         (centre, _), (place, _) = (dynamics.placement(frames[foot]) for foot in (stance, other))
         # Turned by its base alone the robot is rigid: A_G has its inertia about the base's axes.
-        _, world_R_base = dynamics.placement(biped.base)
+        world_R_base = dynamics.joint_rotation(BASE_JOINT)
         turned = dynamics.momentum_matrix[3:5, 3:6].dot(rate.dot(world_R_base))
         _, torso = footing.torso
         self._com.set_velocity(com - _across(rate, dynamics.com - centre))
         self._turns[other].set_velocity(self._other_sole(footing) - rate)
         self._momentum.set_velocity(momentum - turned)
-        self._torso.set_velocity(self._upright(torso, self._lean.rotation(footing)) - rate)
+        self._torso.set_velocity(self._upright(torso, self._lean.rotations(footing, 0.0)[0]) - rate)
         if not footing.mode.single:
             # What is measured lags behind a shift; by what is commanded the robot would sway by a
             # centimetre at rest.
-            zmp = footing.sensor.zmp if footing.mode is Mode.D else cart_table_zmp
+            zmp = footing.sense.zmp if footing.mode is Mode.D else cart_table_zmp
             foot = yielding_velocity(footing, foot, zmp, self._dt)
         self._places[other].set_velocity(foot - _across(rate, place - centre))
         weighed = self._momentum, self._torso, self._places[other]

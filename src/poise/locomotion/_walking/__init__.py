@@ -22,6 +22,13 @@ from poise.locomotion._walking._ground import (
     wrapped as wrapped,
     yaw_of as yaw_of,
 )
+from poise.locomotion._walking._legs import (
+    GIVES as GIVES,
+    KNEE as KNEE,
+    FootRange as FootRange,
+    Leg as Leg,
+    measure_leg as measure_leg,
+)
 from poise.locomotion._walking._modes import (
     LIFT as LIFT,
     Mode as Mode,

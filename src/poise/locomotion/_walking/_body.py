@@ -5,12 +5,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from poise.locomotion._support import Point, SupportPolygon
-from poise.locomotion._walking._commands import LegSpan, side
+from poise.locomotion._support import Point, SupportPolygon, side
 from poise.locomotion._walking._dcm import DcmMotions, FeetAt, LegMomentum
 from poise.locomotion._walking._flight import HeldFlight
 from poise.locomotion._walking._footsteps import Gait, Stand
 from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._legs import Leg
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._stance import Stance
 from poise.locomotion._walking._swing import FIXED, Motion, least_jerk_towards
@@ -88,10 +88,8 @@ _BODY_TIME = 0.25
 class BodyHeight:
     """Height and heading of the body that the next stand needs."""
 
-    def __init__(
-        self, sense: WalkSense, stand: Stand, span: LegSpan, gait: Gait, height: float
-    ) -> None:
-        self._sense, self._out, self._span = sense, 0.5 * stand.width, span
+    def __init__(self, sense: WalkSense, stand: Stand, leg: Leg, gait: Gait, height: float) -> None:
+        self._sense, self._out, self._leg = sense, 0.5 * stand.width, leg
         self._gait, self._height = gait, height
 
     def goal(
@@ -131,7 +129,7 @@ class BodyHeight:
         for foot, place in enumerate(feet):
             out, position = side(foot), place.position
             hip = (x - out * ahead, y + out * left)
-            height = min(height, position[2] + self._span.highest(math.dist(hip, position[:2])))
+            height = min(height, position[2] + self._leg.highest(math.dist(hip, position[:2])))
         return height
 
 

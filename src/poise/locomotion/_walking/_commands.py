@@ -1,7 +1,6 @@
 """`StepCommands`: what somebody wants of a walk now, as the next few footholds.
 
 `VelocityLimits`: how fast a robot is led at most.
-`LegRoom`: where its legs let a foot come down beside the other one.
 """
 
 import math
@@ -10,10 +9,10 @@ from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 from poise._schema import Bounds, checked
-from poise.locomotion._support import Point
-from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, beside, level_place
+from poise.locomotion._support import Point, side
+from poise.locomotion._walking._footsteps import LARGEST, FootstepPlan, level_place
 from poise.locomotion._walking._ground import LEVEL, Ground, Placement, wrapped
-from poise.locomotion._walking._step_choice import StepBounds
+from poise.locomotion._walking._legs import LegRoom
 
 _Speed = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m/s")]
 
@@ -41,56 +40,8 @@ class VelocityLimits:
     rise_time: Annotated[float, Bounds(positive=True, most=LARGEST, unit="s")] = 1.0
 
 
-class LegSpan(NamedTuple):
-    """Reach of a leg from its hip to its ankle."""
-
-    length: float  # of the leg, nearly straight [m]
-    hip: float  # height of the hip over the ankle, less that of the COM over the sole [m]
-
-    def beside(self, height: float) -> float:
-        """Return the largest distance of a foot beside its hip [m]."""
-        return math.sqrt(max(self.length**2 - (height + self.hip) ** 2, 0.0))
-
-    def highest(self, beside: float) -> float:
-        """Return the largest height of the CoM above a foot [m]."""
-        return math.sqrt(max(self.length**2 - beside**2, 0.0)) - self.hip
-
-
-class LegRoom(NamedTuple):
-    """Workspace of a foothold beside the other foot."""
-
-    sizes: tuple[tuple[float, float], tuple[float, float]]  # length and width of both soles [m]
-    width: float  # of the feet side by side [m]
-    clearance: float  # least distance of their edges [m]
-    ahead: float  # farthest ahead and behind [m]
-    far: float  # the same where the body goes down for it, to catch the robot [m]
-    wide: float  # farthest beside [m]
-    turn: float  # most that a foot is turned outwards from the other [rad]
-    turn_in: float  # and inwards [rad]
-    quickness: float  # acceleration of a foot in the air, at most [m/s^2]
-
-    def shortest_swing(self, way: float) -> float:
-        """In what time a foot goes a way, from rest to rest with the least jerk [s]."""
-        # A quintic of least jerk peaks at 10 / sqrt(3) of its way by its time squared.
-        return math.sqrt(10.0 / math.sqrt(3.0) * way / self.quickness)
-
-    def near(self, yaw: float) -> float:
-        """Least distance of the soles' centres, turned against each other [m]."""
-        return self.clearance + beside(self.sizes, yaw)
-
-    def bounds(self, yaw: float, *, far: bool = False) -> StepBounds:
-        """Return the region of a foothold."""
-        near = min(self.near(yaw), self.width)
-        return StepBounds(near, self.wide, self.far if far else self.ahead, self.width)
-
-
 _ASKEW = 0.03
 """A foothold turned by less than this from the command is as commanded [rad]."""
-
-
-def side(foot: int) -> float:
-    """To which side a foot is of the other: 1 for the left one, -1 for the right one."""
-    return 1.0 if foot == 0 else -1.0
 
 
 def _outwards(foot: int, turn: float) -> float:
@@ -264,10 +215,8 @@ class StepCommands:
         out, room = side(foot), self._room
         turned = _share(turn * out, room.turn_in) * out
         wide = room.width + _share(sideways * out, room.width - room.near(turned))
-        mean = stance.yaw + 0.5 * turned
-        c, s = math.cos(mean), math.sin(mean)
-        x = stance.position[0] + c * ahead - s * out * wide
-        y = stance.position[1] + s * ahead + c * out * wide
+        between = replace(stance, yaw=stance.yaw + 0.5 * turned)
+        x, y = FootAxes(between, out).without((ahead, wide))
         return self._lying(foot, stance, (x, y, stance.yaw + turned))
 
     def _allowed(self, stance: Placement, asked: Foothold) -> Placement:

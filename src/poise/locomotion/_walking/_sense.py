@@ -1,4 +1,4 @@
-"""`WalkSense`: centre of mass, soles and loads of a state, read once a tick."""
+"""`WalkSense`: centre of mass, soles, loads and ZMP of a state, read once a tick."""
 
 import math
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from poise.dynamics import (
     motion_of,
     place_frame,
 )
-from poise.locomotion._support import Rotation, Vector3
+from poise.locomotion._support import Point, Rotation, Vector2, Vector3
 from poise.locomotion._walking._ground import Placement, yaw_of
 from poise.robots import Robot
 from poise.stack import FrameTask
@@ -48,10 +48,19 @@ class _SoleMemory(Block):
 
 
 class WalkSense:
-    """Centre of mass, soles and loads of the last state."""
+    """Centre of mass, soles, loads and ZMP of the last state.
+
+    The ZMP, (-m_y, m_x) / f_z of both soles, is smoothed by a gain a tick, and the last one while
+    no sole presses; without a gain it is not computed.
+    """
 
     def __init__(
-        self, robot: Robot, soles: tuple[str, str], dynamics: Dynamics | None = None
+        self,
+        robot: Robot,
+        soles: tuple[str, str],
+        dynamics: Dynamics | None = None,
+        *,
+        gain: float | None = None,
     ) -> None:
         self._robot, self._model, self._dynamics = robot, robot.model, dynamics
         self._data = data = robot.model.createData()
@@ -60,7 +69,8 @@ class WalkSense:
         self._soles, self.weight = soles, robot.weight
         found = [robot.soles[name] for name in soles]
         self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
-        self.wrenches: list[list[float] | None] = [None, None]
+        self._gain = gain
+        self.reset()
         frames = frames_of(robot.model, [robot.frame_id(name) for name in soles])
         motion = motion_of(robot.model, data) if dynamics is None else dynamics.motion
         self._memory = memory = allocate(
@@ -70,9 +80,18 @@ class WalkSense:
             frames=FrameBlock(**frames._asdict()),
         )
         self._seen, self._com, self._com_velocity = memory.seen, data.com[0], data.vcom[0]
-        self.state: RobotState | None = None  # the last one
         # Compiled now, not in the first tick.
         self._look(self._com, self._com_velocity)
+
+    def reset(self) -> None:
+        """Nothing has been measured."""
+        self.state: RobotState | None = None  # the last one
+        self.wrenches: list[list[float] | None] = [None, None]
+        self.loads: Vector2 = np.zeros(2)  # normal forces, left and right [N]
+        # Centre of pressure of a sole that presses, in its own axes [m].
+        self.centres: list[Point | None] = [None, None]
+        self.zmp: Vector2 = np.zeros(2)  # x and y [m]
+        self._fresh = True
 
     def update(self, state: RobotState) -> None:
         """Take a state in."""
@@ -82,12 +101,37 @@ class WalkSense:
             self._look(self._dynamics.com, self._dynamics.com_velocity)
         else:
             if state.payload is not self._payload:
-                self._carry(state.payload)
+                self._loaded = self._loaded or LoadedModel(self._robot)
+                self._loaded.carry(state.payload)
+                self._model, self._payload = self._loaded.model, state.payload
             pin.centerOfMass(self._model, self._data, state.q, state.v, False)
             self._look(self._com, self._com_velocity)
         self.state = state
         found = [state.wrench(sole) for sole in self._soles]
         self.wrenches = [None if wrench is None else wrench.tolist() for wrench in found]
+        if self._gain is not None:
+            self._press(self._gain)
+
+    def _press(self, gain: float) -> None:
+        """Smooth the ZMP by the centres of pressure of the soles."""
+        pressed_x = pressed_y = total = 0.0
+        for i, wrench in enumerate(self.wrenches):
+            _, _, load, mx, my, _ = wrench or (0.0,) * 6
+            self.loads[i] = load = load if load > 0.0 else 0.0
+            presses = load > UNLOADED * self.weight
+            self.centres[i] = (-my / load, mx / load) if presses else None
+            if presses:
+                (x, y, _), R = self.positions[i], self.rotations[i]
+                pressed_x += load * x - R[0] * my + R[1] * mx
+                pressed_y += load * y - R[3] * my + R[4] * mx
+                total += load
+        if total <= 0.0:
+            return
+        x, y = pressed_x / total, pressed_y / total
+        if not self._fresh:
+            before_x, before_y = self.zmp.tolist()
+            x, y = before_x + gain * (x - before_x), before_y + gain * (y - before_y)
+        self.zmp, self._fresh = np.array([x, y]), False
 
     def _look(self, com: Vector3, com_velocity: Vector3) -> None:
         """Copy what is evaluated, as plain numbers."""
@@ -100,14 +144,6 @@ class WalkSense:
         self.rotations = left[ROTATION:VELOCITY], right[ROTATION:VELOCITY]
         self.velocities = left[VELOCITY:BIAS], right[VELOCITY:BIAS]
         self.com, self.com_velocity = com.tolist(), com_velocity.tolist()
-
-    def _carry(self, payload: Payload | None) -> None:
-        """Take a payload into the model."""
-        if self._loaded is None:
-            self._loaded = LoadedModel(self._robot)
-            self._model = self._loaded.model
-        self._loaded.carry(payload)
-        self._payload = payload
 
     def sole(self, foot: int) -> _Pose:
         """Return position [m] and rotation of a sole in the world."""

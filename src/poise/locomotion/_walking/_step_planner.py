@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from poise.locomotion._support import Point, SolePart
-from poise.locomotion._walking._commands import FootAxes, LegRoom, StepCommands, side
+from poise.locomotion._support import Point, SolePart, side
+from poise.locomotion._walking._commands import FootAxes, StepCommands
 from poise.locomotion._walking._dcm import (
     DcmMotions,
     LegMomentum,
@@ -17,6 +17,7 @@ from poise.locomotion._walking._dcm import (
 )
 from poise.locomotion._walking._footsteps import Stand
 from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._legs import LegRoom
 from poise.locomotion._walking._step_choice import (
     LastStep,
     Pendulum,

@@ -8,8 +8,9 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion._stepping._stance import KNEE, Biped, Footing, leg_joints
+from poise.locomotion._stepping._stance import Biped, Footing
 from poise.locomotion._support import Rotation
+from poise.locomotion._walking import KNEE
 from poise.robots import Robot
 from poise.stack import JointLimit, SurfaceContact
 
@@ -70,7 +71,11 @@ class AnkleStops:
     def __init__(self, robot: Robot, contacts: list[SurfaceContact], limit: JointLimit) -> None:
         self._contacts, self._limit = contacts, limit
         self._first = robot.nq - robot.nj
-        self._ankles = [leg_joints(robot, contact.frame)[KNEE + 1 :] for contact in contacts]
+        # Pinocchio counts the world and the floating base before the joints.
+        self._ankles = [
+            [joint - 2 for joint in robot.leg_joints(contact.frame)[KNEE + 1 :]]
+            for contact in contacts
+        ]
         self._least, self._most = limit.q_min.tolist(), limit.q_max.tolist()
         self._at_stop = dict[int, tuple[bool, bool]]()
         self.reset()
@@ -125,7 +130,7 @@ class SoleRighting:
             self._turn(foot, 0.0, 0.0)
 
     def update(self, footing: Footing) -> None:
-        for foot, load in enumerate(footing.sensor.loads.tolist()):
+        for foot, load in enumerate(footing.sense.loads.tolist()):
             share = min(max((_FIRM - load / self._weight) / (_FIRM - _LIGHT), 0.0), 1.0)
             if share == 0.0 or not self._contacts[foot].active:
                 self._turn(foot, 0.0, 0.0)

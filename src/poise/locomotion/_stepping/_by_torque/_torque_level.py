@@ -12,16 +12,10 @@ from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
 from poise.locomotion._stepping._feet import Level, LevelTick
 from poise.locomotion._stepping._guard import DeviceStatus, OperatorGuard
 from poise.locomotion._stepping._sample import BodyCommand, OperatorSample
-from poise.locomotion._stepping._stance import (
-    GIVES,
-    Biped,
-    Footing,
-    FootRange,
-    StanceEstimator,
-    TeleopParameters,
-    ZmpSensor,
-)
+from poise.locomotion._stepping._stance import Biped, Footing, StanceEstimator, TeleopParameters
 from poise.locomotion._walking import (
+    GIVES,
+    FootRange,
     Mode,
     SteppingEngine,
     VelocityLimits,
@@ -107,11 +101,11 @@ class TorqueLevel(Level):
             target = np.array(steps.flight.goal.position)
         return LevelTick(target, zmp, zmp, steps.ended)
 
-    def reset(self, sensor: ZmpSensor) -> None:
+    def reset(self) -> None:
         self._engine.reset()
         parts = self._engine.parts
         self._tasks.reset()
-        self._begin(sensor, parts.legs.omega, parts.region)
+        self._begin(parts.legs.omega, parts.region)
         self._seen, self._overruled, self._driven = Mode.D, False, False
         self._rested, self._held = 0.0, 0.0
         self._closing: float | None = None
@@ -136,12 +130,12 @@ class TorqueLevel(Level):
             self._overruled, self._rested, self._held, self._closing = True, 0.0, 0.0, None
         mode = engine.mode
         if mode is not self._seen:
-            self._stance.begin(self._seen, mode)
+            self._estimator.begin(self._seen, mode)
             self._seen = mode
             if mode is Mode.D:
                 devices.update(command, guard.held, self._footing())
                 devices.stand()
-        self._stance.follow(mode)
+        self._estimator.follow(mode)
         if mode is not footing.mode or self._estimator.stance != footing.stance:
             footing = self._footing()
         self.footing = footing
@@ -206,8 +200,6 @@ class TorqueLevel(Level):
     def _footing(self) -> Footing:
         return self._stand(
             mode=self._engine.mode,
-            stance=self._estimator.stance,
-            pressed=self._stance.pressed,
             parts=self._engine.parts.stance.parts,
             has_left=self._devices.foot_has_left,
         )

@@ -12,9 +12,9 @@ from poise.locomotion._stepping._by_torque._departures import (
     twist_ranges,
     waist_ranges,
 )
-from poise.locomotion._stepping._stance import UPRIGHT, Biped, Footing, TrunkPose, mean_angle
+from poise.locomotion._stepping._stance import UPRIGHT, Biped, Footing, TrunkPose
 from poise.locomotion._support import Rotation, Vector3
-from poise.locomotion._walking import stepping_stack
+from poise.locomotion._walking import mean_angle, stepping_stack
 from poise.stack import LINEAR_SPEED, ComTask, FrameTask, JointTask, SurfaceContact
 
 _KP_COM, _KP_FOOT, _KP_TRUNK = 100.0, 300.0, 100.0

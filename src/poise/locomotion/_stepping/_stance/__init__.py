@@ -1,35 +1,24 @@
 """Stance of the robot: its mode, soles and legs, and the workspace of its feet."""
 
-from poise.locomotion._stepping._stance._biped import (
-    GIVES as GIVES,
-    KNEE as KNEE,
-    Biped as Biped,
-    FootRange as FootRange,
-    biped_of as biped_of,
-    leg_joints as leg_joints,
-)
 from poise.locomotion._stepping._stance._estimator import (
+    LANDED as LANDED,
+    POSITION_GAIN as POSITION_GAIN,
     StanceEstimator as StanceEstimator,
-    ZmpSensor as ZmpSensor,
 )
 from poise.locomotion._stepping._stance._footing import (
-    LANDED as LANDED,
     LEVEL as LEVEL,
-    POSITION_GAIN as POSITION_GAIN,
     TORSO_MOST as TORSO_MOST,
     UPRIGHT as UPRIGHT,
     Footing as Footing,
-    StanceChoice as StanceChoice,
-    TrunkLean as TrunkLean,
     TrunkPose as TrunkPose,
 )
 from poise.locomotion._stepping._stance._parameters import (
-    RobotSize as RobotSize,
+    BASE_JOINT as BASE_JOINT,
+    Biped as Biped,
     TeleopParameters as TeleopParameters,
+    biped_of as biped_of,
     checked_actuation as checked_actuation,
     checked_start as checked_start,
     scaled_parameters as scaled_parameters,
-    size_of as size_of,
     teleop_parameters as teleop_parameters,
 )
-from poise.locomotion._walking import mean_angle as mean_angle

@@ -1,7 +1,4 @@
-"""`StanceEstimator`: where the robot is, from joints, the torso's attitude and a foot at rest.
-
-`ZmpSensor`: the ZMP from the load cells of the soles.
-"""
+"""`StanceEstimator`: where the robot is, from joints, the torso's attitude and a foot at rest."""
 
 import numpy as np
 import pinocchio as pin
@@ -19,10 +16,9 @@ from poise.estimation import (
     StampedPredictor,
     StateEstimator,
 )
-from poise.locomotion._stepping._stance._biped import BASE_JOINT
-from poise.locomotion._support import Rotation, Vector2, Vector3
-from poise.locomotion._walking import CLEARANCE, UNLOADED, WalkSense
-from poise.robots import Robot
+from poise.locomotion._stepping._stance._parameters import BASE_JOINT, Biped
+from poise.locomotion._support import Rotation, Vector3
+from poise.locomotion._walking import CLEARANCE, Mode, WalkSense
 
 _DONE = 0.5
 """Part of what was commanded within the sensors' delay that counts as done: with less the rates of
@@ -31,38 +27,20 @@ the legs are off, with more that of the base."""
 _CORRECTED = EstimatorConfig(tare=False, vote=False)
 
 
-class ZmpSensor:
-    """Centre of pressure (-m_y, m_x) / f_z of both soles, smoothed; the last while none press."""
+POSITION_GAIN = 10.0
+"""k_v of (17a) and (17c), from distances to velocities of CoM and feet [1/s]."""
 
-    def __init__(self, weight: float, time_constant: float, dt: float) -> None:
-        self._least = UNLOADED * weight
-        self._gain = dt / (time_constant + dt)
-        self.zmp: Vector2 = np.zeros(2)  # x and y [m]
-        self.loads: Vector2 = np.zeros(2)  # normal forces, left and right [N]
-        self.pulls: list[tuple[float, float]] = [(0.0, 0.0), (0.0, 0.0)]
-        self.centres: list[tuple[float, float] | None] = [None, None]
-        self._fresh = True
+LANDED = 0.047
+"""Load at which a foot has landed, over the weight: 30 N of the paper's robot."""
 
-    def update(self, sense: WalkSense) -> None:
-        """Reads one measurement."""
-        pressed_x = pressed_y = total = 0.0
-        for i, wrench in enumerate(sense.wrenches):
-            fx, fy, load, mx, my, _ = wrench or (0.0,) * 6
-            self.loads[i] = load = load if load > 0.0 else 0.0
-            self.pulls[i] = (fx, fy)
-            self.centres[i] = (-my / load, mx / load) if load > self._least else None
-            if load > self._least:
-                (x, y, _), R = sense.positions[i], sense.rotations[i]
-                pressed_x += load * x - R[0] * my + R[1] * mx
-                pressed_y += load * y - R[3] * my + R[4] * mx
-                total += load
-        if total <= 0.0:
-            return
-        x, y = pressed_x / total, pressed_y / total
-        if not self._fresh:
-            before_x, before_y = self.zmp.tolist()
-            x, y = before_x + self._gain * (x - before_x), before_y + self._gain * (y - before_y)
-        self.zmp, self._fresh = np.array([x, y]), False
+_PRESS_SPEED = 0.1
+"""Largest speed downwards of a foot without load in double support, for the paper's soles [m/s]."""
+
+_LOAD_RATIO = 1.2
+"""In double support a foot becomes the stance that carries this many times the other's load."""
+
+_ZMP_TIME = 0.01
+"""Time constant with which the measured ZMP is smoothed [s]."""
 
 
 class StanceEstimator:
@@ -76,16 +54,19 @@ class StanceEstimator:
 
     def __init__(
         self,
-        robot: Robot,
-        soles: tuple[str, str],
+        biped: Biped,
         q_start: Float64[np.ndarray, " nq"],
+        dt: float,
         *,
         inertial: bool = False,
     ) -> None:
+        robot, soles = biped.robot, biped.soles
         self.dynamics = Dynamics(robot)  # of the estimated state
         self._robot, self._data = robot, robot.model.createData()
-        self._sense = WalkSense(robot, soles, self.dynamics)
-        self._soles = [robot.frame_id(name) for name in soles]
+        self._sense = WalkSense(robot, soles, self.dynamics, gain=dt / (_ZMP_TIME + dt))
+        self._soles = biped.frames
+        self._least_load = LANDED * biped.weight
+        self._press_speed, self._dt = _PRESS_SPEED * biped.wide, dt
         self._world_R_base = self.dynamics.motion.placements[BASE_JOINT, :9].reshape(3, 3).T
         self._start = RobotState(q_start, np.zeros(robot.nv))
         self._inertial = StateEstimator(robot, _CORRECTED, q_start=q_start) if inertial else None
@@ -100,6 +81,7 @@ class StanceEstimator:
         """Back to the configuration at the start."""
         self.tare.reset()
         self._vote.reset()
+        self._sense.reset()
         self._last: RobotState | None = None
         for part in (self._inertial, self._payload, self._attitude, self._now):
             if part is not None:
@@ -107,6 +89,8 @@ class StanceEstimator:
         self.dynamics.update(self._start)
         self.anchors[:] = [self.sole(foot).copy() for foot in (0, 1)]
         self.stance = 1  # index of the sole that is taken to be at rest
+        self._pressing = False
+        self.pressed = 0.0  # how far below its place the other foot is sent in double support [m]
 
     def update(self, state: RobotState) -> RobotState:
         """Estimate position and velocity of the base; return an unusable state as it is."""
@@ -193,6 +177,38 @@ class StanceEstimator:
         if foot != self.stance:
             self.put_down(foot)
             self.stance = foot
+
+    def begin(self, before: Mode, mode: Mode) -> None:
+        """Place a foot that has landed, and stand on the other of one that is lifted."""
+        if mode is Mode.D and before.single:
+            self.put_down(1 - self.stance)
+        if mode.single and mode.support is not None:
+            self.stand_on(mode.support)
+
+    def follow(self, mode: Mode) -> None:
+        """Each tick with both feet on the ground: the one that carries more is the stance."""
+        if mode.single:
+            return
+        loads, stance = self.sense.loads, self.stance
+        if loads[1 - stance] > _LOAD_RATIO * loads[stance]:
+            self.stand_on(1 - stance)
+        other = 1 - self.stance
+        # One that is about to be lifted is to lose its load.
+        if mode.support in (None, other):
+            self._press(other)
+        else:
+            self._pressing, self.pressed = False, 0.0
+
+    def _press(self, foot: int) -> None:
+        """Send a foot down until it carries something."""
+        anchor, height = self.anchors[foot], float(self.sole(foot)[2])
+        if self.sense.loads[foot] < self._least_load:
+            anchor[2] = min(float(anchor[2]), height)
+            deeper = self.pressed + self._dt * self._press_speed
+            self.pressed = min(deeper, self._press_speed / POSITION_GAIN)
+            self._pressing = True
+        elif self._pressing:
+            anchor[2], self._pressing, self.pressed = height, False, 0.0
 
     def _resting_velocity(
         self, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]

@@ -1,4 +1,4 @@
-"""`Footing`: mode, soles and trunk of one tick, with `StanceChoice` and `TrunkPose`."""
+"""`Footing`: mode, soles and trunk of one tick; `TrunkPose`: references of the trunk."""
 
 import math
 from collections.abc import Sequence
@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._stance._biped import Biped
-from poise.locomotion._stepping._stance._estimator import StanceEstimator, ZmpSensor
+from poise.locomotion._stepping._stance._estimator import StanceEstimator
+from poise.locomotion._stepping._stance._parameters import Biped
 from poise.locomotion._support import (
     Rotation,
     SingleSupportRegion,
@@ -22,67 +22,8 @@ from poise.locomotion._support import (
 )
 from poise.locomotion._walking import Mode, turn_to_left, wrapped
 
-POSITION_GAIN = 10.0
-"""k_v of (17a) and (17c), from distances to velocities of CoM and feet [1/s]."""
-
-
-LANDED = 0.047
-"""Load at which a foot has landed, over the weight: 30 N of the paper's robot."""
-
-_PRESS_SPEED = 0.1
-"""Largest speed downwards of a foot without load in double support, for the paper's soles [m/s]."""
-
 _CLEAR_HEIGHT = 0.04
 """Height above the ground from which a foot is free to move along it, for the paper's robot [m]."""
-
-_LOAD_RATIO = 1.2
-"""In double support a foot becomes the stance that carries this many times the other's load."""
-
-
-class StanceChoice:
-    """Keeps the estimator's stance and the feet's places up to date."""
-
-    def __init__(
-        self, estimator: StanceEstimator, sensor: ZmpSensor, biped: Biped, dt: float
-    ) -> None:
-        self._estimator, self._sensor = estimator, sensor
-        self._least_load = LANDED * biped.weight
-        self._speed, self._dt = _PRESS_SPEED * biped.size.wide, dt
-        self._pressing, self.pressed = False, 0.0
-
-    def begin(self, before: Mode, mode: Mode) -> None:
-        """Place a foot that has landed, and stand on the other of one that is lifted."""
-        estimator = self._estimator
-        if mode is Mode.D and before.single:
-            estimator.put_down(1 - estimator.stance)
-        if mode.single and mode.support is not None:
-            estimator.stand_on(mode.support)
-
-    def follow(self, mode: Mode) -> None:
-        """Each tick with both feet on the ground: the one that carries more is the stance."""
-        if mode.single:
-            return
-        estimator, loads = self._estimator, self._sensor.loads
-        stance = estimator.stance
-        if loads[1 - stance] > _LOAD_RATIO * loads[stance]:
-            estimator.stand_on(1 - stance)
-        other = 1 - estimator.stance
-        # One that is about to be lifted is to lose its load.
-        if mode.support in (None, other):
-            self._press(other)
-        else:
-            self._pressing, self.pressed = False, 0.0
-
-    def _press(self, foot: int) -> None:
-        """Sends a foot down until it carries something."""
-        anchor, height = self._estimator.anchors[foot], float(self._estimator.sole(foot)[2])
-        if self._sensor.loads[foot] < self._least_load:
-            anchor[2] = min(float(anchor[2]), height)
-            deeper = self.pressed + self._dt * self._speed
-            self.pressed = min(deeper, self._speed / POSITION_GAIN)
-            self._pressing = True
-        elif self._pressing:
-            anchor[2], self._pressing, self.pressed = height, False, 0.0
 
 
 @dataclass(kw_only=True, eq=False)
@@ -92,11 +33,8 @@ class Footing:
     biped: Biped
     estimator: StanceEstimator
     mode: Mode
-    stance: int  # foot that is taken to be at rest; the stance foot in single support
     omega: float  # sqrt(g / H) [1/s]
     region: SingleSupportRegion
-    sensor: ZmpSensor
-    pressed: float = 0.0  # how far below its place the other foot is sent in double support [m]
     parts: Sequence[SolePart | None] = (None, None)  # loaded areas; None for all of a sole
     com_velocity: Vector2 | None = None  # observed; that of `dynamics` when None
     has_left: bool = True  # the swing foot has left the ground
@@ -105,8 +43,10 @@ class Footing:
         biped, estimator = self.biped, self.estimator
         # Places where each sole was last put down [m].
         self.anchors, self.dynamics = estimator.anchors, estimator.dynamics
+        # The foot that is taken to be at rest: the stance foot in single support.
+        self.stance, self.pressed = estimator.stance, estimator.pressed
         self.other, placement = 1 - self.stance, self.dynamics.placement
-        sense = estimator.sense
+        self.sense = sense = estimator.sense
         self.soles = sense.sole(0), sense.sole(1)
         self.pelvis, self.torso = placement(biped.pelvis), placement(biped.torso)
         self.com = self.dynamics.com
@@ -177,7 +117,7 @@ class Footing:
 
     def clearance(self, ground: float) -> float:
         """Return the clearance of the other foot over a ground, from 0 on it to 1."""
-        clear = _CLEAR_HEIGHT * self.biped.size.tall
+        clear = _CLEAR_HEIGHT * self.biped.tall
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
 
 
@@ -194,42 +134,19 @@ UPRIGHT = (0.0, 0.0, 0.0)
 LEVEL = np.eye(3)
 
 
-class TrunkLean:
-    """Upright, or leaning over the foot that carries where its hip needs that."""
-
-    def __init__(self, relief: tuple[float, float], dt: float) -> None:
-        self._goals = (-relief[0], relief[1])
-        self._step = _RATE * dt
-        self._angle = 0.0
-
-    def reset(self) -> None:
-        """Upright."""
-        self._angle = 0.0
-
-    def rotation(self, footing: Footing) -> Rotation:
-        """Return world_R_trunk of this tick."""
-        carries = footing.mode.support
-        goal = 0.0 if carries is None else self._goals[carries]
-        self._angle += max(-self._step, min(self._step, goal - self._angle))
-        if self._angle == 0.0:
-            return LEVEL
-        x, y = footing.heading.tolist()
-        return pin.exp3(self._angle * np.array([x, y, 0.0]))
-
-
 class TrunkPose:
-    """References of pelvis and torso, where both can be turned."""
+    """References of pelvis and torso: upright, or leaning over a foot whose hip needs that."""
 
     def __init__(
         self, relief: tuple[float, float], dt: float, waist: Float64[np.ndarray, "3 2"]
     ) -> None:
-        self._lean, self._dt = TrunkLean(relief, dt), dt
+        self._goals, self._dt = (-relief[0], relief[1]), dt
         self._waist: list[list[float]] = waist.tolist()
         self.reset()
 
     def reset(self) -> None:
         """Upright, facing as the feet do."""
-        self._lean.reset()
+        self._lean = 0.0
         self._facing: float | None = None
         self._torso = UPRIGHT
 
@@ -239,20 +156,28 @@ class TrunkPose:
         return self._torso == UPRIGHT
 
     def rotations(
-        self, footing: Footing, facing: float, torso: tuple[float, float, float]
+        self, footing: Footing, facing: float, torso: tuple[float, float, float] = UPRIGHT
     ) -> tuple[Rotation, Rotation]:
-        """World_R_pelvis and world_R_torso in this tick."""
+        """Return world_R_pelvis and world_R_torso of this tick."""
+        carries = footing.mode.support
+        goal = 0.0 if carries is None else self._goals[carries]
+        self._lean = _towards(self._lean, goal, _RATE * self._dt)
         before = facing if self._facing is None else self._facing
-        most = _TURN_RATE * self._dt
         # The shorter way, also where angles pass from pi to -pi.
-        turn = wrapped(facing - before)
-        self._facing = before + max(-most, min(most, turn))
-        if torso != self._torso:
-            self._torso = self._moved(torso)
-        pelvis = self._lean.rotation(footing)
+        self._facing = _towards(before, before + wrapped(facing - before), _TURN_RATE * self._dt)
+        pelvis = LEVEL
+        if self._lean != 0.0:
+            x, y = footing.heading.tolist()
+            pelvis = pin.exp3(self._lean * np.array([x, y, 0.0]))
         if self._facing != 0.0:
             turn = turn_to_left(self._facing)
             pelvis = turn if pelvis is LEVEL else pelvis.dot(turn)
+        if torso != self._torso:
+            roll, pitch, yaw = (
+                _towards(now, max(-most, min(most, angle)), _POSE_RATE * self._dt)
+                for now, angle, most in zip(self._torso, torso, TORSO_MOST, strict=True)
+            )
+            self._torso = roll, pitch, yaw
         if self.upright:
             return pelvis, pelvis
         turned = pelvis @ pin.rpy.rpyToMatrix(np.array(self._torso))
@@ -264,11 +189,6 @@ class TrunkPose:
             pelvis = turned @ pin.rpy.rpyToMatrix(np.array(bent)).T
         return pelvis, turned
 
-    def _moved(self, torso: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Roll, pitch and yaw of the torso, rate-limited towards what is commanded [rad]."""
-        most = _POSE_RATE * self._dt
-        roll, pitch, yaw = (
-            before + max(-most, min(most, max(-largest, min(largest, angle)) - before))
-            for before, angle, largest in zip(self._torso, torso, TORSO_MOST, strict=True)
-        )
-        return roll, pitch, yaw
+
+def _towards(now: float, goal: float, most: float) -> float:
+    return now + max(-most, min(most, goal - now))

@@ -1,7 +1,9 @@
-"""Settings of the step teleoperator, scaled to a robot: `TeleopParameters`, `RobotSize`."""
+"""A robot that is stepped, `Biped`, and settings scaled to it: `TeleopParameters`."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,31 +14,75 @@ from poise.control import fault_of
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._pendulum import natural_frequency
-from poise.locomotion._support import single_support_region, two_soles
-from poise.locomotion._walking import mean_angle, yaw_of
+from poise.locomotion._support import Point, single_support_region, two_soles
+from poise.locomotion._walking import (
+    CLEARANCE,
+    KNEE,
+    FootRange,
+    Leg,
+    mean_angle,
+    measure_leg,
+    yaw_of,
+)
 from poise.robots import Robot
 
 _HEIGHT, _HALF_SOLE = 0.765, 0.12
 """Height of the COM and half the width of a sole of the paper's robot [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RobotSize:
-    """Mass, dimensions, and ratios to those of the paper's robot."""
+BASE_JOINT = 1
+"""Pinocchio's index of the floating base; joint 0 is the world."""
 
-    mass: float  # [kg]
-    height: float  # of the COM over the soles [m]
-    apart: float  # distance of the soles' centres across the heading [m]
+_NARROW_GAP = 0.09
+"""Least distance of narrow soles' edges by torques, over the COM's height, to hold a push aside."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Biped:
+    """Two feet, two legs and a torso, and ratios of dimensions to those of the paper's robot."""
+
+    robot: Robot
+    soles: tuple[str, str]  # names of the left and the right sole
+    legs: tuple[Leg, Leg]
+    frames: tuple[int, int]  # of the soles
+    torso: int  # frame
+    height: float  # of the COM over the soles at the start [m]
+    apart: float  # distance of the soles' centres across the heading at the start [m]
     half_sole: float  # half the narrower side of the smaller sole [m]
     margin: float  # distance of the CT-ZMP from the soles' edges, at most the paper's [m]
     narrow: bool  # soles are too narrow for a push outwards, see `SingleSupportRegion`
 
     @property
+    def pelvis(self) -> int:
+        """Frame of the body from which the legs hang."""
+        return self.legs[0].pelvis
+
+    @cached_property
+    def weight(self) -> float:
+        """M g [N]."""
+        return self.robot.weight
+
+    @cached_property
+    def sizes(self) -> tuple[Point, Point]:
+        """Lengths and widths of the soles [m]."""
+        return self.legs[0].size, self.legs[1].size
+
+    @property
+    def knees(self) -> Mapping[str, Point]:
+        """Angles that leave a knee bent, by its name [rad]."""
+        return {self.robot.joint_names[leg.joints[KNEE]]: leg.knee_range for leg in self.legs}
+
+    @property
+    def relief(self) -> tuple[float, float]:
+        """Lean over the left and the right foot to stand on it [rad]."""
+        return self.legs[0].relief, self.legs[1].relief
+
+    @cached_property
     def tall(self) -> float:
         """Ratio of the COM's heights."""
         return self.height / _HEIGHT
 
-    @property
+    @cached_property
     def wide(self) -> float:
         """Ratio of the soles' widths, at most 1: the kick of a landing has to stay within it."""
         return min(1.0, self.half_sole / _HALF_SOLE)
@@ -44,6 +90,59 @@ class RobotSize:
     def by_stiffness(self, value: float) -> float:
         """Scale by omega^2 = g / H, so that poles keep their ratio to the robot's own time."""
         return value * natural_frequency(self.height) ** 2 / natural_frequency(_HEIGHT) ** 2
+
+    def foot_range(self, parameters: "TeleopParameters", *, servos: bool) -> FootRange:
+        """Return the workspace of its feet."""
+        narrow = self.narrow and not servos
+        return FootRange(
+            self.legs,
+            step_max=parameters.step_max,
+            lift_max=parameters.lift_max,
+            gap=max(CLEARANCE, _NARROW_GAP * self.height if narrow else 0.0),
+            servos=servos,
+        )
+
+
+def biped_of(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Biped:
+    """Measure a robot that stands in a configuration."""
+    soles, dynamics = two_soles(robot), Dynamics(robot)
+    dynamics.update(RobotState(q, np.zeros(robot.nv)))
+    left_frame, right_frame = (robot.frame_id(sole) for sole in soles)
+    (left, left_R), (right, right_R) = map(dynamics.placement, (left_frame, right_frame))
+    ahead = mean_angle(yaw_of(left_R), yaw_of(right_R))
+    apart_x, apart_y, _ = (left - right).tolist()
+    apart = abs(math.cos(ahead) * apart_y - math.sin(ahead) * apart_x)
+    if not apart > 0.0:
+        raise ConfigurationError(
+            "the feet stand too close for step teleoperation", got=apart, wanted="> 0 m apart"
+        )
+    height = float(dynamics.com[2] - 0.5 * (left[2] + right[2]))
+    left_leg, right_leg = (_measured(dynamics, sole, q) for sole in soles)
+    half = 0.5 * min(*left_leg.size, *right_leg.size)
+    region = single_support_region(robot, natural_frequency(height), min(0.02, 0.25 * half))
+    return Biped(
+        robot=robot,
+        soles=soles,
+        legs=(left_leg, right_leg),
+        frames=(left_frame, right_frame),
+        torso=robot.frame_id(robot.torso),
+        height=height,
+        apart=apart,
+        half_sole=half,
+        margin=region.margin,
+        narrow=region.narrow,
+    )
+
+
+def _measured(dynamics: Dynamics, sole: str, q: Float64[np.ndarray, " nq"]) -> Leg:
+    leg = measure_leg(dynamics, sole, q)
+    if len(leg.joints) < 6:
+        raise ConfigurationError(
+            f"the leg of {sole} has too few joints for step teleoperation",
+            got=[dynamics.robot.joint_names[j] for j in leg.joints],
+            wanted="six joints or more",
+        )
+    return leg
 
 
 _REMOVED = {
@@ -172,57 +271,33 @@ def teleop_parameters(
         q_start: configuration at the start [m, rad]; the robot's home when None.
 
     Raises:
-        ConfigurationError: no two feet, soles that are too close; no such start.
+        ConfigurationError: no two feet, legs of too few joints, soles that are too close; no such
+            start.
         UnknownNameError: no such actuation.
     """
     checked_actuation(actuation)
-    return scaled_parameters(size_of(robot, checked_start(robot, q_start)), actuation)
+    return scaled_parameters(biped_of(robot, checked_start(robot, q_start)), actuation)
 
 
-def scaled_parameters(size: RobotSize, actuation: str) -> TeleopParameters:
+def scaled_parameters(biped: Biped, actuation: str) -> TeleopParameters:
     """Scale the paper's settings, as `teleop_parameters` says."""
     paper = TeleopParameters()
     scaled = replace(
         paper,
-        kp=size.by_stiffness(paper.kp),
-        press_depth=paper.press_depth * size.tall,
-        lower_speed=paper.lower_speed * size.tall,
-        stoop_max=0.5 * (1.0 + size.wide) * paper.stoop_max,
-        step_max=paper.step_max * size.tall,
-        lift_max=paper.lift_max * size.tall,
+        kp=biped.by_stiffness(paper.kp),
+        press_depth=paper.press_depth * biped.tall,
+        lower_speed=paper.lower_speed * biped.tall,
+        stoop_max=0.5 * (1.0 + biped.wide) * paper.stoop_max,
+        step_max=paper.step_max * biped.tall,
+        lift_max=paper.lift_max * biped.tall,
     )
     if actuation == "velocity":
         return scaled
-    farthest, highest = (_NARROW_STEP, _NARROW_LIFT) if size.narrow else (1.0, 1.0)
+    farthest, highest = (_NARROW_STEP, _NARROW_LIFT) if biped.narrow else (1.0, 1.0)
     return replace(
         scaled,
         dt=_TORQUE_DT,
         stoop_max=paper.stoop_max,
         step_max=farthest * scaled.step_max,
         lift_max=highest * scaled.lift_max,
-    )
-
-
-def size_of(robot: Robot, q: Float64[np.ndarray, " nq"]) -> RobotSize:
-    """Measure a robot that stands in a configuration."""
-    soles, dynamics = two_soles(robot), Dynamics(robot)
-    dynamics.update(RobotState(q, np.zeros(robot.nv)))
-    (left, left_R), (right, right_R) = (dynamics.placement(robot.frame_id(s)) for s in soles)
-    ahead = mean_angle(yaw_of(left_R), yaw_of(right_R))
-    apart_x, apart_y, _ = (left - right).tolist()
-    apart = abs(math.cos(ahead) * apart_y - math.sin(ahead) * apart_x)
-    if not apart > 0.0:
-        raise ConfigurationError(
-            "the feet stand too close for step teleoperation", got=apart, wanted="> 0 m apart"
-        )
-    height = float(dynamics.com[2] - 0.5 * (left[2] + right[2]))
-    half = 0.5 * min(min(s.length, s.width) for s in robot.soles.values())
-    region = single_support_region(robot, natural_frequency(height), min(0.02, 0.25 * half))
-    return RobotSize(
-        mass=robot.mass,
-        height=height,
-        apart=apart,
-        half_sole=half,
-        margin=region.margin,
-        narrow=region.narrow,
     )
