@@ -125,7 +125,6 @@ class LiteralTeleoperator(StepTeleoperator):
         sample = self.device.sample(state.time)
         if sample is not None and np.isfinite([sample.place(0), sample.place(1)]).all():
             self._newest = sample
-        self.zmp_sensor.update(state)
         self._move_on(dynamics)
         reference = self._zmp_reference()
         self._drive(reference, dynamics)
@@ -137,13 +136,13 @@ class LiteralTeleoperator(StepTeleoperator):
     def _move_on(self, dynamics: Dynamics) -> None:
         """Eq. (14)."""
         lifted, before = self._lifted(), self._paper_mode
-        support, loads, estimator = before.support, self.zmp_sensor.loads, self.estimator
+        support, loads, estimator = before.support, self.estimator.sense.loads, self.estimator
         if support is None:
             after = Mode.TL if lifted[1] else Mode.TR if lifted[0] else Mode.D
         elif before.single:
             after = Mode.D if loads[1 - support] > self._landed_load else before
         else:
-            off = np.linalg.norm(self.zmp_sensor.zmp - self._zmp_reference())
+            off = np.linalg.norm(self.estimator.sense.zmp - self._zmp_reference())
             single = Mode.SL if support == 0 else Mode.SR
             after = single if off <= self._numbers.r_lift else before
         if after is before:
@@ -209,7 +208,7 @@ class LiteralTeleoperator(StepTeleoperator):
         single = self._paper_mode.single
         place = np.array(self._newest.place(other)) if single else here
         foot.set_velocity(saturate(fastest, _K_V * (place - here)))
-        error = (reference - self.zmp_sensor.zmp).tolist()
+        error = (reference - self.estimator.sense.zmp).tolist()
         weigh_as_paper(self, error, single=single)
 
     def _paper_status(
@@ -220,13 +219,13 @@ class LiteralTeleoperator(StepTeleoperator):
         return TeleopStatus(
             mode=self._paper_mode,
             sample=sample,
-            zmp=self.zmp_sensor.zmp,
+            zmp=self.estimator.sense.zmp,
             zmp_reference=reference,
             cart_table_zmp=self._cart_table_zmp(dynamics),
             com=dynamics.com,
             soles=(self.estimator.sole(0), self.estimator.sole(1)),
             target=np.array(self._newest.place(other)) if self._paper_mode.single else None,
-            loads=self.zmp_sensor.loads.copy(),
+            loads=self.estimator.sense.loads.copy(),
             tilt=float(np.arccos(np.clip(torso[1][2, 2], -1.0, 1.0))),
             hands=tuple(self.hands.status),
             hand_targets=self.hands.targets(*torso),

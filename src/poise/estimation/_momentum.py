@@ -19,7 +19,7 @@ _TRUST = 5e-4
 """The same towards measured wrenches: the square of 1 N m, by which torques are off, over the 45 N
 by which a cell may be off before it counts as faulty."""
 
-_BASE_WEIGHT = 0.01
+_BASE_WEIGHT = 0.1
 """Of the base's rows, which contain pushes: the force of G1's foot in the air, pushed by 0.4 m/s,
 is off by 0.024 of the weight with 0.01 to 0.1, and by 0.028 and 0.056 with 0.3 and 1."""
 
@@ -51,6 +51,7 @@ class MomentumObserver:
         self._gain = gain
         self._soles = {name: robot.frame_id(name) for name in robot.soles}
         self._rows = _rows_of_legs(robot, list(self._soles.values()))
+        self._legs = np.where(self._rows < 6, 0.0, 1.0)
         self._weights = np.where(self._rows < 6, _BASE_WEIGHT, 1.0)
         self._momentum: Float64[np.ndarray, " nv"] | None = None
         self.disturbance: Float64[np.ndarray, " nv"] = np.zeros(robot.nv)
@@ -108,11 +109,13 @@ class MomentumObserver:
         model, data = self._model, self._data
         pin.computeJointJacobians(model, data, q)
         jacobians: dict[str, Float64[np.ndarray, "6 rows"]] = {}
-        force = self._weights * self.disturbance[self._rows]
+        # Somebody who holds the robot acts on the base.
+        weights = self._legs if measured else self._weights
+        force = weights * self.disturbance[self._rows]
         for name, frame_id in self._soles.items():
             pin.updateFramePlacement(model, data, frame_id)
             jacobian = pin.getFrameJacobian(model, data, frame_id, pin.LOCAL)[:, self._rows]
-            jacobian *= self._weights
+            jacobian *= weights
             if name in known or name in measured:
                 force -= (known if name in known else measured)[name] @ jacobian
             if name not in known:

@@ -131,7 +131,6 @@ class StepTeleoperator:
         actuation: what is commanded.
         solved_by: name of the controller that solves the stack.
         estimator: where the robot is taken to be; its `update` comes before `lead`.
-        zmp_sensor: ZMP and loads as measured.
         hands: leads the arms.
         gaze: leads the neck, or by torques the torso of a robot without one.
     """
@@ -164,7 +163,6 @@ class StepTeleoperator:
             parameters, TeleopParameters, "parameters of the teleoperation"
         )
         self.estimator = StanceEstimator(biped, q_start, p.dt, inertial=not servos)
-        self.zmp_sensor = self.estimator.sense
         _check_start(actuation, driver, self._faces())
         self._numbers = numbers = replace(velocity_numbers(biped), **(_numbers or {}))
         if driver is None:
@@ -355,13 +353,13 @@ class StepTeleoperator:
             mode=footing.mode,
             device=self._guard.status,
             sample=self._sample,
-            zmp=self.zmp_sensor.zmp,
+            zmp=self.estimator.sense.zmp,
             zmp_reference=tick.zmp_reference,
             cart_table_zmp=tick.cart_table_zmp,
             com=footing.com,
             soles=(footing.sole(0), footing.sole(1)),
             target=tick.target if footing.mode.single else None,
-            loads=self.zmp_sensor.loads.copy(),
+            loads=self.estimator.sense.loads.copy(),
             tilt=footing.tilt,
             heading=math.atan2(heading[1], heading[0]),
             hands=tuple(self.hands.status),
