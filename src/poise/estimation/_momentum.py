@@ -109,7 +109,7 @@ class MomentumObserver:
         model, data = self._model, self._data
         pin.computeJointJacobians(model, data, q)
         jacobians: dict[str, Float64[np.ndarray, "6 rows"]] = {}
-        # Somebody who holds the robot acts on the base.
+        # A hoist or a hand that holds the robot acts on the base.
         weights = self._legs if measured else self._weights
         force = weights * self.disturbance[self._rows]
         for name, frame_id in self._soles.items():

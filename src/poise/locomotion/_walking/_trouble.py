@@ -58,7 +58,7 @@ _SLIP_SPEED, _LOADED = 0.2, 0.3
 """A sole that is faster [m/s] and carries more than this part of the weight slips."""
 
 _HALF = 0.5
-"""Part of the weight below which somebody else carries most of the robot."""
+"""Part of the weight; feet that carry less leave most of the robot to a hoist or to hands."""
 
 _FREE_FALL = (0.0, 0.0, -GRAVITY)
 """Acceleration [m/s^2]."""
