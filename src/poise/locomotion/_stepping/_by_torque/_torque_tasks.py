@@ -62,12 +62,13 @@ robot steps by itself [m]."""
 
 
 class TorqueTasks:
-    """Accelerations of CoM, feet and trunk, weighted in this order; standing feet are contacts."""
+    """Accelerations of CoM, feet and trunk, weighted in this order; standing feet are contacts.
 
-    # Levels cost balance and smoothness. With CoM and feet strictly above trunk and limbs, above
-    # the posture, without softening, pushes of 0.5 and 0.65 m/s in 8 directions made 271 and 1,604
-    # ticks with a torque step above a quarter of its limit, against 41 and 166, and 1 fall of 16
-    # against none.
+    Levels cost balance and smoothness. With CoM and feet strictly above trunk and limbs, above the
+    posture, without softening, pushes of 0.5 and 0.65 m/s in 8 directions made 271 and 1,604 ticks
+    with a torque step above a quarter of its limit, against 41 and 166, and 1 fall of 16 against
+    none.
+    """
 
     def __init__(self, biped: Biped, dt: float, limbs: Sequence[JointTask]) -> None:
         robot, self._dt = biped.robot, dt

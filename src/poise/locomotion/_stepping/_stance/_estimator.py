@@ -189,20 +189,21 @@ class StanceEstimator:
         """Each tick with both feet on the ground: the one that carries more is the stance."""
         if mode.single:
             return
-        loads, stance = self.sense.loads, self.stance
+        sense, stance = self.sense, self.stance
+        loads = sense.loads
         if loads[1 - stance] > _LOAD_RATIO * loads[stance]:
             self.stand_on(1 - stance)
         other = 1 - self.stance
         # One that is about to be lifted is to lose its load.
         if mode.support in (None, other):
-            self._press(other)
+            self._press(other, sense)
         else:
             self._pressing, self.pressed = False, 0.0
 
-    def _press(self, foot: int) -> None:
+    def _press(self, foot: int, sense: WalkSense) -> None:
         """Send a foot down until it carries something."""
-        anchor, height = self.anchors[foot], float(self.sole(foot)[2])
-        if self.sense.loads[foot] < self._least_load:
+        anchor, height = self.anchors[foot], float(sense.sole(foot)[0][2])
+        if sense.loads[foot] < self._least_load:
             anchor[2] = min(float(anchor[2]), height)
             deeper = self.pressed + self._dt * self._press_speed
             self.pressed = min(deeper, self._press_speed / POSITION_GAIN)
