@@ -76,7 +76,8 @@ class MomentumObserver:
             state: where the robot is, its base as estimated.
             torque: of the motors in that time [N m].
             dt: how much time [s].
-            measured: wrenches that estimates keep to as far as the torques do not contradict.
+            measured: wrenches to check: estimates stay as near to them as the legs' torques allow,
+                and the base's rows, which contain what else holds the robot, do not count [N, N m].
         """
         model, data, v = self._model, self._data, state.v
         M = pin.crba(model, data, state.q)
@@ -104,7 +105,8 @@ class MomentumObserver:
         Args:
             q: configuration.
             known: wrenches of other soles [N, N m].
-            measured: wrenches towards which the least squares are damped; zero for others [N, N m].
+            measured: wrenches towards which the least squares are damped, without the base's rows;
+                none for damping towards zero [N, N m].
         """
         model, data = self._model, self._data
         pin.computeJointJacobians(model, data, q)

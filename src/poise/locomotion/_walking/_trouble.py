@@ -61,7 +61,8 @@ _HALF = 0.5
 """Part of the weight; feet that carry less leave most of the robot to a hoist or to hands."""
 
 _FREE_FALL = (0.0, 0.0, -GRAVITY)
-"""Acceleration [m/s^2]."""
+"""Acceleration of all tasks while no foot carries [m/s^2]: that of the model without contacts, so
+no level has an error that would soften it."""
 
 _STOOD_ON = 0.1
 """Time of the load ramp of feet on which a robot has been put down [s]."""
@@ -143,11 +144,7 @@ class HangWatch:
 
 
 class Hanging:
-    """Targets of a robot that no foot carries: its posture, falling freely from where it is taken.
-
-    Whoever carries it holds the posture up: with the accelerations of a free fall no joint bears
-    a weight that nobody measures.
-    """
+    """Targets of a robot that no foot carries: its posture, in free fall from where it is."""
 
     def __init__(self, state: RobotState, sense: WalkSense, tasks: WalkTasks) -> None:
         self._sense, self._tasks = sense, tasks
