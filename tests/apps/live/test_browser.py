@@ -46,20 +46,26 @@ def standing(_shared):
     _shared.loop.pause(True)
 
 
-def hold(page, key, lifted, again="0"):
-    """Holds a key until a foot is up.
-
-    Where a busy machine loses the page in mid-step one lets go, and begins `again`.
-    """
-    begin = time.monotonic()
-    while time.monotonic() < begin + 2.0 * PATIENCE:
-        page.ask(f"{again}; 0")
-        page.page.keyboard.down(key)
-        if comes(lambda: page.ask(lifted), 20.0):
+def lift(page, begin, let_go, lifted):
+    """Lift a foot until `lifted` holds; let go and begin anew where the page lost touch."""
+    end = time.monotonic() + 2.0 * PATIENCE
+    while time.monotonic() < end:
+        begin()
+        if comes(lifted, 20.0):
             return
-        page.page.keyboard.up(key)
+        let_go()
         page.wait("newest.mode === 'D' && newest.device !== 'LOST'", "the start")
     raise AssertionError("waited in vain for the lift")
+
+
+def hold(page, key, lifted, again="0"):
+    """Hold a key until a foot is up."""
+
+    def begin():
+        page.ask(f"{again}; 0")
+        page.page.keyboard.down(key)
+
+    lift(page, begin, lambda: page.page.keyboard.up(key), lambda: page.ask(lifted))
 
 
 def on_screen(page, which, above, of="handles"):
@@ -146,14 +152,16 @@ def test_a_dragged_handle_lifts_the_foot_letting_go_lowers_it_and_a_replay_is_th
         page.wait("view !== null", "the drawing")
         page.wait("newest.device !== 'LOST'", "the device")
         page.ask("part('help').hidden = true")
-        x, y = hover(page)
-        _, top = on_screen(page, 0, UP_THE_ARROW + 0.12)
         mouse = page.page.mouse
-        mouse.down()
-        for step in range(1, 7):
-            mouse.move(x, y + step / 6 * (top - y))
-        page.wait("['TR', 'SR'].includes(newest.mode)", "the mode to change")
-        wait_for(lambda: session.loop.snapshot.soles[0][2] > 0.04, "the foot to lift")
+
+        def drag():
+            x, y = hover(page)
+            _, top = on_screen(page, 0, UP_THE_ARROW + 0.12)
+            mouse.down()
+            for step in range(1, 7):
+                mouse.move(x, y + step / 6 * (top - y))
+
+        lift(page, drag, mouse.up, lambda: session.loop.snapshot.soles[0][2] > 0.04)
         assert session.loop.snapshot.mode is Mode.SR
         page.wait("newest.mode === 'SR'", "the page to show it")
         mouse.up()
