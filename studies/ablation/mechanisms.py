@@ -11,8 +11,6 @@ from pkgutil import resolve_name
 from typing import Any
 from unittest.mock import patch
 
-import numpy as np
-
 from poise.locomotion import WalkSettings
 
 _STEPPING, _WALKING = "poise.locomotion._stepping", "poise.locomotion._walking"
@@ -28,8 +26,8 @@ _EVERYTHING = 1e3
 """A rate that reaches the edge of any sole within a tick [m/s]."""
 
 
-_NEAR, _LOW = 0.1, 0.02
-"""So near to the end of a joint [rad], or of the COM's way down [m], counts as an act."""
+_LOW = 0.02
+"""So near to the end of the CoM's way down counts as an act [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,31 +61,12 @@ def _same_state(_tare: object, state: object, *_: object) -> object:
     return state
 
 
-def _no_ranges(*_: object) -> Mapping[str, tuple[float, float]]:
-    return {}
-
-
-def _usual_weight(*_: object) -> float:
-    return 1.0
-
-
 def _asked_height(_body: object, _feet: object, height: float, *_: object) -> float:
     return height
 
 
 def _always(*_: object) -> bool:
     return True
-
-
-def _is_twisted(tasks: Any, footing: Any) -> bool:
-    """Test for a joint, but knees, near or beyond an end that the stack gives it."""
-    robot, limit = footing.biped.robot, tasks.stack.joint_limit
-    angles = footing.dynamics.q[robot.nq - robot.nj :]
-    below = np.where(limit.q_min > robot.q_min + _NEAR, angles - limit.q_min, math.inf)
-    above = np.where(limit.q_max < robot.q_max - _NEAR, limit.q_max - angles, math.inf)
-    knees = [robot.joint_index(name) for name in footing.biped.knees]
-    below[knees] = above[knees] = math.inf
-    return bool(min(below.min(), above.min()) < _NEAR)
 
 
 def _near_its_end(level: Any) -> bool:
@@ -124,24 +103,6 @@ MECHANISMS = (
         acts=lambda call, _: call[2] or call[3],
     ),
     Mechanism(
-        name="twist_ranges",
-        off={f"{_TASKS}.twist_ranges": _no_ranges},
-        watched=f"{_TASKS}.TorqueTasks.lead",
-        acts=lambda call, _: _is_twisted(*call[:2]),
-    ),
-    Mechanism(
-        name="tipping",
-        off={f"{_WALKING}._phases.StepPhases._tips": _never},
-        watched=f"{_WALKING}._phases.StepPhases._tips",
-        acts=lambda _, tips: tips,
-    ),
-    Mechanism(
-        name="SoleRighting",
-        off={f"{_DEPARTURES}.SoleRighting.update": _nothing},
-        watched=f"{_DEPARTURES}.SoleRighting._turn",
-        acts=lambda call, _: any(call[2:]),
-    ),
-    Mechanism(
         name="TrunkFeedback",
         off={f"{_DEPARTURES}.TrunkFeedback.apply": _nothing},
         watched=f"{_DEPARTURES}.TrunkFeedback.apply",
@@ -162,12 +123,6 @@ MECHANISMS = (
         },
         watched=f"{_TASKS}.TorqueTasks.lead",
         acts=lambda call, _: call[1].region.narrow and call[1].mode.single,
-    ),
-    Mechanism(
-        name="thrown foot",
-        off={f"{_TASKS}._foot_weight": _usual_weight},
-        watched=f"{_TASKS}._foot_weight",
-        acts=lambda _, weight: weight > 1.0,
     ),
     Mechanism(
         name="capture constants",
@@ -244,11 +199,8 @@ MECHANISMS = (
 )
 """Mechanisms that runs switch.
 
-- `tipping`: a stance sole that turns over an edge ends no held step.
 - `narrow sole`: the ZMP in single support rests as far inwards as before, and nothing else is done
-  for a narrow sole: no room beyond its edges, no announced step, usual step lengths, and no weight
-  of a thrown foot either.
-- `thrown foot`: a swing foot far from where it is sent weighs as much as any.
+  for a narrow sole: no room beyond its edges, no announced step, and usual step lengths.
 - `capture constants`: margin of the ZMP, clearance, bounce time and swing height of a walk, and no
   time-outs; one margin of the pressure, no bound of the trunk's way, the usual weight of feet in
   capture steps, and of the balance right after them.

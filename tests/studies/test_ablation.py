@@ -90,7 +90,7 @@ def outcome(seed, *, fell=False, off=(), leader=TELEOPERATION):
 def test_rows_are_read_as_written_and_an_unfinished_one_is_written_over(tmp_path):
     rows = Rows(tmp_path / "folder" / "rows.jsonl")
     assert rows.read() == []
-    first, second = outcome(1, fell=True, off=("tipping", "thrown foot")), outcome(2)
+    first, second = outcome(1, fell=True, off=("knees", "narrow sole")), outcome(2)
     rows.append(first)
     with rows.path.open("a") as file:
         file.write('{"seed": 2, "lea')
@@ -140,17 +140,17 @@ def test_outcomes_that_one_column_decides_have_a_finite_effect():
 def test_the_section_tells_a_mechanism_that_prevents_falls_from_one_that_does_nothing(tmp_path):
     rng, rows = np.random.default_rng(0), Rows(tmp_path / "rows.jsonl")
     for seed in range(300):
-        off = tuple(n for n in ("tipping", "thrown foot") if rng.random() < 0.25)
-        fell = bool(rng.random() < (0.6 if "tipping" in off else 0.15))
+        off = tuple(n for n in ("knees", "narrow sole") if rng.random() < 0.25)
+        fell = bool(rng.random() < (0.6 if "knees" in off else 0.15))
         rows.append(outcome(seed, fell=fell, off=off))
         rows.append(outcome(seed, fell=seed % 5 == 0, leader=WALKING))
     rows.append(replace(outcome(300), error="ValueError: no"))
     section = effects_section(StudyOptions(rows=rows.path), lambda *_: None)
     table = {row[0]: row for row in section.tables[0].rows}
-    assert set(table) == {"tipping", "thrown foot"}
-    assert table["tipping"][-1] == "prevents falls"
-    assert table["tipping"][8] > 25.0
-    assert table["thrown foot"][6] < 0.0 < table["thrown foot"][7]
+    assert set(table) == {"knees", "narrow sole"}
+    assert table["knees"][-1] == "prevents falls"
+    assert table["knees"][8] > 25.0
+    assert table["narrow sole"][6] < 0.0 < table["narrow sole"][7]
     rates = {f.name: f.ours for f in section.findings}
     assert rates["walking: runs that end with a fall"] == pytest.approx(20.0)
 

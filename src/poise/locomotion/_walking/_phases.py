@@ -41,10 +41,6 @@ ankles do not let the robot come nearer to the other one, and it steps from wher
 _CALM = 0.01
 """The divergent component has to be this far inside what holds it for the feet to stay [m]."""
 
-_TIPPED = math.cos(0.1)
-"""A stance sole that has turned by more than 0.1 rad since lift-off stands on an edge; one that
-lies turns by less than 0.01 rad."""
-
 _ADJUST = 0.2
 """Distance by which a foothold may still move, for the balance limit [m]."""
 
@@ -345,7 +341,6 @@ class StepPhases:
         pose, begin = sense.lower_edge(foot), sense.placement(foot)
         if self.held and self.motion is not None:
             self.flight = HeldFlight(foot, *pose, begin)
-            self._flat = sense.sole(1 - foot)[1][:, 2].copy()
             self.motion.take_off(foot)
             return
         goal, rise, swung = self._next_foothold, self._gait.swing_height, None
@@ -362,7 +357,7 @@ class StepPhases:
     def _follow(self, flight: HeldFlight, dt: float) -> None:
         """Follow whoever holds the swing foot, until touchdown or a capture step."""
         foot, motion = flight.foot, self.motion
-        if motion is None or not self.is_held() or self._tips(1 - foot):
+        if motion is None or not self.is_held():
             self.put_down(foot)
             return
         motion.move(flight, dt)
@@ -374,10 +369,6 @@ class StepPhases:
             return
         self._tasks.lead_foot(self._sense, flight)
         self._lead_dcm(self._over_stance(self._region.rest), self._gait.step_time, dt)
-
-    def _tips(self, stance: int) -> bool:
-        """Return whether the stance sole has turned over an edge since lift-off."""
-        return float(self._flat @ self._sense.sole(stance)[1][:, 2]) < _TIPPED
 
     def _fly(self, flight: Flight, dt: float) -> None:
         flight.count(dt)

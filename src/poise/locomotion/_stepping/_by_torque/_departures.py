@@ -1,7 +1,6 @@
-"""Departures from plain tasks and contacts: ranges of joints, soles off level, a lasting lean."""
+"""Departures from plain tasks and contacts: ankles at their stops, a lasting lean."""
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float64
@@ -16,34 +15,11 @@ from poise.stack import JointLimit, SurfaceContact
 _ALONG = 0.7
 """A joint turns about an axis along which its own has this part at home."""
 
-_FARTHEST = 1.2
-"""From home [rad]. Waists and hips of some robots turn by 2.6: pushed on one foot, G1 turned its
-waist by 2.6 and its pelvis by 1.8 over the feet within two seconds. Then the shorter way for torso
-and pelvis to face ahead again is on into the stops, and its trunk leaned on them by half a radian
-and more until it fell, eight seconds later."""
-
-
-def _at_home(biped: Biped) -> Dynamics:
-    dynamics = Dynamics(biped.robot)
-    dynamics.update(RobotState(biped.robot.q_home, np.zeros(biped.robot.nv)))
-    return dynamics
-
-
-def twist_ranges(biped: Biped) -> Mapping[str, tuple[float, float]]:
-    """Lower and upper angle of each joint about the vertical between feet and torso [rad]."""
-    robot, dynamics = biped.robot, _at_home(biped)
-    found = dict[str, tuple[float, float]]()
-    for frame in (*biped.frames, biped.pelvis, biped.torso):
-        vertical = dynamics.frame(frame).jacobian[5, robot.base_dofs :]
-        for joint in np.flatnonzero(np.abs(vertical) > _ALONG).tolist():
-            home = float(robot.q_home[robot.nq - robot.nj + joint])
-            found[robot.joint_names[joint]] = home - _FARTHEST, home + _FARTHEST
-    return found
-
 
 def waist_ranges(biped: Biped) -> Float64[np.ndarray, "3 2"]:
     """Least and largest roll, pitch and yaw of the torso against the pelvis, from home [rad]."""
-    robot, dynamics = biped.robot, _at_home(biped)
+    robot, dynamics = biped.robot, Dynamics(biped.robot)
+    dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))
     pelvis, torso = (dynamics.frame(f) for f in (biped.pelvis, biped.torso))
     axes = pelvis.rotation.T @ (torso.jacobian - pelvis.jacobian)[3:, robot.base_dofs :]
     limits = np.array((robot.model.lowerPositionLimit, robot.model.upperPositionLimit))
@@ -105,48 +81,6 @@ class AnkleStops:
         if self._at_stop.get(ankle) != (at_lower, at_upper):
             self._at_stop[ankle] = at_lower, at_upper
             self._limit.leave_to_stop(ankle, at_lower=at_lower, at_upper=at_upper)
-
-
-_STIFFNESS, _TURN_MOST = 400.0, 60.0
-"""Stiffness with which a sole is turned back [1/s^2], and the largest angular acceleration of that
-[rad/s^2]."""
-
-_LIGHT, _FIRM = 0.1, 0.2
-"""Parts of the weight: a sole that carries less than the first is turned, one that carries more
-than the second lies as the ground does."""
-
-
-class SoleRighting:
-    """Turn soles that have just landed, or have lost their load, as if they were in the air."""
-
-    def __init__(self, contacts: list[SurfaceContact], weight: float) -> None:
-        self._contacts, self._weight = contacts, weight
-        self._turning = [False, False]
-
-    def reset(self) -> None:
-        """No sole is turned."""
-        for foot in (0, 1):
-            self._turn(foot, 0.0, 0.0)
-
-    def update(self, footing: Footing) -> None:
-        for foot, load in enumerate(footing.sense.loads.tolist()):
-            share = min(max((_FIRM - load / self._weight) / (_FIRM - _LIGHT), 0.0), 1.0)
-            if share == 0.0 or not self._contacts[foot].active:
-                self._turn(foot, 0.0, 0.0)
-                continue
-            # The sine of the angle to the vertical, about the sole's own axes.
-            up_x, up_y, _ = footing.soles[foot][1][2].tolist()
-            off = math.hypot(up_x, up_y)
-            beyond = share * _STIFFNESS * max(0.0, 1.0 - _GROUND / max(off, _GROUND))
-            most = share * _TURN_MOST
-            x, y = -beyond * up_y, beyond * up_x
-            self._turn(foot, max(-most, min(most, x)), max(-most, min(most, y)))
-
-    def _turn(self, foot: int, x: float, y: float) -> None:
-        turns = x != 0.0 or y != 0.0
-        if turns or self._turning[foot]:
-            self._contacts[foot].set_acceleration((0.0, 0.0, 0.0, x, y, 0.0))
-            self._turning[foot] = turns
 
 
 _LEARNING = 50.0
