@@ -17,8 +17,7 @@ from studies.ablation.mechanisms import MECHANISMS, Mechanism, counted, without
 from studies.bad_operator.conditions import MIXED, changed_plant, push
 from studies.locomotion.courses import Course, make_course
 from studies.locomotion.late_estimate import typical_sensors
-from studies.locomotion.led_walk import LedTrial, walk_course
-from studies.locomotion.torque_steps import TorqueSteps
+from studies.locomotion.led_walk import LedTrial, TorqueSteps, walk_course
 from studies.torque_teleoperation.everything import EverythingOperator
 
 SECONDS = 20.0

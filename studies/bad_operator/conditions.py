@@ -1,11 +1,9 @@
-"""`CONDITIONS`: what is not as the controller takes it to be, under the bad operator.
-
-`OTHER_PLANTS`: robots and simulators that nothing was tuned on. `pushes`: when somebody pushes.
-"""
+"""`CONDITIONS` and `OTHER_PLANTS`: deviations of a plant from the model, and `pushes` on it."""
 
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -53,32 +51,33 @@ def with_attitude(plant: PlantConfig, error: float, seed: int) -> PlantConfig:
     return replace(plant, sensors=sensors)
 
 
-def _as_described(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot, seed
-    return plant
+def _plant(**changes: Any) -> Change:
+    return lambda plant, _robot, _seed: replace(plant, **changes)
 
 
-def _zeroed_badly(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot, seed
-    return replace(plant, sensors=replace(plant.sensors, joint_position_bias=_JOINT_ERROR))
+def _sensors(**changes: Any) -> Change:
+    return lambda plant, _robot, _seed: replace(plant, sensors=replace(plant.sensors, **changes))
+
+
+def _all_of(*changes: Change) -> Change:
+    def change(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
+        for one in changes:
+            plant = one(plant, robot, seed)
+        return plant
+
+    return change
 
 
 def _weighed_badly(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del seed
     force = _CELL_ERROR * robot.weight
-    biases = replace(plant.sensors, force_bias=force, moment_bias=_CELL_LEVER * force)
-    return replace(plant, sensors=biases)
+    return _sensors(force_bias=force, moment_bias=_CELL_LEVER * force)(plant, robot, seed)
 
 
-def _wrongly_measured(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    for change in (_zeroed_badly, _weighed_badly):
-        plant = change(plant, robot, seed)
-    biases = replace(plant.sensors, gyro_bias=_GYRO_BIAS, accelerometer_bias=_ACCELEROMETER_BIAS)
-    return with_attitude(replace(plant, sensors=biases), _WORSE_ATTITUDE, seed)
+def _askew(plant: PlantConfig, _robot: Robot, seed: int) -> PlantConfig:
+    return with_attitude(plant, _WORSE_ATTITUDE, seed)
 
 
-def _sloping(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot
+def _sloping(plant: PlantConfig, _robot: Robot, seed: int) -> PlantConfig:
     x, y = _direction(seed + 1)
     return replace(plant, floor_slope=(_SLOPE * x, _SLOPE * y))
 
@@ -87,70 +86,17 @@ def _bumpy(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
     return replace(plant, blocks=terrain_blocks("bumps", robot, seed=seed))
 
 
-def _slippery(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot, seed
-    return replace(plant, friction=_FRICTION)
-
-
-def _heavier_or_lighter(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot
+def _heavier_or_lighter(plant: PlantConfig, _robot: Robot, seed: int) -> PlantConfig:
     return replace(plant, mass_scale=1.0 + (_MASS if seed % 2 else -_MASS))
 
 
-def _late(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot, seed
-    return replace(plant, sensors=replace(plant.sensors, delay=_DELAY))
+_UNCHANGED = _plant()
+_ZEROED_BADLY = _sensors(joint_position_bias=_JOINT_ERROR)
+_SLIPPERY, _LATE = _plant(friction=_FRICTION), _sensors(delay=_DELAY)
+_TOUCHING = _plant(self_contact=True)
 
-
-def _solid(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot, seed
-    return replace(plant, self_contact=True)
-
-
-def _mixed(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    for change in (_sloping, _bumpy, _slippery, _heavier_or_lighter, _late, _solid):
-        plant = change(plant, robot, seed)
-    return plant
-
-
-def _with_friction(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot, seed
-    return replace(plant, joint_friction=_JOINT_FRICTION, joint_damping=_JOINT_DAMPING)
-
-
-def _with_slow_motors(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot, seed
-    return replace(plant, torque_bandwidth=_BANDWIDTH)
-
-
-def _on_soft_ground(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot, seed
-    return replace(plant, contact_time_constant=_SOFT)
-
-
-def _with_half_the_step(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot, seed
-    return replace(plant, physics_dt=0.5 * plant.physics_dt)
-
-
-def _with_inertia(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    del robot, seed
-    return replace(plant, inertia_scale=_INERTIA)
-
-
-def _all_of_another_plant(plant: PlantConfig, robot: Robot, seed: int) -> PlantConfig:
-    for change in (
-        _with_friction,
-        _with_slow_motors,
-        _on_soft_ground,
-        _with_half_the_step,
-        _with_inertia,
-        _zeroed_badly,
-        _weighed_badly,
-    ):
-        plant = change(plant, robot, seed)
-    return plant
-
+NOISE = "noise of the sensors alone"
+"""A condition of `changed_plant` without an error of the attitude."""
 
 DESCRIBED, PUSHED, SOLID, MIXED = (
     "as described",
@@ -160,31 +106,42 @@ DESCRIBED, PUSHED, SOLID, MIXED = (
 )
 
 CONDITIONS: dict[str, Change] = {
-    DESCRIBED: _as_described,
-    "sensors off by a constant": _wrongly_measured,
+    DESCRIBED: _UNCHANGED,
+    "sensors off by a constant": _all_of(
+        _ZEROED_BADLY,
+        _weighed_badly,
+        _sensors(gyro_bias=_GYRO_BIAS, accelerometer_bias=_ACCELEROMETER_BIAS),
+        _askew,
+    ),
     "slope of 3 degrees": _sloping,
     "bumps of 2 cm": _bumpy,
-    "friction 0.5": _slippery,
+    "friction 0.5": _SLIPPERY,
     "mass 10% off": _heavier_or_lighter,
-    "10 ms of delay": _late,
-    PUSHED: _as_described,
-    SOLID: _solid,
-    MIXED: _mixed,
+    "10 ms of delay": _LATE,
+    PUSHED: _UNCHANGED,
+    SOLID: _TOUCHING,
+    MIXED: _all_of(_sloping, _bumpy, _SLIPPERY, _heavier_or_lighter, _LATE, _TOUCHING),
 }
 """What is changed, by name; as described the sensors have noise and an attitude off by 0.5 degrees.
 
 Off by a constant are the attitude, by 1 degree, and gyroscope, accelerometer, joints and load
 cells, by a bias each."""
 
-OTHER_PLANTS: dict[str, Change] = {
-    "joints with friction": _with_friction,
-    "motors of 40 Hz": _with_slow_motors,
-    "soft contacts": _on_soft_ground,
-    "half the physics step": _with_half_the_step,
-    "1.3 times the inertia": _with_inertia,
-    "joints zeroed badly": _zeroed_badly,
+_OTHERS: dict[str, Change] = {
+    "joints with friction": _plant(joint_friction=_JOINT_FRICTION, joint_damping=_JOINT_DAMPING),
+    "motors of 40 Hz": _plant(torque_bandwidth=_BANDWIDTH),
+    "soft contacts": _plant(contact_time_constant=_SOFT),
+    "half the physics step": lambda plant, _robot, _seed: replace(
+        plant, physics_dt=0.5 * plant.physics_dt
+    ),
+    "1.3 times the inertia": _plant(inertia_scale=_INERTIA),
+    "joints zeroed badly": _ZEROED_BADLY,
     "load cells off": _weighed_badly,
-    "all of another plant": _all_of_another_plant,
+}
+
+OTHER_PLANTS: dict[str, Change] = {
+    **_OTHERS,
+    "all of another plant": _all_of(*_OTHERS.values()),
 }
 """Another robot, or another setting of the simulator, than anything was tuned on: joints have dry
 friction of 0.5 N m and damping of 0.3 N m s/rad, motors follow with 40 Hz, contacts give way for
@@ -197,10 +154,13 @@ def changed_plant(robot: Robot, level: str, condition: str, seed: int) -> PlantC
     Args:
         robot: on it.
         level: what is commanded, see `PLANTS`.
-        condition: see `CONDITIONS` and `OTHER_PLANTS`.
+        condition: `NOISE`, or one of `CONDITIONS` and `OTHER_PLANTS`.
         seed: of all that is drawn by chance.
     """
-    plant = with_attitude(PLANTS[level].with_noise(), _ATTITUDE, seed)
+    plant = PLANTS[level].with_noise()
+    if condition == NOISE:
+        return plant
+    plant = with_attitude(plant, _ATTITUDE, seed)
     return (CONDITIONS | OTHER_PLANTS)[condition](plant, robot, seed)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -11,15 +12,20 @@ from poise.apps.teleoperation import BadOperator, TeleopRun, run_teleop
 from poise.locomotion import Device, Mode, StepTeleoperator
 from poise.robots import Robot, load_robot
 from studies.bad_operator.conditions import MIXED, PUSHED, changed_plant, pushes
-from studies.bad_operator.habits import HabitualOperator
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What a worker is asked for: a robot, a level, a condition, a seed, and a time [s].
+    """One run under a bad operator.
 
-    The operator has one of the `HABITS`, or "" for the bad one, who has none. `solved_by` names
-    the controller; None for the usual one.
+    Attributes:
+        robot: its name.
+        level: what is commanded, see `PLANTS`.
+        condition: see `changed_plant`.
+        seed: of everything random.
+        seconds: length unless the robot falls [s].
+        solved_by: name of the controller; the level's own when None.
+        folder: keeps the input of a run that ends with a fall, for `replay_teleop`; None for none.
     """
 
     robot: str
@@ -27,8 +33,8 @@ class Trial:
     condition: str
     seed: int
     seconds: float
-    habit: str = ""
     solved_by: str | None = None
+    folder: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,26 +66,20 @@ def _robot(name: str) -> Robot:
 
 def run_trial(trial: Trial) -> Outcome:
     """Runs a trial."""
-    return led_by(
-        trial,
-        lambda teleoperator: (
-            HabitualOperator(teleoperator, trial.habit, trial.seed)
-            if trial.habit
-            else BadOperator(teleoperator, trial.seed)
-        ),
-    )
+    return led_by(trial, lambda teleoperator: BadOperator(teleoperator, trial.seed))
 
 
 def led_by(trial: Trial, operator: Callable[[StepTeleoperator], Device]) -> Outcome:
-    """Runs a trial with an operator who is not of those that it names.
+    """Run a trial with another operator.
 
     Args:
-        trial: with robot, condition, seed and so on.
-        operator: makes the device.
+        trial: the trial.
+        operator: makes the operator's device.
     """
     robot, seed = _robot(trial.robot), trial.seed
     plant = changed_plant(robot, trial.level, trial.condition, seed)
     pushed = trial.condition in (PUSHED, MIXED)
+    recording = None if trial.folder is None else trial.folder / f"seed-{seed}.mcap"
     run = run_teleop(
         robot,
         operator,
@@ -88,7 +88,10 @@ def led_by(trial: Trial, operator: Callable[[StepTeleoperator], Device]) -> Outc
         seed=seed,
         pushes=pushes(robot, seed, trial.seconds, plant.control_dt) if pushed else (),
         solved_by=trial.solved_by,
+        recording=recording,
     )
+    if recording is not None and not run.fell:
+        recording.unlink()
     log = run.log
     return Outcome(
         trial=trial,

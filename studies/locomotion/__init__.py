@@ -1,12 +1,12 @@
-"""The study of locomotion: legs on what they can measure, led, pushed, told absurd things."""
+"""The study of locomotion: walks on the estimate of the base, led and pushed."""
 
-from studies.locomotion.cells_section import cells_section
-from studies.locomotion.estimation_section import estimation_section
-from studies.locomotion.ground_section import ground_section
-from studies.locomotion.led_section import led_section
-from studies.locomotion.references_section import references_section
-from studies.locomotion.standing_section import standing_section
-from studies.locomotion.steps_section import steps_section
+from studies.locomotion.cells import cells_section
+from studies.locomotion.walks import (
+    estimation_section,
+    ground_section,
+    led_section,
+    standing_section,
+)
 from studies.plan import Part, StudyPlan
 
 PLAN = StudyPlan(
@@ -24,9 +24,7 @@ PLAN = StudyPlan(
         Part("cells", "Load cells with faults", cells_section),
         Part("led", "Led by velocities", led_section),
         Part("standing", "Pushed without a step", standing_section),
-        Part("ground", "Ground and bodies that nobody told of", ground_section),
-        Part("steps", "Torques from tick to tick", steps_section),
-        Part("references", "References that no robot can follow", references_section),
+        Part("ground", "Ground and bodies that are not in the model", ground_section),
     ),
 )
-"""The study: what is estimated, and what is walked, and what is survived."""
+"""The study."""

@@ -1,4 +1,7 @@
-"""`run_trial`: one walk with the estimator in the loop, and how far its estimate was off."""
+"""`run_trial`: one walk with the estimator in the loop, and the errors of its estimate.
+
+`cell_fault`: a fault of load cells.
+"""
 
 import math
 from collections.abc import Callable
@@ -6,20 +9,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
 
 from poise.control import WholeBodyController
-from poise.dynamics import Dynamics, RobotState
-from poise.errors import ConfigurationError
+from poise.dynamics import RobotState
+from poise.errors import UnknownNameError
 from poise.estimation import StateEstimator
 from poise.locomotion import Gait, Stride, Walker, plan_footsteps, walking_stack
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, Tick, rollout
 from studies.locomotion.late_estimate import DELAY, PERIOD, typical_sensors
 
-FAULTS = ("", "stuck", "dead", "none")
-"""Load cells: without fault; in every second second the right ones read 40% of the weight at least,
-or the left ones nothing; none at all. Estimator and walker have the same."""
+NO_CELLS, GOOD = "no cells", "good"
+FAULTS = ("zero", "stuck", "biased", "gone")
+"""Faults of the cells of one sole."""
+
+_FAULT_BEGIN, _STUCK, _BIAS = 1.6, 160.0, 1.3
+"""Beginning of a fault [s], force of a stuck cell [N], ratio of a biased force to the true one."""
 
 _STEP_TIME, _STEP_LENGTH, _DOUBLE_SUPPORT = 0.8, 0.15, 0.15
 _REST = 1.5
@@ -31,60 +36,48 @@ _OBSERVED = [0, 1, 3, 4, 5]
 _EVERY = 5
 """Ticks between two looks at the error."""
 
-_LOADED, _CREEPING = 0.2, 0.02
-"""A sole slips that carries this part of the weight and is faster than this [m/s]."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What a worker is asked for.
+    """One walk.
 
     Attributes:
         robot: its name.
         seed: of the sensors' noise and biases.
         seconds: length of the walk [s].
         friction: of the floor.
-        fault: of the load cells, one of `FAULTS`.
+        cells: the right sole's fault, one of `FAULTS`, or `NO_CELLS`, or `GOOD`.
     """
 
     robot: str
     seed: int
     seconds: float
     friction: float = 1.0
-    fault: str = ""
-
-    def __post_init__(self) -> None:
-        if self.fault not in FAULTS:
-            raise ConfigurationError("no such fault", got=self.fault, choices=FAULTS)
+    cells: str = GOOD
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a trial.
+    """Errors of the estimate on a walk.
 
     Attributes:
         trial: the trial.
         fell: whether the robot fell.
         way: of the base over the floor [m].
-        slipped: way of loaded soles that slipped [m].
         velocity_rms: root mean square of the base velocity's error [m/s].
         tilt_rms: of the angle between true and estimated vertical [rad].
         drift: largest error of the base's position over the way so far, once that is a metre.
         height: largest error of the base's height [m].
         nees: mean normalised square of the error of tilt and velocity, 5 where it is consistent.
-        estimator_us: median time of an update [us].
     """
 
     trial: Trial
     fell: bool
     way: float
-    slipped: float
     velocity_rms: float
     tilt_rms: float
     drift: float
     height: float
     nees: float
-    estimator_us: float
 
 
 def run_trial(trial: Trial) -> Outcome:
@@ -105,7 +98,7 @@ def run_trial(trial: Trial) -> Outcome:
         plant,
         WholeBodyController(robot, stack),
         walker,
-        estimator=watch.estimate_with(_faulty(trial.fault, robot.weight)),
+        estimator=watch.estimate_with(cell_fault(robot, trial.cells, foot=1)),
         duration=trial.seconds,
     )
     for tick in rollout_ticks:
@@ -116,39 +109,50 @@ def run_trial(trial: Trial) -> Outcome:
 Fault = Callable[[RobotState], RobotState]
 
 
-def _faulty(fault: str, weight: float) -> Fault:
-    """What the cells say instead."""
+def cell_fault(robot: Robot, cells: str, foot: int) -> Fault:
+    """Make a fault of the load cells of a sole.
 
-    def corrupt(state: RobotState) -> RobotState:
-        if fault == "none":
+    Args:
+        robot: whose soles.
+        cells: one of `FAULTS`, which begins after 1.6 s, or `NO_CELLS`, or `GOOD`.
+        foot: 0 for the left sole, 1 for the right one.
+
+    Raises:
+        UnknownNameError: no such fault.
+    """
+    if cells not in (*FAULTS, NO_CELLS, GOOD):
+        raise UnknownNameError("no such fault", got=cells, choices=(*FAULTS, NO_CELLS, GOOD))
+    sole = tuple(robot.soles)[foot]
+
+    def change(state: RobotState) -> RobotState:
+        if cells == NO_CELLS:
             return replace(state, contacts={})
-        contacts = {name: wrench.copy() for name, wrench in state.contacts.items()}
-        if fault and int(state.time) % 2:
-            if fault == "stuck":
-                wrench = contacts["right_sole"]
-                wrench[2] = max(wrench[2], 0.4 * weight)
-            else:
-                contacts["left_sole"][:] = 0.0
+        if cells == GOOD or state.time < _FAULT_BEGIN:
+            return state
+        contacts = dict(state.contacts)
+        wrench = contacts.pop(sole)
+        if cells == "zero":
+            contacts[sole] = np.zeros(6)
+        elif cells == "stuck":
+            contacts[sole] = np.array([0.0, 0.0, _STUCK, 0.0, 0.0, 0.0])
+        elif cells == "biased":
+            contacts[sole] = _BIAS * wrench
         return replace(state, contacts=contacts)
 
-    return corrupt
+    return change
 
 
 class _Watch:
     """Compares an estimator with the truth."""
 
     def __init__(self, robot: Robot, start: RobotState) -> None:
-        self._robot = robot
         self.estimator = StateEstimator(robot, q_start=start.q)
         self._truth = [start]
-        self._dynamics = Dynamics(robot)
-        self._soles: dict[str, Float64[np.ndarray, "3"]] = {}
         self._place = start.q[:3].copy()
-        self._way = self._slipped = self._drift = self._height = 0.0
+        self._way = self._drift = self._height = 0.0
         self._velocity: list[float] = []
         self._tilt: list[float] = []
         self._nees: list[float] = []
-        self._seconds: list[float] = []
 
     def estimate_with(self, fault: Fault) -> Callable[[RobotState], RobotState]:
         """The estimator, told what the cells say instead."""
@@ -160,13 +164,11 @@ class _Watch:
 
     def look(self, tick: Tick) -> None:
         """At the error of one tick, against the truth when its sensors measured."""
-        self._seconds.append(tick.estimator_seconds)
         self._truth.append(tick.truth)
         age = 1 + round((tick.time - tick.estimate.time) / PERIOD)
         if tick.index % _EVERY == 0 and age < len(self._truth):
             truth = self._truth[-1 - age]
             self._compare(tick.estimate, truth)
-            self._follow(truth)
         del self._truth[: -round(DELAY / PERIOD) - 4]
 
     def _compare(self, estimate: RobotState, truth: RobotState) -> None:
@@ -185,28 +187,15 @@ class _Watch:
         if self._way > 1.0:
             self._drift = max(self._drift, float(np.linalg.norm(off)) / self._way)
 
-    def _follow(self, truth: RobotState) -> None:
-        """The soles: loaded ones that move slip."""
-        self._dynamics.update(truth)
-        for name, wrench in truth.contacts.items():
-            place = self._dynamics.placement(self._robot.frame_id(name))[0]
-            moved = float(np.linalg.norm(place[:2] - self._soles.get(name, place)[:2]))
-            loaded = wrench[2] > _LOADED * self._robot.weight
-            if loaded and moved > _CREEPING * _EVERY * PERIOD:
-                self._slipped += moved
-            self._soles[name] = place.copy()
-
     def outcome(self, trial: Trial, fell: bool) -> Outcome:
         """What it saw."""
         return Outcome(
             trial=trial,
             fell=fell,
             way=self._way,
-            slipped=self._slipped,
             velocity_rms=math.sqrt(float(np.mean(self._velocity))),
             tilt_rms=math.sqrt(float(np.mean(np.square(self._tilt)))),
             drift=self._drift,
             height=self._height,
             nees=float(np.mean(self._nees)),
-            estimator_us=1e6 * float(np.median(self._seconds)),
         )

@@ -1,12 +1,13 @@
-"""One robot that is led by velocities, on some course, and pushed, on the estimate of its base."""
+"""`run_led`: a walk by commanded velocities on the estimate of the base, on a course, pushed."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float64
 
-from poise.control import WholeBodyController
+from poise.control import Command, WholeBodyController
 from poise.dynamics import RobotState
 from poise.estimation import EstimatorConfig
 from poise.locomotion import Walker, walking_stack
@@ -15,13 +16,15 @@ from poise.sim import Plant, PlantConfig, SensorConfig, rollout
 from poise.stack import Stack, SurfaceContact, TorqueLimit
 from studies.locomotion.courses import Course, Velocity, make_course
 from studies.locomotion.late_estimate import PERIOD, LateEstimate, typical_sensors
-from studies.locomotion.torque_steps import TorqueSteps
 
 PUSH_TIME = 0.08
 """Of every push on the torso [s]."""
 
 _BEGIN, _STEADY = 1.0, 3.0
 """When a velocity is asked for, and from when on it counts [s]."""
+
+_LARGE = 0.5
+"""Changes of a torque above this, by its limit, are counted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +79,35 @@ class LedOutcome:
     torque_step: float
     torque_steps: int
     worst_physics: float
+
+
+class TorqueSteps:
+    """Changes of torques from tick to tick.
+
+    Args:
+        robot: whose torques.
+
+    Attributes:
+        largest: largest change, by the joint's limit.
+        large: number of changes of more than half a limit.
+        worst_physics: largest residual of contacts and joint limits.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.largest = self.worst_physics = 0.0
+        self.large = 0
+        self._limits = robot.tau_max
+        self._last: Float64[np.ndarray, " nj"] | None = None
+
+    def take(self, command: Command) -> None:
+        """Take the next tick's command into account."""
+        torque = command.torque
+        if torque is not None and self._last is not None:
+            change = np.abs(torque - self._last) / self._limits
+            self.largest = max(self.largest, float(change.max()))
+            self.large += int((change > _LARGE + 1e-9).sum())
+        self._last = None if torque is None else torque.copy()
+        self.worst_physics = max([self.worst_physics, *command.residuals[1:2]])
 
 
 class _Leader:

@@ -1,12 +1,14 @@
-"""`LiteralTeleoperator`: the rules of Zhang and Kikuuwe word for word, to show where they fall.
+"""`LiteralTeleoperator`: the rules of Zhang and Kikuuwe word for word.
 
-`CommandedLiteral` and `RestartingLiteral`: with one and with two departures that look small.
+`zmp_as_measured`: without Poise's filter of the ZMP.
 `PaperWeights` and `PaperDoubleWeights`: Poise's rules with the weights (39c) and (39d).
 """
 
 import math
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from typing import Any, ClassVar
+from unittest.mock import patch
 
 import numpy as np
 import pinocchio as pin
@@ -29,8 +31,10 @@ _K1, _K2, _W_S2 = 4500.0, 7000.0, 100.0
 _K_V, _LANDED = 10.0, 0.047
 """k_v [1/s], and 30 N over the weight of the paper's robot."""
 
-AS_MEASURED = {"poise.locomotion._stepping._stance._estimator._ZMP_TIME": 1e-9}
-"""Changes for `LiteralTeleoperator`: the paper's ZMP is as measured, not smoothed."""
+
+def zmp_as_measured() -> AbstractContextManager[object]:
+    """Leave the measured ZMP unfiltered for a while, as in the paper; leaders are made inside."""
+    return patch("poise.locomotion._stepping._stance._estimator._ZMP_TIME", 1e-9)
 
 
 def momentum_weights(error: Sequence[float], least: float) -> list[float]:
@@ -76,19 +80,10 @@ def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarr
 class LiteralTeleoperator(StepTeleoperator):
     """Leads the same stack on the same estimate, by the paper's rules and no others.
 
-    What differs from `StepTeleoperator` is what `DEPARTURES` lists, with the changes
-    `AS_MEASURED`. The bounds of joints it keeps. Samples that are no numbers are passed over, which
-    the paper leaves open.
-
-    Attributes:
-        feeds_back_measured: whether the velocity of the COM in (37) is the measured one, which is
-            what the paper's p_G is; otherwise the one that was commanded in the last tick.
-        restarts: whether both integrals begin anew, from what is measured and from zero, with each
-            mode; the paper has "simple time integration".
+    It differs from `StepTeleoperator` in the departures that docs/teleoperation.md lists, within
+    `zmp_as_measured`. It keeps bounds of joints, and passes samples over that are no numbers,
+    which the paper leaves open.
     """
-
-    feeds_back_measured: ClassVar[bool] = True
-    restarts: ClassVar[bool] = False
 
     def __init__(self, robot: Robot, *, rotator: bool = True, **options: Any) -> None:
         self._rotator = rotator
@@ -125,7 +120,7 @@ class LiteralTeleoperator(StepTeleoperator):
         sample = self.device.sample(state.time)
         if sample is not None and np.isfinite([sample.place(0), sample.place(1)]).all():
             self._newest = sample
-        self._move_on(dynamics)
+        self._move_on()
         reference = self._zmp_reference()
         self._drive(reference, dynamics)
         self._ask(reference, dynamics)
@@ -133,7 +128,7 @@ class LiteralTeleoperator(StepTeleoperator):
 
     # Modes -------------------------------------------------------------------------------------
 
-    def _move_on(self, dynamics: Dynamics) -> None:
+    def _move_on(self) -> None:
         """Eq. (14)."""
         lifted, before = self._lifted(), self._paper_mode
         support, loads, estimator = before.support, self.estimator.sense.loads, self.estimator
@@ -151,9 +146,6 @@ class LiteralTeleoperator(StepTeleoperator):
         if after is Mode.D and support is not None:
             estimator.put_down(1 - support)
         estimator.stand_on(after.support or 0)
-        if self.restarts:
-            self._velocity = dynamics.com_velocity[:2].copy()
-            self._momentum = np.zeros(2)
 
     def _lifted(self) -> list[bool]:
         """Eqs (14a) and (14b): which devices have been lifted since the last tick."""
@@ -176,7 +168,7 @@ class LiteralTeleoperator(StepTeleoperator):
     def _drive(self, reference: Float64[np.ndarray, "2"], dynamics: Dynamics) -> None:
         """Eqs (37), (39a) and (39b), integrated."""
         com, dt = dynamics.com[:2], self.parameters.dt
-        velocity = dynamics.com_velocity[:2] if self.feeds_back_measured else self._velocity
+        velocity = dynamics.com_velocity[:2]
         self._acceleration = self._shifter.acceleration(reference, com, velocity)
         self._velocity = self._velocity + dt * self._acceleration
         if self._rotator and self._paper_mode.single:
@@ -231,18 +223,6 @@ class LiteralTeleoperator(StepTeleoperator):
             hand_targets=self.hands.targets(*torso),
             hand_rotations=self.hands.orientations(torso[1]),
         )
-
-
-class CommandedLiteral(LiteralTeleoperator):
-    """The paper's rules, but (37) is fed the COM's commanded velocity."""
-
-    feeds_back_measured = False
-
-
-class RestartingLiteral(CommandedLiteral):
-    """Likewise, and each mode begins with the measured velocity and without angular momentum."""
-
-    restarts = True
 
 
 class PaperWeights(StepTeleoperator):

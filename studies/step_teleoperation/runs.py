@@ -1,22 +1,14 @@
 """Running a script, and what the study measures of a run."""
 
-from collections.abc import Generator, Mapping
-from contextlib import ExitStack, contextmanager
-from dataclasses import fields, replace
-from functools import partial
+from dataclasses import replace
 from typing import Any, NamedTuple
-from unittest.mock import patch
 
 import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import ConvexHull
 
 from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, Script, TeleopLog, TeleopRun, run_teleop
-from poise.locomotion import (
-    Mode,
-    StepTeleoperator,
-    TeleopParameters,
-)
+from poise.locomotion import Mode, StepTeleoperator, TeleopParameters
 from poise.robots import Robot
 from poise.sim import PlantConfig
 
@@ -71,47 +63,11 @@ def script_parameters(robot: Robot, script: Script) -> TeleopParameters:
     return StepTeleoperator(robot, q_start=script.posture(robot), actuation="velocity").parameters
 
 
-@contextmanager
-def constants(changes: Mapping[str, float]) -> Generator[None]:
-    """Give constants of the library other values for a while, those of changes with dotted names.
-
-    What is made inside has to be used inside: some are read when a leader is made.
-    """
-    with ExitStack() as patched:
-        for name, value in changes.items():
-            if "." in name:
-                patched.enter_context(patch(name, value))
-        yield
-
-
-def changed(
-    parameters: TeleopParameters, changes: Mapping[str, float], leader: type[StepTeleoperator]
-) -> dict[str, Any]:
-    """Return parameters and leader of a run at velocity level with other numbers.
-
-    Args:
-        parameters: of the run.
-        changes: values by name: of fields of the parameters, of numbers of the velocity level, or
-            of `constants`, which are left out.
-        leader: leads.
-    """
-    names = {field.name for field in fields(TeleopParameters)}
-    own = {name: changes[name] for name in names & changes.keys()}
-    numbers = {n: v for n, v in changes.items() if n not in names and "." not in n}
-    return {"parameters": replace(parameters, **own), "leader": partial(leader, _numbers=numbers)}
-
-
 def first(log: TeleopLog, mode: Mode, after: float = 0.0) -> float | None:
     """When a mode was first entered after a time [s]; None for never."""
     times = log.entries(mode)
     times = times[times > after]
     return float(times[0]) if len(times) else None
-
-
-def lift_off(log: TeleopLog, foot: int, after: float) -> float | None:
-    """When a sole first was 2 mm above where it stood, after a time [s]; None for never."""
-    up = (log.soles[:, foot, 2] > log.soles[0, foot, 2] + 2e-3) & (log.time > after)
-    return float(log.time[up][0]) if up.any() else None
 
 
 def edge_distance(robot: Robot, log: TeleopLog) -> Float64[np.ndarray, " T"]:

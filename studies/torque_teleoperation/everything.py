@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from poise.apps.teleoperation import BadOperator
 from poise.locomotion import BodyCommand, OperatorSample, StepTeleoperator, TrackedPose
+from studies.bad_operator.led_trial import Outcome, Trial, led_by
 from studies.torque_teleoperation.random_hands import RandomHands, arm_length
 
 _LOOKS_FROM = 0.3
@@ -88,3 +89,8 @@ def _quaternion(turn: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "4"]:
     """A unit quaternion (x, y, z, w) of a rotation vector [rad]."""
     angle = max(float(np.linalg.norm(turn)), 1e-9)
     return np.array([*(math.sin(0.5 * angle) / angle * turn), math.cos(0.5 * angle)])
+
+
+def run_trial(trial: Trial) -> Outcome:
+    """Run a trial of bad operators with an `EverythingOperator` in their place."""
+    return led_by(trial, lambda teleoperator: EverythingOperator(teleoperator, trial.seed))

@@ -9,9 +9,8 @@ import numpy as np
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, PoorLink, run_teleop
 from poise.locomotion import Mode, ScriptedDevice, StepTeleoperator, WayPoint
 from poise.robots import Robot, load_robot
-from studies.finding import Finding, Section, Table
-from studies.plan import Progress, StudyOptions
-from studies.trials import run_each
+from studies.plan import StudyOptions
+from studies.trial_section import Case, TrialSection, worst
 
 ROBOTS = ("biped20", "humanoid33", "g1")
 PHASES = 10
@@ -31,7 +30,7 @@ _REST = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What a worker is asked for: a robot, and when its operator is cut off [s]."""
+    """A robot, and the time at which its operator is cut off [s]."""
 
     robot: str
     cut: float
@@ -39,10 +38,10 @@ class Trial:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a trial.
+    """Outcome of a trial.
 
     Attributes:
-        trial: which.
+        trial: the trial.
         mode: of the robot when the connection was cut.
         fell: whether the robot fell.
         down_after: time from the cut until both feet carry for good [s].
@@ -98,43 +97,33 @@ def run_trial(trial: Trial) -> Outcome:
     )
 
 
-def cuts_section(options: StudyOptions, progress: Progress) -> Section:
-    """The section."""
-    robots = ROBOTS[:1] if options.quick else ROBOTS
+def _cases(options: StudyOptions) -> list[Case]:
     cuts = np.linspace(_LIFT + 0.05, _END, PHASES).tolist()
-    trials = [Trial(robot=robot, cut=cut) for robot in robots for cut in cuts]
-    outcomes = run_each(run_trial, Outcome, trials, progress, options)
-    return Section(
-        prose=(
-            "A hand lifts the left device, carries it ahead and puts it down; from a moment on "
-            "nothing more arrives. The foot holds for half a second, then comes straight down, "
-            "and the robot comes to rest on both feet.",
-        ),
-        findings=tuple(
-            _finding(robot, [outcomes[t] for t in trials if t.robot == robot]) for robot in robots
-        ),
-        tables=(
-            Table(
-                title="Connections cut in mid-step",
-                header="robot | cut at [s] | mode then | fell | down after [s] | at rest | "
-                "lean [rad]",
-                rows=tuple(_row(outcomes[trial]) for trial in trials),
-            ),
-        ),
-    )
+    return [
+        Case(
+            name=robot,
+            trials=[Trial(robot=robot, cut=cut) for cut in cuts],
+            failed=lambda outcome: outcome.fell or not outcome.rests,
+            what="falls, or no rest,",
+        )
+        for robot in (ROBOTS[:1] if options.quick else ROBOTS)
+    ]
 
 
-def _finding(robot: str, group: list[Outcome]) -> Finding:
-    bad = sum(o.fell or not o.rests for o in group)
-    return Finding(
-        name=f"{robot}: falls, or no rest, of {len(group)} connections cut in mid-step",
-        paper=0.0,
-        ours=bad,
-        ok=bad == 0,
-        note=f"both feet carry within {max(o.down_after for o in group):.1f} s",
-    )
-
-
-def _row(o: Outcome) -> tuple[str | int | float, ...]:
-    fell, rests = ("yes" if flag else "no" for flag in (o.fell, o.rests))
-    return (o.trial.robot, o.trial.cut, o.mode, fell, o.down_after, rests, o.tilt)
+cuts_section = TrialSection(
+    title="Connections cut in mid-step",
+    prose=(
+        "A hand lifts the left device, carries it ahead and puts it down; from a moment on "
+        "nothing more arrives. The foot holds for half a second, then comes straight down, "
+        "and the robot comes to rest on both feet.",
+    ),
+    run=run_trial,
+    kind=Outcome,
+    cases=_cases,
+    columns={
+        "modes when cut": lambda group: ", ".join(o.mode for o in group),
+        "down after, most [s]": worst("down_after"),
+        "lean, most [rad]": worst("tilt"),
+    },
+)
+"""The section."""

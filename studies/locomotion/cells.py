@@ -1,0 +1,150 @@
+"""`cells_section`: robots with a faulty load cell, or none: standing, walking, and teleoperated."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from poise.apps.teleoperation import BadOperator
+from poise.dynamics import RobotState
+from poise.locomotion import StepTeleoperator
+from poise.robots import load_robot
+from poise.sim import Plant, rollout
+from studies.bad_operator.conditions import DESCRIBED, changed_plant
+from studies.locomotion.courses import Course
+from studies.locomotion.estimated_walk import FAULTS, GOOD, NO_CELLS, cell_fault
+from studies.locomotion.led_walk import LedTrial, walk_course
+from studies.plan import StudyOptions
+from studies.trial_section import Case, TrialSection, total
+
+_SECONDS, _LONG, _QUICK = 10.0, 600.0, 4.0
+"""Length of a run with a fault, of one without cells, and of both with `--quick` [s]."""
+
+_PACE, _PUSH, _PUSH_EVERY = 0.3, 0.3, 4.0
+"""Velocity of walks and of pushes [m/s], and the time from one push to the next [s]."""
+
+STANDING, WALKING, DRIVEN = "standing", "walking", "driven"
+PUSHED, TELEOPERATED = "pushed", "teleoperated"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellTrial:
+    """Run with load cells of a kind.
+
+    Attributes:
+        robot: name.
+        leader: standing, walking, driven at random, pushed or teleoperated.
+        cells: a fault, see `cell_fault`.
+        foot: with the fault, 0 for the left one.
+        seed: of noise and commands.
+        seconds: length [s].
+    """
+
+    robot: str
+    leader: str
+    cells: str
+    foot: int
+    seed: int
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellOutcome:
+    """End of a run: whether the robot fell, and when it ended [s]."""
+
+    trial: CellTrial
+    fell: bool
+    seconds: float
+
+
+def run_cells(trial: CellTrial) -> CellOutcome:
+    """Make a run."""
+    fault = cell_fault(load_robot(trial.robot), trial.cells, trial.foot)
+    if trial.leader == TELEOPERATED:
+        return _teleoperated(trial, fault)
+    led = LedTrial(robot=trial.robot, seed=trial.seed, seconds=trial.seconds)
+    velocity = (0.0 if trial.leader == STANDING else _PACE, 0.0, 0.0)
+    commands = () if trial.leader == DRIVEN else ((1.0, velocity),)
+    course = Course(seconds=trial.seconds, commands=commands)
+    pushes: list[tuple[float, float, float]] = []
+    if trial.leader == PUSHED:
+        rng = np.random.default_rng(trial.seed)
+        times = np.arange(_PUSH_EVERY, trial.seconds, _PUSH_EVERY).tolist()
+        pushes = [(t, _PUSH, float(rng.uniform(0.0, 2.0 * math.pi))) for t in times]
+    outcome = walk_course(led, course, pushes, fault=fault)
+    return CellOutcome(trial=trial, fell=outcome.fell, seconds=outcome.seconds)
+
+
+class _Behind:
+    """Estimator of a teleoperator behind a fault."""
+
+    def __init__(self, leader: StepTeleoperator, fault: Callable[[RobotState], RobotState]) -> None:
+        self._estimator, self._fault = leader.estimator, fault
+        self.command = leader.estimator.command
+
+    def update(self, state: RobotState) -> RobotState:
+        """Return the estimate."""
+        return self._estimator.update(self._fault(state))
+
+
+def _teleoperated(trial: CellTrial, fault: Callable[[RobotState], RobotState]) -> CellOutcome:
+    robot, seed = load_robot(trial.robot), trial.seed
+    plant = Plant(robot, changed_plant(robot, "torque", DESCRIBED, seed), seed=seed)
+    leader = StepTeleoperator(robot)
+    leader.device = BadOperator(leader, seed)
+    estimator, seconds = _Behind(leader, fault), trial.seconds
+    for _ in rollout(plant, leader.controller(), leader, estimator=estimator, duration=seconds):
+        if plant.fallen:
+            break
+    return CellOutcome(trial=trial, fell=plant.fallen, seconds=plant.time)
+
+
+def _cases(options: StudyOptions) -> list[Case]:
+    def trials(robot: str, leader: str, cells: str, *feet: int) -> list[CellTrial]:
+        seconds = _LONG if cells in (GOOD, NO_CELLS) else _SECONDS
+        return [
+            CellTrial(
+                robot=robot,
+                leader=leader,
+                cells=cells,
+                foot=foot,
+                seed=options.seed,
+                seconds=_QUICK if options.quick else seconds,
+            )
+            for foot in feet
+        ]
+
+    faulty = [
+        Case(
+            name=f"{robot}, {leader}, one faulty cell",
+            trials=[t for fault in FAULTS for t in trials(robot, leader, fault, 0, 1)],
+        )
+        for robot, leader in product(("g1", "humanoid33"), (STANDING, WALKING, TELEOPERATED))
+    ]
+    longer = (WALKING, DRIVEN, PUSHED, TELEOPERATED)
+    whole = [
+        Case(
+            name=f"g1, {cells}",
+            trials=[t for leader in longer for t in trials("g1", leader, cells, 0)],
+            allowed=allowed,
+        )
+        for cells, allowed in ((NO_CELLS, lambda _: 2.0), (GOOD, None))
+    ]
+    return [*faulty, *whole]
+
+
+cells_section = TrialSection(
+    title="Load cells",
+    prose=(
+        "From 1.6 s on the cells of one sole read nothing, 160 N, 1.3 times the wrench, or are "
+        "gone; without cells all wrenches are estimated from joint torques. Walks go at "
+        f"{_PACE:g} m/s; pushed robots are pushed by {_PUSH:g} m/s every {_PUSH_EVERY:g} s.",
+    ),
+    run=run_cells,
+    kind=CellOutcome,
+    cases=_cases,
+    columns={"time [s]": total("seconds")},
+)
+"""The section."""

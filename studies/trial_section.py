@@ -1,0 +1,173 @@
+"""`TrialSection`: a part of a study that counts failures of trials, case by case."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from studies.finding import Cell, Finding, Section, Table
+from studies.plan import Progress, StudyOptions
+from studies.trials import run_each
+
+
+def has_fallen(outcome: Any) -> bool:
+    """Failure of a trial by default: a fall."""
+    return bool(outcome.fell)
+
+
+def none(_outcomes: Sequence[Any]) -> float:
+    """Allow no failure."""
+    return 0.0
+
+
+def part(share: float) -> Callable[[Sequence[Any]], float]:
+    """Allow a share of the trials to fail."""
+    return lambda outcomes: share * len(outcomes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bound:
+    """An upper bound on a figure of the outcomes of a case.
+
+    Attributes:
+        name: of the figure.
+        value: computes it.
+        most: its bound.
+        unit: of both.
+        note: added to the finding.
+    """
+
+    name: str
+    value: Callable[[Sequence[Any]], float]
+    most: float
+    unit: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """Trials that are judged together.
+
+    Attributes:
+        name: of the case.
+        trials: of any hashable type.
+        allowed: failures that are allowed, by outcomes; None where nothing is asked of them.
+        failed: tests an outcome for a failure.
+        what: a failure in words, in the plural.
+        bounds: figures beside the number of failures.
+    """
+
+    name: str
+    trials: Sequence[Any]
+    allowed: Callable[[Sequence[Any]], float] | None = none
+    failed: Callable[[Any], bool] = has_fallen
+    what: str = "falls"
+    bounds: tuple[Bound, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialSection:
+    """Part of a study: a finding and a row of the table for each case.
+
+    Attributes:
+        title: heading of the table.
+        prose: paragraphs.
+        run: runs one trial; a function of a module.
+        kind: type of its outcome.
+        cases: makes the cases.
+        columns: further columns of the table, each a figure of the outcomes of a case.
+    """
+
+    title: str
+    prose: tuple[str, ...]
+    run: Callable[[Any], Any]
+    kind: type[Any]
+    cases: Callable[[StudyOptions], Sequence[Case]]
+    columns: Mapping[str, Callable[[Sequence[Any]], Cell]] = field(
+        default_factory=dict[str, Callable[[Sequence[Any]], Cell]]
+    )
+
+    def __call__(self, options: StudyOptions, progress: Progress) -> Section:
+        """Run all trials and return the section."""
+        cases = self.cases(options)
+        # Cases may share trials, each of which is run once.
+        trials = list(dict.fromkeys(trial for case in cases for trial in case.trials))
+        found = run_each(self.run, self.kind, trials, progress, options)
+        groups = [(case, [found[trial] for trial in case.trials]) for case in cases]
+        return Section(
+            prose=self.prose,
+            findings=tuple(f for case, group in groups for f in findings_of(case, group)),
+            tables=(
+                Table(
+                    title=self.title,
+                    header=" | ".join(("case", "failures", *self.columns)),
+                    rows=tuple(self._row(case, group) for case, group in groups),
+                    caption="In brackets Wilson's interval of 95%.",
+                ),
+            ),
+        )
+
+    def _row(self, case: Case, group: Sequence[Any]) -> tuple[Cell, ...]:
+        failures = sum(case.failed(outcome) for outcome in group)
+        figures = (column(group) for column in self.columns.values())
+        return (case.name, counted(failures, len(group)), *figures)
+
+
+def findings_of(case: Case, outcomes: Sequence[Any]) -> list[Finding]:
+    """Compare a case with what is asked of it.
+
+    Args:
+        case: the case.
+        outcomes: of its trials.
+
+    Returns:
+        A finding on failures where something is asked of them, and one for each bound.
+    """
+    findings: list[Finding] = []
+    if case.allowed is not None:
+        failures, allowed = sum(map(case.failed, outcomes)), case.allowed(outcomes)
+        findings.append(
+            Finding(
+                name=f"{case.name}: {case.what} in {len(outcomes)} trials",
+                paper=round(allowed, 2),
+                ours=failures,
+                ok=failures <= allowed,
+                note=f"at most; {counted(failures, len(outcomes))}",
+            )
+        )
+    for bound in case.bounds:
+        value = float(bound.value(outcomes))
+        findings.append(
+            Finding(
+                name=f"{case.name}: {bound.name}",
+                paper=bound.most,
+                ours=value,
+                unit=bound.unit,
+                ok=bool(value <= bound.most),
+                note=f"at most; {bound.note or f'{len(outcomes)} trials'}",
+            )
+        )
+    return findings
+
+
+def counted(count: int, total: int) -> str:
+    """Format a count with Wilson's interval of 95% for its share."""
+    interval = binomtest(count, total).proportion_ci(method="wilson")
+    return f"{count} of {total} ({100.0 * interval.low:.0f} to {100.0 * interval.high:.0f}%)"
+
+
+def worst(attribute: str, scale: float = 1.0) -> Callable[[Sequence[Any]], float]:
+    """Figure: the largest value of an attribute of outcomes, times a factor."""
+    return lambda outcomes: scale * max(getattr(outcome, attribute) for outcome in outcomes)
+
+
+def total(attribute: str, scale: float = 1.0) -> Callable[[Sequence[Any]], float]:
+    """Figure: the sum of an attribute of outcomes, times a factor."""
+    return lambda outcomes: scale * sum(getattr(outcome, attribute) for outcome in outcomes)
+
+
+def median(attribute: str) -> Callable[[Sequence[Any]], float]:
+    """Figure: the median of an attribute of outcomes."""
+    return lambda outcomes: float(np.median([getattr(o, attribute) for o in outcomes]))
