@@ -11,12 +11,10 @@ import numpy as np
 
 from benchmarks.bias.formulas import BiasTick
 from benchmarks.bias.recursion import PaperRecursion
-from benchmarks.bias.rows import MatrixRates, PaperFormulation
-from benchmarks.recording import Progress
-from benchmarks.rigid_plant import CONTROL_DT, EARTH, RigidPlant, with_gravity
+from benchmarks.bias.rows import PaperFormulation
+from benchmarks.rigid_plant import EARTH, RigidPlant, with_gravity
 from poise.control import OperationalSpaceController, RankTreatment
 from poise.dynamics import Dynamics, RobotState
-from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.sim import rollout
 from poise.stack import FrameTask, JointTask, Stack, Task
@@ -24,14 +22,8 @@ from poise.stack import FrameTask, JointTask, Stack, Task
 DURATION = 0.55
 """Length of the motion [s]."""
 
-TICKS = round(DURATION / CONTROL_DT)
-"""Control periods in it."""
-
 _TURN = float(np.deg2rad(15.0))
 """How far the first joint of the torso turns [rad]."""
-
-_WAY = 0.05
-"""How far the hand of a single arm goes along y [m]."""
 
 _KP = 100.0
 """Stiffness of all tasks, critically damped [1/s^2]."""
@@ -66,64 +58,39 @@ class Cubic:
 class BiasMotion:
     """A stack with one task a level, and its moving target.
 
-    With two hands it is the second study of (Park, Jin, Kang 2022): the first joint of the torso
-    turns by 15 degrees while its other joints are held (task 1), and each hand keeps its pose
-    (tasks 2 and 3), as if they held a tray. A single arm moves its hand (task 1) and keeps its
-    orientation (task 2). It starts in the home posture.
+    It is the second study of (Park, Jin, Kang 2022): the first joint of the torso turns by 15
+    degrees while its other joints are held (task 1), and each hand keeps its pose (tasks 2 and 3),
+    as if they held a tray. It starts in the home posture.
 
     Args:
-        robot: on a fixed base, with one hand, or several on a torso that moves.
+        robot: on a fixed base, with hands on a torso that moves.
 
     Attributes:
         stack: the tasks, bound to the robot.
-
-    Raises:
-        ConfigurationError: the robot is something else.
     """
 
     def __init__(self, robot: Robot) -> None:
-        if robot.floating_base or not robot.hands:
-            raise ConfigurationError(
-                "the bias benchmark takes robots on a fixed base, with hands",
-                got=robot.name,
-                wanted="a robot such as upper17, arm6 or panda",
-            )
-        home = Dynamics(robot)
-        if len(robot.hands) == 1:
-            hand = robot.hands[0]
+        home, torso = Dynamics(robot), _shared_joints(robot)
+        self._way = Cubic(displacement=_TURN, duration=DURATION)
+        self._start = robot.q_home[[robot.joint_index(name) for name in torso]]
+        self._moving = JointTask(torso, kp=_KP, name="torso")
+        tasks: list[Task] = [self._moving]
+        for hand in robot.hands:
             place = home.frame(robot.frame_id(hand))
-            self._way, self._start = (
-                Cubic(displacement=_WAY, duration=DURATION),
-                place.position.copy(),
-            )
-            self._moving: JointTask | FrameTask = FrameTask(hand, "position", kp=_KP)
-            turning = FrameTask(hand, "orientation", kp=_KP)
-            turning.set_target(rotation=place.rotation.copy())
-            tasks: list[Task] = [self._moving, turning]
-        else:
-            torso = _shared_joints(robot)
-            self._way = Cubic(displacement=_TURN, duration=DURATION)
-            self._start = robot.q_home[[robot.joint_index(name) for name in torso]]
-            self._moving = JointTask(torso, kp=_KP, name="torso")
-            tasks = [self._moving]
-            for hand in robot.hands:
-                place = home.frame(robot.frame_id(hand))
-                task = FrameTask(hand, kp=_KP)
-                task.set_target(position=place.position.copy(), rotation=place.rotation.copy())
-                tasks.append(task)
+            task = FrameTask(hand, kp=_KP)
+            task.set_target(position=place.position.copy(), rotation=place.rotation.copy())
+            tasks.append(task)
         self.stack = Stack([], [[task] for task in tasks], softening=0.0)
         self.stack.bind(robot)
         self.aim(0.0)
 
     def aim(self, time: float) -> None:
-        """Sets the moving target of a time [s]."""
-        joints = isinstance(self._moving, JointTask)
-        # The first joint turns; a single hand goes along y.
-        along = np.zeros(len(self._start) if joints else 6)
-        along[0 if joints else 1] = 1.0
+        """Set the moving target of a time [s]."""
+        along = np.zeros(len(self._start))
+        along[0] = 1.0
         value, rate, second = self._way.at(time)
         self._moving.set_target(
-            position=self._start + value * along[: len(self._start)],
+            position=self._start + value * along,
             velocity=rate * along,
             acceleration=second * along,
         )
@@ -136,16 +103,8 @@ def _shared_joints(robot: Robot) -> list[str]:
         set(model.supports[model.frames[robot.frame_id(hand)].parentJoint].tolist())
         for hand in robot.hands
     ]
-    shared = reduce(set[int].intersection, chains)
-    names = [model.names[joint] for joint in sorted(shared)]
-    torso = [name for name in names if name in robot.joint_names]
-    if not torso:
-        raise ConfigurationError(
-            "the bias benchmark needs a joint that moves all hands",
-            got=robot.name,
-            wanted="hands on one torso that moves, as upper17 has",
-        )
-    return torso
+    names = [model.names[joint] for joint in sorted(reduce(set[int].intersection, chains))]
+    return [name for name in names if name in robot.joint_names]
 
 
 RANK = RankTreatment(low=0.02, high=0.1)
@@ -153,19 +112,8 @@ RANK = RankTreatment(low=0.02, high=0.1)
 of 0.16: low, but nothing is lost. Below the usual thresholds it would be let go in part."""
 
 
-def record_motion(robot: Robot, progress: Progress | None = None) -> tuple[RobotState, ...]:
-    """Runs the motion in simulation under `OperationalSpaceController`.
-
-    Args:
-        robot: see `BiasMotion`.
-        progress: told how far the run is.
-
-    Returns:
-        The states, one a tick.
-
-    Raises:
-        ConfigurationError: the robot cannot do the motion.
-    """
+def record_motion(robot: Robot) -> tuple[RobotState, ...]:
+    """Run the motion of `BiasMotion` under `OperationalSpaceController`; return a state a tick."""
     own = with_gravity(robot, EARTH)
     motion = BiasMotion(own)
     controller = OperationalSpaceController(own, motion.stack, rank=RANK, torque_step=math.inf)
@@ -173,8 +121,6 @@ def record_motion(robot: Robot, progress: Progress | None = None) -> tuple[Robot
     states: list[RobotState] = []
     for tick in rollout(plant, controller, lambda state: motion.aim(state.time), duration=DURATION):
         states.append(tick.state)
-        if progress is not None and len(states) % 50 == 0:
-            progress(float(len(states)), float(TICKS))
     return tuple(states)
 
 
@@ -184,17 +130,16 @@ class BiasInputs:
     def __init__(self, robot: Robot) -> None:
         self._motion = BiasMotion(robot)
         self._formulation = PaperFormulation(robot, self._motion.stack)
-        self._dynamics, self._rates = Dynamics(robot), MatrixRates(robot)
+        self._dynamics = Dynamics(robot)
         self._recursion = PaperRecursion("proposed", RANK)
         self._before = [np.zeros(task.dim) for _, task in self._motion.stack.tasks()][1:]
 
     def of(self, state: RobotState) -> BiasTick:
-        """The quantities of the next state, exact derivatives among them; valid until the next."""
-        dynamics, rates, formulation = self._dynamics, self._rates, self._formulation
+        """The quantities of the next state, valid until the next."""
+        dynamics, formulation = self._dynamics, self._formulation
         dynamics.update(state)
-        rates.update(state)
         self._motion.aim(state.time)
-        formulation.fill(dynamics, rates)
+        formulation.fill(dynamics)
         rows = formulation.rows
         self._recursion.resolve(rows, dynamics)
         tasks = self._recursion.tasks[1:]

@@ -17,7 +17,7 @@ from benchmarks.bias.formulas import (
     bias_proposed,
     invert,
 )
-from benchmarks.bias.rows import BackwardDifferences, ExactRates, PaperRows
+from benchmarks.bias.rows import BackwardDifferences, PaperRows
 from poise.control import RankTreatment
 from poise.dynamics import Dynamics
 from poise.errors import PoiseError, UnknownNameError
@@ -29,8 +29,8 @@ PAPER_FORMULAS = ("original", "proposed", "numerical")
 class PaperRecursion:
     """What the paper's studies run, and what Poise's own recursion is timed against.
 
-    Ranks are treated as Poise treats them. Jdot_i|p is exact where the rows come with their
-    derivatives, and found by backward differences, as in the paper, where they do not.
+    Ranks are treated as Poise treats them. Jdot_i|p is found by backward differences, as in the
+    paper.
 
     Args:
         formula: one of `PAPER_FORMULAS`.
@@ -58,7 +58,7 @@ class PaperRecursion:
         """The acceleration of one state.
 
         Args:
-            rows: rows of the state, the contacts first; with derivatives for exact ones.
+            rows: rows of the state, the contacts first.
             dynamics: the state.
 
         Returns:
@@ -68,16 +68,13 @@ class PaperRecursion:
         M_inverse = np.linalg.inv(dynamics.M)
         self._rates.begin(dynamics.state.time)
         self._velocities.begin(dynamics.state.time)
-        exact = None
-        if rows.mass_matrix_rate is not None:
-            exact = ExactRates(M_inverse, rows.mass_matrix_rate)
         N = np.eye(len(v))
         Gamma, S = np.zeros(len(v)), np.zeros(len(v))
         self.bias, self.tasks, self.regular = [], [], True
         for i, level in enumerate(rows.slices):
             J, drift = rows.jacobian[level], rows.drift[level]
             J_p = J @ N
-            J_p_rate = self._rate(rows, level, J_p, N, exact)
+            J_p_rate = self._rates.of(J_p)
             # Nothing is projected out of the first level: J_1|p is J_1.
             drift_p = J_p_rate @ v if i else drift
             rank = self._rank if i else FIRM_RANK
@@ -87,24 +84,10 @@ class PaperRecursion:
             reference_p = rows.reference[level] - bias
             Gamma = Gamma + J_p.T @ (task.Lambda_p @ reference_p + task.mu_p)
             S = S + task.Jbar_p @ (reference_p - task.drift_p)
-            if exact is not None:
-                exact.pass_by(J_p, task.Lambda_p, task.Jbar_p, J_p_rate)
             N = N - task.Jbar_p @ J_p
             self.bias.append(bias)
             self.tasks.append(task)
         return M_inverse @ (Gamma - h)
-
-    def _rate(
-        self,
-        rows: PaperRows,
-        level: slice,
-        J_p: Float64[np.ndarray, "m n"],
-        N: Float64[np.ndarray, "n n"],
-        exact: ExactRates | None,
-    ) -> Float64[np.ndarray, "m n"]:
-        if exact is None or rows.jacobian_rate is None:
-            return self._rates.of(J_p)
-        return exact.of(rows.jacobian[level], rows.jacobian_rate[level], N)
 
     def _bias(
         self,

@@ -79,7 +79,10 @@ def led_by(trial: Trial, operator: Callable[[StepTeleoperator], Device]) -> Outc
     robot, seed = _robot(trial.robot), trial.seed
     plant = changed_plant(robot, trial.level, trial.condition, seed)
     pushed = trial.condition in (PUSHED, MIXED)
-    recording = None if trial.folder is None else trial.folder / f"seed-{seed}.mcap"
+    recording = None
+    if trial.folder is not None:
+        trial.folder.mkdir(parents=True, exist_ok=True)
+        recording = trial.folder / f"seed-{seed}.mcap"
     run = run_teleop(
         robot,
         operator,

@@ -1,11 +1,11 @@
 """The study of (Park, Jin, Kang 2022): what a bias acceleration costs, and what it is worth."""
 
 from studies.bias_acceleration.cost_section import cost_section
-from studies.bias_acceleration.encoder_section import encoder_section
-from studies.bias_acceleration.gravity_section import gravity_section
-from studies.bias_acceleration.humanoid_section import humanoid_section
-from studies.bias_acceleration.model_error_section import model_error_section
-from studies.bias_acceleration.operations_section import operations_section
+from studies.bias_acceleration.simulation import (
+    encoder_section,
+    gravity_section,
+    model_error_section,
+)
 from studies.bias_acceleration.timing_section import timing_section
 from studies.plan import Part, StudyPlan
 
@@ -28,9 +28,7 @@ PLAN = StudyPlan(
         Part("gravity", "First study: bias acceleration and gravity, Figure 5", gravity_section),
         Part("encoders", "First study: behind encoders, Figure 6, Tables 2 and 3", encoder_section),
         Part("timing", "Second study: time, Table 4", timing_section),
-        Part("operations", "Beyond the paper: operations of whole resolves", operations_section),
-        Part("model-error", "Beyond the paper: where the model is wrong", model_error_section),
-        Part("humanoid", "Beyond the paper: a standing humanoid", humanoid_section),
+        Part("model-error", "Where the model is wrong, section III.D", model_error_section),
     ),
 )
 """The study: its parts in order. A part is a function in a file of its own."""

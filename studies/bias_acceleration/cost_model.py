@@ -1,9 +1,6 @@
 """Eqs (42) to (46) and Table 1 of (Park, Jin, Kang 2022): floating point operations, exactly.
 
-A robot has n degrees of freedom and k tasks of m rows each. Counts are exact: integers and thirds,
-no rounding anywhere, because the paper's formulas have thirds of cubes in them.
-
-The robots and tasks for which the paper counts operations, and the numbers that it quotes.
+A robot has n degrees of freedom and k tasks of m rows each. Counts are integers and thirds.
 """
 
 from collections.abc import Callable
@@ -130,15 +127,6 @@ def bias_original(n: Fraction, k: Fraction, m: Fraction) -> Fraction:
     return (k - 1) * once
 
 
-def bias_original_shared(n: int, k: int, m: int) -> Count:
-    """Eq (43) if J_i M^-1, which three rows of Table 1 count anew, is computed once a task.
-
-    Not in the paper: it says how much of the original formula's cost an implementation saves
-    without a new formula.
-    """
-    return bias_original(n, k, m) - (k - 1) * 2 * (2 * m * n**2 - m * n)
-
-
 @_exact
 def osf_original(n: Fraction, k: Fraction, m: Fraction) -> Fraction:
     """Eq (44), corrected: the formulation with the original formula, (42) + (43).
@@ -195,49 +183,12 @@ Size = tuple[int, int, int]
 """Degrees of freedom n, number of tasks k, rows of a task m."""
 
 
-@dataclass(frozen=True)
-class Sweep:
-    """One panel of Figures 1 and 3: one of n, k and m grows while the others stay.
-
-    Attributes:
-        letter: which of them grows.
-        axis: label of the axis.
-        fixed: what stays, in words.
-        sizes: the points.
-    """
-
-    letter: str
-    axis: str
-    fixed: str
-    sizes: tuple[Size, ...]
-
-    @property
-    def values(self) -> list[int]:
-        """What grows, at each point."""
-        return [size["nkm".index(self.letter)] for size in self.sizes]
-
-
-SWEEPS = (
-    Sweep(
-        "n",
-        "degrees of freedom of the robot, n [-]",
-        "k = 2 tasks of m = 3 rows",
-        tuple((n, 2, 3) for n in range(6, 51, 2)),
-    ),
-    Sweep(
-        "k",
-        "tasks, k [-]",
-        "n = 30, tasks of m = 3 rows",
-        tuple((30, k, 3) for k in range(2, 11)),
-    ),
-    Sweep(
-        "m",
-        "rows of a task, m [-]",
-        "n = 30, k = 2 tasks",
-        tuple((30, 2, m) for m in range(2, 16)),
-    ),
-)
-"""The paper's sweeps (a), (b), (c); it does not say at which steps it drew them."""
+SWEEPS: dict[str, tuple[Size, ...]] = {
+    "n": tuple((n, 2, 3) for n in range(6, 51, 2)),
+    "k": tuple((30, k, 3) for k in range(2, 11)),
+    "m": tuple((30, 2, m) for m in range(2, 16)),
+}
+"""Panels of Figures 1 and 3, by the letter that grows; the paper does not give its steps."""
 
 
 @dataclass(frozen=True)

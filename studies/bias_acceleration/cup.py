@@ -1,4 +1,4 @@
-"""The first study's experiment: an arm carries a cup sideways and keeps it level."""
+"""`carry_cup`: the first study's experiment, an arm that carries a cup sideways and level."""
 
 import math
 from collections.abc import Callable
@@ -10,6 +10,7 @@ from jaxtyping import Float64
 
 from benchmarks.bias.recording import Cubic
 from benchmarks.bias.recursion import PaperRecursion
+from benchmarks.bias.rows import PaperFormulation
 from benchmarks.rigid_plant import (
     CONTROL_DT,
     Encoder,
@@ -19,12 +20,11 @@ from benchmarks.rigid_plant import (
     set_gravity,
     with_gravity,
 )
-from poise.control import OperationalSpaceController
+from poise.control import Command, CommandStatus, OperationalSpaceController
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot, load_robot
 from poise.sim import rollout
 from poise.stack import FrameTask, Stack
-from studies.bias_acceleration.controller import PaperController
 
 FORMULAS = ("original", "proposed", "numerical", "fused")
 """In the order of tables and figures."""
@@ -53,7 +53,6 @@ class CupRun:
 
     Attributes:
         formula: of the bias acceleration.
-        derivative: how projected Jacobians are differentiated.
         kp: stiffness of both tasks [1/s^2].
         encoder: of all joints; None for exact angles.
         gravity: of the plant, and of the controller's model.
@@ -62,7 +61,6 @@ class CupRun:
     """
 
     formula: str
-    derivative: str = "numerical"
     kp: float = KP
     encoder: Encoder | None = None
     gravity: Gravity = field(default_factory=lambda: Gravity(first=PAPER_GRAVITY))
@@ -146,6 +144,41 @@ class CupTasks:
         )
 
 
+class PaperController:
+    """Torques of a `PaperRecursion`: no contacts, and no limit that it would keep.
+
+    Args:
+        robot: on a fixed base.
+        stack: its tasks.
+        recursion: with the formula of the bias acceleration.
+
+    Attributes:
+        robot: the robot.
+        recursion: with its results of the last tick.
+        outside: whether some joint's acceleration left the bounds of the stack's joint limit at
+            the last tick.
+    """
+
+    def __init__(self, robot: Robot, stack: Stack, recursion: PaperRecursion) -> None:
+        self.robot, self.recursion, self.outside = robot, recursion, False
+        self._formulation, self._limit = PaperFormulation(robot, stack), stack.joint_limit
+        self._dynamics = Dynamics(robot)
+
+    def step(self, state: RobotState) -> Command:
+        """One tick: from state to torques."""
+        dynamics = self._dynamics
+        dynamics.update(state)
+        self._formulation.fill(dynamics)
+        acceleration = self.recursion.resolve(self._formulation.rows, dynamics)
+        self._limit.evaluate(dynamics)
+        self.outside = bool(
+            (acceleration < self._limit.lower).any() or (acceleration > self._limit.upper).any()
+        )
+        torque = dynamics.M.dot(acceleration)
+        torque += dynamics.h
+        return Command(status=CommandStatus.OK, torque=torque, acceleration=acceleration)
+
+
 class _Recorder:
     """Measures every tick on the true robot."""
 
@@ -179,17 +212,12 @@ class _Recorder:
         )
 
 
-def carry_cup(
-    run: CupRun,
-    progress: Callable[[float], object] | None = None,
-    recursion: PaperRecursion | None = None,
-) -> CupTrace:
+def carry_cup(run: CupRun, progress: Callable[[float], object] | None = None) -> CupTrace:
     """Simulates one run.
 
     Args:
         run: what to run.
         progress: told the share that is done, now and then.
-        recursion: takes the place of the run's formula, for formulas gone wrong on purpose.
 
     Raises:
         PoiseError: a number of the run is out of range.
@@ -203,7 +231,7 @@ def carry_cup(
         inertia_scale=run.inertia_scale,
         encoder=run.encoder,
     )
-    controller = _controller(run, with_gravity(arm, run.gravity.at(0.0)), tasks.stack, recursion)
+    controller = _controller(run, with_gravity(arm, run.gravity.at(0.0)), tasks.stack)
 
     def lead(state: RobotState) -> None:
         if not run.gravity.constant:
@@ -246,13 +274,12 @@ def carry_cup(
 
 
 def _controller(
-    run: CupRun, robot: Robot, stack: Stack, recursion: PaperRecursion | None
-) -> OperationalSpaceController | PaperController:
-    """Poise's own for `fused`, with a torque that may change as fast as it likes."""
+    run: CupRun, robot: Robot, stack: Stack
+) -> "OperationalSpaceController | PaperController":
+    """Poise's own for `fused`, without a bound on the change of torques."""
     if run.formula == "fused":
         return OperationalSpaceController(robot, stack, torque_step=math.inf)
-    exact = run.derivative == "exact"
-    return PaperController(robot, stack, recursion or PaperRecursion(run.formula), exact=exact)
+    return PaperController(robot, stack, PaperRecursion(run.formula))
 
 
 def level_start(robot: Robot) -> Float64[np.ndarray, " n"]:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.bias.recursion import PAPER_FORMULAS, FusedRecursion, PaperRecursion
-from benchmarks.bias.rows import MatrixRates, PaperFormulation
+from benchmarks.bias.rows import PaperFormulation
 from benchmarks.rigid_plant import set_gravity, with_gravity
 from poise.dynamics import Dynamics
 from poise.robots import load_robot
@@ -48,7 +48,6 @@ def compare_along(
     trace: CupTrace,
     kp: float,
     *,
-    derivative: str = "numerical",
     gravity: Float64[np.ndarray, " T"] | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> SideBySide:
@@ -57,7 +56,6 @@ def compare_along(
     Args:
         trace: the run.
         kp: stiffness of its tasks [1/s^2].
-        derivative: how projected Jacobians are differentiated: "exact" or "numerical".
         gravity: vertical gravity that the formulas are told, tick by tick; the run's own when
             None [m/s^2].
         progress: told the share that is done, now and then.
@@ -65,7 +63,6 @@ def compare_along(
     robot = with_gravity(load_robot("arm6"), PAPER_GRAVITY)
     tasks = CupTasks(robot, kp)
     formulation, dynamics = PaperFormulation(robot, tasks.stack), Dynamics(robot)
-    rates = MatrixRates(robot) if derivative == "exact" else None
     recursions = {name: PaperRecursion(name) for name in PAPER_FORMULAS}
     fused = FusedRecursion()
     count = len(trace.states)
@@ -76,9 +73,7 @@ def compare_along(
         set_gravity(robot, float(told[i]))
         dynamics.update(state)
         tasks.aim(state.time)
-        if rates is not None:
-            rates.update(state)
-        formulation.fill(dynamics, rates)
+        formulation.fill(dynamics)
         for name, recursion in (*recursions.items(), ("fused", fused)):
             acceleration = recursion.resolve(formulation.rows, dynamics)
             torque[name][i] = dynamics.M @ acceleration + dynamics.h

@@ -10,7 +10,6 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.control import (
-    Command,
     Controller,
     DifferentialIK,
     OperationalSpaceController,
@@ -20,7 +19,7 @@ from poise.control import (
 from poise.dynamics import RobotState
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, rollout
-from poise.stack import ComTask, FrameTask, SelfCollisionLimit, Stack, TorqueLimit, default_stack
+from poise.stack import ComTask, FrameTask, Stack, TorqueLimit, default_stack
 from studies.locomotion.late_estimate import LateEstimate, typical_sensors
 
 ARMS = ("panda", "upper17")
@@ -28,9 +27,6 @@ ARMS = ("panda", "upper17")
 
 REACH_TIME, REST_FROM = 2.0, 0.3
 """Duration of a target's motion, and its beginning [s]."""
-
-GRAVITY = 9.81
-"""[m/s^2]."""
 
 _TORQUE: dict[str, Any] = {
     "whole_body": WholeBodyController,
@@ -41,7 +37,7 @@ _TORQUE: dict[str, Any] = {
 Vector = Float64[np.ndarray, " n"]
 
 Move = tuple[str, tuple[float, float, float]]
-"""Name of a task, and displacement of its target, or where it goes [m]."""
+"""Name of a task, and displacement of its target [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,11 +48,8 @@ class Reach:
         robot: its name.
         controller: "whole_body", "reduced", "osf" or "differential_ik".
         moves: displacement of each task's target [m].
-        goals: whether `moves` are positions in the world.
         softening: of the stack; 0 for strict levels and feedback without bounds.
         rate_limited: whether torques have the rate limit of the default stack.
-        collisions: whether the stack has a self-collision limit.
-        push: steady force on the torso along x, over the robot's weight.
         sensed: whether sensors have noise and the state is estimated.
         seconds: how long [s].
     """
@@ -64,11 +57,8 @@ class Reach:
     robot: str
     controller: str = "whole_body"
     moves: tuple[Move, ...] = ()
-    goals: bool = False
     softening: float | None = None
     rate_limited: bool = True
-    collisions: bool = False
-    push: float = 0.0
     sensed: bool = False
     seconds: float = 5.0
 
@@ -81,17 +71,12 @@ class Rest:
         step: largest change of a command from tick to tick in the last second, over its limit.
         speed: largest joint speed in the last second [rad/s].
         error: distance of the targets from the frames at the end [m].
-        to_1mm: time from the end of the targets' motion until their distance stays below 1 mm [s];
-            infinite for never.
-        ok: part of the ticks with status `ok`.
         fell: whether the robot fell.
     """
 
     step: float
     speed: float
     error: float
-    to_1mm: float
-    ok: float
     fell: bool
 
 
@@ -110,45 +95,38 @@ def run_reach(trial: Reach) -> Rest:
     lead = _Leader(controller.stack, trial)
     limits = robot.v_max if by_velocity else robot.tau_max
     run = _follow if by_velocity else _simulate
-    commands, speeds, errors, good = list[Vector](), list[float](), list[float](), list[bool]()
+    commands, speeds, error = list[Vector](), list[float](), 0.0
     fallen, last = False, round(1.0 / period)
-    for command, values, speed, fell in run(trial, robot, controller, lead, period):
+    for values, speed, fell in run(trial, robot, controller, lead, period):
         fallen |= fell
         commands.append(values.copy())
         speeds.append(speed)
-        errors.append(lead.error())
-        good.append(command.status.ok)
+        error = lead.error()
     steps = np.abs(np.diff(np.array(commands[-last:]), axis=0)) / limits
-    far = np.flatnonzero(np.array(errors) > 1e-3)
-    reached = float(far[-1] + 1) * period - REST_FROM - REACH_TIME if len(far) else 0.0
     return Rest(
         step=float(steps.max()),
         speed=max(speeds[-last:]),
-        error=errors[-1],
-        to_1mm=np.inf if errors[-1] > 1e-3 else max(reached, 0.0),
-        ok=float(np.mean(good)),
+        error=error,
         fell=fallen,
     )
 
 
 def _simulate(
     trial: Reach, robot: Robot, controller: Controller, lead: "_Leader", period: float
-) -> Iterator[tuple[Command, Vector, float, bool]]:
-    """Yield command, torques and largest joint speed of each tick, and whether the robot fell."""
+) -> Iterator[tuple[Vector, float, bool]]:
+    """Yield torques and largest joint speed of each tick, and whether the robot fell."""
     sensors = typical_sensors() if trial.sensed else PlantConfig().sensors
     plant = Plant(robot, PlantConfig(control_dt=period, sensors=sensors), seed=1)
     estimator = LateEstimate(robot) if trial.sensed else None
-    if trial.push:
-        plant.push(robot.torso, (trial.push * robot.mass * GRAVITY, 0.0, 0.0), trial.seconds)
     for tick in rollout(plant, controller, lead, estimator=estimator, duration=trial.seconds):
         torque = tick.command.torque
         assert torque is not None
-        yield tick.command, torque, float(np.abs(tick.truth.v[-robot.nj :]).max()), plant.fallen
+        yield torque, float(np.abs(tick.truth.v[-robot.nj :]).max()), plant.fallen
 
 
 def _follow(
     trial: Reach, robot: Robot, controller: Controller, lead: "_Leader", period: float
-) -> Iterator[tuple[Command, Vector, float, bool]]:
+) -> Iterator[tuple[Vector, float, bool]]:
     """Yield the same of joints that follow velocities exactly, the first sole at its place."""
     model, data = robot.model, robot.model.createData()
     q, v = robot.q_home.copy(), np.zeros(robot.nv)
@@ -162,8 +140,7 @@ def _follow(
     for k in range(round(trial.seconds / period)):
         state = RobotState(q.copy(), v.copy(), time=k * period)
         lead.lead(state)
-        command = controller.step(state)
-        velocity = command.velocity
+        velocity = controller.step(state).velocity
         assert velocity is not None
         before = q.copy()
         q[-robot.nj :] += period * velocity
@@ -171,7 +148,7 @@ def _follow(
             base = pin.XYZQUATToSE3(q[:7])
             q[:7] = pin.SE3ToXYZQUAT(stance * placed(q).inverse() * base)
         v = np.asarray(pin.difference(model, before, q)) / period
-        yield command, velocity, float(np.abs(velocity).max()), False
+        yield velocity, float(np.abs(velocity).max()), False
 
 
 def random_moves(name: str, count: int, seed: int) -> list[tuple[Move, ...]]:
@@ -205,8 +182,6 @@ def _controller(trial: Reach, robot: Robot, period: float) -> Controller:
     changed: dict[str, Any] = {}
     if trial.softening is not None:
         changed["softening"] = trial.softening
-    if trial.collisions:
-        changed["self_collision_limit"] = SelfCollisionLimit()
     stack = Stack(
         plain.contacts,
         plain.levels,
@@ -232,7 +207,7 @@ class _Leader:
     """Move targets along a minimum-jerk course, then hold them."""
 
     def __init__(self, stack: Stack, trial: Reach) -> None:
-        self.stack, self._trial = stack, trial
+        self.stack = stack
         self._tasks: list[Any] = [stack.task(name) for name, _ in trial.moves]
         self._ways = [np.array(way) for _, way in trial.moves]
         self._starts: list[Float64[np.ndarray, "3"]] = []
@@ -245,7 +220,7 @@ class _Leader:
         u = min(1.0, (state.time - REST_FROM) / REACH_TIME)
         done = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
         for task, start, way in zip(self._tasks, self._starts, self._ways, strict=True):
-            task.set_target(start + done * (way - start if self._trial.goals else way))
+            task.set_target(start + done * way)
 
     def error(self) -> float:
         """Return the largest distance of a target from its frame [m]."""
