@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.methods import REFERENCE, Method
-from poise.control import Command, Controller, make_controller
+from poise.control import make_controller
 from poise.dynamics import Dynamics, RobotState, least_jerk
 from poise.errors import ConfigurationError, PoiseError
 from poise.robots import Robot
@@ -189,9 +189,6 @@ class Loop:
 Progress = Callable[[float, float], None]
 """Called with what is done and what there is in all."""
 
-Alter = Callable[[RobotState, Command], Command]
-"""Changes a command for a state before the plant gets it."""
-
 SWELL = 0.4
 """The motion reaches its full size after this long; recording starts then [s]."""
 
@@ -212,23 +209,6 @@ _RAISE_SHARE = np.array([0.05, 0.0, 0.05])
 
 _FOOT_SHARE = 0.08
 """How far the swing foot is lifted, as a share of the height of the COM."""
-
-
-class Altered:
-    """A controller whose commands are changed before the plant gets them.
-
-    Args:
-        controller: gives the commands.
-        alter: changes them; nobody does when None.
-    """
-
-    def __init__(self, controller: Controller, alter: Alter | None) -> None:
-        self._controller, self._alter = controller, alter
-
-    def step(self, state: RobotState) -> Command:
-        """The changed command for a state."""
-        command = self._controller.step(state)
-        return command if self._alter is None else self._alter(state, command)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -269,7 +249,6 @@ def record_run(
     progress: Progress | None = None,
     *,
     method: Method = REFERENCE,
-    alter: Alter | None = None,
 ) -> Recording:
     """Runs a robot in simulation and records it while everything moves.
 
@@ -283,7 +262,6 @@ def record_run(
         ticks: how many ticks to record.
         progress: told how far the run is.
         method: which controller runs the robot.
-        alter: changes each command before the plant gets it.
 
     Raises:
         ConfigurationError: the robot has no two soles to stand on.
@@ -318,7 +296,7 @@ def record_run(
             if state.time >= begin + SWELL:
                 points[name].append(point)
 
-    for tick in rollout(plant, Altered(controller, alter), lead):
+    for tick in rollout(plant, controller, lead):
         if tick.time >= begin + SWELL:
             states.append(tick.state)
         if plant.fallen:

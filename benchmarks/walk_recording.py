@@ -11,7 +11,7 @@ from jaxtyping import Float64, Int64
 
 from benchmarks.clocked import Clocked
 from benchmarks.methods import REFERENCE, Method
-from benchmarks.recording import Alter, Altered, Loop, Progress, paper_contacts
+from benchmarks.recording import Loop, Progress, paper_contacts
 from poise.control import ReducedController, WholeBodyController, make_controller
 from poise.dynamics import RobotState
 from poise.errors import PoiseError, UnknownNameError
@@ -28,7 +28,7 @@ from poise.stack import (
     Task,
 )
 
-WALK_STACKS = ("table1", "hands_first", "posture")
+WALK_STACKS = ("table1", "posture")
 """Stacks of a walk, see `walk_stack`."""
 
 _STEP_LENGTH = 0.15
@@ -42,8 +42,7 @@ def walk_stack(robot: Robot, kind: str) -> Stack:
     """A new stack that a walker can lead.
 
     "table1" is that of Ahn et al. 2024, Table 1: COM and pelvis orientation, then the poses of the
-    end effectors, hands and the foot in the air. "hands_first" has the hands above COM and pelvis.
-    "posture" adds to "table1" what keeps a robot that walks on and on in its posture: torso,
+    end effectors, hands and the foot in the air. "posture" adds to "table1" what keeps a robot that walks on and on in its posture: torso,
     posture and angular momentum on two levels below everything. All have `paper_contacts`.
 
     Args:
@@ -63,8 +62,6 @@ def walk_stack(robot: Robot, kind: str) -> Stack:
     feet: list[Task] = [FrameTask(sole, kp=300.0, name=sole) for sole in soles]
     hands: list[Task] = [FrameTask(hand, kp=100.0, name=hand) for hand in robot.hands]
     levels: list[list[Task]] = [balance, [*feet, *hands]]
-    if kind == "hands_first":
-        levels = [hands, balance, feet]
     if kind == "posture":
         levels.append([FrameTask(robot.torso, "orientation", kp=50.0, name="torso")])
         momentum = MomentumTask("angular", kd=5.0, weight=0.1, name="momentum")
@@ -88,7 +85,7 @@ class WalkLead:
     """
 
     def __init__(self, robot: Robot, plan: FootstepPlan, stack: Stack) -> None:
-        self.robot, self.stack, self._push = robot, stack, 0.0
+        self.robot, self.stack = robot, stack
         self.walker = Walker(robot, stack, plan=plan)
         hands = [name for name in self.walker.carried if name in robot.hands]
         self._loops = {
@@ -108,17 +105,12 @@ class WalkLead:
         """Sets targets and loads of contacts for a state."""
         for name, loop in self._loops.items():
             position, velocity, acceleration = loop.at(state.time)
-            acceleration[2] += self._push
             self.walker.carried[name].set_target(
                 position,
                 velocity=np.append(velocity, np.zeros(3)),
                 acceleration=np.append(acceleration, np.zeros(3)),
             )
         self.walker.lead(state)
-
-    def push_hands(self, acceleration: float) -> None:
-        """Asks a further acceleration of the hands from the next state on, up [m/s^2]."""
-        self._push = acceleration
 
     def pass_by(self, state: RobotState) -> None:
         """The same where no controller steps, which would move the loads of contacts on."""
@@ -165,7 +157,6 @@ def record_walk(
     progress: Progress | None = None,
     *,
     method: Method = REFERENCE,
-    alter: Alter | None = None,
     seconds: float = math.inf,
 ) -> WalkRecording:
     """Lets a robot walk straight ahead in simulation, its hands going round, and records it.
@@ -175,7 +166,6 @@ def record_walk(
         steps: how many, besides one that closes the feet.
         progress: told how far the walk is [s].
         method: which controller walks, on stack "posture".
-        alter: changes each command before the plant gets it.
         seconds: the recording ends here at the latest [s].
 
     Raises:
@@ -189,7 +179,7 @@ def record_walk(
     states: list[RobotState] = []
     rows: list[tuple[int, float, float]] = []
     end = min(plan.duration, seconds)
-    for tick in rollout(plant, Altered(controller, alter), lead, duration=end):
+    for tick in rollout(plant, controller, lead, duration=end):
         status = lead.walker.status
         states.append(tick.state)
         errors = [float(np.linalg.norm(task.error[:3])) for task in (com, hand)]
@@ -212,21 +202,6 @@ def record_walk(
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Answer:
-    """Accelerations, torques and wrenches that a controller gave for a state.
-
-    Attributes:
-        acceleration: dv [m/s^2, rad/s^2].
-        torque: of the joints [N m].
-        wrench: of the contacts in the order of the stack, zero of inactive ones [N, N m].
-    """
-
-    acceleration: Float64[np.ndarray, " nv"]
-    torque: Float64[np.ndarray, " nj"]
-    wrench: Float64[np.ndarray, " nf"]
-
-
 class WalkSubject(Clocked):
     """A controller with a stack and a walker of its own, whose answers are kept.
 
@@ -240,7 +215,6 @@ class WalkSubject(Clocked):
         acceleration: answers at the ticks that were timed, NaN elsewhere [m/s^2, rad/s^2].
         torque: likewise [N m].
         wrench: likewise, of the contacts in the order of the stack, zero of inactive ones [N, N m].
-        residuals: what each level could not meet, relative to its scale.
         variables: unknowns of the problem, of LQP 1 and of LQP 2 where that was solved.
         lqp: seconds in the solver, of the full problem or of LQP 1 alone.
         programs: what a tick had to solve: 1 for one problem, which is LQP 1 of the reduced
@@ -256,12 +230,11 @@ class WalkSubject(Clocked):
         robot, stack = recording.robot, self.lead.stack
         controller = make_controller(robot, stack, method.plan())
         super().__init__(method, controller, recording.states, self._aim_at)
-        ticks, levels = len(recording.states), 2 + len(stack.levels)
+        ticks = len(recording.states)
         self.acceleration: Float64[np.ndarray, "ticks nv"] = np.full((ticks, robot.nv), np.nan)
         self.torque: Float64[np.ndarray, "ticks nj"] = np.full((ticks, robot.nj), np.nan)
         width = sum(c.dim for c in stack.contacts)
         self.wrench: Float64[np.ndarray, "ticks nf"] = np.full((ticks, width), np.nan)
-        self.residuals: Float64[np.ndarray, "ticks levels"] = np.full((ticks, levels), np.nan)
         self.variables: Float64[np.ndarray, " ticks"] = np.full(ticks, np.nan)
         self.lqp: Float64[np.ndarray, " ticks"] = np.full(ticks, np.nan)
         self.programs: Float64[np.ndarray, " ticks"] = np.full(ticks, np.nan)
@@ -274,7 +247,6 @@ class WalkSubject(Clocked):
             return
         self.acceleration[index] = command.acceleration
         self.torque[index] = command.torque
-        self.residuals[index, : len(command.residuals)] = command.residuals
         self.variables[index] = self.controller.size[0]
         first = 0
         for contact in self.lead.stack.contacts:
@@ -282,14 +254,6 @@ class WalkSubject(Clocked):
             self.wrench[index, place] = command.wrenches.get(contact.name, 0.0)
             first = place.stop
         self.lqp[index], self.programs[index] = self._solver_time()
-
-    def answer(self, index: int) -> Answer:
-        """What it answered at a tick that was timed."""
-        return Answer(
-            acceleration=self.acceleration[index],
-            torque=self.torque[index],
-            wrench=self.wrench[index],
-        )
 
     def skip(self, index: int) -> None:
         """Leaves one tick out; the walker goes on."""

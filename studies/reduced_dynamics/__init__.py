@@ -1,11 +1,8 @@
 """The study of Ahn et al. 2024: whole-body control on a robot of reduced dimension."""
 
 from studies.plan import Part, StudyPlan
-from studies.reduced_dynamics.accuracy_section import accuracy_section
-from studies.reduced_dynamics.base_section import base_section
 from studies.reduced_dynamics.difference_section import difference_section
 from studies.reduced_dynamics.dof_section import dof_section
-from studies.reduced_dynamics.order_section import order_section
 from studies.reduced_dynamics.sizes_section import sizes_section
 from studies.reduced_dynamics.timing_section import timing_section
 from studies.reduced_dynamics.tracking_section import tracking_section
@@ -30,9 +27,6 @@ PLAN = StudyPlan(
         Part("tracking", "Tracking errors, Figure 4", tracking_section),
         Part("joints", "Time by joints, Figure 5", dof_section),
         Part("difference", "Beyond the paper: full and reduced at every tick", difference_section),
-        Part("base", "Beyond the paper: the acceleration of the base", base_section),
-        Part("accuracy", "Beyond the paper: accuracy by level", accuracy_section),
-        Part("order", "Beyond the paper: the order of priorities", order_section),
     ),
 )
 """The study: its parts in order. A part is a function in a file of its own."""
