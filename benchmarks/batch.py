@@ -10,11 +10,11 @@ from time import perf_counter, thread_time
 
 import numpy as np
 
-from benchmarks.recording import Progress, Recording, bench_stack, record_run
+from benchmarks.recording import STACKS, Progress, Recording, bench_stack, record_run
 from benchmarks.result import Figure, Result, text_table
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import load_robot
 
 DEAREST = 1.2
@@ -43,6 +43,10 @@ class BatchBench:
     robot: str = "g1"
     stack: str = "default"
     ticks: int = 4096
+
+    def __post_init__(self) -> None:
+        if self.stack not in STACKS:
+            raise UnknownNameError("no such stack", got=self.stack, choices=STACKS)
 
 
 @dataclass(frozen=True, kw_only=True)

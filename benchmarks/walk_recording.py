@@ -42,8 +42,8 @@ def walk_stack(robot: Robot, kind: str) -> Stack:
     """A new stack that a walker can lead.
 
     "table1" is that of Ahn et al. 2024, Table 1: COM and pelvis orientation, then the poses of the
-    end effectors, hands and the foot in the air. "posture" adds to "table1" what keeps a robot that walks on and on in its posture: torso,
-    posture and angular momentum on two levels below everything. All have `paper_contacts`.
+    end effectors, hands and the swing foot. "posture" adds torso, posture and angular momentum on
+    two levels below everything, for a robot that walks on and on. Both have `paper_contacts`.
 
     Args:
         robot: on two soles.

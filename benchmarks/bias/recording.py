@@ -118,10 +118,8 @@ def record_motion(robot: Robot) -> tuple[RobotState, ...]:
     motion = BiasMotion(own)
     controller = OperationalSpaceController(own, motion.stack, rank=RANK, torque_step=math.inf)
     plant = RigidPlant(robot, robot.q_home.copy())
-    states: list[RobotState] = []
-    for tick in rollout(plant, controller, lambda state: motion.aim(state.time), duration=DURATION):
-        states.append(tick.state)
-    return tuple(states)
+    ticks = rollout(plant, controller, lambda state: motion.aim(state.time), duration=DURATION)
+    return tuple(tick.state for tick in ticks)
 
 
 class BiasInputs:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands.timing import add_command, folder_of, words_of
+from benchmarks.commands import add_command, folder_of, words_of
 from poise.cli import Bar
 from poise.errors import ConfigurationError, MissingExtraError, UnknownNameError
 

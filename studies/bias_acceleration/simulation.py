@@ -1,4 +1,4 @@
-"""Sections of the first study: gravity (Figure 5), encoders (Figure 6, Tables 2 and 3), wrong models."""
+"""Sections of the first study: Figure 5, Figure 6 with Tables 2 and 3, and wrong models."""
 
 from typing import Any
 

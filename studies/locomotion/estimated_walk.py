@@ -36,6 +36,7 @@ _OBSERVED = [0, 1, 3, 4, 5]
 _EVERY = 5
 """Ticks between two looks at the error."""
 
+
 @dataclass(frozen=True, kw_only=True)
 class Trial:
     """One walk.

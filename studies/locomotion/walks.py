@@ -70,9 +70,7 @@ def _led_cases(options: StudyOptions) -> list[Case]:
                         name=f"{robot}: pushed by {push:g} m/s {name}, {degrees} degrees",
                         trials=[_pushed(robot, seed, k, name, push) for seed in seeds],
                         allowed=_SURVIVED,
-                        failed=lambda o, name=name: (
-                            o.fell or not (o.rested or name == "walking")
-                        ),
+                        failed=lambda o, name=name: o.fell or not (o.rested or name == "walking"),
                         what="falls, or no rest,",
                     )
                 )
@@ -157,9 +155,7 @@ def _ground_cases(options: StudyOptions) -> list[Case]:
             for seed in seeds
         ]
         allowed = _one_fall if course == _WANDERING else _SURVIVED
-        cases.append(
-            Case(name=f"{robot}: {course}", trials=trials, allowed=allowed, bounds=bounds)
-        )
+        cases.append(Case(name=f"{robot}: {course}", trials=trials, allowed=allowed, bounds=bounds))
     return cases
 
 

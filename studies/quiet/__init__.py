@@ -45,9 +45,7 @@ def _cases(options: StudyOptions) -> list[Case]:
                     for way in moves[robot]
                 ],
                 allowed=part(RESTLESS),
-                failed=lambda o, step=step, speed=speed: (
-                    o.fell or o.step > step or o.speed > speed
-                ),
+                failed=lambda o, step=step, speed=speed: o.fell or o.step > step or o.speed > speed,
                 what=f"steps of more than {step:g} of the limit"
                 + (f", or joints faster than {speed:g} rad/s," if np.isfinite(speed) else ""),
             )

@@ -18,8 +18,8 @@ PLAN = StudyPlan(
         "A person holds two devices, one for each foot of a biped. Lifting one shifts the weight "
         "and lifts its foot, which then follows the device until it lands. The COM shifter moves "
         "the centre of mass by feedback from a ZMP reference that jumps; the body rotator makes up "
-        "for what the swinging leg does. Here the hands are scripts, on `biped20`, the paper's robot "
-        "in mass and size.",
+        "for what the swinging leg does. Here the hands are scripts, on `biped20`, the paper's "
+        "robot in mass and size.",
         "Axes are Poise's: x forward, y left. The paper draws its figures with x to the side.",
     ),
     source="Y. Zhang, R. Kikuuwe, “COM Shifter and Body Rotator for Step-by-Step Teleoperation of "

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any, Literal
 
 import numpy as np
@@ -470,18 +471,8 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
     for axis, way in enumerate(WAYS):
         script = SCRIPTS["swing_fast"](robot, way, 2 if options.quick else 3)
 
-        def led(
-            leaders: Leaders, prefix: str, script: Script = script, servos: Servos = SOFT
-        ) -> dict[str, TeleopRun]:
-            runs: dict[str, TeleopRun] = {}
-            for name, (leader, rotator) in leaders.items():
-                steps.next()
-                run = run_script(robot, script, servos, leader=leader, rotator=rotator)
-                runs[name] = run
-                rows.append(_row(way, prefix + name, run, axis))
-            return runs
-
-        runs = led(_WEIGHTED, "")
+        runs = _led(robot, script, _WEIGHTED, steps)
+        rows += [_row(way, name, run, axis) for name, run in runs.items()]
         findings += _findings(way, runs, axis)
         on, off = ((f"rotator {name}", runs[f"constant, {name}"], axis) for name in ("on", "off"))
         figures.append(
@@ -495,12 +486,10 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
         )
         for servos, smoothed in ((SOFT, False), (STIFF, False), (STIFF, True)):
             rules = f"the paper's rules alone, servos {servos}"
-            if smoothed:
-                rules += ", ZMP smoothed"
-                runs = led(_LITERAL, f"{rules}, ", servos=servos)
-            else:
-                with zmp_as_measured():
-                    runs = led(_LITERAL, f"{rules}, ", servos=servos)
+            rules += ", ZMP smoothed" if smoothed else ""
+            with nullcontext() if smoothed else zmp_as_measured():
+                runs = _led(robot, script, _LITERAL, steps, servos)
+            rows += [_row(way, f"{rules}, {name}", run, axis) for name, run in runs.items()]
             findings.append(_rescued(f"swing {way}, {rules}", list(runs.values()), axis))
     steps.finish()
     return Section(
@@ -525,6 +514,17 @@ def swing_section(options: StudyOptions, progress: Progress) -> Section:
             ),
         ),
     )
+
+
+def _led(
+    robot: Robot, script: Script, leaders: Leaders, steps: Steps, servos: Servos = SOFT
+) -> dict[str, TeleopRun]:
+    """Run the same swing under each leader."""
+    runs: dict[str, TeleopRun] = {}
+    for name, (leader, rotator) in leaders.items():
+        steps.next()
+        runs[name] = run_script(robot, script, servos, leader=leader, rotator=rotator)
+    return runs
 
 
 def swings(run: TeleopRun) -> bool:

@@ -57,7 +57,9 @@ PLAN = StudyPlan(
         Part("operators", "Bad operators", _operators(_ROBOTS, tuple(CONDITIONS))),
         Part("described", "G1 as described", _operators(("g1",), (DESCRIBED,))),
         Part("mixed", "G1 under all conditions at once", _operators(("g1",), (MIXED,))),
-        Part("plants", "Other plants", _operators(("g1", "humanoid33"), tuple(OTHER_PLANTS), (5, 1))),
+        Part(
+            "plants", "Other plants", _operators(("g1", "humanoid33"), tuple(OTHER_PLANTS), (5, 1))
+        ),
         Part(
             "everything",
             "Everything at once",

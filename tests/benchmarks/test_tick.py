@@ -77,7 +77,6 @@ def test_a_line_a_method_and_stack_with_every_key_and_files_in_out(tmp_path):
         assert sum(row["phases_us"].values()) == pytest.approx(row["p50_us"], rel=0.3)
     assert [r["ratio_to_direct"] for r in rows[::2]] == [1.0, 1.0]
     assert (tmp_path / "bench.json").read_text(encoding="utf-8") == text
-    assert (tmp_path / "bench.png").stat().st_size > 10_000
 
 
 def test_the_table_of_the_paper_has_its_variables_and_rows():

@@ -11,20 +11,27 @@ pytest.importorskip("mujoco")
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
+    TeleopRun,
     read_recording,
     replay_teleop,
     run_teleop,
 )
 from poise.locomotion import ScriptedDevice
-from studies.bad_operator import conditions, led_trial
-from studies.bad_operator.conditions_section import _findings, _row
-from studies.bad_operator.falls_section import Outcome, Trial, _finding as falls_finding, run_trial
+from studies.bad_operator import FALLS, allowed, conditions
+from studies.bad_operator.led_trial import Outcome, Trial, run_trial
+from studies.bad_operator.operator_section import Asked, none_but_mixed
+from studies.trial_section import part
 from studies.trials import run_each
+
+
+def trial(seed, seconds, **changes):
+    values = {"robot": "biped20", "level": "velocity", "condition": conditions.NOISE} | changes
+    return Trial(seed=seed, seconds=seconds, **values)
 
 
 @pytest.mark.slow
 def test_outcomes_do_not_depend_on_the_processes():
-    trials = [Trial(seed=200_000 + i, seconds=1.5) for i in range(3)]
+    trials = [trial(200_000 + i, 1.5) for i in range(3)]
     seen = []
 
     def run(progress, workers):
@@ -38,51 +45,23 @@ def test_outcomes_do_not_depend_on_the_processes():
     assert not any(o.fell for o in outcomes.values())
 
 
-FALL = """
-import json, sys
-from pathlib import Path
-from dataclasses import replace
-from unittest.mock import patch
-from poise.locomotion._stepping._velocity_tasks import velocity_numbers
-from studies.bad_operator.falls_section import Trial, run_trial
-from poise.locomotion import teleop_parameters
-from poise.apps.teleoperation import read_recording, replay_teleop
-from poise.robots import load_robot
-# Soft feet that may leave the ground whenever the ZMP is near: it falls soon.
-careless = replace(teleop_parameters(load_robot("biped20"), "velocity"), lower_speed=1.0,
-                   stoop_max=1e-9)
-leads, usual = "poise.locomotion._stepping._step_teleoperator", velocity_numbers
-patch("poise.locomotion._stepping._feet._TOUCH_SPEED", 1.0).start()
-patch(f"{leads}.velocity_numbers", lambda size: replace(
-    usual(size), w_S2=1.0, capture_max=1e3, ct_zmp_max=1e3, momentum_leak=1e-9,
-    velocity_leak=1e-9)).start()
-for seed in range(200_012, 200_020):
-    trial = Trial(seed=seed, seconds=15.0, folder=Path(sys.argv[1]), parameters=careless)
-    outcome = run_trial(trial)
-    if outcome.fell:
-        break
-again = replay_teleop(outcome.recording)
-print(json.dumps({
-    "fell": [outcome.fell, again.fell],
-    "seconds": [outcome.seconds, again.plant.time],
-    "seed": [seed, read_recording(outcome.recording).setup.seed],
-}))
-"""
-
-
-@pytest.mark.slow
-def test_an_input_that_made_the_robot_fall_is_kept_and_runs_again(tmp_path):
-    found = run_unchecked(FALL, tmp_path)
-    assert found["fell"] == [True, True]
-    for before, after in (found["seconds"], found["seed"]):
-        assert before == after
-
-
 def test_a_run_without_a_fall_leaves_no_file(tmp_path):
-    outcome = run_trial(Trial(seed=200_000, seconds=1.0, folder=tmp_path))
+    outcome = run_trial(trial(200_000, 1.0, folder=tmp_path / "kept"))
     assert not outcome.fell
-    assert outcome.recording is None
-    assert list(tmp_path.iterdir()) == []
+    assert list((tmp_path / "kept").iterdir()) == []
+
+
+def test_an_input_that_made_the_robot_fall_is_kept_and_runs_again(tmp_path, monkeypatch):
+    class Fallen:
+        def __get__(self, run, kind=None):
+            return True
+
+    with monkeypatch.context() as patch:
+        patch.setattr(TeleopRun, "fell", Fallen())
+        run_trial(trial(200_000, 0.5, folder=tmp_path))
+    kept = tmp_path / "seed-200000.mcap"
+    assert read_recording(kept).setup.seed == 200_000
+    assert replay_teleop(kept).plant.time == pytest.approx(0.5)
 
 
 OPERATOR = """
@@ -172,31 +151,35 @@ def test_every_other_plant_changes_something_and_the_last_one_all_of_it(get_robo
     assert every == {key: value for change in single for key, value in change.items()}
 
 
-@pytest.fixture(scope="module")
-def outcome():
-    """Three seconds at velocity level."""
-    return led_trial.run_trial(
-        led_trial.Trial(
-            robot="biped20", level="velocity", condition="as described", seed=200_000, seconds=3.0
-        )
-    )
-
-
-def test_legs_of_a_robot_that_stands_are_apart(outcome):
+def test_legs_of_a_robot_that_stands_are_apart():
+    outcome = run_trial(trial(200_000, 3.0, condition=conditions.DESCRIBED))
     assert not outcome.fell
     # Feet 0.27 m apart, 0.24 m wide.
     assert 0.0 < outcome.apart < 0.1
 
 
-def test_falls_fail_what_is_asked_for_and_are_no_finding_where_nothing_is(outcome):
-    assert [finding.ok for finding in _findings([[outcome]])] == [True]
-    assert _row([outcome])[:4] == ("biped20", "velocity", "as described", 0)
-    fallen = replace(outcome, fell=True)
-    assert [finding.ok for finding in _findings([[fallen]])] == [False]
-    for level, asked in (("velocity", []), ("torque", [False])):
-        trial = replace(outcome.trial, robot="g1", level=level)
-        found = _findings([[replace(fallen, trial=trial)]])
-        assert [finding.ok for finding in found] == asked
+def outcomes(falls, count=11):
+    stood = Outcome(trial=trial(0, 60.0), fell=False, seconds=60.0, steps=7, tilt=0.4, apart=0.1)
+    return [replace(stood, fell=k < falls) for k in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("allowed", "falls"),
+    [
+        (allowed(Asked("g1", conditions.DESCRIBED)), 1.1),
+        (allowed(Asked("biped20", conditions.DESCRIBED, "velocity")), 0.0),
+        (none_but_mixed(Asked("g1", conditions.DESCRIBED)), 0.0),
+        (none_but_mixed(Asked("g1", conditions.MIXED)), 1.1),
+        (part(FALLS["biped20"]), 0.11),
+        (part(FALLS["g1"]), 0.55),
+    ],
+)
+def test_falls_that_are_allowed_in_eleven_minutes(allowed, falls):
+    assert allowed(outcomes(0)) == pytest.approx(falls)
+
+
+def test_nothing_is_asked_of_g1_at_velocity_level():
+    assert allowed(Asked("g1", conditions.DESCRIBED, "velocity")) is None
 
 
 def test_pushes_of_a_run_are_recorded_and_come_again(get_robot, tmp_path):
@@ -214,12 +197,3 @@ def test_pushes_of_a_run_are_recorded_and_come_again(get_robot, tmp_path):
     assert read_recording(path).pushes == pushes
     again = replay_teleop(path)
     assert np.array_equal(again.log.command, run.log.command)
-
-
-@pytest.mark.parametrize(("robot", "most"), [("biped20", 2), ("g1", 10)])
-def test_of_200_seeds_each_robot_may_fall_in_its_own_number(robot, most):
-    stood = Outcome(seed=0, fell=False, seconds=60.0, steps=9, mode="D", tilt=0.1, recording=None)
-    fell = replace(stood, fell=True, seconds=7.0)
-    assert falls_finding(robot, [stood] * (200 - most) + [fell] * most).ok
-    assert not falls_finding(robot, [stood] * (199 - most) + [fell] * (most + 1)).ok
-    assert not falls_finding(robot, [stood] * 9 + [fell]).ok

@@ -1,4 +1,4 @@
-"""The operator who does everything at once, and what its section asks."""
+"""The operator who does everything at once."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,9 @@ from poise.locomotion import StepTeleoperator
 
 pytest.importorskip("mujoco")
 
-from studies.bad_operator.conditions import DESCRIBED, MIXED
-from studies.bad_operator.falls_asked import falls_row
-from studies.bad_operator.led_trial import Outcome, Trial
-from studies.torque_teleoperation.everything import EverythingOperator
-from studies.torque_teleoperation.everything_section import _finding, run_trial
+from studies.bad_operator.conditions import DESCRIBED
+from studies.bad_operator.led_trial import Trial
+from studies.torque_teleoperation.everything import EverythingOperator, run_trial
 
 SECONDS = 30.0
 
@@ -68,18 +66,3 @@ def test_a_robot_stands_it_for_a_while():
     assert outcome.seconds == pytest.approx(3.0, abs=0.01)
     # It bends the torso besides, which the bad operator does not.
     assert outcome.tilt > 0.02
-
-
-def outcome(condition, *, fell, seconds=60.0):
-    trial = Trial(robot="g1", level="torque", condition=condition, seed=0, seconds=60.0)
-    return Outcome(trial=trial, fell=fell, seconds=seconds, steps=7, tilt=0.4, apart=0.1)
-
-
-@pytest.mark.parametrize(
-    ("condition", "falls", "ok"),
-    [(DESCRIBED, 0, True), (DESCRIBED, 1, False), (MIXED, 1, True), (MIXED, 2, False)],
-)
-def test_as_described_none_may_fall_and_else_one_in_ten_minutes(condition, falls, ok):
-    group = [outcome(condition, fell=k < falls) for k in range(11)]
-    assert _finding(group).ok is ok
-    assert falls_row("g1", condition, group)[:6] == ("g1", condition, 11, falls, 11.0, 77)

@@ -6,37 +6,33 @@ import sys
 from importlib import import_module
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from benchmarks.clocked import Turns, take_turns
 from benchmarks.methods import timed_methods
-from benchmarks.walk_recording import Answer, WalkRecording, WalkSubject
-from poise.control import Command, CommandStatus
-from poise.dynamics import Partitions, RobotState
+from benchmarks.result import PHASES, TickResult
+from benchmarks.walk_recording import WalkRecording, WalkSubject
+from poise.dynamics import RobotState
 from poise.locomotion import Stride, plan_footsteps
 from poise.locomotion._walking._step_planner import StepPlanner
 from poise.robots import load_robot
 from studies.plan import StudyOptions
 from studies.reduced_dynamics import PLAN, walk_run
-from studies.reduced_dynamics.accuracy_section import QUANTITIES, Judge, accuracy_section
-from studies.reduced_dynamics.base_section import PaperTorques, base_section
 from studies.reduced_dynamics.difference_section import difference_section
-from studies.reduced_dynamics.order_section import Sequential, order_section
 from studies.reduced_dynamics.sizes_section import sizes_section
 from studies.reduced_dynamics.timing_section import timing_section
-from tests.benchmarks.test_dof import robot as dof_robot
 
 for package in ("matplotlib", "mujoco", "osqp"):
     pytest.importorskip(package)
 
 TRACKING = """
 import json
-from studies.reduced_dynamics.tracking_section import _VARIANTS, _findings, _run, _stand
+from studies.reduced_dynamics.tracking_section import _DIRECT, _findings, _stand
 from poise.robots import load_robot
 robot = load_robot("humanoid33")
-curves = [_run(_stand, robot, v, 60, lambda share: None) for v in _VARIANTS]
-print(json.dumps([[f.ours, f.ok] for f in _findings("double support", curves)]))
+curves = {("double support", name): _stand(robot, *method, 60, lambda share: None)
+          for name, method in _DIRECT.items()}
+print(json.dumps([[f.ours, f.ok] for f in _findings(curves)]))
 """
 OPTIONS = StudyOptions(quick=True)
 DT = 0.02
@@ -73,10 +69,10 @@ def standing_run():
     )
     for _ in take_turns(quick, slow, turns):
         pass
-    judge = Judge(walk, "table1")
+    lead = walk.lead("table1")
     for i, state in enumerate(states):
-        judge.place(state)
-        robot_feet[i] = sum(c.active for c in judge.lead.stack.contacts)
+        lead.pass_by(state)
+        robot_feet[i] = sum(c.active for c in lead.stack.contacts)
     return walk_run.WalkRun(recording=walk, turns=turns, subjects=subjects)
 
 
@@ -94,15 +90,8 @@ def test_both_stances_occur(run):
     assert set(np.unique(run.recording.feet)) == {1, 2}
 
 
-@pytest.mark.parametrize(
-    "section",
-    [timing_section, sizes_section, difference_section, base_section, accuracy_section,
-     order_section],
-)  # fmt: skip
-def test_a_part_says_its_findings_and_comes_to_its_end(installed, section, monkeypatch):
-    module = import_module("studies.reduced_dynamics.order_section")
-    monkeypatch.setattr(module, "_DEMANDS", (10.0,))
-    monkeypatch.setattr(module, "_QUICK_EVERY", 20)
+@pytest.mark.parametrize("section", [timing_section, sizes_section, difference_section])
+def test_a_part_says_its_findings_and_comes_to_its_end(installed, section):
     seen = []
     result = section(OPTIONS, lambda done, total: seen.append(done / total))
     assert seen[-1] == 1.0
@@ -128,89 +117,55 @@ def test_the_sizes_are_those_of_the_paper(installed):
     assert [f.name for f in findings if not f.ok] == []
 
 
-def test_the_judge_finds_nothing_in_an_exact_answer_and_every_change_of_it(run):
-    judge = Judge(run.recording, "table1")
-    subject = run.subjects["whole_body", "direct"]
-    tick = len(run.recording.states) - 1
-    for state in run.recording.states:
-        judge.place(state)
-    judge.evaluate()
-    exact = {
-        name: getattr(subject, name)[tick].copy() for name in ("acceleration", "torque", "wrench")
-    }
-    assert judge.measure(Answer(**exact)).max() < 1e-9
-    names = [name for _, name, _ in QUANTITIES]
-    for key, index, change, what in (
-        ("torque", 0, 0.5, "joint torque"),
-        ("acceleration", 0, 1e-3, "COM"),
-        ("wrench", -4, 2.0, "base force"),
-    ):
-        other = {name: value.copy() for name, value in exact.items()}
-        other[key][index] += change
-        assert judge.measure(Answer(**other))[names.index(what)] > 1e-4
-
-
-def test_what_17_leaves_out_is_what_the_accelerating_base_asks_of_the_chain(run):
-    robot = run.recording.robot
-    rng = np.random.default_rng(5)
-    q = pin.integrate(robot.model, robot.q_home, 0.3 * rng.standard_normal(robot.nv))
-    v, dv = rng.standard_normal((2, robot.nv))
-    state = RobotState(q, v)
-    form, soles = PaperTorques(robot), tuple(robot.soles)
-    u = Partitions(robot).of(soles).u.index
-    alone, still = np.zeros(robot.nv), v.copy()
-    alone[u] = dv[u]
-    still[: robot.base_dofs] = 0.0
-    data = robot.model.createData()
-
-    def torque(velocity, acceleration):
-        return pin.rnea(robot.model, data, q, velocity, acceleration)[u]
-
-    joints = u - robot.base_dofs
-    missing = form.left_out(state, dv, soles)
-    assert missing[joints] == pytest.approx(torque(v, dv) - torque(v, alone), abs=1e-9)
-    missing = form.left_out(state, dv, soles, fixed_base=True)
-    assert missing[joints] == pytest.approx(torque(v, dv) - torque(still, alone), abs=1e-9)
-    others = np.setdiff1d(np.arange(robot.nj), joints)
-    assert not missing[others].any()
-    command = Command(
-        status=CommandStatus.OK,
-        torque=np.zeros(robot.nj),
-        acceleration=dv,
-        wrenches={name: np.zeros(6) for name in soles},
+def tick_result(joints, controller, solver, contacts, time):
+    return TickResult(
+        robot=f"humanoid{joints}",
+        joints=joints,
+        controller=controller,
+        solver=solver,
+        stack="table1",
+        contacts=contacts,
+        schedule="tick",
+        variables=joints + 18,
+        rows=90,
+        p50_us=time,
+        p99_us=1.2 * time,
+        max_us=2.0 * time,
+        cpu_min_us=time,
+        cpu_p10_us=time,
+        cpu_p50_us=time,
+        cpu_p99_us=time,
+        phases_us=dict.fromkeys(PHASES, 0.25 * time),
+        ticks=40,
+        residual_max=1e-12,
+        ratio_to_direct=1.0,
+        ratio_to_whole=None,
+        relaxed_ticks=0,
+        missed_ticks=0,
     )
-    assert form.alter(state, command).torque == pytest.approx(-form.left_out(state, dv, soles))
 
 
-def test_the_papers_order_keeps_dynamics_and_balance_and_changes_what_energy_decides(run):
-    walk = run.recording
-    judge, full = Judge(walk, "table1"), run.subjects["whole_body", "direct"]
-    sequential = Sequential(walk.robot, judge.lead.stack)
-    tick = 30
-    for state in walk.states[: tick + 1]:
-        judge.place(state)
-    answer = sequential.step(walk.states[tick])
-    judge.evaluate()
-    measured = judge.measure(
-        Answer(acceleration=answer.acceleration, torque=answer.torque, wrench=answer.wrench)
-    )
-    assert measured.max() < 1e-8
-    assert answer.missing < 1e-8
-    assert np.abs(answer.acceleration - full.acceleration[tick]).max() > 1e-3
+TIMES = {
+    ("double", 20): (200.0, 210.0, 5000.0, 3700.0),
+    ("double", 45): (250.0, 140.0, 9000.0, 3000.0),
+    ("single", 20): (200.0, 200.0, 5000.0, 5000.0),
+    ("single", 45): (200.0, 100.0, 5000.0, 2500.0),
+}
+"""Full and reduced controller by the default solver, then by the cascade [us]."""
 
 
 def test_figure_5_compares_with_the_numbers_of_the_paper(monkeypatch):
-    results = [
-        *dof_robot(20, 200.0, 210.0, 5000.0, 3700.0),
-        *dof_robot(45, 250.0, 140.0, 9000.0, 3000.0),
-    ]
-    results += [
-        r
-        for n, own in ((20, 1.0), (45, 0.5))
-        for r in dof_robot(n, 200.0, 200.0 * own, 5e3, 5e3 * own, contacts="single")
-    ]
+    def bench(plan):
+        joints = int(plan.robot.removeprefix("humanoid"))
+        times = iter(TIMES[plan.contacts, joints])
+        return [
+            tick_result(joints, controller, solver, plan.contacts, next(times))
+            for solver in plan.methods
+            for controller in ("whole_body", "reduced")
+        ]
+
     module = import_module("studies.reduced_dynamics.dof_section")
-    monkeypatch.setattr(module, "bench_dof", lambda plan, progress: results)
+    monkeypatch.setattr(module, "bench_tick", bench)
     section = module.dof_section(OPTIONS, lambda done, total: None)
     found = {f.name: f for f in section.findings}
     small = found["Figure 5, 20 joints, double support, cascade/osqp: decrease"]
@@ -223,6 +178,7 @@ def test_figure_5_compares_with_the_numbers_of_the_paper(monkeypatch):
     assert not large.ok
     assert sum(f.ok for f in section.findings) == 5
     assert [f.name for f in section.figures] == ["figure-5"]
+    assert len(section.tables[0].rows) == 16
 
 
 @pytest.mark.slow
@@ -231,11 +187,9 @@ def test_both_methods_track_alike_in_the_loop():
     done = subprocess.run(
         [sys.executable, "-c", TRACKING], capture_output=True, text=True, check=True
     )
-    com, hand, _, hand_17 = json.loads(done.stdout)
+    com, hand = json.loads(done.stdout)
     assert com == [pytest.approx(1.0, abs=0.1), True]
     assert hand == [pytest.approx(1.0, abs=0.1), True]
-    # What (17) leaves out moves the hand.
-    assert hand_17[0] > 2.0
 
 
 def test_parts_have_names_of_their_own():

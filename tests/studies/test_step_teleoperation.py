@@ -1,28 +1,22 @@
 """The study of step teleoperation: its parts in their quick version, against the paper's claims."""
 
-from dataclasses import fields
 from functools import cache
-from pathlib import Path
-from pkgutil import resolve_name
 
 import pytest
 from slow import slow
 from unchecked import run_unchecked
 
-from poise.locomotion import TeleopParameters
-from poise.locomotion._stepping._velocity_tasks import VelocityNumbers
 from studies.step_teleoperation import PLAN
-from studies.step_teleoperation.departures import DEPARTURES, as_markdown
+from studies.step_teleoperation.literal import momentum_weights
 
 for package in ("matplotlib", "mujoco"):
     pytest.importorskip(package)
 
 COMPUTE = """
 import json, sys
-from importlib import import_module
+from studies import step_teleoperation
 from studies.plan import StudyOptions
-name = sys.argv[1]
-section = getattr(import_module(f"studies.step_teleoperation.{name}"), name)
+section = getattr(step_teleoperation, sys.argv[1])
 seen = []
 result = section(StudyOptions(quick=True), lambda done, total: seen.append((done, total)))
 print(json.dumps({
@@ -132,14 +126,7 @@ def test_what_becomes_of_the_papers_rules_depends_on_the_servos():
     assert three == "stood, left foot not lifted, right foot not lifted"
 
 
-def test_the_page_lists_every_departure():
-    page = Path(__file__).parents[2] / "docs" / "teleoperation.md"
-    assert as_markdown() in page.read_text(encoding="utf-8")
-
-
-def test_departures_are_told_apart_and_taken_back_by_numbers_that_there_are():
-    names = {field.name for kind in (TeleopParameters, VelocityNumbers) for field in fields(kind)}
-    assert len({d.rule for d in DEPARTURES}) == len(DEPARTURES)
-    for departure in DEPARTURES:
-        for name in departure.taken_back:
-            assert name in names or isinstance(resolve_name(name), float)
+def test_each_axis_of_the_momentum_counts_by_the_zmps_error_across_it():
+    # (39c): k_1 = 4500 with r_y about x, k_2 = 7000 with r_x about y.
+    assert momentum_weights([0.1, 0.0], 1e-3) == pytest.approx([1e-3, 70.0])
+    assert momentum_weights([0.0, -0.1], 1e-3) == pytest.approx([45.0, 1e-3])

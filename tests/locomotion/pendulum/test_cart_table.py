@@ -1,4 +1,4 @@
-"""The model, the body rotator, the dual regulator and the saturation."""
+"""The model, the body rotator and the saturation."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import given, strategies as st
 from poise.dynamics import saturate
 from poise.errors import ConfigurationError
 from poise.locomotion import BodyRotator, ComShifter
-from studies.step_teleoperation.cart_table import CartFlywheelTable, ZmpRegulator
+from studies.step_teleoperation.cart_table import CartFlywheelTable
 
 
 def test_rotator_puts_the_zmp_on_its_reference():
@@ -54,28 +54,6 @@ def test_steps_add_up():
     np.testing.assert_allclose(whole.momentum, parts.momentum, atol=1e-14)
 
 
-def test_regulator_is_the_dual_of_the_shifter():
-    """(36): the ZMP command answers a step without overshoot, one exponential after a jump."""
-    omega, ks, dt = 3.58, 2.0, 1e-4
-    regulator = ZmpRegulator(omega, ks=ks)
-    far = (np.array([-9.0]), np.array([9.0]))
-    p, v = np.zeros(1), np.zeros(1)
-    time, command = np.arange(0.0, 1.2, dt), []
-    for _ in time:
-        u = regulator.zmp(np.ones(1), p, v, far)
-        command.append(u[0])
-        acceleration = omega**2 * (p - u)
-        p, v = p + dt * v + 0.5 * dt * dt * acceleration, v + dt * acceleration
-    expected = 1.0 - ks * np.exp(-omega * (ks - 1.0) * time)
-    np.testing.assert_allclose(command, expected, atol=2e-3)
-
-
-def test_regulator_stays_in_its_support():
-    regulator = ZmpRegulator(3.58)
-    support = (np.array([-0.1]), np.array([0.1]))
-    assert regulator.zmp(np.ones(1), np.zeros(1), np.zeros(1), support)[0] == -0.1
-
-
 @given(
     st.floats(1e-3, 1e3),
     st.lists(st.floats(-1e6, 1e6, allow_subnormal=False), min_size=1, max_size=6),
@@ -95,8 +73,3 @@ def test_saturation_shortens_and_does_not_turn(limit, values):
 def test_a_table_that_cannot_be_is_refused(height, mass):
     with pytest.raises(ConfigurationError):
         CartFlywheelTable(height, mass, np.zeros(1))
-
-
-def test_a_regulator_that_does_not_stabilise_is_refused():
-    with pytest.raises(ConfigurationError, match="k_s"):
-        ZmpRegulator(3.58, ks=1.0)
