@@ -48,7 +48,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--seed", metavar="N", type=_seed, default=0, help="seed (default: %(default)s)"
     )
-    parser.add_argument("--dir", metavar="DIR", help="of `onboarding`: the folder with the models")
     parser.add_argument(
         "--rows",
         metavar="FILE",
@@ -87,16 +86,15 @@ def _act(options: argparse.Namespace) -> int:
     plan = load_study(options.name)
     if options.part:
         plan = plan.only(options.part)
+    folder = Path(options.out or f"runs/study-{plan.name}")
     asked = StudyOptions(
         quick=options.quick,
         seed=options.seed,
-        directory=options.dir,
         seeds=options.seeds,
-        folder=Path(options.out or f"runs/study-{plan.name}"),
+        folder=folder,
         rows=options.rows,
         processes=options.processes,
     )
-    folder = Path(options.out or f"runs/study-{plan.name}")
     folder.mkdir(parents=True, exist_ok=True)
     study = plan.run(
         asked,

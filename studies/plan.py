@@ -55,7 +55,6 @@ class StudyOptions:
     Attributes:
         quick: shorter motions and fewer samples, for tests; claims are checked all the same.
         seed: of everything random, a whole number >= 0.
-        directory: where models are that a study goes through; None takes the study's own.
         seeds: how many seeds a case has, where a part goes through several; None for the part's
             own number.
         folder: where outcomes of trials are kept, and taken from when the study is run again;
@@ -66,7 +65,6 @@ class StudyOptions:
 
     quick: bool = False
     seed: int = 0
-    directory: str | None = None
     seeds: int | None = None
     folder: Path | None = None
     rows: Path | None = None
@@ -262,8 +260,6 @@ _MODULES = {
     "reduced-dynamics": "studies.reduced_dynamics",
     "bad-operator": "studies.bad_operator",
     "torque-teleoperation": "studies.torque_teleoperation",
-    "campaigns": "studies.campaigns",
-    "onboarding": "studies.onboarding",
     "locomotion": "studies.locomotion",
     "quiet": "studies.quiet",
     "ablation": "studies.ablation",

@@ -31,7 +31,7 @@ def one_in_ten_minutes(outcomes: Sequence[Outcome]) -> float:
 
 
 def none_but_mixed(asked: Asked) -> Allowed:
-    """Allow falls under all conditions at once alone."""
+    """Allow falls under the mixed condition alone."""
     return one_in_ten_minutes if asked.condition == MIXED else none
 
 

@@ -1,4 +1,4 @@
-"""The study of locomotion: walks on the estimate of the base, led and pushed."""
+"""The study of locomotion: walks on the estimate of the base, by commands and pushed."""
 
 from studies.locomotion.cells import cells_section
 from studies.locomotion.walks import (

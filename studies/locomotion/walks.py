@@ -183,7 +183,7 @@ _OBSERVED, _CONFIDENCE = 5, 0.99
 study of a hundred, where the filter is consistent."""
 
 _SLIPPERY = 0.35
-"""Friction of a floor on which feet slip without the robot falling at once."""
+"""Friction of a floor on which feet slip before the robot falls."""
 
 
 def _mean_nees(outcomes: Sequence[estimated_walk.Outcome]) -> float:
@@ -287,7 +287,7 @@ class StandingPush:
 
 @dataclass(frozen=True, kw_only=True)
 class StandingOutcome:
-    """Whether the robot fell."""
+    """Outcome of a push: `fell` for a fall."""
 
     trial: StandingPush
     fell: bool

@@ -464,7 +464,7 @@ _LITERAL: Leaders = {"on": (LiteralTeleoperator, True), "(39c), off": (LiteralTe
 
 
 def swing_section(options: StudyOptions, progress: Progress) -> Section:
-    """Scenario 4: the foot in the air is swung fast, with the body rotator and without."""
+    """Scenario 4: a fast swing of a foot, with the body rotator and without."""
     robot = load_robot("biped20")
     steps = Steps(progress, (len(_WEIGHTED) + 3 * len(_LITERAL)) * len(WAYS))
     figures, findings, rows = list[Figure](), list[Finding](), list[tuple[Cell, ...]]()

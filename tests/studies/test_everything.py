@@ -1,4 +1,4 @@
-"""The operator who does everything at once."""
+"""The operator who leads feet, hands, head, body and stick."""
 
 import numpy as np
 import pytest

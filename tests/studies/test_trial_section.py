@@ -67,7 +67,8 @@ def test_a_share_may_fail_and_where_nothing_is_asked_there_is_no_finding(monkeyp
 
 def test_bounds_are_findings_of_their_own_and_failures_are_what_a_case_says(monkeypatch):
     bounds = tuple(
-        Bound(name=f"size to {most}", value=worst("size"), most=most, unit="m") for most in (3, 4)
+        Bound(name=f"size to {most:g}", value=worst("size"), most=most, unit="m")
+        for most in (3.0, 4.0)
     )
     case = Case(
         name="c", trials=[0, 4], failed=lambda o: o.size > 3.0, what="large ones", bounds=bounds
