@@ -10,14 +10,7 @@ from poise.cli import run_command
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one benchmark.
-
-    Args:
-        arguments: the command line without the program's name; the process's own when None.
-
-    Returns:
-        The exit status: 0 done, 2 bad input.
-    """
+    """Run one benchmark."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
         description="Times controllers, solvers and whole runs. Whatever is compared is timed in "

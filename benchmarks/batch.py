@@ -79,15 +79,7 @@ class BatchResult(Result):
 
 
 def bench_batch(plan: BatchBench, progress: Progress | None = None) -> list[BatchResult]:
-    """Times batches and single ticks of the same states in turn.
-
-    Args:
-        plan: what to time.
-        progress: told how many of the rounds are done.
-
-    Raises:
-        ConfigurationError: a robot that cannot stand on two soles, or no states.
-    """
+    """Times batches and single ticks of the same states in turn."""
     if plan.ticks < 1:
         raise ConfigurationError("a batch needs states", got=plan.ticks, wanted=">= 1")
     recording = _record(plan)

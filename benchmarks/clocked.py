@@ -28,12 +28,6 @@ RELAXED = 1e-8
 class Clocked:
     """A controller with its times and what its solver left over.
 
-    Args:
-        method: which controller, and how it solves.
-        controller: the controller.
-        states: what it is told, one a tick.
-        aim: sets the targets of a tick before the clock starts.
-
     Attributes:
         solver: name of the method.
         name: of the controller.
@@ -129,17 +123,7 @@ def in_turn(items: Sequence[Item], turn: int) -> Sequence[Item]:
 
 
 class Subject(Clocked):
-    """A controller with a stack of its own, led by the targets of a recording.
-
-    Args:
-        recording: the run it is timed on.
-        kind: which stack.
-        method: which controller, and how it solves.
-
-    Raises:
-        UnknownNameError: no such controller or backend.
-        MissingExtraError: the backend is not installed.
-    """
+    """A controller with a stack of its own, led by the targets of a recording."""
 
     def __init__(self, recording: Recording, kind: str, method: Method) -> None:
         stack = bench_stack(recording.robot, kind, recording.stance)
@@ -212,11 +196,7 @@ def time_all(subjects: Iterable[Clocked], turns: Turns) -> Generator[int]:
 
 
 def take_turns(quick: Sequence[Timed], slow: Sequence[Timed], turns: Turns) -> Generator[int]:
-    """Times everything, the garbage collector waiting between batches.
-
-    Yields:
-        The number of ticks done, a batch at a time.
-    """
+    """Times everything, the garbage collector waiting between batches."""
     for batch in batches(turns.ticks, turns.batch):
         for index in batch:
             for one in quick if index % 2 else quick[::-1]:

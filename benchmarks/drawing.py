@@ -52,13 +52,7 @@ def power_of_ten(value: float, _position: int = 0) -> str:
 def decimate(
     time: Float64[np.ndarray, " T"], values: Float64[np.ndarray, " T"], buckets: int = 500
 ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
-    """The least and the greatest value of every bucket, at their own times.
-
-    Args:
-        time: [s].
-        values: one a time; a bucket with nothing but NaN stays a gap.
-        buckets: how many at most; two points come from each.
-    """
+    """The least and the greatest value of every bucket, at their own times."""
     if len(time) <= 2 * buckets:
         return time, values
     width = -(-len(values) // buckets)
@@ -73,17 +67,7 @@ def decimate(
 
 @contextmanager
 def picture(path: Path, width: float, height: float, dpi: int) -> Generator[Any]:
-    """A `matplotlib.figure.Figure` to draw on, which is written in the end.
-
-    Args:
-        path: file to write; its suffix says the format.
-        width: [in].
-        height: [in].
-        dpi: resolution [1/in].
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """A `matplotlib.figure.Figure` to draw on, which is written in the end."""
     with house_style():
         from matplotlib.figure import Figure
 

@@ -101,15 +101,7 @@ class FirstResult(Result):
 
 
 def bench_first(plan: FirstBench, progress: Progress | None = None) -> list[FirstResult]:
-    """Makes a controller where nothing is compiled, then again in further processes.
-
-    Args:
-        plan: what to time.
-        progress: told how many processes have ended.
-
-    Raises:
-        PoiseError: the controller cannot be made.
-    """
+    """Makes a controller where nothing is compiled, then again in further processes."""
     found: list[dict[str, float]] = []
     # The first process of all leaves Python's own compiled files.
     _start(["-c", "import poise"], {})
@@ -135,11 +127,7 @@ def _run(plan: FirstBench, cache: str) -> dict[str, float]:
 
 
 def _start(command: Sequence[str], environment: dict[str, str]) -> str:
-    """What a process of Python says.
-
-    Raises:
-        PoiseError: it fails.
-    """
+    """What a process of Python says."""
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     done = subprocess.run(
         [sys.executable, *command],

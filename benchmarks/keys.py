@@ -79,17 +79,6 @@ def bench_keys(plan: KeysBench, progress: Progress | None = None) -> list[KeysRe
 
     Time runs from before the browser is told of the key until the walker is asked for another
     velocity, so the way to the browser counts, too.
-
-    Args:
-        plan: what to time.
-        progress: told how many presses are done.
-
-    Returns:
-        A result for keys that are pressed, and one for those that are let go.
-
-    Raises:
-        MissingExtraError: there is nothing to lead a browser with.
-        PoiseError: there is no browser, or the page or the robot does not answer.
     """
     robot = load_robot(plan.robot)
     spans = np.zeros((plan.presses, 2))
@@ -160,11 +149,7 @@ def format_keys_table(results: Sequence[KeysResult]) -> str:
 
 
 class _Page:
-    """The page of `poise drive` in a browser without a screen.
-
-    Args:
-        url: of the page.
-    """
+    """The page of `poise drive` in a browser without a screen."""
 
     def __init__(self, url: str) -> None:
         self._url = url

@@ -23,11 +23,7 @@ BACKENDS = ("osqp", "proxqp", "piqp", "quadprog", "clarabel", "daqp")
 
 
 def method_names(controller: str) -> tuple[str, ...]:
-    """All names that a controller's methods can have, its default first.
-
-    Args:
-        controller: one of `CONTROLLERS`.
-    """
+    """All names that a controller's methods can have, its default first."""
     names = CONTROLLERS[controller].strategies
     if controller not in BY_PROGRAMS:
         return names
@@ -61,15 +57,7 @@ REFERENCE = Method(controller="whole_body", name=DIRECT, strategy=DIRECT, backen
 
 
 def parse_method(controller: str, name: str) -> Method:
-    """The method of a name.
-
-    Args:
-        controller: one of `CONTROLLERS`.
-        name: one of `method_names(controller)`.
-
-    Raises:
-        UnknownNameError: no such method.
-    """
+    """The method of a name."""
     names = method_names(controller)
     if name not in names:
         raise UnknownNameError(
@@ -80,11 +68,7 @@ def parse_method(controller: str, name: str) -> Method:
 
 
 def default_methods(controller: str) -> tuple[str, ...]:
-    """What is timed where nothing else is asked for.
-
-    Args:
-        controller: one of `CONTROLLERS`.
-    """
+    """What is timed where nothing else is asked for."""
     if controller == "reduced":
         return COMPARED_METHODS
     return DEFAULT_METHODS if controller == "whole_body" else method_names(controller)[:1]
@@ -95,13 +79,6 @@ def timed_methods(controller: str, names: Sequence[str] | None) -> tuple[Method,
 
     The reference comes first. Each method of the reduced controller has the whole-body
     controller's of the same name beside it.
-
-    Args:
-        controller: one of `CONTROLLERS`.
-        names: of the controller's methods, its usual ones when None.
-
-    Raises:
-        UnknownNameError: no such method.
     """
     names = default_methods(controller) if names is None else names
     wanted = [parse_method(controller, name) for name in names]

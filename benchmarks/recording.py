@@ -49,11 +49,7 @@ def support_sole(robot: Robot) -> str:
 
 
 def check_biped(robot: Robot) -> None:
-    """Refuses a robot that cannot stand on two soles.
-
-    Raises:
-        ConfigurationError: a fixed base, or fewer than two soles.
-    """
+    """Refuses a robot that cannot stand on two soles."""
     if not robot.floating_base or len(robot.soles) < 2:
         raise ConfigurationError(
             "a benchmark of a standing robot needs a floating base and two soles",
@@ -70,11 +66,6 @@ def bench_stack(robot: Robot, kind: str, stance: str) -> Stack:
     limit and no bound on the change of torques, as the paper has none, and `paper_contacts`.
     "default" is `default_stack`, which adds the torso's orientation and, below everything, a level
     with the posture of all joints. In single support the swing foot is one more end effector.
-
-    Args:
-        robot: a biped, see `check_biped`.
-        kind: one of `STACKS`.
-        stance: one of `STANCES`.
     """
     base = default_stack(robot)
     levels = [list(level) for level in base.levels]
@@ -104,9 +95,6 @@ def paper_contacts(robot: Robot) -> list[Contact]:
 
     The yaw moment is bounded by half of what friction holds on four corners that share the load,
     wherever the centre of pressure is.
-
-    Args:
-        robot: whose soles.
     """
     contacts: list[Contact] = []
     for sole in robot.soles.values():
@@ -255,17 +243,6 @@ def record_run(
     On two feet the COM and both hands go round; on one foot the weight is shifted and the left
     foot lifted first, then COM, hands and foot go round. What happens before is not recorded. The
     levels are those of the robot's default stack, at the plant's own period.
-
-    Args:
-        robot: a biped.
-        stance: one of `STANCES`.
-        ticks: how many ticks to record.
-        progress: told how far the run is.
-        method: which controller runs the robot.
-
-    Raises:
-        ConfigurationError: the robot has no two soles to stand on.
-        PoiseError: the robot fell.
     """
     check_biped(robot)
     plant = Plant(robot)

@@ -126,13 +126,7 @@ class TickResult(Result):
 def time_statistics(
     times: TickTimes, direct: TickTimes, whole: TickTimes | None = None
 ) -> dict[str, Any]:
-    """The fields of a result that follow from the times.
-
-    Args:
-        times: of the method.
-        direct: of `direct`, on the same states.
-        whole: of the whole-body controller's method of the same name, likewise.
-    """
+    """The fields of a result that follow from the times."""
     medians = 1e6 * np.median(times.phases, axis=0)
     return {
         **spread_us(times.total),
@@ -163,12 +157,7 @@ def median_ratio(times: TickTimes, reference: TickTimes) -> float:
 
 
 def spread_us(seconds: Float64[np.ndarray, " ticks"], digits: int = 1) -> dict[str, Any]:
-    """Median, 99th percentile and greatest of times [us]; None where there are none.
-
-    Args:
-        seconds: times [s].
-        digits: behind the point; a clock call takes some 50 ns, so that more say nothing.
-    """
+    """Median, 99th percentile and greatest of times [us]; None where there are none."""
     percents = {"p50_us": 50.0, "p99_us": 99.0, "max_us": 100.0}
     if not len(seconds):
         return dict.fromkeys(percents)
@@ -178,13 +167,7 @@ def spread_us(seconds: Float64[np.ndarray, " ticks"], digits: int = 1) -> dict[s
 def text_table(
     heads: Sequence[str], rows: Sequence[tuple[str, Sequence[str], str]], width: int = 9
 ) -> list[str]:
-    """Lines of a table for a terminal.
-
-    Args:
-        heads: of the columns behind the names.
-        rows: a name, which may be empty in all rows, cells, and what is said behind them.
-        width: of a column.
-    """
+    """Lines of a table for a terminal."""
     longest = max((len(name) for name, _, _ in rows), default=0)
     return [
         "  ".join(([f"{name:{longest}}"] if longest else []) + [f"{c:>{width}}" for c in cells])

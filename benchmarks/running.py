@@ -69,12 +69,7 @@ class RunResult(Result):
 
 
 def bench_run(plan: RunBench, progress: Progress | None = None) -> list[RunResult]:
-    """Runs a scenario as `poise run` does, recorded and logged, without its report and video.
-
-    Args:
-        plan: what to run.
-        progress: told how far both runs are.
-    """
+    """Runs a scenario as `poise run` does, recorded and logged, without its report and video."""
     start = time.process_time()
     scenario = load_scenario(plan.scenario)
     scenario = replace(scenario, robot=scenario.robot if plan.robot is None else plan.robot)

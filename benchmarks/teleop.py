@@ -56,15 +56,7 @@ class Walk:
 
     @classmethod
     def over_an_obstacle(cls, robot: Robot, actuation: str = "velocity") -> "Walk":
-        """Scenario 1 of Zhang and Kikuuwe, scaled to the robot.
-
-        Args:
-            robot: a biped with legs of six joints.
-            actuation: what is commanded, one of `PLANTS`.
-
-        Raises:
-            ConfigurationError: the robot cannot be walked.
-        """
+        """Scenario 1 of Zhang and Kikuuwe, scaled to the robot."""
         # Says what is wrong with a robot that is no biped, before a script is made for it.
         StepTeleoperator(robot, actuation=actuation)
         script = SCRIPTS[SCENARIO](robot)
@@ -99,16 +91,7 @@ class WalkTick:
 
 
 def record_walk(walk: Walk, ticks: int, progress: Progress | None = None) -> tuple[WalkTick, ...]:
-    """Walks a simulated robot and records the first ticks.
-
-    Args:
-        walk: what to walk.
-        ticks: how many to record, from the start.
-        progress: told how many of all ticks are done.
-
-    Raises:
-        PoiseError: the robot fell.
-    """
+    """Walks a simulated robot and records the first ticks."""
     teleoperator = walk.teleoperator()
     controller = teleoperator.controller()
     plant = Plant(walk.robot, walk.plant)
@@ -242,16 +225,6 @@ def bench_teleop(plan: TeleopBench, progress: Progress | None = None) -> list[Te
     The controller has a memory (modes, integrators, filters), so every pass goes from the start
     with a new one, and follows the recorded walk: equal inputs give equal commands. The garbage
     collector runs between passes, never inside one.
-
-    Args:
-        plan: what to time.
-        progress: told how many of all ticks are done, those of the recording among them.
-
-    Returns:
-        One result.
-
-    Raises:
-        PoiseError: the robot cannot be walked, or fell.
     """
     robot = load_robot(plan.robot)
     walk = Walk.over_an_obstacle(robot, plan.actuation)
@@ -277,12 +250,7 @@ def bench_teleop(plan: TeleopBench, progress: Progress | None = None) -> list[Te
 
 
 def time_steps(walk: Walk, recorded: Sequence[WalkTick]) -> StepTimes:
-    """Times a new controller on a recorded walk, from its start.
-
-    Args:
-        walk: what was walked.
-        recorded: what the teleoperator was told.
-    """
+    """Times a new controller on a recorded walk, from its start."""
     teleoperator = walk.teleoperator()
     controller = teleoperator.controller()
     samples = iter([tick.sample for tick in recorded])

@@ -90,16 +90,6 @@ def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickRe
     method of a controller that solves otherwise, is timed once more in the same way, as their
     reference. The garbage collector runs between batches, never
     inside a timed tick.
-
-    Args:
-        plan: what to time.
-        progress: told how many of all ticks are done; a tick is one pass through all methods.
-
-    Returns:
-        One result a stack and method, the whole-body controller's `direct` first.
-
-    Raises:
-        PoiseError: bad input, a backend or peer that cannot run, or a robot that fell.
     """
     robot = load_robot(plan.robot)
     check_biped(robot)
@@ -167,16 +157,7 @@ def tick_results(
     timed: Sequence[Guest],
     counted: Mapping[str, Ticks] | None = None,
 ) -> list[TickResult]:
-    """Results of those that were timed on one schedule, the first of which is the reference.
-
-    Args:
-        recording: the run that they were timed on.
-        kind: the stack.
-        schedule: "tick" or "batch".
-        timed: after the last tick.
-        counted: the ticks that count, by the name of the method; all after the warm-up when None.
-            The first of `timed` must have been timed on all of them.
-    """
+    """Results of those that were timed on one schedule, the first of which is the reference."""
     robot, first = recording.robot, timed[0]
     ways = {one.solver: one for one in timed if one.name == "whole_body"}
     results: list[TickResult] = []

@@ -44,13 +44,6 @@ def walk_stack(robot: Robot, kind: str) -> Stack:
     "table1" is that of Ahn et al. 2024, Table 1: COM and pelvis orientation, then the poses of the
     end effectors, hands and the swing foot. "posture" adds torso, posture and angular momentum on
     two levels below everything, for a robot that walks on and on. Both have `paper_contacts`.
-
-    Args:
-        robot: on two soles.
-        kind: one of `WALK_STACKS`.
-
-    Raises:
-        UnknownNameError: no such stack.
     """
     if kind not in WALK_STACKS:
         raise UnknownNameError("unknown stack of a walk", got=kind, choices=WALK_STACKS)
@@ -159,18 +152,7 @@ def record_walk(
     method: Method = REFERENCE,
     seconds: float = math.inf,
 ) -> WalkRecording:
-    """Lets a robot walk straight ahead in simulation, its hands going round, and records it.
-
-    Args:
-        robot: on two soles, with a hand.
-        steps: how many, besides one that closes the feet.
-        progress: told how far the walk is [s].
-        method: which controller walks, on stack "posture".
-        seconds: the recording ends here at the latest [s].
-
-    Raises:
-        PoiseError: the robot cannot walk, or fell.
-    """
+    """Lets a robot walk straight ahead in simulation, its hands going round, and records it."""
     plan = plan_footsteps(robot, [Stride(steps=steps, length=_STEP_LENGTH)], Gait())
     lead = WalkLead(robot, plan, walk_stack(robot, "posture"))
     controller = make_controller(robot, lead.stack, method.plan())
@@ -205,11 +187,6 @@ def record_walk(
 class WalkSubject(Clocked):
     """A controller with a stack and a walker of its own, whose answers are kept.
 
-    Args:
-        recording: the walk.
-        kind: one of `WALK_STACKS`.
-        method: which controller, and how it solves.
-
     Attributes:
         lead: its walker.
         acceleration: answers at the ticks that were timed, NaN elsewhere [m/s^2, rad/s^2].
@@ -219,10 +196,6 @@ class WalkSubject(Clocked):
         lqp: seconds in the solver, of the full problem or of LQP 1 alone.
         programs: what a tick had to solve: 1 for one problem, which is LQP 1 of the reduced
             controller, 2 for LQP 2 as well, 3 where the whole problem had to be solved after all.
-
-    Raises:
-        UnknownNameError: no such stack, controller or backend.
-        MissingExtraError: the backend is not installed.
     """
 
     def __init__(self, recording: WalkRecording, kind: str, method: Method) -> None:

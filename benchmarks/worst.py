@@ -74,16 +74,7 @@ class WorstResult(Result):
 
 
 def bench_worst(plan: WorstBench, progress: Progress | None = None) -> list[WorstResult]:
-    """Runs each scenario again and again, and times every tick.
-
-    Args:
-        plan: what to run.
-        progress: told how many ticks are done.
-
-    Raises:
-        ConfigurationError: fewer ticks than one.
-        PoiseError: no such scenario, or a robot that it cannot run on.
-    """
+    """Runs each scenario again and again, and times every tick."""
     if plan.ticks < 1:
         raise ConfigurationError("nothing to time", got=plan.ticks, wanted=">= 1 tick")
     stated = [load_scenario(name) for name in plan.scenarios]

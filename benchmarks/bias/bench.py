@@ -25,13 +25,6 @@ def time_formulas(
 
     The order rotates from tick to tick. Quantities that all formulas share are computed before the
     clock starts, see `formulas`; the garbage collector never runs inside a timed tick.
-
-    Args:
-        ticks: timed ticks of each formula; the motion is gone through as often as it takes.
-        progress: called with the number of ticks done and their total.
-
-    Returns:
-        Times of all bias accelerations of a tick, by formula [s].
     """
     robot = load_robot(ROBOT)
     states, inputs, names = record_motion(robot), BiasInputs(robot), list(FORMULAS)

@@ -61,18 +61,7 @@ class PrioritisedTask:
 def invert(
     matrix: Float64[np.ndarray, "m m"], scale: Float64[np.ndarray, " m"], rank: RankTreatment
 ) -> tuple[Float64[np.ndarray, "m m"], Float64[np.ndarray, "m m"]]:
-    """Inverse of J M^-1 J^T, as far as its rank goes.
-
-    Args:
-        matrix: symmetric, positive semidefinite; its lower triangle is used.
-        scale: scale of each row of J, as in `PaperRows`.
-        rank: what happens to directions that are lost.
-
-    Returns:
-        The plain inverse where nothing is lost, otherwise with the shares of `rank`; and what that
-        is the inverse of: `matrix` itself, or what its shares make of it, zero along directions
-        that are left alone.
-    """
+    """Inverse of J M^-1 J^T, as far as its rank goes."""
     if not len(scale):
         return matrix, matrix
     scaled = matrix * scale * scale[:, None]
@@ -102,13 +91,6 @@ def bias_original(
     """Eq. (23), with (20) to (22): from torques.
 
     J_i M^-1 sum Gamma_j + Lambda_i|p^-1 (mu_i|p + p_i|p) - Lambda_i^-1 (mu_i + p_i).
-
-    Args:
-        task: the task.
-        M_inverse: M^-1.
-        Gamma_above: sum of the torques of the tasks above.
-        h: V + G.
-        plain: whether Lambda_i is a plain inverse, which the task must have.
     """
     J_Minv = task.J.dot(M_inverse)
     Lambda_inverse = J_Minv.dot(task.J.T)
@@ -130,10 +112,6 @@ def bias_proposed(
     """Eq. (31): from accelerations.
 
     J_i sum Jbar_j|p (xdd_j|p,ref - Jdot_j|p v) + Jdot_i v - Jdot_i|p v.
-
-    Args:
-        task: the task.
-        S_above: the sum, over the tasks above.
     """
     bias = task.J.dot(S_above)
     bias += task.drift

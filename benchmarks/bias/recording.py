@@ -62,9 +62,6 @@ class BiasMotion:
     degrees while its other joints are held (task 1), and each hand keeps its pose (tasks 2 and 3),
     as if they held a tray. It starts in the home posture.
 
-    Args:
-        robot: on a fixed base, with hands on a torso that moves.
-
     Attributes:
         stack: the tasks, bound to the robot.
     """

@@ -32,17 +32,10 @@ class PaperRecursion:
     Ranks are treated as Poise treats them. Jdot_i|p is found by backward differences, as in the
     paper.
 
-    Args:
-        formula: one of `PAPER_FORMULAS`.
-        rank: what happens where a task loses rank; the defaults of `RankTreatment` when None.
-
     Attributes:
         bias: bias acceleration of each level at the last state.
         tasks: what the recursion found for each level at the last state.
         regular: whether every level kept its rank at the last state.
-
-    Raises:
-        UnknownNameError: no such formula.
     """
 
     def __init__(self, formula: str, rank: RankTreatment | None = None) -> None:
@@ -55,15 +48,7 @@ class PaperRecursion:
         self.regular = True
 
     def resolve(self, rows: PaperRows, dynamics: Dynamics) -> Float64[np.ndarray, " n"]:
-        """The acceleration of one state.
-
-        Args:
-            rows: rows of the state, the contacts first.
-            dynamics: the state.
-
-        Returns:
-            The generalized acceleration dv = M^-1 (Gamma - h).
-        """
+        """The acceleration of one state."""
         v, h = dynamics.state.v, dynamics.h
         M_inverse = np.linalg.inv(dynamics.M)
         self._rates.begin(dynamics.state.time)
@@ -139,27 +124,13 @@ class FusedRecursion:
     With M = L L^T and rows J~ = J L^-T, the stacked rows have one Cholesky factor
     R^T R = J~ J~^T, whose diagonal blocks are the factors of the Lambda_i|p^-1; the sum over the
     tasks is the substitution with R^T. It stands here to be counted and read beside the others.
-
-    Args:
-        rank: its upper threshold says what counts as lost; the defaults when None.
     """
 
     def __init__(self, rank: RankTreatment | None = None) -> None:
         self._rank = rank or RankTreatment()
 
     def resolve(self, rows: PaperRows, dynamics: Dynamics) -> Float64[np.ndarray, " n"]:
-        """The acceleration of one state.
-
-        Args:
-            rows: rows of the state, the contacts first.
-            dynamics: the state.
-
-        Returns:
-            The generalized acceleration dv = M^-1 (Gamma - h).
-
-        Raises:
-            PoiseError: a level has lost rank.
-        """
+        """The acceleration of one state."""
         scaled = rows.jacobian * rows.scale[:, None]
         target = rows.target * rows.scale
         factor, _ = lapack.dpotrf(dynamics.M.T, lower=1, clean=1)

@@ -62,12 +62,7 @@ class PaperRows:
 
     @staticmethod
     def allocate(sizes: Sequence[int], nv: int) -> "PaperRows":
-        """Zero rows.
-
-        Args:
-            sizes: number of rows of each level.
-            nv: number of generalized coordinates.
-        """
+        """Zero rows."""
         slices = spans(sizes)
         total = slices[-1].stop
         return PaperRows(
@@ -81,10 +76,6 @@ class PaperRows:
 
 class PaperFormulation:
     """Writes `PaperRows` for a stack whose contacts, if any, carry every wrench of the base.
-
-    Args:
-        robot: on a fixed base, or standing on surfaces.
-        stack: contacts and tasks; bound to the robot here, and evaluated once in its home posture.
 
     Attributes:
         rows: the rows of the last state.
@@ -105,11 +96,7 @@ class PaperFormulation:
             self.rows.scale[rows] = _scale(owner, home, mobility)
 
     def fill(self, dynamics: Dynamics) -> None:
-        """Write the rows of a state.
-
-        Args:
-            dynamics: the state, up to date.
-        """
+        """Write the rows of a state."""
         filled = self.rows
         for owner, rows in self._owners:
             owner.evaluate(dynamics)

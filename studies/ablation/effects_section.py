@@ -31,11 +31,7 @@ def rows_of(options: StudyOptions) -> Rows:
 
 
 def effects_section(options: StudyOptions, progress: Progress) -> Section:
-    """The section.
-
-    Raises:
-        ConfigurationError: there are no rows.
-    """
+    """The section."""
     rows = rows_of(options)
     outcomes = [outcome for outcome in rows.read() if not outcome.error]
     if not outcomes:

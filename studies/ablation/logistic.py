@@ -66,15 +66,7 @@ def fit_logistic(
     design: Float64[np.ndarray, "n k"],
     outcomes: Float64[np.ndarray, " n"],
 ) -> Fit:
-    """Maximise the penalised likelihood by Newton's method (IRLS).
-
-    Args:
-        design: X.
-        outcomes: y, zeros and ones.
-
-    Returns:
-        The fit, finite also where columns are dependent or decide the outcomes.
-    """
+    """Maximise the penalised likelihood by Newton's method (IRLS)."""
     b = np.zeros(design.shape[1])
     for _ in range(_STEPS):
         p = _probability(design @ b)

@@ -222,9 +222,6 @@ def without(names: Iterable[str]) -> Generator[None]:
     """Switch mechanisms off; behind it all of them are as before.
 
     What is made inside has to be used inside: some values are read when a leader is made.
-
-    Args:
-        names: of `MECHANISMS`.
     """
     with ExitStack() as switched:
         for name in names:
@@ -235,14 +232,7 @@ def without(names: Iterable[str]) -> Generator[None]:
 
 @contextmanager
 def counted(names: Iterable[str]) -> Generator[dict[str, int]]:
-    """Count the calls in which mechanisms act.
-
-    Args:
-        names: of `MECHANISMS`; those that are not switched off.
-
-    Yields:
-        The counts by name, which go on inside.
-    """
+    """Count the calls in which mechanisms act."""
     counts = dict.fromkeys(names, 0)
     with ExitStack() as watched:
         for name in counts:

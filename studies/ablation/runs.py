@@ -114,12 +114,7 @@ class AblationOutcome:
 
 
 def draw(seed: int, seconds: float = SECONDS) -> AblationTrial:
-    """The run of a seed: leader, robot, condition and switches, all at random.
-
-    Args:
-        seed: a whole number >= 0.
-        seconds: length [s].
-    """
+    """The run of a seed: leader, robot, condition and switches, all at random."""
     rng = np.random.default_rng((seed, 23))
     leader = TELEOPERATION if rng.random() < _TELEOPERATED else WALKING
     robot = "g1" if rng.random() < _G1 else "humanoid33"
@@ -149,10 +144,6 @@ def pushed(trial: AblationTrial, before: Sequence[AblationOutcome]) -> AblationT
     A weighted staircase: larger by a factor after a run without a fall, and smaller by the power
     (1 - p) / p of that factor after a fall, so that the part p = `FALLS` of the runs ends with one.
     It depends on no switch of the run itself.
-
-    Args:
-        trial: the run as drawn.
-        before: outcomes of former runs, of any case.
     """
     case = trial.leader, trial.robot, trial.condition
     fell = [
@@ -262,11 +253,7 @@ def _course(trial: AblationTrial) -> tuple[Course, SensorConfig]:
 
 
 class Rows:
-    """A file with a line of JSON for each run.
-
-    Args:
-        path: of the file, which need not be there.
-    """
+    """A file with a line of JSON for each run."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -70,12 +70,7 @@ def run_trial(trial: Trial) -> Outcome:
 
 
 def led_by(trial: Trial, operator: Callable[[StepTeleoperator], Device]) -> Outcome:
-    """Run a trial with another operator.
-
-    Args:
-        trial: the trial.
-        operator: makes the operator's device.
-    """
+    """Run a trial with another operator."""
     robot, seed = _robot(trial.robot), trial.seed
     plant = changed_plant(robot, trial.level, trial.condition, seed)
     pushed = trial.condition in (PUSHED, MIXED)

@@ -111,10 +111,6 @@ class CupTrace:
 class CupTasks:
     """The two tasks and how their targets move.
 
-    Args:
-        robot: `arm6`.
-        kp: stiffness of both tasks [1/s^2].
-
     Attributes:
         start: joint angles at the start [rad].
         position: task 1, the hand's position.
@@ -146,11 +142,6 @@ class CupTasks:
 
 class PaperController:
     """Torques of a `PaperRecursion`: no contacts, and no limit that it would keep.
-
-    Args:
-        robot: on a fixed base.
-        stack: its tasks.
-        recursion: with the formula of the bias acceleration.
 
     Attributes:
         robot: the robot.
@@ -213,15 +204,7 @@ class _Recorder:
 
 
 def carry_cup(run: CupRun, progress: Callable[[float], object] | None = None) -> CupTrace:
-    """Simulates one run.
-
-    Args:
-        run: what to run.
-        progress: told the share that is done, now and then.
-
-    Raises:
-        PoiseError: a number of the run is out of range.
-    """
+    """Simulates one run."""
     arm = load_robot("arm6")
     tasks = CupTasks(arm, run.kp)
     plant = RigidPlant(
@@ -283,11 +266,7 @@ def _controller(
 
 
 def level_start(robot: Robot) -> Float64[np.ndarray, " n"]:
-    """Joint angles with the hand level at y = -WAY/2, elbow and wrist well bent [rad].
-
-    Args:
-        robot: `arm6`.
-    """
+    """Joint angles with the hand level at y = -WAY/2, elbow and wrist well bent [rad]."""
     q = np.array([0.0, _SHOULDER, _ELBOW, 0.0, math.pi - _SHOULDER - _ELBOW, 0.0])
     reach = float(_hand_at(robot, q).translation[0])
     q[0] = -math.asin(0.5 * WAY / reach)

@@ -35,11 +35,7 @@ class SideBySide:
         return np.linalg.norm(self.bias["original"] - self.bias[formula], axis=1)
 
     def torque_difference(self, formula: str) -> float:
-        """Largest difference of a torque from the original's, relative to the largest torque.
-
-        Args:
-            formula: any.
-        """
+        """Largest difference of a torque from the original's, relative to the largest torque."""
         original = self.torque["original"]
         return float(np.abs(self.torque[formula] - original).max() / np.abs(original).max())
 
@@ -51,15 +47,7 @@ def compare_along(
     gravity: Float64[np.ndarray, " T"] | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> SideBySide:
-    """Evaluates all formulas on what the controller was told in a run.
-
-    Args:
-        trace: the run.
-        kp: stiffness of its tasks [1/s^2].
-        gravity: vertical gravity that the formulas are told, tick by tick; the run's own when
-            None [m/s^2].
-        progress: told the share that is done, now and then.
-    """
+    """Evaluates all formulas on what the controller was told in a run."""
     robot = with_gravity(load_robot("arm6"), PAPER_GRAVITY)
     tasks = CupTasks(robot, kp)
     formulation, dynamics = PaperFormulation(robot, tasks.stack), Dynamics(robot)

@@ -126,12 +126,7 @@ COURSES: Mapping[str, Callable[[np.random.Generator], Course]] = {
 
 
 def make_course(name: str, seed: int) -> Course:
-    """A course.
-
-    Args:
-        name: in `COURSES`.
-        seed: of edges and bumps.
-    """
+    """A course."""
     return COURSES[name](np.random.default_rng((seed, len(name))))
 
 

@@ -111,16 +111,7 @@ Fault = Callable[[RobotState], RobotState]
 
 
 def cell_fault(robot: Robot, cells: str, foot: int) -> Fault:
-    """Make a fault of the load cells of a sole.
-
-    Args:
-        robot: whose soles.
-        cells: one of `FAULTS`, which begins after 1.6 s, or `NO_CELLS`, or `GOOD`.
-        foot: 0 for the left sole, 1 for the right one.
-
-    Raises:
-        UnknownNameError: no such fault.
-    """
+    """Make a fault of the load cells of a sole."""
     if cells not in (*FAULTS, NO_CELLS, GOOD):
         raise UnknownNameError("no such fault", got=cells, choices=(*FAULTS, NO_CELLS, GOOD))
     sole = tuple(robot.soles)[foot]

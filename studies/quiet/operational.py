@@ -21,16 +21,6 @@ def osf_levels(states: int = 1000, seed: int = 0) -> dict[str, float]:
 
     The residual of a level is what it misses over what it asks for, or over one where that is
     less, as in `Command.residuals`.
-
-    Args:
-        states: how many states.
-        seed: of the draws.
-
-    Returns:
-        Largest rise of the residuals of the levels above the hands where the hands ask for more:
-        "contacts" and "balance" (centre of mass and pelvis). "bounded" counts the states in which
-        bounds, cones or torque limits cut in at ten times; "missed" is the largest residual of
-        "balance" there is.
     """
     robot, rng = poise.load_robot("g1"), np.random.default_rng(seed)
     default = poise.default_stack(robot)

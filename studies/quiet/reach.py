@@ -152,13 +152,7 @@ def _follow(
 
 
 def random_moves(name: str, count: int, seed: int) -> list[tuple[Move, ...]]:
-    """Draw displacements of the CoM or of a hand of the default stack, 0.1 to 0.5 m (arms: 1 m).
-
-    Args:
-        name: of the robot.
-        count: how many.
-        seed: of the draw.
-    """
+    """Draw displacements of the CoM or of a hand of the default stack, 0.1 to 0.5 m (arms: 1 m)."""
     stack = default_stack(robot_named(name))
     tasks = [
         task.name

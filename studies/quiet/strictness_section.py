@@ -21,30 +21,12 @@ bounds: 2 * sqrt(16) * 1e-8."""
 
 
 def near_dependent(count: int, seed: int) -> dict[str, int | float]:
-    """Count rises in random problems with rows dependent to within 1e-10 to 1e-7.
-
-    Args:
-        count: how many problems.
-        seed: of all of them.
-
-    Returns:
-        `problems`; those whose answer with all levels is `optimal` and `inaccurate`; `silent`, the
-        optimal ones in which a level's residual is higher than without the levels below it, and
-        `worst`, the largest such rise; `risen`, the inaccurate ones in which one is.
-    """
+    """Count rises in random problems with rows dependent to within 1e-10 to 1e-7."""
     return _count(count, seed, DEPARTURES)
 
 
 def exactly_dependent(count: int, seed: int) -> dict[str, int | float]:
-    """Count the same in problems of the same kind whose dependent rows are exact combinations.
-
-    Args:
-        count: how many problems.
-        seed: of all of them.
-
-    Returns:
-        As for `near_dependent`; `inaccurate` counts false alarms here.
-    """
+    """Count the same in problems of the same kind whose dependent rows are exact combinations."""
     return _count(count, seed, None)
 
 

@@ -1,6 +1,6 @@
 """Table 3: time of a tick in double and single support along a walk."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from time import perf_counter
 
 import numpy as np
@@ -49,7 +49,7 @@ def timing_section(options: StudyOptions, progress: Progress) -> Section:
     return Section(
         prose=_PROSE,
         findings=tuple(_findings(run, reduction)),
-        tables=(*(_table(run, solver, reduction) for solver in SOLVERS), _programs(run)),
+        tables=tuple(_table(run, solver, reduction) for solver in SOLVERS),
     )
 
 
@@ -186,23 +186,3 @@ def _row(
 
 def _median_us(seconds: Float64[np.ndarray, " ticks"], ticks: Int64[np.ndarray, " n"]) -> float:
     return 1e6 * float(np.median(seconds[ticks]))
-
-
-def _programs(run: WalkRun) -> Table:
-    rows: list[tuple[Cell, ...]] = []
-    for stance in STANCES:
-        for solver in SOLVERS:
-            ticks = run.counted(solver, stance)
-            programs = run.subjects["reduced", solver].programs[ticks]
-            counts = [int((programs == k).sum()) for k in (1, 2, 3)]
-            rows.append((stance, solver, len(ticks), *counts, *_missed(run, solver, ticks)))
-    return Table(
-        title="What the proposed method had to solve, and ticks without a usable answer",
-        header="support | solver | ticks | LQP 1 alone | LQP 2, too | the whole problem | "
-               "missed, conventional | missed, proposed",
-        rows=tuple(rows),
-    )  # fmt: skip
-
-
-def _missed(run: WalkRun, solver: str, ticks: Int64[np.ndarray, " n"]) -> Sequence[int]:
-    return [run.subjects[c, solver].accuracy(ticks)[2] for c in ("whole_body", "reduced")]

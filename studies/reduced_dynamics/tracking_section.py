@@ -1,18 +1,17 @@
 """Figure 4: tracking errors of COM and hand, in the loop with MuJoCo."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
-from benchmarks.drawing import PALETTE
 from benchmarks.methods import parse_method
 from benchmarks.recording import record_run
 from benchmarks.walk_recording import record_walk
 from poise.dynamics import Dynamics
 from poise.robots import Robot, load_robot
-from studies.finding import Figure, Finding, Section, Table, draw
+from studies.finding import Finding, Section, Table
 from studies.plan import Progress, Steps, StudyOptions
 from studies.reduced_dynamics.walk_run import ROBOT
 
@@ -34,9 +33,8 @@ _BY_OSQP: Methods = {
 
 
 class Curve(NamedTuple):
-    """Errors of one run over time [s]: distances of COM and left hand from their targets [m]."""
+    """Errors of one run: distances of COM and left hand from their targets [m]."""
 
-    time: Float64[np.ndarray, " n"]
     com: Float64[np.ndarray, " n"]
     hand: Float64[np.ndarray, " n"]
 
@@ -66,10 +64,6 @@ def tracking_section(options: StudyOptions, progress: Progress) -> Section:
             "“Similar magnitudes of control error” is taken as: RMS errors within a factor of two.",
         ),
         findings=tuple(_findings(curves)),
-        figures=tuple(
-            _figure(case, {name: c for (of, name), c in curves.items() if of == case})
-            for case in cases
-        ),
         tables=(
             Table(
                 title="Tracking errors",
@@ -114,8 +108,7 @@ def _stand(
         com[i] = np.linalg.norm(recording.paths["com"].position[i] - dynamics.com)
         place = dynamics.frame(robot.frame_id(hand)).position
         end[i] = np.linalg.norm(recording.paths[name].position[i] - place)
-    time = np.array([state.time for state in recording.states])
-    return Curve(time - time[0], com, end)
+    return Curve(com, end)
 
 
 def _walk(
@@ -127,8 +120,7 @@ def _walk(
         lambda done, total: share(done / total),
         method=parse_method(controller, solver),
     )
-    time = np.array([state.time for state in walk.states])
-    return Curve(time, walk.com_error, walk.hand_error)
+    return Curve(walk.com_error, walk.hand_error)
 
 
 def _findings(curves: dict[tuple[str, str], Curve]) -> list[Finding]:
@@ -149,26 +141,3 @@ def _findings(curves: dict[tuple[str, str], Curve]) -> list[Finding]:
                 )
             )
     return findings
-
-
-def _figure(case: str, curves: dict[str, Curve]) -> Figure:
-    def paint(canvas: Any) -> None:
-        panels = canvas.subplots(1, 2)
-        for panel, what, words in zip(panels, ("com", "hand"), ("COM", "left hand"), strict=True):
-            for (name, curve), colour, style in zip(
-                curves.items(), PALETTE, ("-", "--", "-", "--"), strict=False
-            ):
-                errors = 1e3 * getattr(curve, what)
-                panel.plot(curve.time, errors, style, color=colour, label=name)
-            panel.set_title(words, fontweight="normal")
-            panel.set_xlabel("time [s]")
-            panel.set_ylabel("error [mm]")
-        panels[0].legend(loc="upper left")
-
-    return draw(
-        name=f"figure-4-{case.replace(' ', '-')}",
-        title=f"Figure 4: tracking errors, {case}",
-        caption="Each curve is a run of its own. Conventional and proposed lie on each other.",
-        height=3.8,
-        paint=paint,
-    )

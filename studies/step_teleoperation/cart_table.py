@@ -17,15 +17,6 @@ class CartFlywheelTable:
     back (for a robot that walks along x, L is -L_Gx for the axis y and L_Gy for the axis x). With
     u_2 = 0 it is the cart-table model.
 
-    Args:
-        height: of the table [m].
-        mass: of the cart [kg].
-        position: p at the start [m].
-        gravity: [m/s^2].
-
-    Raises:
-        ConfigurationError: not positive.
-
     Attributes:
         omega: sqrt(g / H) [1/s].
         weight: W = m g [N].
@@ -61,13 +52,7 @@ class CartFlywheelTable:
         momentum_rate: Float64[np.ndarray, " n"],
         dt: float,
     ) -> None:
-        """Moves on under inputs that stay the same for a while; exact.
-
-        Args:
-            acceleration: u_1 [m/s^2].
-            momentum_rate: u_2 [N m].
-            dt: how long [s].
-        """
+        """Moves on under inputs that stay the same for a while; exact."""
         self.zmp = self.position - acceleration / self.omega**2 - momentum_rate / self.weight
         self.position = self.position + dt * self.velocity + (0.5 * dt * dt) * acceleration
         self.velocity = self.velocity + dt * acceleration

@@ -38,24 +38,13 @@ def zmp_as_measured() -> AbstractContextManager[object]:
 
 
 def momentum_weights(error: Sequence[float], least: float) -> list[float]:
-    """Eq. (39c): W_A of the angular momentum about x and y.
-
-    Args:
-        error: of the measured ZMP, x and y [m].
-        least: epsilon.
-    """
+    """Eq. (39c): W_A of the angular momentum about x and y."""
     x, y = error
     return [max(_K1 * y * y, least), max(_K2 * x * x, least)]
 
 
 def weigh_as_paper(teleoperator: StepTeleoperator, error: Sequence[float], *, single: bool) -> None:
-    """Eqs (39c) in single support and (39d) otherwise, on the stack of a teleoperator.
-
-    Args:
-        teleoperator: that has asked for its tick.
-        error: of the measured ZMP, x and y [m].
-        single: whether one foot carries.
-    """
+    """Eqs (39c) in single support and (39d) otherwise, on the stack of a teleoperator."""
     p = teleoperator._numbers  # pyright: ignore[reportPrivateUsage]
     stack = teleoperator.stack
     foot = f"{teleoperator.soles[1 - teleoperator.estimator.stance]} place"
@@ -68,12 +57,7 @@ def weigh_as_paper(teleoperator: StepTeleoperator, error: Sequence[float], *, si
 
 
 def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
-    """Eq. (18): limit value / max(limit, |value|).
-
-    Args:
-        limit: largest norm of the answer, positive [unit of `value`].
-        value: the vector.
-    """
+    """Eq. (18): limit value / max(limit, |value|)."""
     return value * (limit / max(limit, math.sqrt(float(value.dot(value)))))
 
 

@@ -151,11 +151,6 @@ class PreviewDriver:
 
     The controller takes the reference of N ticks ago for the present one; the buffer holds the
     ones after it. So a reference that jumps acts N T later, and the ZMP begins to move earlier.
-
-    Args:
-        height: of the COM [m].
-        dt: length of a tick [s].
-        length: N.
     """
 
     def __init__(self, height: float, dt: float, length: int) -> None:

@@ -35,10 +35,6 @@ class EverythingOperator:
 
     Of four whims one bends the body and turns the feet, one sets it straight, one pushes the stick
     every other time, and one turns the head.
-
-    Args:
-        teleoperator: that is led.
-        seed: of everything random.
     """
 
     def __init__(self, teleoperator: StepTeleoperator, seed: int) -> None:

@@ -19,12 +19,6 @@ class RandomHands:
     Each device is moved straight at the place that its hand shall go to, at a speed drawn for each
     place; at the edge of reach another place is drawn. Every few seconds the clutch is open for
     0.3 s, and the device is meanwhile brought somewhere else.
-
-    Args:
-        leader: of the hands that the operator looks at.
-        size: length of an arm [m].
-        dt: length of a tick [s].
-        seed: of everything random.
     """
 
     def __init__(self, leader: HandLeader, size: float, dt: float, seed: int) -> None:

@@ -102,14 +102,7 @@ def _row(robot: str, script: str, level: str, run: TeleopRun) -> tuple[str | flo
 
 
 def shift_times(log: TeleopLog) -> tuple[float, float]:
-    """How long shifts to one foot take, medians [s]; NaN without any, infinite for never.
-
-    Args:
-        log: of a run.
-
-    Returns:
-        From the beginning of a shift until the foot is lifted, and until the ZMP has settled.
-    """
+    """How long shifts to one foot take, medians [s]; NaN without any, infinite for never."""
     lifted: list[float] = []
     settled: list[float] = []
     near = np.linalg.norm(log.zmp - log.zmp_reference, axis=1) <= _NEAR
