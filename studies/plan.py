@@ -85,12 +85,7 @@ class StudyOptions:
         return 1_000_000 * self.seed
 
     def count(self, full: int, quick: int) -> int:
-        """How many seeds a case has.
-
-        Args:
-            full: in the whole study.
-            quick: in its quick version.
-        """
+        """How many seeds a case has."""
         if self.seeds is not None:
             return self.seeds
         return quick if self.quick else full
@@ -130,14 +125,7 @@ class StudyPlan:
     parts: tuple[Part, ...]
 
     def only(self, names: Sequence[str]) -> "StudyPlan":
-        """The plan of some of its parts.
-
-        Args:
-            names: of the parts, in any order.
-
-        Raises:
-            UnknownNameError: there is no such part.
-        """
+        """The plan of some of its parts."""
         choices = [part.name for part in self.parts]
         for name in names:
             if name not in choices:
@@ -150,19 +138,7 @@ class StudyPlan:
         show: ShowProgress | None = None,
         save: Callable[["Study"], object] | None = None,
     ) -> "Study":
-        """Computes part by part; one that fails is reported and the next ones still run.
-
-        Args:
-            options: length and seed.
-            show: makes the progress of a part; silent when None.
-            save: gets the study as far as it is, before the first part and after each.
-
-        Returns:
-            The study.
-
-        Raises:
-            MissingExtraError: matplotlib is not installed; before anything is computed.
-        """
+        """Computes part by part; one that fails is reported and the next ones still run."""
         require_matplotlib()
         outcomes: list[Section | Unfinished] = [
             Unfinished(name=part.name, title=part.title, reason=_NOT_COMPUTED)
@@ -271,14 +247,7 @@ STUDIES = tuple(_MODULES)
 
 
 def load_study(name: str) -> StudyPlan:
-    """The plan of a study.
-
-    Args:
-        name: one of `STUDIES`.
-
-    Raises:
-        UnknownNameError: there is no such study.
-    """
+    """The plan of a study."""
     if name not in _MODULES:
         raise UnknownNameError("unknown study", got=name, choices=STUDIES)
     return import_module(_MODULES[name]).PLAN
