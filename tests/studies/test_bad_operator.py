@@ -11,13 +11,12 @@ pytest.importorskip("mujoco")
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
-    TeleopRun,
     read_recording,
     replay_teleop,
     run_teleop,
 )
 from poise.locomotion import ScriptedDevice
-from studies.bad_operator import FALLS, allowed, conditions
+from studies.bad_operator import FALLS, allowed, conditions, led_trial
 from studies.bad_operator.led_trial import Outcome, Trial, run_trial
 from studies.bad_operator.operator_section import Asked, none_but_mixed
 from studies.trial_section import part
@@ -52,13 +51,11 @@ def test_a_run_without_a_fall_leaves_no_file(tmp_path):
 
 
 def test_an_input_that_made_the_robot_fall_is_kept_and_runs_again(tmp_path, monkeypatch):
-    class Fallen:
-        def __get__(self, run, kind=None):
-            return True
+    def fall(*arguments, **options):
+        return replace(run_teleop(*arguments, **options), fell=True)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(TeleopRun, "fell", Fallen())
-        run_trial(trial(200_000, 0.5, folder=tmp_path))
+    monkeypatch.setattr(led_trial, "run_teleop", fall)
+    run_trial(trial(200_000, 0.5, folder=tmp_path))
     kept = tmp_path / "seed-200000.mcap"
     assert read_recording(kept).setup.seed == 200_000
     assert replay_teleop(kept).plant.time == pytest.approx(0.5)
