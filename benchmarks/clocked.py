@@ -123,7 +123,7 @@ def in_turn(items: Sequence[Item], turn: int) -> Sequence[Item]:
 
 
 class Subject(Clocked):
-    """A controller with a stack of its own, led by the targets of a recording."""
+    """A controller with a stack of its own, with the targets of a recording."""
 
     def __init__(self, recording: Recording, kind: str, method: Method) -> None:
         stack = bench_stack(recording.robot, kind, recording.stance)

@@ -127,7 +127,7 @@ def _run(plan: FirstBench, cache: str) -> dict[str, float]:
 
 
 def _start(command: Sequence[str], environment: dict[str, str]) -> str:
-    """What a process of Python says."""
+    """Output of a process of Python."""
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     done = subprocess.run(
         [sys.executable, *command],

@@ -68,7 +68,7 @@ def parse_method(controller: str, name: str) -> Method:
 
 
 def default_methods(controller: str) -> tuple[str, ...]:
-    """What is timed where nothing else is asked for."""
+    """Methods of a controller that are timed by default."""
     if controller == "reduced":
         return COMPARED_METHODS
     return DEFAULT_METHODS if controller == "whole_body" else method_names(controller)[:1]

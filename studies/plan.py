@@ -85,7 +85,7 @@ class StudyOptions:
         return 1_000_000 * self.seed
 
     def count(self, full: int, quick: int) -> int:
-        """How many seeds a case has."""
+        """Number of seeds of a case."""
         if self.seeds is not None:
             return self.seeds
         return quick if self.quick else full

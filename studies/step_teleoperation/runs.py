@@ -114,7 +114,7 @@ _LIFTED = 0.5
 
 
 def left_undone(robot: Robot, run: TeleopRun, script: Script) -> list[str]:
-    """What a robot has not done of what its operator led it through; empty when all was done."""
+    """List commands of the script that a robot has not carried out; empty for none."""
     undone = ["fell"] if run.fell else []
     for i, foot in enumerate(("left", "right")):
         led = [point[2] for at in script.points if (point := getattr(at, foot)) is not None]

@@ -102,7 +102,7 @@ def _row(robot: str, script: str, level: str, run: TeleopRun) -> tuple[str | flo
 
 
 def shift_times(log: TeleopLog) -> tuple[float, float]:
-    """How long shifts to one foot take, medians [s]; NaN without any, infinite for never."""
+    """Median durations of shifts to one foot, until lifted and settled [s]; NaN without any."""
     lifted: list[float] = []
     settled: list[float] = []
     near = np.linalg.norm(log.zmp - log.zmp_reference, axis=1) <= _NEAR
