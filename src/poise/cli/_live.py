@@ -39,8 +39,9 @@ class _Live:
         if not self.seconds > 0.0:
             raise ConfigurationError("--seconds is out of range", got=self.seconds, wanted="> 0")
 
-    def run(self, session: Any, robot: str, hint: str) -> None:
-        """Run a session until its time is up or it is ended."""
+    def run(self, session: Any, robot: str, folder: Path, hint: str) -> int:
+        """Run a session until its time is up or it is ended, and name the logs it leaves."""
+        logs = set(folder.glob("*.mcap"))
         # Whoever ends the process ends it as Ctrl-C does: what is recorded is finished first.
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
@@ -59,6 +60,13 @@ class _Live:
             pass
         finally:
             signal.signal(signal.SIGTERM, before)
+        found = sorted(path.name for path in set(folder.glob("*.mcap")) - logs)
+        room = session.loop.takes.room
+        none = "none" if room.is_full else "none, nobody drove"
+        print(f"recordings in {folder}: {', '.join(found) if found else none}")
+        if room.is_full:
+            print(f"poise: {room.notice}", file=sys.stderr)
+        return OK
 
 
 def _open(address: str) -> None:
@@ -101,13 +109,8 @@ class Drive(_Live):
             plant=DRIVE_PLANT.with_noise() if self.noise else DRIVE_PLANT,
             seed=self.seed,
         )
-        before = set(folder.glob("*.mcap"))
-        self.run(session, robot.name, "To walk: arrow keys; to turn: Q and E.")
-        logs = sorted(path.name for path in set(folder.glob("*.mcap")) - before)
-        print(f"logs in {folder}: {', '.join(logs) if logs else 'none'}")
-        if session.loop.takes.room.is_full:
-            print(f"poise: {session.loop.takes.room.notice}", file=sys.stderr)
-        return OK
+        hint = "To walk: arrow keys; to turn: Q and E."
+        return self.run(session, robot.name, folder, hint)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,16 +189,8 @@ class Teleop(_Live):
                 f"{recording.robot}{commanded}; this is no replay of that run",
                 file=sys.stderr,
             )
-        before = set(session.takes.files)
         hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
-        self.run(session, robot.name, hint)
-        found = [name for name in session.takes.files if name not in before]
-        room = session.takes.room
-        none = "none" if room.is_full else "none, nobody drove"
-        print(f"recordings in {folder}: {', '.join(found) if found else none}")
-        if room.is_full:
-            print(f"poise: {room.notice}", file=sys.stderr)
-        return OK
+        return self.run(session, robot.name, folder, hint)
 
     def _plant(self, robot: Any, actuation: str, known: Any, made: Any) -> Any:
         """Plant of a recording that is repeated, else one whose links touch; with the terrain."""
