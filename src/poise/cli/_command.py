@@ -33,7 +33,7 @@ class Figures:
     json: bool = False
 
     def show(self, figures: Any, *rows: str) -> int:
-        """Print figures as JSON where that is asked for, else rows of text."""
+        """Print figures as JSON with --json, else rows of text."""
         for row in (json.dumps(figures),) if self.json else rows:
             print(row)
         return OK

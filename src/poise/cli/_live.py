@@ -177,12 +177,12 @@ class Teleop(_Live):
             parameters=parameters,
             solved_by=self.controller,
         )
-        if made is None:
-            repeats = recording is None or (known is None and recording.is_of(robot))
-        else:
+        if made is not None:
             asked = (plant, parameters or made.parameters, self.controller or made.solved_by)
             repeats = asked == (made.plant, made.parameters, made.solved_by)
-        if not repeats:
+        else:
+            repeats = known is None and recording is not None and recording.is_of(robot)
+        if recording is not None and not repeats:
             commanded = "" if known is None else f", {known.plant.actuation} commanded"
             print(
                 f"poise: the samples of {recording.path.name} were recorded with robot "
