@@ -104,7 +104,7 @@ def bench_first(plan: FirstBench, progress: Progress | None = None) -> list[Firs
     """Makes a controller where nothing is compiled, then again in further processes."""
     found: list[dict[str, float]] = []
     # The first process of all leaves Python's own compiled files.
-    _start(["-c", "import poise"], {})
+    _start(["-c", "import poise.control"], {})
     with tempfile.TemporaryDirectory() as folder:
         for count in range(1 + plan.runs):
             found.append(_run(plan, folder))

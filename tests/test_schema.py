@@ -87,7 +87,7 @@ IN_FILES = {
     "element": ("offset:\n- 1\n- x\n- 3", r"c:3: offset\[1\] has the wrong kind; got 'x'"),
     "alias": ("begin: 1", "c:1 has an unknown key; got 'begin'"),
     "hidden": ("made_by: me", "c:1 has an unknown key; got 'made_by'"),
-    "key": ("1: 2", "a key of c is not text; got 1"),
+    "key": ("1: 2", "c has an unknown key; got 1; choices: name, kind"),
     "own": (
         "wheels:\n- {radius: 1}\n- {radius: 1, spokes: 13}",
         r"c:3: wheels\[1\]: an unlucky wheel",

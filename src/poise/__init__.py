@@ -6,44 +6,43 @@ Tasks in strict priority in, joint torques out, with contacts and limits respect
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from poise.control import (
-    Command,
-    CommandStatus,
-    Controller,
-    DifferentialIK,
-    OperationalSpaceController,
-    ReducedController,
-    WholeBodyController,
-)
-from poise.dynamics import Dynamics, RobotState
-from poise.errors import PoiseError
-from poise.hqp import HierarchicalProblem, Level, Solution, solve
-from poise.robots import Robot, load_robot
-from poise.stack import (
-    BalanceLimit,
-    ComTask,
-    Contact,
-    FrameTask,
-    JointLimit,
-    JointTask,
-    Leader,
-    MomentumTask,
-    PointContact,
-    PostureTask,
-    RelativeFrameTask,
-    SelfCollisionLimit,
-    Stack,
-    SurfaceContact,
-    Task,
-    TorqueLimit,
-    default_stack,
-)
-
 if TYPE_CHECKING:
     from poise import sim as sim
     from poise.apps.scenarios import load_scenario, report, run_scenario
+    from poise.control import (
+        Command,
+        CommandStatus,
+        Controller,
+        DifferentialIK,
+        OperationalSpaceController,
+        ReducedController,
+        WholeBodyController,
+    )
+    from poise.dynamics import Dynamics, RobotState
+    from poise.errors import PoiseError
+    from poise.hqp import HierarchicalProblem, Level, Solution, solve
     from poise.locomotion import StepTeleoperator, Walker
+    from poise.robots import Robot, load_robot
     from poise.sim import Plant, Recorder, rollout
+    from poise.stack import (
+        BalanceLimit,
+        ComTask,
+        Contact,
+        FrameTask,
+        JointLimit,
+        JointTask,
+        Leader,
+        MomentumTask,
+        PointContact,
+        PostureTask,
+        RelativeFrameTask,
+        SelfCollisionLimit,
+        Stack,
+        SurfaceContact,
+        Task,
+        TorqueLimit,
+        default_stack,
+    )
 
 __version__ = "0.1.0"
 
@@ -92,7 +91,10 @@ __all__ = [
 ]
 
 
-_LATER = {
+_FACES = ("errors", "hqp", "robots", "dynamics", "stack", "estimation", "control")
+"""Packages of the core, from the ground up, which run without the simulator."""
+
+_ABOVE = {
     "Plant": "poise.sim",
     "Recorder": "poise.sim",
     "StepTeleoperator": "poise.locomotion",
@@ -102,13 +104,18 @@ _LATER = {
     "rollout": "poise.sim",
     "run_scenario": "poise.apps.scenarios",
 }
-"""Names whose packages take longer to import, or more to be installed, than the core."""
+"""Names of packages that take longer to import, or more to be installed, than the core."""
 
 
 def __getattr__(name: str) -> Any:
-    """What is more than the core is imported when first asked for: the core runs without it."""
-    if name == "sim":
-        return import_module("poise.sim")
-    if name in _LATER:
-        return getattr(import_module(_LATER[name]), name)
-    raise AttributeError(f"module 'poise' has no attribute {name!r}")
+    """Import what is used: the command's help needs neither Pinocchio nor compiled code."""
+    if name in (*_FACES, "locomotion", "sim"):
+        return import_module(f"poise.{name}")
+    if name not in __all__:
+        raise AttributeError(f"module 'poise' has no attribute {name!r}")
+    faces = [_ABOVE[name]] if name in _ABOVE else [f"poise.{face}" for face in _FACES]
+    return next(getattr(face, name) for face in map(import_module, faces) if hasattr(face, name))
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -12,6 +12,11 @@ from poise.errors import PoiseError
 _LONGEST = 3000
 """No name, number or description is longer [letters]; Python prints no longer whole numbers."""
 
+_FLOAT = "tag:yaml.org,2002:float"
+
+_OLD_SPELLING = re.compile(r"[-+]?0[0-9_]+|[^:]+(:[^:]+)+")
+"""Numbers to the base of 8 or 60 in YAML 1.1, which nobody means who writes 010 or 1:30."""
+
 
 class LinedDict(dict[Any, Any]):
     """A mapping from a file; `lines` holds the line of each key."""
@@ -45,23 +50,12 @@ def read_text(path: Path, *, error: type[PoiseError]) -> str:
         raise error("file is not text", got=str(path), wanted="UTF-8 text") from None
     # A ValueError is of a path with a zero byte.
     except (OSError, ValueError) as problem:
-        reason = getattr(problem, "strerror", problem)
-        raise error(
-            f"cannot read a file ({reason})", got=str(path), wanted="a readable file"
-        ) from None
-
-
-_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
-
-_OLD_SPELLING = re.compile(r"[-+]?0[0-9_]+|[^:]+(:[^:]+)+")
-"""Numbers to the base of 8 or 60 in YAML 1.1, which nobody means who writes 010 or 1:30."""
+        what = f"cannot read a file ({getattr(problem, 'strerror', problem)})"
+        raise error(what, got=str(path), wanted="a readable file") from None
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """The safe loader, but no tags, no keys that stand twice, no numbers to the base of 8 or 60.
-
-    1e-3 and 1.0e9 are numbers.
-    """
+    """The safe loader without tags, keys that stand twice, or numbers to the base of 8 or 60."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()
@@ -71,7 +65,7 @@ class _StrictLoader(yaml.SafeLoader):
         if isinstance(event, yaml.ScalarEvent) and len(event.value) > _LONGEST:
             raise yaml.YAMLError(f"a text is longer than {_LONGEST} letters, {event.start_mark}")
         node: Any = super().compose_node(parent, index)
-        if node.tag in _NUMBERS and _OLD_SPELLING.fullmatch(node.value):
+        if node.tag in (_FLOAT, "tag:yaml.org,2002:int") and _OLD_SPELLING.fullmatch(node.value):
             read = self.construct_object(node)
             raise yaml.YAMLError(
                 f"{node.value!r} would be read as {read:g}: write the number that is meant "
@@ -91,14 +85,14 @@ class _StrictLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
     def lined_mapping(self, node: Any) -> Iterator[LinedDict]:
-        """Makes a mapping; it is handed out before it is filled, for files that refer to it."""
+        """Make a mapping, handed out before it is filled, for files that refer to it."""
         data = LinedDict()
         yield data
         data.update(self.construct_mapping(node))
         data.lines = {key.value: key.start_mark.line + 1 for key, _ in node.value}
 
     def lined_list(self, node: Any) -> Iterator[LinedList]:
-        """Makes a list, handed out before it is filled."""
+        """Make a list, handed out before it is filled."""
         data = LinedList()
         data.lines = [entry.start_mark.line + 1 for entry in node.value]
         yield data
@@ -107,8 +101,6 @@ class _StrictLoader(yaml.SafeLoader):
 
 _StrictLoader.add_constructor("tag:yaml.org,2002:map", _StrictLoader.lined_mapping)
 _StrictLoader.add_constructor("tag:yaml.org,2002:seq", _StrictLoader.lined_list)
-_StrictLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
-    list("-+.0123456789"),
-)
+# 1e-3 and 1.0e9 are numbers, as in YAML 1.2.
+_EXPONENT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
+_StrictLoader.add_implicit_resolver(_FLOAT, _EXPONENT, list("-+.0123456789"))

@@ -15,7 +15,7 @@ from importlib.util import find_spec
 import pytest
 import yaml
 
-from poise.cli import _teleop as teleop
+from poise.cli._live import Teleop
 from poise.cli.main import main
 from poise.errors import MissingExtraError
 
@@ -77,8 +77,8 @@ def test_it_says_where_to_drive_where_to_watch_and_how_to_step(in_folder, capsys
         (("--terrain", "swamp"), "flat, obstacle, steps, bumps"),
         (("--device", "no_such_file"), "browser, gamepad, or the file"),
         (("--actuation", "velocity", "--controller", "osf"), "no such controller"),
-        (("--hand-scale", "0"), "--hand-scale is out of range"),
-        (("--hand-scale", "nan"), "--hand-scale is out of range"),
+        (("--hand-scale", "0"), "hand_scale is out of range"),
+        (("--hand-scale", "nan"), "hand_scale is out of range"),
         (("--seconds", "0"), "--seconds"),
         (("--seconds", "nan"), "--seconds"),
     ],
@@ -318,7 +318,7 @@ def test_without_the_extra_the_line_says_how_to_install_it(in_folder, capsys, mo
     def missing(options):
         raise MissingExtraError("websockets", "teleop", "Live teleoperation")
 
-    monkeypatch.setattr(teleop, "act", missing)
+    monkeypatch.setattr(Teleop, "act", missing)
     assert 'pip install "poise[teleop]"' in refused(capsys)
 
 

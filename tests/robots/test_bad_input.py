@@ -423,7 +423,7 @@ def test_the_template_names_links_and_joints_and_loads_once_filled_in(tmp_path, 
         ("base: [", "not valid YAML"),
         ("- base", "wrong kind"),
         ("base: floating\nbase: fixed", "'base' stands twice"),
-        ("1: 2", "not text"),
+        ("1: 2", "unknown key; got 1; choices: base"),
         ("", "wrong kind"),
     ],
 )

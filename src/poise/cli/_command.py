@@ -1,66 +1,134 @@
-"""`run_command`: a command line carried out, with an exit status and no traceback for bad input."""
+"""Command lines: read, carried out, and refused in one line without a traceback."""
 
 import argparse
 import io
+import json
 import os
 import sys
-from collections.abc import Sequence
-from importlib.util import find_spec
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass, fields
+from itertools import takewhile
+from pathlib import Path
+from shutil import get_terminal_size
+from textwrap import fill
+from typing import Annotated, Any
 
-from poise.errors import PoiseError
+import tyro
+
+from poise.errors import ConfigurationError, PoiseError
 
 OK, FAILED, BAD_INPUT = 0, 1, 2
 """Exit status: all checks hold; a check failed or the robot fell; bad input."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """Option of verbs that print figures.
+
+    Attributes:
+        json: print the figures as JSON.
+    """
+
+    json: bool = False
+
+    def show(self, figures: Any, *rows: str) -> int:
+        """Print figures as JSON with --json, else rows of text."""
+        for row in (json.dumps(figures),) if self.json else rows:
+            print(row)
+        return OK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output(Figures):
+    """Options of verbs that write files, too.
+
+    Attributes:
+        out: folder to write into.
+    """
+
+    out: Annotated[str | None, tyro.conf.arg(metavar="DIR")] = None
+
+
 def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> int:
-    """Parses a command line and does what it asks for.
+    """Parse a command line and carry it out.
 
     Args:
-        parser: sets `act`, a function of the options that returns the exit status, and
-            `simulates` where that uses MuJoCo.
+        parser: sets `act`, a function of the options that returns the exit status.
         arguments: the command line without the program's name; the process's own when None.
 
     Returns:
         The exit status; bad input gives one line on stderr and no traceback.
     """
+    options = parser.parse_args(arguments)
+    return carry_out(parser.prog.split()[-1], lambda: options.act(options))
+
+
+def carry_out(program: str, act: Callable[[], int]) -> int:
+    """Exit status of an action; what it refuses is one line on stderr."""
     for stream in (sys.stdout, sys.stderr):
         # Not every terminal has all letters that names and figures are written with.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    options = parser.parse_args(arguments)
-    program = parser.prog.split()[-1]
     try:
-        if getattr(options, "simulates", False):
-            _prepare_simulator()
-        status = options.act(options)
+        status = act()
         # Here, not at exit, where a reader of a pipe that has gone would be an error.
         sys.stdout.flush()
+        return status
     except PoiseError as error:
-        # One line, whatever a name in a file or a library's message has in it.
-        print(f"{program}:", *str(error).split(), file=sys.stderr)
-        return BAD_INPUT
+        status, refused = BAD_INPUT, str(error)
     except KeyboardInterrupt:
-        print(f"{program}: interrupted", file=sys.stderr)
-        return FAILED
+        status, refused = FAILED, "interrupted"
     except BrokenPipeError:
-        # The reader of a pipe, such as `head`, has gone; what is left to say is for nobody.
+        # The reader of a pipe, such as `head`, has gone; the rest is for nobody.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except OSError as error:
         # A full disk, or a folder where a file should be written; the former names no file.
         place = "" if error.filename is None else f"; got {str(error.filename)!r}"
-        print(
-            f"{program}: cannot write ({error.strerror}){place}, wanted a writable place",
-            file=sys.stderr,
-        )
-        return BAD_INPUT
+        refused = f"cannot write ({error.strerror}){place}, wanted a writable place"
+        status = BAD_INPUT
+    # One line, whatever a name in a file or a library's message has in it.
+    print(f"{program}:", *refused.split(), file=sys.stderr)
     return status
 
 
-def _prepare_simulator() -> None:
-    """Import MuJoCo, where it is installed, and keep its own warnings off the screen."""
-    if find_spec("mujoco") is not None:
-        from poise.sim import silence
+def parse(kind: Any, program: str, words: Sequence[str]) -> Any:
+    """Make a dataclass of options from a command line; None where its help was printed."""
+    text = io.StringIO()
+    try:
+        with redirect_stdout(text), redirect_stderr(text):
+            options, unknown = tyro.cli(
+                kind,
+                prog=program,
+                args=words,
+                return_unknown_args=True,
+                config=(tyro.conf.DisallowNone, tyro.conf.FlagCreatePairsOff),
+            )
+    except SystemExit as end:
+        rows = text.getvalue().splitlines()
+        if not end.code:
+            width = get_terminal_size().columns
+            print("\n".join(fill(row, width) if len(row) > width else row for row in rows))
+            return None
+        # Below a title and a rule: what is wrong, and after an empty row or a rule the help.
+        what = "".join(takewhile(lambda row: row.strip(" -"), rows[2:]))
+        raise ConfigurationError(what) from None
+    if unknown:
+        choices = [f"--{field.name.replace('_', '-')}" for field in fields(kind)]
+        raise ConfigurationError("no such option", got=unknown[0], choices=choices)
+    return options
 
-        silence()
+
+@contextmanager
+def output_folder(given: Path | str | None, default: Path | str) -> Generator[Path]:
+    """Folder to write into, made if it is not there, and removed again if it stays empty."""
+    folder = Path(given or default)
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield folder
+    finally:
+        for place in made:
+            with suppress(OSError):  # One that holds something stays.
+                place.rmdir()

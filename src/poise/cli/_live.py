@@ -1,89 +1,269 @@
-"""What `poise teleop` and `poise drive` have in common: options, the greeting, the end."""
+"""`poise teleop`, `poise drive`, `poise convert`: a person leads the simulated robot, live."""
 
-import argparse
-import math
 import signal
 import sys
 import threading
 import webbrowser
-from typing import Any
+from dataclasses import dataclass, replace
+from math import inf
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from poise.cli._options import whole_number
+from tyro.conf import Positional, arg
+
+from poise.cli._command import OK
 from poise.errors import ConfigurationError
 
-_PORT = 8080
 
-_SEEDS = {
-    "teleop": "seed of where bumps lie, and of --noise (that of a recording is its own)",
-    "drive": "seed of --noise",
-}
-"""What `--seed` is for, by the verb."""
+@dataclass(frozen=True, kw_only=True)
+class _Live:
+    """Options of verbs that run a robot in real time with a page.
 
+    Attributes:
+        port: port of the page, 0 for any that is free.
+        noise: give sensors the noise of usual ones.
+        seed: seed of --noise, and of the places of bumps; a recording has its own.
+        seconds: end after so many seconds.
+        no_open: do not open the page in a browser.
+        out: folder to write into.
+    """
 
-def add_live_options(parser: argparse.ArgumentParser, verb: str) -> None:
-    """Adds port, noise, seed, seconds, and where to write."""
-    parser.add_argument(
-        "--port",
-        metavar="N",
-        type=whole_number,
-        default=_PORT,
-        help="port of the page, 0 for any that is free (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--noise", action="store_true", help="sensors have the noise of usual ones (default: none)"
-    )
-    parser.add_argument(
-        "--seed",
-        metavar="N",
-        type=whole_number,
-        default=0,
-        help=f"{_SEEDS[verb]} (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--seconds",
-        metavar="S",
-        type=float,
-        default=math.inf,
-        help="end by itself after so many seconds (default: never)",
-    )
-    parser.add_argument("--no-open", action="store_true", help="do not open the page in a browser")
-    parser.add_argument(
-        "--out", metavar="DIR", help=f"folder to write into (default: runs/{verb}-ROBOT)"
-    )
+    port: int = 8080
+    noise: bool = False
+    seed: int = 0
+    seconds: float = inf
+    no_open: bool = False
+    out: Annotated[str | None, arg(metavar="DIR")] = None
 
+    def __post_init__(self) -> None:
+        if not self.seconds > 0.0:
+            raise ConfigurationError("--seconds is out of range", got=self.seconds, wanted="> 0")
 
-def check_seconds(options: argparse.Namespace) -> None:
-    """Refuses a run that ends before it begins."""
-    if not options.seconds > 0.0:
-        raise ConfigurationError("--seconds is out of range", got=options.seconds, wanted="> 0")
-
-
-def run_live(session: Any, robot: str, hint: str, options: argparse.Namespace) -> None:
-    """Run a session until its time is up or it is ended."""
-    # Whoever ends the process ends it as Ctrl-C does: what is recorded is finished first.
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with session:
-            _greet(session, robot, hint, options)
-            session.wait(options.seconds)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def _greet(session: Any, robot: str, hint: str, options: argparse.Namespace) -> None:
-    """Says where the page is; flushed, so that it is there when the output is a pipe."""
-    print(f"{robot} is running.")
-    print(f"  drive: {session.front.drive_url}")
-    print(f"  watch: {session.front.watch_url}")
-    print(hint)
-    print("Ctrl-C ends.", flush=True)
-    if not options.no_open:
-        # Some browsers, those of a terminal above all, return only when they end.
-        threading.Thread(target=_open, args=(session.front.drive_url,), daemon=True).start()
+    def run(self, session: Any, robot: str, folder: Path, hint: str) -> int:
+        """Run a session until its time is up or it is ended, and name the logs it leaves."""
+        logs = set(folder.glob("*.mcap"))
+        # Whoever ends the process ends it as Ctrl-C does: what is recorded is finished first.
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+        try:
+            with session:
+                print(f"{robot} is running.")
+                print(f"  drive: {session.front.drive_url}")
+                print(f"  watch: {session.front.watch_url}")
+                # Flushed, so that it is there when the output is a pipe.
+                print(f"{hint}\nCtrl-C ends.", flush=True)
+                if not self.no_open:
+                    # Some browsers, those of a terminal above all, return only when they end.
+                    address = (session.front.drive_url,)
+                    threading.Thread(target=_open, args=address, daemon=True).start()
+                session.wait(self.seconds)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            signal.signal(signal.SIGTERM, before)
+        found = sorted(path.name for path in set(folder.glob("*.mcap")) - logs)
+        room = session.loop.takes.room
+        none = "none" if room.is_full else "none, nobody drove"
+        print(f"recordings in {folder}: {', '.join(found) if found else none}")
+        if room.is_full:
+            print(f"poise: {room.notice}", file=sys.stderr)
+        return OK
 
 
 def _open(address: str) -> None:
     if not webbrowser.open(address):
         print("no browser could be opened here: open the first address yourself", file=sys.stderr)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive(_Live):
+    """Start a simulated humanoid in real time and a page on 127.0.0.1 to drive it from.
+
+    Open the address that is printed; arrow keys or W, A, S, D walk, Q and E turn, and a gamepad's
+    sticks do both. The robot makes its own steps, and stops when nobody drives. Whoever has the
+    address without its token can watch. Ctrl-C ends; every run is logged in runs/drive-ROBOT, or in
+    the folder of --out.
+
+    example: poise drive --robot g1
+
+    Attributes:
+        robot: a humanoid: a name that `poise robots` lists, or a file.
+        device: device that drives it: browser (its keys, or a gamepad at its computer), or gamepad
+            (one at this machine).
+    """
+
+    robot: str = "humanoid33"
+    device: Literal["browser", "gamepad"] = "browser"
+
+    def act(self) -> int:
+        """Run until it is ended."""
+        from poise.apps.live import DRIVE_PLANT, DriveSession
+        from poise.robots import load_robot
+
+        robot = load_robot(self.robot)
+        folder = Path(self.out or f"runs/drive-{Path(robot.name).stem}")
+        session = DriveSession(
+            robot,
+            folder,
+            port=self.port,
+            gamepad=self.device == "gamepad",
+            plant=DRIVE_PLANT.with_noise() if self.noise else DRIVE_PLANT,
+            seed=self.seed,
+        )
+        hint = "To walk: arrow keys; to turn: Q and E."
+        return self.run(session, robot.name, folder, hint)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Teleop(_Live):
+    """Start a simulated biped in real time and a page on 127.0.0.1 to drive it from.
+
+    To step: open the address that is printed, hold key Q (left foot) or E (right foot), or drag the
+    vertical arrow of a foot's handle up; the robot shifts its weight and lifts the foot; move it
+    with the arrow keys; let go, and the foot is set down. Whoever has the address without its token
+    can watch. Ctrl-C ends; every run is recorded in runs/teleop-ROBOT, or in the folder of --out.
+
+    example: poise teleop --robot biped20 --terrain steps
+
+    Attributes:
+        robot: a biped, by name or file (biped20 by default); with a recording any other, and its
+            own by default, unless that came from a file.
+        device: device that leads the feet: browser (its mouse, keys, or a gamepad at its computer),
+            gamepad (one at this machine), or the file of a recording, which is repeated bit for bit
+            unless other options ask for another robot or run.
+        actuation: command of the joints: torque, so that the feet lie as the ground does, position,
+            of servos that pull with these torques, or velocity, as in the paper (torque by default,
+            or that of the recording).
+        controller: controller that finds the torques: whole_body, reduced or osf (whole_body by
+            default, or that of the recording).
+        hand_scale: way of the robot's hands over that of the operator's (1 by default, or that of
+            the recording).
+        terrain: blocks on the floor: flat, obstacle, steps, or bumps, whose places the seed draws
+            (flat by default, or that of the recording).
+    """
+
+    robot: str | None = None
+    device: str = "browser"
+    actuation: str | None = None
+    controller: str | None = None
+    hand_scale: float | None = None
+    terrain: str | None = None
+
+    def act(self) -> int:
+        """Run until it is ended."""
+        from poise.apps.live import LiveSession
+        from poise.apps.teleoperation import recorded_robot
+        from poise.robots import load_robot
+
+        recording = _recording(self.device)
+        if recording is None or self.robot is not None:
+            robot = load_robot(self.robot or "biped20")
+        else:
+            what = f"the recording {recording.path.name}"
+            robot = recorded_robot(recording.robot, what, option="--robot FILE")
+        known = recording.setup if recording and "parameters" in recording.settings else None
+        actuation = self.actuation or ("torque" if known is None else known.plant.actuation)
+        made = None if recording is None else recording.setup_for(robot, actuation)
+        plant = self._plant(robot, actuation, known, made)
+        parameters = self._parameters(robot, plant.commanded, made)
+        folder = Path(self.out or f"runs/teleop-{Path(robot.name).stem}")
+        session = LiveSession(
+            robot,
+            folder,
+            port=self.port,
+            gamepad=self.device == "gamepad",
+            recording=recording,
+            plant=plant,
+            seed=self.seed,
+            parameters=parameters,
+            solved_by=self.controller,
+        )
+        if made is not None:
+            asked = (plant, parameters or made.parameters, self.controller or made.solved_by)
+            repeats = asked == (made.plant, made.parameters, made.solved_by)
+        else:
+            repeats = known is None and recording is not None and recording.is_of(robot)
+        if recording is not None and not repeats:
+            commanded = "" if known is None else f", {known.plant.actuation} commanded"
+            print(
+                f"poise: the samples of {recording.path.name} were recorded with robot "
+                f"{recording.robot}{commanded}; this is no replay of that run",
+                file=sys.stderr,
+            )
+        hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
+        return self.run(session, robot.name, folder, hint)
+
+    def _plant(self, robot: Any, actuation: str, known: Any, made: Any) -> Any:
+        """Plant of a recording that is repeated, else one whose links touch; with the terrain."""
+        from poise.apps import teleoperation as t
+
+        if made is None:
+            velocity = actuation == "velocity"
+            plant = t.VELOCITY_TELEOP_PLANT if velocity else t.TORQUE_TELEOP_PLANT
+            blocks = () if known is None else known.plant.blocks
+            # A person may lead hands and feet into the robot.
+            plant = replace(plant, actuation=actuation, self_contact=True, blocks=blocks)
+        else:
+            plant = made.plant
+        if self.noise:
+            plant = plant.with_noise()
+        if self.terrain is None:
+            return plant
+        return replace(plant, blocks=t.terrain_blocks(self.terrain, robot, seed=self.seed))
+
+    def _parameters(self, robot: Any, actuation: str, made: Any) -> Any:
+        """Parameters of recording or robot with another scale of the hands; None for no change."""
+        from poise.locomotion import teleop_parameters
+
+        if self.hand_scale is None:
+            return None
+        usual = teleop_parameters(robot, actuation) if made is None else made.parameters
+        return replace(usual, hand_scale=self.hand_scale)
+
+
+def _recording(device: str) -> Any:
+    """The recording that a device names, None for a person."""
+    from poise.apps.teleoperation import RecordingError, read_recording
+
+    path = Path(device)
+    if device in ("browser", "gamepad"):
+        return None
+    if not path.is_file():
+        wanted = "browser, gamepad, or the file of a recording"
+        raise ConfigurationError("no such device", got=device, wanted=wanted)
+    try:
+        return read_recording(path)
+    except RecordingError as error:
+        # What a run that was killed has left can be played as far as it goes.
+        recording = read_recording(path, allow_partial=True)
+        print(f"poise: {error.what}; playing what there is", file=sys.stderr)
+        return recording
+
+
+@dataclass(frozen=True, kw_only=True)
+class Convert:
+    """Write an MCAP log of a .teleop file, which plays as it did.
+
+    example: poise convert runs/teleop-g1/take-001.teleop
+
+    Attributes:
+        file: a .teleop file.
+        out: the log; FILE with .mcap by default.
+    """
+
+    file: Annotated[Positional[str], arg(metavar="FILE")]
+    out: Annotated[str | None, arg(metavar="FILE")] = None
+
+    def act(self) -> int:
+        """Convert."""
+        from poise.apps.teleoperation import convert_recording
+
+        path = Path(self.file)
+        target = Path(self.out) if self.out else path.with_suffix(".mcap")
+        if target.exists():
+            raise ConfigurationError(
+                "the log is there already", got=str(target), wanted="--out FILE"
+            )
+        if not convert_recording(path, target):
+            print(f"poise: {path.name} was not finished; converted what there is", file=sys.stderr)
+        print(target)
+        return OK

@@ -1,166 +1,129 @@
 """`poise run`: one scenario to a report."""
 
-import argparse
-import json
 import sys
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from tyro.conf import Positional, arg
 
 from poise._progress import Bar
-from poise.cli._options import (
-    add_output_options,
-    controllers_text,
-    output_folder,
-    strategies_text,
-    whole_number,
-)
-
-DEFAULT_SCENARIO = "over_an_obstacle"
-"""What runs with no argument: a robot is walked over two blocks by hand."""
+from poise.cli._command import Output, output_folder
+from poise.errors import ConfigurationError
 
 
-def add_parser(verbs: Any) -> None:
-    """Adds the verb to the command line."""
-    parser = verbs.add_parser(
-        "run",
-        help="one scenario to a report",
-        description="Runs a scenario in simulation and writes report.html, video.mp4, log.mcap and "
-        "summary.json. Exit status: 0 all checks hold, 1 a check failed or the robot fell, 2 bad "
-        "input.",
-        epilog="example: poise run push --robot g1 --out runs/push",
-    )
-    parser.add_argument(
-        "scenario",
-        nargs="?",
-        default=DEFAULT_SCENARIO,
-        help="a shipped scenario or a YAML file; --list shows those shipped (default: %(default)s)",
-    )
-    parser.add_argument("--list", action="store_true", help="list the shipped scenarios and stop")
-    parser.add_argument(
-        "--robot",
-        metavar="R",
-        help="another robot than the file's: a name that `poise robots` lists, or a file",
-    )
-    parser.add_argument(
-        "--controller",
-        metavar="C",
-        help=f"another controller than the file's: {controllers_text()}",
-    )
-    parser.add_argument(
-        "--strategy",
-        metavar="S",
-        help=f"how the controller solves, in place of the file's: {strategies_text()}",
-    )
-    parser.add_argument(
-        "--seed",
-        metavar="N",
-        type=whole_number,
-        help="another seed than the file's of everything random: noise of sensors, bad operators, "
-        "poor links",
-    )
-    parser.add_argument("--view", action="store_true", help="show the robot in a window")
-    parser.add_argument("--no-video", action="store_true", help="leave the video out")
-    add_output_options(parser, "runs/SCENARIO-ROBOT")
-    parser.set_defaults(act=act, simulates=True)
+@dataclass(frozen=True, kw_only=True)
+class Run(Output):
+    """Run a scenario in simulation and write report.html, video.mp4, log.mcap and summary.json.
+
+    They lie in runs/SCENARIO-ROBOT, or in the folder of --out. Exit status: 0 all checks hold, 1 a
+    check failed or the robot fell, 2 bad input.
+
+    example: poise run push --robot g1 --out runs/push
+
+    Attributes:
+        scenario: a shipped scenario or a YAML file; --list shows those shipped.
+        list: list the shipped scenarios and stop.
+        robot: another robot than the file's: a name that `poise robots` lists, or a file.
+        controller: another controller than the file's: whole_body, reduced, osf, differential_ik,
+            or step_teleoperation where an operator leads the robot's feet.
+        strategy: how the controller solves, in place of the file's: direct, cascade, weighted
+            (whole_body, reduced); fused (osf); closed_form, hqp (differential_ik).
+        seed: another seed than the file's of everything random: noise of sensors, bad operators,
+            poor links.
+        view: show the robot in a window.
+        no_video: leave the video out.
+    """
+
+    scenario: Annotated[Positional[str], arg(metavar="SCENARIO")] = "over_an_obstacle"
+    list: bool = False
+    robot: str | None = None
+    controller: str | None = None
+    strategy: str | None = None
+    seed: int | None = None
+    view: bool = False
+    no_video: bool = False
+
+    def act(self) -> int:
+        """Run the scenario."""
+        from poise.apps.scenarios import load_scenario, shipped_scenarios
+
+        if self.list:
+            about = {name: load_scenario(name).description for name in shipped_scenarios()}
+            width = max(map(len, about)) + 2
+            return self.show(about, *(f"{name:{width}}{text}" for name, text in about.items()))
+        scenario = load_scenario(self.scenario)
+        controller = _changed(scenario.controller, name=self.controller, strategy=self.strategy)
+        scenario = _changed(scenario, robot=self.robot, seed=self.seed, controller=controller)
+        default = f"runs/{scenario.name}-{Path(scenario.robot).stem}"
+        with output_folder(self.out, default) as folder:
+            run, summary = run_and_report(
+                scenario, folder, self, video=not self.no_video, view=self.view
+            )
+        self.show(summary)
+        return 0 if run.ok else 1
 
 
-def act(options: argparse.Namespace) -> int:
-    """Runs the scenario and writes everything."""
-    from poise.apps.scenarios import load_scenario
-
-    if options.list:
-        return _list(as_json=options.json)
-    scenario = _overridden(load_scenario(options.scenario), options)
-    default = f"runs/{scenario.name}-{Path(scenario.robot).stem}"
-    with output_folder(options.out, default) as folder:
-        run, summary = run_and_report(
-            scenario, folder, video=not options.no_video, view=options.view, quiet=options.json
-        )
-    if options.json:
-        print(json.dumps(summary))
-    return 0 if run.ok else 1
+def _changed(settings: Any, **changes: Any) -> Any:
+    return replace(settings, **{k: v for k, v in changes.items() if v is not None})
 
 
 def run_and_report(
-    scenario: Any, folder: Path, *, video: bool, quiet: bool, view: bool = False
-) -> tuple[Any, dict[str, object]]:
-    """Runs a scenario and writes everything that a run leaves behind."""
-    from poise.apps.scenarios import (
-        LOG,
-        discard_video,
-        run_scenario,
-        summarise,
-        write_page,
-        write_summary,
-        write_video,
-    )
+    scenario: Any, folder: Path, output: Output, *, video: bool, view: bool = False
+) -> tuple[Any, dict[str, Any]]:
+    """Run a scenario, write everything that a run leaves behind, and print its verdict."""
+    from poise.apps import scenarios
 
-    with Bar("simulating", "s", lines=not quiet) as bar:
-        run = run_scenario(scenario, log=folder / LOG, view=view, progress=bar)
+    with Bar("simulating", "s", lines=not output.json) as bar:
+        run = scenarios.run_scenario(scenario, log=folder / scenarios.LOG, view=view, progress=bar)
     # Until there is something in its place, the report of an earlier run keeps its video.
-    discard_video(folder)
-    summary = summarise(run)
-    write_summary(summary, folder)
+    scenarios.discard_video(folder)
+    summary = scenarios.summarise(run)
+    scenarios.write_summary(summary, folder)
     no_video = None
     if video:
         try:
-            with Bar("drawing the video", " frames", lines=not quiet) as bar:
-                no_video = write_video(run, folder, bar)
+            with Bar("drawing the video", " frames", lines=not output.json) as bar:
+                no_video = scenarios.write_video(run, folder, bar)
         except KeyboardInterrupt:
             no_video = "No video: interrupted by the user"
-    page = write_page(run, summary, folder, no_video)
-    if not quiet:
-        _print(run, summary, no_video, page)
+    page = scenarios.write_page(run, summary, folder, no_video)
+    if not output.json:
+        print(*_rows(run, summary), f"report: {page}", sep="\n")
+        if run.ended_early:
+            print(f"ended early: {run.ended_early}", file=sys.stderr)
+        if no_video:
+            print(no_video, file=sys.stderr)
     return run, summary
 
 
-def _overridden(scenario: Any, options: argparse.Namespace) -> Any:
-    """The scenario with what the command line says instead of the file."""
-    controller = scenario.controller
-    if options.controller is not None:
-        controller = replace(controller, name=options.controller)
-    if options.strategy is not None:
-        controller = replace(controller, strategy=options.strategy)
-    return replace(
-        scenario,
-        robot=scenario.robot if options.robot is None else options.robot,
-        seed=scenario.seed if options.seed is None else options.seed,
-        controller=controller,
-    )
+def replay(
+    folder: Path, number: str, replay_job: Any, output: Output, *, video: bool
+) -> tuple[Any, ...]:
+    """Run an episode of a campaign's folder again; its job, run and summary."""
+    from poise.apps.campaigns import CampaignFolder
+
+    if not number.isdecimal():
+        raise ConfigurationError("not the number of an episode", got=number, wanted="0, 1, 2, ...")
+    job = replay_job(CampaignFolder(folder), int(number))
+    with output_folder(output.out, folder / "replays" / number) as out:
+        return job, *run_and_report(job.make(), out, output, video=video)
 
 
-def _list(*, as_json: bool) -> int:
-    from poise.apps.scenarios import load_scenario, shipped_scenarios
-
-    about = {name: load_scenario(name).description for name in shipped_scenarios()}
-    if as_json:
-        print(json.dumps(about))
-        return 0
-    width = max(map(len, about)) + 2
-    for name, description in about.items():
-        print(f"{name:{width}}{description}")
-    return 0
-
-
-def _print(run: Any, summary: dict[str, Any], no_video: str | None, page: Path) -> None:
+def _rows(run: Any, summary: dict[str, Any]) -> Iterator[str]:
     verdict = "all checks hold" if run.ok else "FAILED"
-    print(f"{run.scenario.name} on {run.robot.name}: {verdict}")
+    yield f"{run.scenario.name} on {run.robot.name}: {verdict}"
     for check in run.checks:
         mark = "ok  " if check.ok else "FAIL"
         bound = f"{check.relation} {check.bound:g} {check.unit}".rstrip()
         worst = "" if check.ok or check.time is None else f" at {check.time:.2f} s"
-        print(f"  {mark}  {check.name}: {check.value:.3g} ({bound}){worst}")
+        yield f"  {mark}  {check.name}: {check.value:.3g} ({bound}){worst}"
         if check.mechanism:
-            print(f"        {check.mechanism}")
+            yield f"        {check.mechanism}"
     tick = summary["tick_us"]
     if tick["p50"] is not None:
-        print(
+        yield (
             f"tick {tick['p50']:.0f} us median, {tick['p99']:.0f} us p99; "
             f"{summary['real_time_factor']:.1f} times real time"
         )
-    if run.ended_early:
-        print(f"ended early: {run.ended_early}", file=sys.stderr)
-    if no_video:
-        print(no_video, file=sys.stderr)
-    print(f"report: {page}")

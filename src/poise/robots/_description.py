@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator
+from pydantic import AfterValidator, BeforeValidator, WrapValidator
 
 from poise._schema import (
     NOT_IN_FILES,
@@ -16,9 +16,8 @@ from poise._schema import (
     Positive,
     Text,
     Vector,
-    Wanting,
     checked,
-    locatable,
+    locate,
     read,
 )
 from poise.errors import RobotError
@@ -56,7 +55,7 @@ def _check_span(span: tuple[float, float]) -> tuple[float, float]:
 Placed = Annotated[Mount, BeforeValidator(lambda v: {"link": v} if isinstance(v, str) else v)]
 """A mount, or the name of a link alone."""
 
-Span = Annotated[tuple[float, float], Vector(2), AfterValidator(locatable(_check_span))]
+Span = Annotated[tuple[float, float], Vector(2), AfterValidator(_check_span), WrapValidator(locate)]
 """Lower and upper limit."""
 
 Inertias = Annotated[
@@ -97,7 +96,7 @@ class Description:
     # reflected rotor inertias by pattern [kg m^2]
     armature: Inertias = field(default_factory=dict[str, float])
     # joints that are welded at zero
-    locked: Annotated[tuple[Text, ...], Wanting("a list of texts")] = ()
+    locked: tuple[Text, ...] = ()
     licence: Text = "not stated"  # the model's licence
 
     def __post_init__(self) -> None:

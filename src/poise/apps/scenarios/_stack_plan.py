@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from inspect import Parameter, signature
 from typing import Annotated, Any, get_type_hints
 
@@ -17,10 +16,9 @@ from poise._schema import (
     Truth,
     Wanting,
     checked,
-    key_error,
-    locatable,
-    mapping_schema,
+    keyed,
 )
+from poise.errors import ConfigurationError
 from poise.stack import (
     SMOOTH_RATE,
     SOFTENING,
@@ -50,7 +48,6 @@ _TASKS: Mapping[str, Callable[..., Any]] = {
 _CONTACTS: Mapping[str, Callable[..., Any]] = {"surface": SurfaceContact, "point": PointContact}
 
 _Gain = Annotated[Number | list[Number], Wanting("a number, or a list of numbers")]
-_Names = Annotated[list[Text], Wanting("a list of texts")]
 _IN_FILES: Mapping[Any, Any] = {
     str: Text,
     str | None: Text,
@@ -59,7 +56,7 @@ _IN_FILES: Mapping[Any, Any] = {
     float | None: Number,
     Numbers: _Gain,
     Numbers | None: _Gain,
-    Sequence[str] | None: _Names,
+    Sequence[str] | None: list[Text],
 }
 """What stands in a file for an argument, by the argument's annotation."""
 
@@ -90,12 +87,16 @@ class _ArgumentsOf:
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         hints = get_type_hints(self.maker.__init__)
         kinds = {
-            name: (handler.generate_schema(_IN_FILES[hints[name]]), p.default is Parameter.empty)
+            name: core_schema.typed_dict_field(
+                handler.generate_schema(_IN_FILES[hints[name]]),
+                required=p.default is Parameter.empty,
+            )
             for name, p in signature(self.maker).parameters.items()
             if hints[name] in _IN_FILES
         }
-        arguments = mapping_schema(kinds)
-        return core_schema.no_info_after_validator_function(locatable(self._recipe), arguments)
+        arguments = core_schema.typed_dict_schema(kinds)
+        made = core_schema.no_info_after_validator_function(self._recipe, arguments)
+        return keyed(kinds, made)
 
     def _recipe(self, arguments: dict[str, Any]) -> Recipe:
         recipe = Recipe(self.maker, arguments)
@@ -113,28 +114,31 @@ class _OneOf:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        kinds = mapping_schema(
-            {
-                name: (
-                    core_schema.no_info_before_validator_function(
-                        lambda given: {} if given is None else given,
-                        _ArgumentsOf(maker).__get_pydantic_core_schema__(source, handler),
-                    ),
-                    False,
-                )
-                for name, maker in self.makers.items()
-            }
-        )
-        return core_schema.no_info_after_validator_function(
-            lambda found: next(iter(found.values())),
-            core_schema.no_info_before_validator_function(partial(_one_kind, self.makers), kinds),
+        kinds = {
+            name: core_schema.typed_dict_field(
+                core_schema.no_info_before_validator_function(
+                    lambda given: {} if given is None else given,
+                    _ArgumentsOf(maker).__get_pydantic_core_schema__(source, handler),
+                ),
+                required=False,
+            )
+            for name, maker in self.makers.items()
+        }
+        return core_schema.no_info_before_validator_function(
+            lambda entry: {entry: {}} if isinstance(entry, str) else entry,
+            keyed(
+                kinds,
+                core_schema.no_info_after_validator_function(
+                    self._only, core_schema.typed_dict_schema(kinds)
+                ),
+            ),
         )
 
-
-def _one_kind(makers: Mapping[str, Callable[..., Any]], entry: object) -> object:
-    if isinstance(entry, dict) and len(entry) != 1:
-        raise key_error("{subject} must name one kind", got=list(entry), choices=makers)
-    return {entry: {}} if isinstance(entry, str) else entry
+    def _only(self, found: dict[str, Recipe]) -> Recipe:
+        if len(found) != 1:
+            what = "there must be one kind"
+            raise ConfigurationError(what, got=list(found), choices=self.makers)
+        return next(iter(found.values()))
 
 
 @checked()
