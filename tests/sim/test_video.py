@@ -222,8 +222,8 @@ def test_a_variable_that_names_a_platform_is_named_where_it_does_not_draw(
     monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
     tried = []
 
-    def fails(command, **_):
-        tried.append(command[-1])
+    def fails(command, env, **_):
+        tried.append(env["MUJOCO_GL"])
         return subprocess.CompletedProcess([], returncode=1)
 
     monkeypatch.setattr(subprocess, "run", fails)

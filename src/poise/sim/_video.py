@@ -1,7 +1,4 @@
-"""A video of a run, drawn after it from its recorded configurations.
-
-What is drawn into the video of a recorded run: centre of mass, zero-moment point, forces.
-"""
+"""A video of a run, drawn after it from its recorded configurations."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -15,17 +12,13 @@ from jaxtyping import Float64, UInt8
 from poise._schema import Positive, checked
 from poise.errors import ConfigurationError, MissingExtraError, TargetError
 from poise.robots import Robot
-from poise.sim._camera import (
-    COM_COLOUR,
-    ZMP_COLOUR,
-    Camera,
-    CameraConfig,
-    Colour,
-    Marker,
-    force_marker,
-)
+from poise.sim._camera import Camera, CameraConfig, Colour, Marker
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord
+
+_COM_COLOUR: Colour = (0.95, 0.55, 0.05, 1.0)
+_ZMP_COLOUR: Colour = (0.80, 0.10, 0.55, 1.0)
+_FORCE_COLOUR: Colour = (0.05, 0.45, 0.85, 1.0)
 
 _BODY_WEIGHT_LENGTH = 0.45
 """Length of the arrow of a force as large as the robot's weight [m]."""
@@ -46,31 +39,29 @@ def run_markers(robot: Robot, record: RunRecord) -> Callable[[int], tuple[Marker
     The centre of mass is drawn as its projection on the ground. Forces are drawn before the toes:
     at the sole's centre, where they act, the leg would hide them.
     """
-    qs, coms, zmps = record["q"], record["com"], record["zmp"]
+    points = ((record["com"], _COM_COLOUR), (record["zmp"], _ZMP_COLOUR))
     wrenches = {name: record[f"wrench/{name}"] for name in robot.soles}
     data = robot.model.createData()
-    weight = robot.weight
 
     def markers(index: int) -> tuple[Marker, ...]:
-        pin.framesForwardKinematics(robot.model, data, qs[index])
-        found = [_ground_point(coms[index], COM_COLOUR), _ground_point(zmps[index], ZMP_COLOUR)]
+        pin.framesForwardKinematics(robot.model, data, record["q"][index])
+        found: list[Marker] = []
+        for point, colour in points:
+            x, y = (float(value) for value in point[index][:2])
+            if np.isfinite([x, y]).all():
+                found.append(Marker(position=(x, y, _ABOVE_GROUND), colour=colour))
         for name, wrench in wrenches.items():
             world_T_sole = data.oMf[robot.frame_id(name)]
-            force = world_T_sole.rotation @ wrench[index, :3]
-            toes = np.array([0.5 * robot.soles[name].length + _BEFORE_TOES, 0.0, 0.0])
-            if np.linalg.norm(force) > _SMALLEST_FORCE * weight:
-                scale = _BODY_WEIGHT_LENGTH / weight
-                found.append(force_marker(world_T_sole.act(toes), force, scale))
-        return tuple(marker for marker in found if marker is not None)
+            force = world_T_sole.rotation @ wrench[index, :3] / robot.weight
+            if np.linalg.norm(force) > _SMALLEST_FORCE:
+                toes = np.array([0.5 * robot.soles[name].length + _BEFORE_TOES, 0.0, 0.0])
+                px, py, pz = (float(value) for value in world_T_sole.act(toes))
+                x, y, z = (_BODY_WEIGHT_LENGTH * float(value) for value in force)
+                arrow = Marker(position=(px, py, pz), arrow=(x, y, z), colour=_FORCE_COLOUR)
+                found.append(arrow)
+        return tuple(found)
 
     return markers
-
-
-def _ground_point(point: Float64[np.ndarray, " n"], colour: Colour) -> Marker | None:
-    x, y = float(point[0]), float(point[1])
-    if not np.isfinite([x, y]).all():
-        return None
-    return Marker(position=(x, y, _ABOVE_GROUND), colour=colour)
 
 
 @checked()

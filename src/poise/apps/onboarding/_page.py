@@ -61,7 +61,8 @@ def _pictures(
     def triple(point: Float64[np.ndarray, "3"]) -> tuple[float, float, float]:
         return float(point[0]), float(point[1]), float(point[2])
 
-    markers = [Marker(position=triple(com), radius=0.03, colour=_ORANGE)]
+    below = (float(com[0]), float(com[1]), 0.0)
+    markers = [Marker(position=below, radius=0.03, colour=_ORANGE)]
     for place in places.values():
         arrows = (triple(0.1 * place.rotation[:, axis]) for axis in (0, 2))
         at = triple(place.translation)
@@ -81,7 +82,7 @@ def _soles(
     robot: Robot, proposal: Proposal, places: Mapping[str, pin.SE3], com: Float64[np.ndarray, "3"]
 ) -> str:
     """Flat face and rectangle of each sole, and the COM."""
-    figure = new_figure(7.0, 4.0)
+    figure = new_figure(4.4, 4.2)
     panel = figure.subplots()
     for name, sole in robot.soles.items():
         half = 0.5 * np.array([sole.length, sole.width])

@@ -45,7 +45,7 @@ def write_campaign_page(table: Sequence[Mapping[str, Any]], path: Path) -> Path:
         ],
         bars=[bar for name in _parameters(ran) for bar in _falls(name, ran)],
         quantiles=list(_quantiles(ran)),
-        wrong=[(r["number"], r["outcome"], r.get("values"), r.get("reason")) for r in wrong],
+        wrong=[(r["number"], r["outcome"], _in_words(r), r.get("reason")) for r in wrong],
         listed=_LISTED,
     )
     return replace_file(path, page)
@@ -61,6 +61,17 @@ def _facts(table: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
 def _values(row: Mapping[str, Any]) -> dict[str, Any]:
     """Values of the varied fields by path."""
     return json.loads(row.get("values") or "{}")
+
+
+def _in_words(row: Mapping[str, Any]) -> str:
+    return ", ".join(f"{path} {_text(value)}" for path, value in _values(row).items())
+
+
+def _text(value: Any) -> str:
+    """A value of a field for readers."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return number(value)
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 def _parameters(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -104,9 +115,9 @@ def _groups(values: Sequence[Any]) -> list[tuple[float, str]]:
         return [(float(place), names[place]) for place in places]
     if numeric:
         return [(float(value), number(value)) for value in values]
-    common = [name for name, _ in Counter(json.dumps(v) for v in values).most_common(_GROUPS)]
-    named = [name if name in common else "any other" for name in map(json.dumps, values)]
-    return [(0.0, name) for name in named]
+    names = [_text(value) for value in values]
+    common = {name for name, _ in Counter(names).most_common(_GROUPS)}
+    return [(0.0, name if name in common else "any other") for name in names]
 
 
 def _quantiles(rows: Sequence[Mapping[str, Any]]) -> Iterator[tuple[Any, ...]]:
