@@ -17,7 +17,6 @@ from poise.errors import MissingExtraError
 
 FIGURES = [
     "tracking",
-    "components",
     "com",
     "support",
     "zmp",
@@ -145,14 +144,10 @@ def test_an_unusual_run_still_gets_a_whole_page(case, tmp_path):
     record = EDGE_CASES[case]()
     page = written(record, tmp_path)
     parse(page)
-    expected = [f for f in FIGURES if f != "components" or any_components(record)]
+    expected = list(FIGURES)
     if case == "nothing but NaN":
         expected.remove("ticks")
     assert shown_figures(page) == expected
-
-
-def any_components(record):
-    return any(t.components is not None for t in record.tasks)
 
 
 def test_parts_that_do_not_exist_are_left_out_and_the_rest_stays(tmp_path):

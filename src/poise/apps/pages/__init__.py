@@ -1,6 +1,6 @@
 """The page kit: documents from templates, one style sheet, and the look that all plots share.
 
-Every page is one file that needs no network. jinja2 and matplotlib are imported when a page is made.
+Every page is one file that needs no network. jinja2 and matplotlib come when a page is made.
 """
 
 from poise.apps.pages._campaign import write_campaign_page as write_campaign_page

@@ -1,8 +1,9 @@
-"""`write_campaign_page`: outcomes, falls by parameter and quantiles of the figures of a campaign."""
+"""`write_campaign_page`: outcomes, falls by parameter and quantiles of a campaign's figures."""
 
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -108,10 +109,7 @@ def _groups(values: Sequence[Any]) -> list[tuple[float, str]]:
     if numeric and len(distinct) > _GROUPS:
         edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, 5)))
         places = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-        names = [
-            f"{number(float(a))} to {number(float(b))}"
-            for a, b in zip(edges[:-1], edges[1:], strict=True)
-        ]
+        names = [f"{number(float(a))} to {number(float(b))}" for a, b in pairwise(edges)]
         return [(float(place), names[place]) for place in places]
     if numeric:
         return [(float(value), number(value)) for value in values]

@@ -37,9 +37,7 @@ def draw_ticks(run: RunView) -> list[PlotFigure]:
 
 
 def total_tick(run: RunView) -> Float64[np.ndarray, " T"]:
-    """Time of the whole tick [us]: as recorded, or the sum of its phases."""
-    if _TOTAL in run.tick_us:
-        return run.tick_us[_TOTAL]
+    """Time of the whole tick [us], the sum of its phases."""
     if not run.tick_us:
         return np.full(len(run.time), np.nan)
     return np.sum(list(run.tick_us.values()), axis=0)
@@ -47,9 +45,8 @@ def total_tick(run: RunView) -> Float64[np.ndarray, " T"]:
 
 def tick_percentiles(run: RunView) -> list[tuple[str, float, float, float]]:
     """p50, p99 and greatest tick time [us] of each phase, and of the whole at the end."""
-    parts = [(name, values) for name, values in run.tick_us.items() if name != _TOTAL]
     rows: list[tuple[str, float, float, float]] = []
-    for name, values in [*parts, (_TOTAL, total_tick(run))]:
+    for name, values in [*run.tick_us.items(), (_TOTAL, total_tick(run))]:
         finite = values[np.isfinite(values)]
         if finite.size:
             p50, p99 = np.percentile(finite, [50, 99])

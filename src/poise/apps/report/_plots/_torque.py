@@ -27,11 +27,9 @@ _SIDES = (
 )
 
 
-def grouped_order(
-    names: Sequence[str], groups: Sequence[str] = ()
-) -> tuple[list[int], list[tuple[str, int]]]:
-    """Order joints so that those of one group stand together."""
-    of_joint = list(groups) or [guess_group(name) for name in names]
+def grouped_order(names: Sequence[str]) -> tuple[list[int], list[tuple[str, int]]]:
+    """Order joints so that those of one group stand together; size of each group."""
+    of_joint = [guess_group(name) for name in names]
     order: list[int] = []
     counts: list[tuple[str, int]] = []
     for group in dict.fromkeys(of_joint):
@@ -100,7 +98,7 @@ def torque_ratio(run: RunView) -> Float64[np.ndarray, "T nj"]:
 
 def _heat_map(sheet: TimeSheet, run: RunView, ratio: Float64[np.ndarray, "T nj"]) -> None:
     ax = sheet.axes[0]
-    order, groups = grouped_order(run.joint_names, run.joint_groups)
+    order, groups = grouped_order(run.joint_names)
     names = short_names(run.joint_names)
     buckets, rows = bucket_max(ratio[:, order])
     end = sheet.start + (sheet.end - sheet.start) * rows / len(ratio)

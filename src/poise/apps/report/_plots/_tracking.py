@@ -1,7 +1,5 @@
 """Errors of tasks, the centre of mass against its reference, and the estimate of the base."""
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float64
 
@@ -26,18 +24,9 @@ _LOG_DECADES = 8.0
 
 
 def draw_tracking(run: RunView) -> list[PlotFigure]:
-    """Draw the error of every task over time, and its components where the record has them."""
-    figures = [_norms(run)] if run.tasks else []
-    tasks = [(t, t.components) for t in run.tasks if t.components is not None]
-    if tasks:
-        sheet = TimeSheet(run, [1.25] * len(tasks))
-        for ax, (task, components) in zip(sheet.axes, tasks, strict=True):
-            _draw_components(sheet, ax, task, components)
-        figures.append(sheet.finish("components", "Components of each task's error"))
-    return figures
-
-
-def _norms(run: RunView) -> PlotFigure:
+    """Draw the error of every task over time, a panel a unit."""
+    if not run.tasks:
+        return []
     units = list(dict.fromkeys(task.unit for task in run.tasks))
     sheet = TimeSheet(run, [2.3 if len(units) < 3 else 1.8] * len(units))
     for ax, unit in zip(sheet.axes, units, strict=True):
@@ -45,30 +34,15 @@ def _norms(run: RunView) -> PlotFigure:
         bounds = _log_bounds([t.error for _, t in tasks])
         for i, task in tasks:
             label = f"{plain(task.name, 20)} (level {task.level + 1})"
-            sheet.plot(
-                ax, above_zero(task.error) if bounds else task.error, label=label, **line_style(i)
-            )
+            error = above_zero(task.error) if bounds else task.error
+            sheet.plot(ax, error, label=label, **line_style(i))
         if bounds:
             log_axis(ax.yaxis, *bounds)
         else:
             ax.set_ylim(bottom=0.0)
         ax.set_ylabel(f"error norm [{unit or '-'}]")
         legend_beside(ax)
-    return sheet.finish("tracking", "Tracking error of each task")
-
-
-def _draw_components(
-    sheet: TimeSheet, ax: Any, task: TaskTrack, components: Float64[np.ndarray, "T k"]
-) -> None:
-    k = components.shape[1]
-    names = task.component_names or tuple(str(i + 1) for i in range(k))
-    order = np.argsort([-greatest(column) for column in components.T])
-    for place, i in enumerate(order[: len(PALETTE)]):
-        sheet.plot(ax, components[:, i], label=plain(names[int(i)], 20), **line_style(place))
-    ax.set_ylabel(f"[{task.unit or '-'}]")
-    shown = "" if k <= len(PALETTE) else f" ({len(PALETTE)} largest of {k})"
-    ax.set_title(plain(task.name) + shown, pad=3.0)
-    legend_beside(ax)
+    return [sheet.finish("tracking", "Tracking error of each task")]
 
 
 def _log_bounds(errors: list[Float64[np.ndarray, " T"]]) -> tuple[float, float] | None:
