@@ -1,5 +1,6 @@
 """A video of a run, drawn after it from its recorded configurations."""
 
+import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64, UInt8
+from jaxtyping import Float64
 
 from poise._schema import Positive, checked
 from poise.errors import ConfigurationError, MissingExtraError, TargetError
@@ -121,20 +122,27 @@ def render_video(
     """
     config, path = config if config is not None else VideoConfig(), Path(path)
     _check(plant, times, qs)
+    try:
+        imageio: Any = importlib.import_module("imageio.v2")
+        importlib.import_module("imageio_ffmpeg")
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("imageio-ffmpeg", "sim", "Making a video") from error
     indices = frame_indices(times, config)
-    with Camera(plant.robot, plant.drawn_model(), config.camera) as camera:
-        writer = _open_writer(path, config)
-        try:
-            for done, index in enumerate(indices):
-                drawn = markers(index) if markers is not None else ()
-                frame = camera.picture(qs[index], drawn, dt=config.speed / config.fps)
-                writer.send(np.ascontiguousarray(frame))
-                if poster is not None and done == len(indices) // 2:
-                    _write_picture(frame, Path(poster))
-                if progress is not None:
-                    progress(done + 1, len(indices))
-        finally:
-            writer.close()
+    # Small and quick; the moov atom first, so that a browser can start before the end.
+    coded = ["-crf", "23", "-preset", "veryfast", "-movflags", "+faststart"]
+    form = {"codec": "libx264", "macro_block_size": 2, "quality": None, "output_params": coded}
+    with (
+        Camera(plant.robot, plant.drawn_model(), config.camera) as camera,
+        imageio.get_writer(path, format="FFMPEG", fps=config.fps, **form) as writer,
+    ):
+        for done, index in enumerate(indices):
+            drawn = markers(index) if markers is not None else ()
+            frame = camera.picture(qs[index], drawn, dt=config.speed / config.fps)
+            writer.append_data(frame)
+            if poster is not None and done == len(indices) // 2:
+                imageio.imwrite(poster, frame, format="JPEG")
+            if progress is not None:
+                progress(done + 1, len(indices))
     return path
 
 
@@ -155,32 +163,3 @@ def _check(plant: Plant, times: Float64[np.ndarray, " n"], qs: Float64[np.ndarra
         )
     if np.any(np.diff(times) < 0.0):
         raise TargetError("the recorded times go back", wanted="rising times")
-
-
-def _write_picture(picture: UInt8[np.ndarray, "height width 3"], path: Path) -> None:
-    try:
-        from matplotlib import image
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("matplotlib", "sim", "Writing a picture") from error
-    save: Any = image.imsave
-    save(path, np.ascontiguousarray(picture), format="jpg")
-
-
-def _open_writer(path: Path, config: VideoConfig) -> Any:
-    try:
-        import imageio_ffmpeg
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("imageio-ffmpeg", "sim", "Making a video") from error
-    write_frames: Any = imageio_ffmpeg.write_frames
-    writer = write_frames(
-        str(path),
-        (config.camera.width, config.camera.height),
-        fps=config.fps,
-        codec="libx264",
-        macro_block_size=2,
-        quality=None,
-        # Small and quick; the moov atom first, so that a browser can start before the end.
-        output_params=["-crf", "23", "-preset", "veryfast", "-movflags", "+faststart"],
-    )
-    writer.send(None)
-    return writer

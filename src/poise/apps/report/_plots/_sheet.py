@@ -165,10 +165,12 @@ def decimate(
     """
     if len(time) <= 2 * buckets:
         return time, values
-    padded = _padded(values, buckets)
+    width = -(-len(values) // buckets)
+    padded = np.full((-(-len(values) // width), width), np.nan)
+    padded.flat[: len(values)] = values
     low = np.argmin(np.where(np.isnan(padded), np.inf, padded), axis=1)
     high = np.argmax(np.where(np.isnan(padded), -np.inf, padded), axis=1)
-    starts = np.arange(len(padded)) * padded.shape[1]
+    starts = np.arange(len(padded)) * width
     index = np.unique(np.minimum(np.concatenate([low + starts, high + starts]), len(time) - 1))
     return time[index], values[index]
 
@@ -177,19 +179,9 @@ def bucket_max(
     values: Float64[np.ndarray, "T n"], buckets: int = 600
 ) -> tuple[Float64[np.ndarray, "m n"], int]:
     """Greatest value of every bucket of rows, NaN where a bucket holds nothing else."""
-    if len(values) <= buckets:
-        return values, len(values)
-    padded = np.stack([_padded(column, buckets) for column in values.T], axis=2)
-    highest = np.max(np.where(np.isnan(padded), -np.inf, padded), axis=1)
-    return np.where(np.isneginf(highest), np.nan, highest), padded.shape[0] * padded.shape[1]
-
-
-def _padded(values: Float64[np.ndarray, " T"], buckets: int) -> Float64[np.ndarray, "b w"]:
-    """The signal as rows of equal length, the last ones filled up with NaN."""
     width = -(-len(values) // buckets)
-    full = np.full(-(-len(values) // width) * width, np.nan)
-    full[: len(values)] = values
-    return full.reshape(-1, width)
+    starts = np.arange(0, len(values), width)
+    return np.fmax.reduceat(values, starts, axis=0), len(starts) * width
 
 
 def _place_labels(
