@@ -1,12 +1,13 @@
 """`write_study`: the findings as JSON, the figures as files, and one page with everything."""
 
 import json
+import os
 import re
 from pathlib import Path
 
 from markupsafe import Markup, escape
 
-from poise.apps.pages import render_page, replace_file
+from poise.apps.pages import render_page
 from studies.finding import Table, number_text
 from studies.plan import Study
 
@@ -30,14 +31,22 @@ def write_study(study: Study, folder: Path) -> Path:
     Returns:
         Path of the page.
     """
+    folder.mkdir(parents=True, exist_ok=True)
     findings = [finding.to_json() for finding in study.findings]
-    replace_file(folder / JSON, json.dumps(findings, indent=2, ensure_ascii=False) + "\n")
+    _replace(folder / JSON, json.dumps(findings, indent=2, ensure_ascii=False) + "\n")
     for section in study.sections:
         for figure in section.figures:
-            replace_file(folder / f"{figure.name}.svg", figure.to_file())
+            _replace(folder / f"{figure.name}.svg", figure.to_file())
         for film in section.films:
-            replace_file(folder / film.file_name, film.data)
-    return replace_file(folder / PAGE, page_html(study))
+            _replace(folder / film.file_name, film.data)
+    _replace(folder / PAGE, page_html(study))
+    return folder / PAGE
+
+
+def _replace(path: Path, content: str | bytes) -> None:
+    beside = path.with_name(path.name + ".part")
+    beside.write_bytes(content.encode() if isinstance(content, str) else content)
+    os.replace(beside, path)
 
 
 def page_html(study: Study) -> str:

@@ -4,7 +4,7 @@ Every page is one file that needs no network. jinja2 and matplotlib come when a 
 """
 
 from poise.apps.pages._campaign import write_campaign_page as write_campaign_page
-from poise.apps.pages._render import render_page, replace_file
+from poise.apps.pages._render import render_page, replace_file as replace_file
 from poise.apps.pages._style import (
     BAD as BAD,
     COM as COM,
@@ -25,4 +25,4 @@ from poise.apps.pages._style import (
     power_of_ten as power_of_ten,
 )
 
-__all__ = ["house_style", "inline_svg", "render_page", "replace_file"]
+__all__ = ["house_style", "inline_svg", "render_page"]

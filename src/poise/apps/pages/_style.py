@@ -6,6 +6,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from html import escape
 from math import isfinite, isnan, log10
+from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, filterwarnings
 
@@ -70,44 +71,7 @@ INK, MUTED, LINE = "#1F2933", "#616E7C", "#CBD2D9"
 REFERENCE, EVENT = "#52606D", "#7B8794"
 
 _FONT = "DejaVu Sans"
-_RC: dict[str, Any] = {
-    "font.family": _FONT,
-    "font.size": 9.0,
-    "axes.labelsize": 9.0,
-    "axes.titlesize": 10.0,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.titlepad": 6.0,
-    "axes.edgecolor": "#9AA5B1",
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.unicode_minus": True,
-    "grid.color": "#E4E7EB",
-    "grid.linewidth": 0.7,
-    "text.color": INK,
-    "text.parse_math": False,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
-    "legend.fontsize": 8.5,
-    "legend.frameon": False,
-    "legend.borderaxespad": 0.0,
-    "legend.handlelength": 1.8,
-    "lines.linewidth": 1.3,
-    "lines.solid_joinstyle": "round",
-    "figure.facecolor": "none",
-    "axes.facecolor": "none",
-    "savefig.facecolor": "none",
-    "svg.fonttype": "none",
-    "svg.hashsalt": "poise",
-    "path.simplify": True,
-    "path.simplify_threshold": 0.25,
-}
+_SHEET = Path(__file__).with_name("templates") / "plots.mplstyle"
 
 
 @contextmanager
@@ -121,7 +85,7 @@ def house_style() -> Generator[None]:
         from matplotlib import style
     except ImportError:
         raise MissingExtraError("matplotlib", "sim", "a plot") from None
-    with catch_warnings(), style.context(["default", _RC]):
+    with catch_warnings(), style.context(["default", _SHEET]):
         # The browser draws the text with its own fonts, so a glyph missing here is not missing.
         filterwarnings("ignore", message="Glyph .* missing from")
         yield

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from poise.apps.pages import EVENT, REFERENCE, inline_svg, number, plain, power_of_ten
 from poise.apps.report._record import Event, RunView
@@ -94,16 +94,10 @@ class TimeSheet:
                     end = event.time + event.duration
                     ax.axvspan(event.time, end, color=EVENT, alpha=0.16, linewidth=0, zorder=0)
         for event, row, side in labels:
-            self.axes[0].text(
-                event.time,
-                1.0 + (0.05 + row * _EVENT_ROW) / first_height,
-                plain(event.label),
-                transform=self.axes[0].get_xaxis_transform(),
-                fontsize=8,
-                color=REFERENCE,
-                ha=side,
-                va="bottom",
-            )
+            height = 1.0 + (0.05 + row * _EVENT_ROW) / first_height
+            place = {"transform": self.axes[0].get_xaxis_transform(), "ha": side, "va": "bottom"}
+            words = plain(event.label)
+            self.axes[0].text(event.time, height, words, fontsize=8, color=REFERENCE, **place)
 
 
 def time_span(run: RunView) -> tuple[float, float]:
@@ -119,6 +113,13 @@ def legend_beside(ax: Any, title: str = "") -> None:
         place = {"loc": "upper left", "bbox_to_anchor": (1.015, 1.0), "alignment": "left"}
         legend = ax.legend(handles, labels, title=title or None, title_fontsize=8.5, **place)
         legend.set_in_layout(False)
+
+
+def colour_bar(figure: Any, colours: Any, place: tuple[float, ...], label: str) -> None:
+    """Draw a bar of colours in its own axes."""
+    bar = figure.colorbar(colours, cax=figure.add_axes(place))
+    bar.set_label(label)
+    bar.outline.set_visible(False)
 
 
 def name_rows(ax: Any, names: list[str]) -> None:
@@ -182,6 +183,18 @@ def bucket_max(
     width = -(-len(values) // buckets)
     starts = np.arange(0, len(values), width)
     return np.fmax.reduceat(values, starts, axis=0), len(starts) * width
+
+
+def stretches(
+    time: Float64[np.ndarray, " T"], on: Bool[np.ndarray, " T"], end: float
+) -> list[tuple[float, float]]:
+    """Start and length of each stretch in which a flag is set [s]."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
+    times = np.append(time, end)
+    return [
+        (float(times[a]), float(times[b] - times[a]))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
 
 
 def _place_labels(

@@ -15,6 +15,7 @@ from poise.apps.report._plots._sheet import (
     legend_beside,
     log_axis,
     name_rows,
+    stretches,
 )
 from poise.apps.report._record import RunView
 
@@ -82,14 +83,10 @@ def _useful_top(run: RunView) -> float:
 
 def _draw_status(ax: Any, run: RunView, end: float) -> None:
     codes = [_OK, *sorted(set(run.status) - {_OK})]
-    status = np.array([codes.index(s) for s in run.status])
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(status)) + 1, [len(status)]])
-    times = np.append(run.time, end)
-    colours = [GOOD, BAD, "#CC79A7", "#E69F00", "#56B4E9", INK]
+    colours = [GOOD, BAD, *PALETTE[3:6], INK]
     for code, name in enumerate(codes):
-        starts = [i for i in range(len(edges) - 1) if status[edges[i]] == code]
-        bars = [(times[edges[i]], times[edges[i + 1]] - times[edges[i]]) for i in starts]
-        count = int((status == code).sum())
+        on = np.array([status == name for status in run.status])
+        bars, count = stretches(run.time, on, end), int(on.sum())
         label = f"{plain(name, 18)} ({count} {'tick' if count == 1 else 'ticks'})"
         colour = colours[min(code, len(colours) - 1)]
         # The edge keeps a single bad tick among thousands visible.

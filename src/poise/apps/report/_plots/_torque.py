@@ -7,7 +7,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.pages import INK, LINE, MUTED, line_style, number, plain
-from poise.apps.report._plots._sheet import PlotFigure, TimeSheet, bucket_max, legend_beside
+from poise.apps.report._plots._sheet import (
+    PlotFigure,
+    TimeSheet,
+    bucket_max,
+    colour_bar,
+    legend_beside,
+)
 from poise.apps.report._record import RunView
 
 _LINES = 6
@@ -102,16 +108,9 @@ def _heat_map(sheet: TimeSheet, run: RunView, ratio: Float64[np.ndarray, "T nj"]
     names = short_names(run.joint_names)
     buckets, rows = bucket_max(ratio[:, order])
     end = sheet.start + (sheet.end - sheet.start) * rows / len(ratio)
-    image = ax.imshow(
-        buckets.T,
-        aspect="auto",
-        extent=(sheet.start, end, len(order) - 0.5, -0.5),
-        cmap=_LOAD_COLOURS,
-        vmin=0.0,
-        vmax=1.0,
-        interpolation="nearest",
-        zorder=0.5,
-    )
+    place = {"extent": (sheet.start, end, len(order) - 0.5, -0.5), "zorder": 0.5}
+    shown = {"cmap": _LOAD_COLOURS, "vmin": 0.0, "vmax": 1.0, "interpolation": "nearest"}
+    image = ax.imshow(buckets.T, aspect="auto", **place, **shown)
     ax.set_xlim(sheet.start, sheet.end)
     ax.grid(visible=False)
     ax.set_yticks(range(len(order)), [names[i] for i in order])
@@ -121,27 +120,13 @@ def _heat_map(sheet: TimeSheet, run: RunView, ratio: Float64[np.ndarray, "T nj"]
         if first:
             ax.axhline(first - 0.5, color="white", linewidth=2.5)
         middle = first + count / 2.0 - 0.5
-        ax.annotate(
-            plain(name),
-            (1.0, middle),
-            xytext=(6, 0),
-            textcoords="offset points",
-            xycoords=ax.get_yaxis_transform(),
-            va="center",
-            fontsize=8,
-            color=MUTED,
-        )
+        place = {"transform": ax.get_yaxis_transform(), "va": "center", "color": MUTED}
+        ax.text(1.01, middle, plain(name), fontsize=8, **place)
         first += count
-    _colour_bar(sheet, image)
-
-
-def _colour_bar(sheet: TimeSheet, image: object) -> None:
-    box = sheet.axes[0].get_position()
+    box = ax.get_position()
     height = min(box.height, 2.0 / sheet.figure.get_figheight())
-    place = sheet.figure.add_axes((0.945, box.y1 - height, 0.01, height))
-    bar = sheet.figure.colorbar(image, cax=place)
-    bar.set_label("torque / limit [-]")
-    bar.outline.set_visible(False)
+    place = (0.945, box.y1 - height, 0.01, height)
+    colour_bar(sheet.figure, image, place, "torque / limit [-]")
 
 
 def _highest(sheet: TimeSheet, run: RunView, ratio: Float64[np.ndarray, "T nj"]) -> None:

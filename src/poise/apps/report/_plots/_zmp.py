@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int
+from jaxtyping import Float64, Int
 
 from poise.apps.pages import COM, EVENT, INK, SUPPORT, ZMP, inline_svg, line_style, plain
 from poise.apps.report._plots._sheet import (
@@ -11,8 +11,10 @@ from poise.apps.report._plots._sheet import (
     WIDTH,
     PlotFigure,
     TimeSheet,
+    colour_bar,
     legend_beside,
     name_rows,
+    stretches,
     time_span,
 )
 from poise.apps.report._record import RunView
@@ -56,25 +58,13 @@ def draw_forces(run: RunView) -> list[PlotFigure]:
         sheet.plot(force, total, color=EVENT, linewidth=0.9, label="sum")
     for i, sole in enumerate(run.soles):
         sheet.plot(force, sole.normal_force, label=plain(sole.name), **line_style(i))
-        bars = _intervals(run.time, sole.planned, sheet.end)
+        bars = stretches(run.time, sole.planned, sheet.end)
         phases.broken_barh(bars, (i - 0.32, 0.64), color=line_style(i)["color"], alpha=0.75)
     force.set_ylim(bottom=min(0.0, force.get_ylim()[0]))
     force.set_ylabel("normal force [N]")
     name_rows(phases, [plain(s.name, 14) for s in run.soles])
     legend_beside(force)
     return [sheet.finish("forces", "Ground forces of the soles")]
-
-
-def _intervals(
-    time: Float64[np.ndarray, " T"], on: Bool[np.ndarray, " T"], end: float
-) -> list[tuple[float, float]]:
-    """Start and length of each stretch in which a flag is set [s]."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
-    times = np.append(time, end)
-    return [
-        (float(times[a]), float(times[b] - times[a]))
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-    ]
 
 
 def draw_zmp(run: RunView) -> list[PlotFigure]:
@@ -103,9 +93,7 @@ def _from_above(run: RunView) -> PlotFigure:
         ax.set_xlim(centre[0] - half[0], centre[0] + half[0])
         ax.set_ylim(centre[1] - half[1], centre[1] + half[1])
     colours = ScalarMappable(norm, _TIME_COLOURS)
-    bar = figure.colorbar(colours, cax=figure.add_axes((0.925, 0.2, 0.012, 0.6)))
-    bar.set_label("time [s]")
-    bar.outline.set_visible(False)
+    colour_bar(figure, colours, (0.925, 0.2, 0.012, 0.6), "time [s]")
     title = "ZMP and COM in the support polygon, from above"
     svg = inline_svg(figure, "support", title)
     return PlotFigure(name="support", title=title, svg=svg)
