@@ -211,7 +211,7 @@ class Camera:
         return [np.array(list(product(*np.transpose(box)))) for box in ends]
 
     def _distance_for_all(self) -> float:
-        """How far away the camera has to be to see the whole robot and what it walks on [m].
+        """Least distance that shows the whole robot and what it walks on [m].
 
         A point at d from the robot's middle, where the camera looks, is seen if
 
@@ -239,7 +239,7 @@ class Camera:
         if not np.isfinite(aim).all():
             return
         self._view.lookat[:] += ratio * (aim - self._view.lookat)
-        # It steps back at once for what would be cut off, and comes back slowly.
+        # It steps back without delay for what would be cut off, and comes back slowly.
         rest = self._view.distance + ratio * (nearest - self._view.distance)
         self._view.distance = max(rest, self._distance_for_all())
 

@@ -45,7 +45,7 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TaskTrack:
-    """How far one task was from its target over the run."""
+    """Distance of one task from its target over the run."""
 
     name: str
     level: int  # priority, 0 is the highest
@@ -55,7 +55,7 @@ class TaskTrack:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SoleTrack:
-    """What one sole carried over the run."""
+    """Load of one sole over the run."""
 
     name: str
     normal_force: Float64[np.ndarray, " T"]  # of the ground along the sole's normal [N]
@@ -75,7 +75,7 @@ class SupportPhase:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BaseErrors:
-    """How far the estimate of the base is off, a figure a tick."""
+    """Errors of the estimate of the base, a figure a tick."""
 
     # level distance of the position from the true one [m]: dead reckoning, it grows with the way
     drift: Float64[np.ndarray, " T"] = field(repr=False)
@@ -85,7 +85,7 @@ class BaseErrors:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunView:
-    """What happened in one run; arrays have a row a control tick (T ticks, nj joints)."""
+    """Course of one run; arrays have a row a control tick (T ticks, nj joints)."""
 
     robot: str
     controller: str

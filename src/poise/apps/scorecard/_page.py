@@ -83,13 +83,13 @@ def reasons_of(card: Card) -> dict[str, list[str]]:
 
 
 def _names(cards: Sequence[Card]) -> list[str]:
-    """What tells cards of one robot apart, as shortly as it can be said."""
+    """Shortest names that tell cards of one robot apart."""
     versions = {card.version for card in cards}
     return [card.title if len(versions) > 1 else card.how for card in cards]
 
 
 def _worst(card: Card) -> tuple[str, str, str]:
-    """What a card is worst at, how far it was survived, and what happened first."""
+    """Worst case of a card, the amount survived, and the first failure."""
     if card.worst is None:
         return "", "nothing was tried.", ""
     trial, case = card.worst
