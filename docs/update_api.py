@@ -17,6 +17,7 @@ MODULES = (
     "poise.sim",
     "poise.apps.scenarios",
     "poise.apps.report",
+    "poise.apps.pages",
     "poise.apps.teleoperation",
     "poise.apps.campaigns",
     "poise.apps.scorecard",

@@ -11,7 +11,7 @@ from math import isfinite
 from typing import Any
 
 from benchmarks.drawing import number
-from poise.apps.report import house_style, inline_svg
+from poise.apps.pages import house_style, inline_svg
 from poise.errors import ConfigurationError, MissingExtraError
 
 WIDTH = 12.0

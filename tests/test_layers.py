@@ -35,7 +35,7 @@ MUJOCO_USERS = ("sim/", "apps/scenarios/_replay.py")
 OPTIONAL = (
     "mujoco", "matplotlib", "mcap", "tqdm", "imageio", "qpsolvers", "osqp", "proxsuite", "piqp",
     "clarabel", "quadprog", "example_robot_data", "websockets", "pygame", "msgspec",
-    "pyarrow", "distributed", "submitit", "optuna",
+    "pyarrow", "distributed", "submitit", "optuna", "jinja2",
 )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ from PIL import Image
 
 from benchmarks.hqp.problem_set import load_sequence
 from poise._compiled import compiled, view
-from poise.apps.report._plots._style import INK, LINE, MUTED, PALETTE, house_style
+from poise.apps.pages import INK, LINE, MUTED, PALETTE, house_style
 from poise.hqp import HierarchicalProblem, LexicographicSolver
 from poise.hqp._active_set.guess import guess
 from poise.hqp._active_set.moves import find_values, leap

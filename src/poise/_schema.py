@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cache, wraps
 from inspect import signature
+from types import MappingProxyType
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 import numpy as np
@@ -40,6 +41,9 @@ _WANTED = {
     "tuple_type": "a list",
 }
 """Right values by the type of Pydantic's error; others have its own message."""
+
+
+_REMOVED = "has a key that was removed"
 
 
 @dataclass(frozen=True)
@@ -141,18 +145,28 @@ Triple = Annotated[tuple[float, float, float], Vector(3)]
 Point = Annotated[Float64[np.ndarray, "3"], Vector(3)]
 
 
-def checked(error: type[PoiseError] = ConfigurationError) -> Callable[[type[T]], type[T]]:
-    """Make a dataclass check and convert its fields before its `__post_init__` whenever made."""
+def checked(
+    error: type[PoiseError] = ConfigurationError, *, removed: Mapping[str, str] | None = None
+) -> Callable[[type[T]], type[T]]:
+    """Make a dataclass check and convert its fields before its `__post_init__` whenever made.
+
+    Args:
+        error: raised for what cannot be.
+        removed: fields of former versions, each with its replacement.
+    """
+    gone = removed or {}
 
     def decorate(kind: type[T]) -> type[T]:
         kind.__pydantic_config__ = _CONFIG  # pyright: ignore[reportAttributeAccessIssue]
         kind.__get_pydantic_core_schema__ = classmethod(  # pyright: ignore[reportAttributeAccessIssue]
-            lambda kind, source, handler: keyed(_keys(kind), handler(source))
+            lambda kind, source, handler: keyed(_keys(kind), handler(source), gone)
         )
         parameters = signature(kind)
 
         @wraps(kind.__init__)
         def init(self: T, *args: object, **values: object) -> None:
+            for name in gone.keys() & values.keys():
+                raise error(f"{kind.__name__} {_REMOVED}", got=name, wanted=gone[name])
             given = ArgsKwargs((), parameters.bind(*args, **values).arguments)
             _validate(kind, given, kind.__name__, error, self)
 
@@ -193,11 +207,15 @@ def _keys(kind: Any) -> list[str]:
     return keys
 
 
-def keyed(keys: Iterable[str], schema: CoreSchema) -> CoreSchema:
+def keyed(
+    keys: Iterable[str], schema: CoreSchema, removed: Mapping[str, str] = MappingProxyType({})
+) -> CoreSchema:
     """Schema of a mapping that has no other keys; errors of Poise in it get their place."""
 
     def check(data: object, handler: Callable[[object], object]) -> object:
         for key in data if isinstance(data, dict) else ():
+            if key in removed:
+                raise PydanticCustomError("key", _REMOVED, {"got": key, "wanted": removed[key]})
             if key not in keys:
                 said = {"got": key, "choices": tuple(keys)}
                 raise PydanticCustomError("key", "has an unknown key", said)

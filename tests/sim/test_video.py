@@ -6,6 +6,7 @@ import pytest
 
 from poise.errors import ConfigurationError, MissingExtraError, TargetError
 from poise.sim import (
+    Block,
     Camera,
     Marker,
     NoDisplayError,
@@ -222,8 +223,8 @@ def test_a_variable_that_names_a_platform_is_named_where_it_does_not_draw(
     monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
     tried = []
 
-    def fails(command, **_):
-        tried.append(command[-1])
+    def fails(command, env, **_):
+        tried.append(env["MUJOCO_GL"])
         return subprocess.CompletedProcess([], returncode=1)
 
     monkeypatch.setattr(subprocess, "run", fails)
@@ -273,3 +274,23 @@ def test_recordings_that_do_not_fit_are_refused(plant, biped, tmp_path):
 def test_pictures_that_cannot_be_are_refused(make):
     with pytest.raises(ConfigurationError):
         make()
+
+
+def test_a_block_underfoot_is_seen_whole(biped, opengl_here):
+    block = Block(center=(0.2, 0.0), size=(0.5, 0.6, 0.05))
+    bare, there = (Plant(biped, PlantConfig(blocks=b)).model for b in ((), (block,)))
+    with Camera(biped, there, SMALL) as camera:
+        camera.picture(biped.q_home)
+        shown = camera.picture(biped.q_home).astype(int)
+        distance = camera._view.distance
+    with Camera(biped, bare, SMALL) as camera:
+        camera.picture(biped.q_home)
+        nearer = camera._view.distance
+        camera._follow = lambda dt: setattr(camera._view, "distance", distance)
+        plain = camera.picture(biped.q_home).astype(int)
+    changed = np.nonzero(np.abs(shown - plain).sum(axis=2) > 30)
+    assert distance > nearer
+    assert len(changed[0]) > 100
+    for pixels, size in zip(changed, (180, 320), strict=True):
+        assert pixels.min() > 0
+        assert pixels.max() < size - 1

@@ -12,6 +12,9 @@ from poise.robots._robot import Robot
 _VIEWS = (("from the front", 1, "y [m]"), ("from the right", 0, "x [m]"))
 """Title, the coordinate that is drawn across, and its label."""
 
+_LEAST_SHARE = 0.4
+"""Least width of a view by its height: three labels of six letters fit below it."""
+
 
 def draw_robot(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Any:
     """A matplotlib figure: links as lines between joints, soles, hands, pelvis, torso and COM."""
@@ -29,9 +32,18 @@ def draw_robot(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Any:
         _draw_frames(axes, robot, data, across)
         axes.plot(com[across], com[2], "o", color="tab:orange", label="COM")
         axes.margins(x=0.3)
+        _widen(axes)
         axes.set(title=title, xlabel=label, ylabel="z [m]", aspect="equal")
     figure.axes[0].legend(fontsize=7, loc="upper right")
     return figure
+
+
+def _widen(axes: Any) -> None:
+    """Make room beside a slender robot, so that the labels below it do not overlap."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    half = max(0.5 * (right - left), _LEAST_SHARE * 0.5 * (high - low))
+    axes.set_xlim(0.5 * (left + right) - half, 0.5 * (left + right) + half)
+    axes.locator_params(axis="x", nbins=3)
 
 
 def _draw_frames(axes: Any, robot: Robot, data: pin.Data, across: int) -> None:

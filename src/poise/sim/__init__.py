@@ -10,12 +10,7 @@ if (_refusal := refusal()) is not None:
 
 from poise.sim._blocks import BlockWatch as BlockWatch
 from poise.sim._bridge import MujocoBridge
-from poise.sim._camera import (
-    Camera,
-    Marker,
-    find_opengl as find_opengl,
-    force_marker as force_marker,
-)
+from poise.sim._camera import Camera, Marker, find_opengl as find_opengl
 from poise.sim._config import Actuation as Actuation, PlantConfig
 from poise.sim._disturbances import Block, Push as Push
 from poise.sim._log import finish_log as finish_log, read_log, write_log as write_log

@@ -1,7 +1,4 @@
-"""Pictures of the plant, drawn without a screen.
-
-Finding a platform to draw without a screen, without touching the user's environment.
-Points and arrows drawn into a picture: centre of mass, targets, contact forces.
+"""Pictures of the plant, drawn without a screen, with points and arrows in them.
 
 MuJoCo's package decides on OpenGL while it is imported, and PyOpenGL does so once for the life of a
 process. So each platform is tried in a process of its own, and the first that draws is then used
@@ -21,6 +18,7 @@ from typing import Annotated, Any, ClassVar
 import mujoco
 import numpy as np
 from jaxtyping import Float64, UInt8
+from mujoco.rendering.classic import gl_context
 
 from poise._schema import Bounds, Count, Number, Positive, Triple, Vector, checked
 from poise.robots import Robot
@@ -30,14 +28,7 @@ from poise.sim._mujoco import asked_platform, missing_library
 _PLATFORMS = ("egl", "osmesa")
 """EGL first: it uses a graphics card where there is one."""
 
-_TRIAL = """
-import importlib, sys
-import mujoco
-context = importlib.import_module("mujoco." + sys.argv[1]).GLContext(64, 64)
-context.make_current()
-mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), 50).free()
-context.free()
-"""
+_TRIAL = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 64, 64)"
 
 _TRIAL_SECONDS = 60.0
 """A driver that hangs counts as none."""
@@ -54,7 +45,7 @@ def find_opengl() -> str | None:
     for platform in _PLATFORMS if asked is None else asked[1:]:
         try:
             done = subprocess.run(
-                [sys.executable, "-c", _TRIAL, platform],
+                [sys.executable, "-c", _TRIAL],
                 env=os.environ | {"MUJOCO_GL": platform, "PYOPENGL_PLATFORM": platform},
                 capture_output=True,
                 timeout=_TRIAL_SECONDS,
@@ -67,23 +58,8 @@ def find_opengl() -> str | None:
     return None
 
 
-def make_context(width: int, height: int) -> Any:
-    """Make an OpenGL context without a screen, current in this thread."""
-    platform = find_opengl()
-    if platform is None:
-        raise missing_library()
-    context = importlib.import_module(f"mujoco.{platform}").GLContext(width, height)
-    context.make_current()
-    return context
-
-
 Colour = Annotated[tuple[float, float, float, float], Vector(4, Bounds(least=0.0, most=1.0))]
 """Red, green, blue, opacity in [0, 1]."""
-
-COM_COLOUR: Colour = (0.95, 0.55, 0.05, 1.0)
-ZMP_COLOUR: Colour = (0.80, 0.10, 0.55, 1.0)
-TARGET_COLOUR: Colour = (0.10, 0.60, 0.25, 0.85)
-FORCE_COLOUR: Colour = (0.05, 0.45, 0.85, 1.0)
 
 _ARROW_WIDTH = 0.016
 """Radius of an arrow's shaft [m]."""
@@ -104,43 +80,17 @@ class Marker:
     position: Triple
     arrow: Triple | None = None
     radius: Positive = 0.025
-    colour: Colour = TARGET_COLOUR
+    colour: Colour = (0.10, 0.60, 0.25, 0.85)
 
 
-def add_marker(scene: mujoco.MjvScene, marker: Marker) -> None:
-    """Add a marker to a scene; one that has no room left in the scene is not drawn."""
-    if scene.ngeom >= scene.maxgeom:
-        return
-    geom = scene.geoms[scene.ngeom]
-    colour = np.array(marker.colour, dtype=np.float32)
-    position = np.array(marker.position, dtype=np.float64)
-    size = np.full(3, marker.radius)
-    mujoco.mjv_initGeom(geom, int(mujoco.mjtGeom.mjGEOM_SPHERE), size, position, _IDENTITY, colour)
-    if marker.arrow is not None:
-        # MuJoCo draws half of what it is given (seen with 4.0, and held by a test).
-        tip = position + 2.0 * np.array(marker.arrow)
-        mujoco.mjv_connector(geom, int(mujoco.mjtGeom.mjGEOM_ARROW), _ARROW_WIDTH, position, tip)
-    scene.ngeom += 1
-
-
-def force_marker(
-    position: Float64[np.ndarray, "3"], force: Float64[np.ndarray, "3"], scale: float
-) -> Marker:
-    """An arrow for a force in the world [N], `scale` metres a newton."""
-    x, y, z = (float(f) * scale for f in force)
-    px, py, pz = (float(p) for p in position)
-    return Marker(position=(px, py, pz), arrow=(x, y, z), colour=FORCE_COLOUR)
-
-
-_IDENTITY = np.eye(3).ravel()
-
-
-_MAX_GEOMS = 4000
 _FILLED = 0.9
 """How much of the picture's height and width the robot may fill; the rest is for the lag."""
 
 _FOLLOW_SECONDS = 0.4
 """The camera follows the robot with this lag, so that the picture does not shake with it."""
+
+_GROUND = 0.35
+"""Ground about the robot that is seen, in robot heights: a long step ahead and behind."""
 
 
 @checked()
@@ -154,7 +104,7 @@ class CameraConfig:
         azimuth: direction of view about z, 0 looks along x [deg].
         elevation: direction of view above the horizon, negative looks down [deg].
         distance: from the camera to the robot, in robot heights; it steps back where the robot
-            would not be seen whole.
+            would not be seen whole, or what it walks on.
         antialiasing: samples a pixel, 0 for none; each costs time in software.
     """
 
@@ -188,19 +138,14 @@ class Camera:
         self.config = config if config is not None else CameraConfig()
         self._model, self._data = model, mujoco.MjData(model)
         self._map = StateMap(robot, model)
-        self._rect = mujoco.MjrRect(0, 0, self.config.width, self.config.height)
-        self._gl = make_context(self.config.width, self.config.height)
-        self._context = self._make_drawing_context()
-        self._scene = mujoco.MjvScene(model, _MAX_GEOMS)
-        for flag in (
-            mujoco.mjtRndFlag.mjRND_SHADOW,
-            mujoco.mjtRndFlag.mjRND_REFLECTION,
-            mujoco.mjtRndFlag.mjRND_HAZE,
-        ):
-            self._scene.flags[flag] = False
-        self._option = mujoco.MjvOption()
+        self._renderer = _renderer(model, self.config)
         self._view = mujoco.MjvCamera()
-        self._frame_home(robot)
+        self._view.azimuth, self._view.elevation = self.config.azimuth, self.config.elevation
+        self._place(robot.q_home)
+        self._height = float(self._boxes(model.geom_bodyid > 0)[1][:, 2].max())
+        self._lift = 0.5 * self._height - float(self._data.subtree_com[1, 2])
+        self._view.distance = self.config.distance * self._height
+        self._view.lookat[:] = self._aim()
 
     def picture(
         self,
@@ -219,33 +164,17 @@ class Camera:
         Returns:
             Red, green, blue, top row first.
         """
-        self._data.qpos[:] = self._map.qpos(q)
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
+        self._place(q)
         mujoco.mj_camlight(self._model, self._data)
         self._follow(dt)
-        mujoco.mjv_updateScene(
-            self._model,
-            self._data,
-            self._option,
-            None,
-            self._view,
-            int(mujoco.mjtCatBit.mjCAT_ALL),
-            self._scene,
-        )
+        self._renderer.update_scene(self._data, self._view)
         for marker in markers:
-            add_marker(self._scene, marker)
-        self._gl.make_current()
-        mujoco.mjr_render(self._rect, self._scene, self._context)
-        rgb = np.empty((self.config.height, self.config.width, 3), dtype=np.uint8)
-        mujoco.mjr_readPixels(rgb, None, self._rect, self._context)
-        return rgb[::-1]
+            _add_marker(self._renderer.scene, marker)
+        return self._renderer.render()
 
     def close(self) -> None:
         """Free the graphics memory."""
-        self._gl.make_current()
-        self._context.free()
-        self._gl.free()
+        self._renderer.close()
 
     def __enter__(self) -> "Camera":
         return self
@@ -253,47 +182,36 @@ class Camera:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _make_drawing_context(self) -> mujoco.MjrContext:
-        """MuJoCo takes the size of its picture buffer from the model: lend it, and put it back."""
-        buffer, quality = self._model.vis.global_, self._model.vis.quality
-        before = (buffer.offwidth, buffer.offheight, quality.offsamples, quality.shadowsize)
-        try:
-            buffer.offwidth, buffer.offheight = self.config.width, self.config.height
-            quality.offsamples, quality.shadowsize = self.config.antialiasing, 0
-            context = mujoco.MjrContext(self._model, int(mujoco.mjtFontScale.mjFONTSCALE_150))
-        finally:
-            buffer.offwidth, buffer.offheight, quality.offsamples, quality.shadowsize = before
-        mujoco.mjr_setBuffer(int(mujoco.mjtFramebuffer.mjFB_OFFSCREEN), context)
-        return context
-
-    def _frame_home(self, robot: Robot) -> None:
-        """Look at the middle of the robot in its home posture."""
-        self._data.qpos[:] = self._map.qpos(robot.q_home)
+    def _place(self, q: Float64[np.ndarray, " nq"]) -> None:
+        self._data.qpos[:] = self._map.qpos(q)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
-        _, upper = self._box()
-        height = float(upper[2])
-        self._lift = 0.5 * height - float(self._data.subtree_com[1, 2])
-        self._nearest = self.config.distance * height
-        self._view.distance = self._nearest
-        self._view.azimuth, self._view.elevation = self.config.azimuth, self.config.elevation
-        self._view.lookat[:] = self._aim()
 
-    def _box(self) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
-        """Corners of a box around the robot, along the world's axes [m]."""
-        data, model = self._data, self._model
-        own = model.geom_bodyid > 0
-        turns = data.geom_xmat[own].reshape(-1, 3, 3)
-        boxes = model.geom_aabb[own]
-        centers = data.geom_xpos[own] + np.einsum("nij,nj->ni", turns, boxes[:, :3])
+    def _boxes(
+        self, chosen: Any
+    ) -> tuple[Float64[np.ndarray, "ngeom 3"], Float64[np.ndarray, "ngeom 3"]]:
+        """Lower and upper corners of boxes around shapes, along the world's axes [m]."""
+        turns = self._data.geom_xmat[chosen].reshape(-1, 3, 3)
+        boxes = self._model.geom_aabb[chosen]
+        centers = self._data.geom_xpos[chosen] + np.einsum("nij,nj->ni", turns, boxes[:, :3])
         halves = np.einsum("nij,nj->ni", np.abs(turns), boxes[:, 3:])
+        return centers - halves, centers + halves
+
+    def _seen(self) -> list[Float64[np.ndarray, "corners 3"]]:
+        """Corners of a box around the robot, and of blocks as far as they are near it [m]."""
+        model, bodies = self._model, self._data.xpos[1:]
+        lower, upper = self._boxes(model.geom_bodyid > 0)
         # Bodies count too: some documents have pictures of a few links only.
-        bodies = data.xpos[1:]
-        lower = np.vstack([centers - halves, bodies]).min(axis=0)
-        return lower, np.vstack([centers + halves, bodies]).max(axis=0)
+        ends = [(np.vstack([lower, bodies]).min(axis=0), np.vstack([upper, bodies]).max(axis=0))]
+        planes = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
+        aim, reach = self._aim(), np.array([_GROUND, _GROUND, 1.0]) * self._height
+        for low, high in zip(*self._boxes((model.geom_bodyid == 0) & ~planes), strict=True):
+            low, high = np.maximum(low, aim - reach), np.minimum(high, aim + reach)
+            ends += [(low, high)] if (low < high).all() else []
+        return [np.array(list(product(*np.transpose(box)))) for box in ends]
 
     def _distance_for_all(self) -> float:
-        """How far away the camera has to be to see the whole robot [m].
+        """Least distance that shows the whole robot and what it walks on [m].
 
         A point at d from the robot's middle, where the camera looks, is seen if
 
@@ -305,23 +223,60 @@ class Camera:
         c, s = np.cos(elevation), np.sin(elevation)
         ahead = np.array([np.cos(azimuth) * c, np.sin(azimuth) * c, s])
         right = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
-        up = np.cross(right, ahead)
-        corners = np.array(list(product(*np.transpose(self._box())))) - self._aim()
+        corners = np.vstack(self._seen()) - self._aim()
         slope = _FILLED * np.tan(0.5 * np.radians(float(self._model.vis.global_.fovy)))
         ratio = self.config.width / self.config.height
-        across = np.maximum(np.abs(corners @ up), np.abs(corners @ right) / ratio)
+        up = np.abs(corners @ np.cross(right, ahead))
+        across = np.maximum(up, np.abs(corners @ right) / ratio)
         return float(np.max(across / slope - corners @ ahead))
 
     def _aim(self) -> Float64[np.ndarray, "3"]:
-        com = self._data.subtree_com[1]
-        return np.array([com[0], com[1], com[2] + self._lift])
+        return self._data.subtree_com[1] + [0.0, 0.0, self._lift]
 
     def _follow(self, dt: float | None) -> None:
         ratio = 1.0 if dt is None else 1.0 - np.exp(-dt / _FOLLOW_SECONDS)
-        aim = self._aim()
+        aim, nearest = self._aim(), self.config.distance * self._height
         if not np.isfinite(aim).all():
             return
         self._view.lookat[:] += ratio * (aim - self._view.lookat)
-        # It steps back at once for an arm or a foot that would be cut off, and comes back slowly.
-        rest = self._view.distance + ratio * (self._nearest - self._view.distance)
+        # It steps back without delay for what would be cut off, and comes back slowly.
+        rest = self._view.distance + ratio * (nearest - self._view.distance)
         self._view.distance = max(rest, self._distance_for_all())
+
+
+def _renderer(model: mujoco.MjModel, config: CameraConfig) -> mujoco.Renderer:
+    """Make a renderer on the platform that draws here, without shadows and reflections."""
+    platform = find_opengl()
+    if platform is None:
+        raise missing_library()
+    # MuJoCo takes the size of its picture buffer from the model, and the platform from its package.
+    buffer, quality = model.vis.global_, model.vis.quality
+    before = (buffer.offwidth, buffer.offheight, quality.offsamples, quality.shadowsize)
+    packaged = getattr(gl_context, "GLContext", None)
+    try:
+        buffer.offwidth, buffer.offheight = config.width, config.height
+        quality.offsamples, quality.shadowsize = config.antialiasing, 0
+        gl_context.GLContext = importlib.import_module(f"mujoco.{platform}").GLContext
+        renderer = mujoco.Renderer(model, config.height, config.width)
+    finally:
+        gl_context.GLContext = packaged
+        buffer.offwidth, buffer.offheight, quality.offsamples, quality.shadowsize = before
+    for flag in ("SHADOW", "REFLECTION", "HAZE"):
+        renderer.scene.flags[getattr(mujoco.mjtRndFlag, f"mjRND_{flag}")] = False
+    return renderer
+
+
+def _add_marker(scene: mujoco.MjvScene, marker: Marker) -> None:
+    """Add a marker to a scene; one that has no room left in the scene is not drawn."""
+    if scene.ngeom >= scene.maxgeom:
+        return
+    geom = scene.geoms[scene.ngeom]
+    colour = np.array(marker.colour, dtype=np.float32)
+    position = np.array(marker.position, dtype=np.float64)
+    size, turn = np.full(3, marker.radius), np.eye(3).ravel()
+    mujoco.mjv_initGeom(geom, int(mujoco.mjtGeom.mjGEOM_SPHERE), size, position, turn, colour)
+    if marker.arrow is not None:
+        # MuJoCo draws half of what it is given (seen with 4.0, and held by a test).
+        tip = position + 2.0 * np.array(marker.arrow)
+        mujoco.mjv_connector(geom, int(mujoco.mjtGeom.mjGEOM_ARROW), _ARROW_WIDTH, position, tip)
+    scene.ngeom += 1

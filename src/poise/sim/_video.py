@@ -1,8 +1,6 @@
-"""A video of a run, drawn after it from its recorded configurations.
+"""A video of a run, drawn after it from its recorded configurations."""
 
-What is drawn into the video of a recorded run: centre of mass, zero-moment point, forces.
-"""
-
+import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,22 +8,18 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64, UInt8
+from jaxtyping import Float64
 
 from poise._schema import Positive, checked
 from poise.errors import ConfigurationError, MissingExtraError, TargetError
 from poise.robots import Robot
-from poise.sim._camera import (
-    COM_COLOUR,
-    ZMP_COLOUR,
-    Camera,
-    CameraConfig,
-    Colour,
-    Marker,
-    force_marker,
-)
+from poise.sim._camera import Camera, CameraConfig, Colour, Marker
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord
+
+_COM_COLOUR: Colour = (0.95, 0.55, 0.05, 1.0)
+_ZMP_COLOUR: Colour = (0.80, 0.10, 0.55, 1.0)
+_FORCE_COLOUR: Colour = (0.05, 0.45, 0.85, 1.0)
 
 _BODY_WEIGHT_LENGTH = 0.45
 """Length of the arrow of a force as large as the robot's weight [m]."""
@@ -46,31 +40,29 @@ def run_markers(robot: Robot, record: RunRecord) -> Callable[[int], tuple[Marker
     The centre of mass is drawn as its projection on the ground. Forces are drawn before the toes:
     at the sole's centre, where they act, the leg would hide them.
     """
-    qs, coms, zmps = record["q"], record["com"], record["zmp"]
+    points = ((record["com"], _COM_COLOUR), (record["zmp"], _ZMP_COLOUR))
     wrenches = {name: record[f"wrench/{name}"] for name in robot.soles}
     data = robot.model.createData()
-    weight = robot.weight
 
     def markers(index: int) -> tuple[Marker, ...]:
-        pin.framesForwardKinematics(robot.model, data, qs[index])
-        found = [_ground_point(coms[index], COM_COLOUR), _ground_point(zmps[index], ZMP_COLOUR)]
+        pin.framesForwardKinematics(robot.model, data, record["q"][index])
+        found: list[Marker] = []
+        for point, colour in points:
+            x, y = (float(value) for value in point[index][:2])
+            if np.isfinite([x, y]).all():
+                found.append(Marker(position=(x, y, _ABOVE_GROUND), colour=colour))
         for name, wrench in wrenches.items():
             world_T_sole = data.oMf[robot.frame_id(name)]
-            force = world_T_sole.rotation @ wrench[index, :3]
-            toes = np.array([0.5 * robot.soles[name].length + _BEFORE_TOES, 0.0, 0.0])
-            if np.linalg.norm(force) > _SMALLEST_FORCE * weight:
-                scale = _BODY_WEIGHT_LENGTH / weight
-                found.append(force_marker(world_T_sole.act(toes), force, scale))
-        return tuple(marker for marker in found if marker is not None)
+            force = world_T_sole.rotation @ wrench[index, :3] / robot.weight
+            if np.linalg.norm(force) > _SMALLEST_FORCE:
+                toes = np.array([0.5 * robot.soles[name].length + _BEFORE_TOES, 0.0, 0.0])
+                px, py, pz = (float(value) for value in world_T_sole.act(toes))
+                x, y, z = (_BODY_WEIGHT_LENGTH * float(value) for value in force)
+                arrow = Marker(position=(px, py, pz), arrow=(x, y, z), colour=_FORCE_COLOUR)
+                found.append(arrow)
+        return tuple(found)
 
     return markers
-
-
-def _ground_point(point: Float64[np.ndarray, " n"], colour: Colour) -> Marker | None:
-    x, y = float(point[0]), float(point[1])
-    if not np.isfinite([x, y]).all():
-        return None
-    return Marker(position=(x, y, _ABOVE_GROUND), colour=colour)
 
 
 @checked()
@@ -130,20 +122,27 @@ def render_video(
     """
     config, path = config if config is not None else VideoConfig(), Path(path)
     _check(plant, times, qs)
+    try:
+        imageio: Any = importlib.import_module("imageio.v2")
+        importlib.import_module("imageio_ffmpeg")
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("imageio-ffmpeg", "sim", "Making a video") from error
     indices = frame_indices(times, config)
-    with Camera(plant.robot, plant.drawn_model(), config.camera) as camera:
-        writer = _open_writer(path, config)
-        try:
-            for done, index in enumerate(indices):
-                drawn = markers(index) if markers is not None else ()
-                frame = camera.picture(qs[index], drawn, dt=config.speed / config.fps)
-                writer.send(np.ascontiguousarray(frame))
-                if poster is not None and done == len(indices) // 2:
-                    _write_picture(frame, Path(poster))
-                if progress is not None:
-                    progress(done + 1, len(indices))
-        finally:
-            writer.close()
+    # Small and quick; the moov atom first, so that a browser can start before the end.
+    coded = ["-crf", "23", "-preset", "veryfast", "-movflags", "+faststart"]
+    form = {"codec": "libx264", "macro_block_size": 2, "quality": None, "output_params": coded}
+    with (
+        Camera(plant.robot, plant.drawn_model(), config.camera) as camera,
+        imageio.get_writer(path, format="FFMPEG", fps=config.fps, **form) as writer,
+    ):
+        for done, index in enumerate(indices):
+            drawn = markers(index) if markers is not None else ()
+            frame = camera.picture(qs[index], drawn, dt=config.speed / config.fps)
+            writer.append_data(frame)
+            if poster is not None and done == len(indices) // 2:
+                imageio.imwrite(poster, frame, format="JPEG")
+            if progress is not None:
+                progress(done + 1, len(indices))
     return path
 
 
@@ -164,32 +163,3 @@ def _check(plant: Plant, times: Float64[np.ndarray, " n"], qs: Float64[np.ndarra
         )
     if np.any(np.diff(times) < 0.0):
         raise TargetError("the recorded times go back", wanted="rising times")
-
-
-def _write_picture(picture: UInt8[np.ndarray, "height width 3"], path: Path) -> None:
-    try:
-        from matplotlib import image
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("matplotlib", "sim", "Writing a picture") from error
-    save: Any = image.imsave
-    save(path, np.ascontiguousarray(picture), format="jpg")
-
-
-def _open_writer(path: Path, config: VideoConfig) -> Any:
-    try:
-        import imageio_ffmpeg
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("imageio-ffmpeg", "sim", "Making a video") from error
-    write_frames: Any = imageio_ffmpeg.write_frames
-    writer = write_frames(
-        str(path),
-        (config.camera.width, config.camera.height),
-        fps=config.fps,
-        codec="libx264",
-        macro_block_size=2,
-        quality=None,
-        # Small and quick; the moov atom first, so that a browser can start before the end.
-        output_params=["-crf", "23", "-preset", "veryfast", "-movflags", "+faststart"],
-    )
-    writer.send(None)
-    return writer

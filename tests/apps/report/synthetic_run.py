@@ -78,7 +78,6 @@ def support_phases(time, feet):
                 start=float(time[a]),
                 end=float(end),
                 vertices=hull(corners),
-                label={3: "both", 1: "left", 2: "right"}.get(int(code[a]), "flight"),
             )
         )
     return tuple(phases)
@@ -235,8 +234,6 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, mesh=None, **cha
             level=0,
             unit="m",
             error=np.linalg.norm(com_error, axis=1),
-            components=com_error,
-            component_names=("x", "y", "z"),
         ),
         TaskTrack(
             name="swing foot",
@@ -253,8 +250,6 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, mesh=None, **cha
             level=2,
             unit="rad",
             error=0.4 + 0.1 * np.sin(time),
-            components=0.2 * wave,
-            component_names=joint_names(joints),
         ),
     )
     tick = {

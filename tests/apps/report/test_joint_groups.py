@@ -30,12 +30,6 @@ def test_the_order_keeps_every_joint_once_and_groups_together():
     assert groups == [("left leg", 2), ("right leg", 2), ("head", 1)]
 
 
-def test_given_groups_win_over_names():
-    order, groups = grouped_order(["l_hip", "r_hip", "l_knee"], ["a", "b", "a"])
-    assert order == [0, 2, 1]
-    assert groups == [("a", 2), ("b", 1)]
-
-
 def test_an_ending_that_all_names_share_is_left_out():
     assert short_names(["a_joint", "b_joint"]) == ["a", "b"]
     assert short_names(["a_joint", "b"]) == ["a_joint", "b"]

@@ -5,7 +5,7 @@ import pytest
 from synthetic_run import walking_record
 from unchecked import run_unchecked
 
-from poise.apps.report import Event, Geometry, Replay, TaskTrack
+from poise.apps.report import Event, Geometry, Replay
 from poise.errors import ConfigurationError
 
 
@@ -31,7 +31,6 @@ for name, value in {
     "status": ("ok",),
     "tick_us": {"solve": np.zeros(9)},
     "level_names": ("only one",),
-    "joint_groups": ("left leg",),
 }.items():
     try:
         walking_record(duration=1.0, **{name: value})
@@ -44,24 +43,12 @@ print(json.dumps(messages))
 def test_a_field_of_the_wrong_shape_is_refused_by_name():
     # In a process of its own: here the shape checks of the tests would speak first.
     messages = run_unchecked(WRONG_SHAPES, Path(__file__).parent)
-    assert len(messages) == 9
+    assert len(messages) == 8
     assert "got (250, 3); wanted (250, 33)" in messages["torque"]
     assert "without a tick" in messages["time"]
     assert "phase 'solve'" in messages["tick_us"]
-    for name in ("com", "zmp", "status", "level_names", "joint_groups", "torque_max"):
+    for name in ("com", "zmp", "status", "level_names", "torque_max"):
         assert name in messages[name]
-
-
-def test_component_names_must_fit_the_components():
-    with pytest.raises(ConfigurationError, match="wanted 3 names"):
-        TaskTrack(
-            name="com",
-            level=0,
-            unit="m",
-            error=np.zeros(5),
-            components=np.zeros((5, 3)),
-            component_names=("x", "y"),
-        )
 
 
 def test_an_event_needs_a_finite_time():

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from poise.apps.report._plots import estimate_figure
+from poise.apps.report._plots._tracking import draw_estimate
 from poise.apps.scenarios import load_scenario, run_scenario
 from poise.apps.scenarios._estimate import BaseKnowledge
 from poise.apps.scenarios._metrics import METRICS
@@ -119,8 +119,8 @@ def test_a_robot_heavier_than_described_is_found_so_and_the_report_shows_it():
     plant = replace(scenario.plant, mass_scale=1.1)
     run = run_scenario(replace(scenario, plant=plant, duration=4.0, checks=(), motions=()))
     assert run.record["payload_estimate"][-1, 0] == pytest.approx(0.1 * run.robot.mass, rel=0.1)
-    figure = estimate_figure(make_view(run.record, run.robot))
-    assert "Payload" in figure.how_to_read
+    (figure,) = draw_estimate(make_view(run.record, run.robot))
+    assert "payload [kg]" in figure.svg
 
 
 def test_where_the_truth_is_told_nothing_is_off():

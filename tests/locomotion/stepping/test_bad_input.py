@@ -85,6 +85,22 @@ def test_numbers_that_cannot_be_are_refused(bad):
         TeleopParameters(**bad)
 
 
+@pytest.mark.parametrize(
+    ("name", "replacement"),
+    [
+        ("w_S2", "the velocity level has the paper's number"),
+        ("touch_speed", "it follows from the robot's CoM height and soles"),
+        ("land_load", "it is the same for every robot"),
+        ("servo_stiffness", "servo_gains of the StepTeleoperator"),
+    ],
+)
+def test_a_parameter_that_was_removed_is_refused_with_what_is_there_now(name, replacement):
+    with pytest.raises(ConfigurationError, match=f"removed; got '{name}'; wanted .*{replacement}"):
+        TeleopParameters(**{name: 1.0})
+    with pytest.raises(ConfigurationError, match=f"removed; got '{name}'"):
+        replace(TeleopParameters(), **{name: 1.0})
+
+
 def test_feet_too_close_are_refused(get_robot):
     robot = get_robot("biped20")
     model = robot.model.copy()

@@ -9,6 +9,7 @@ from poise.apps.campaigns._folder import CampaignFolder
 from poise.apps.campaigns._runner import Runner
 from poise.apps.campaigns._tune import tune
 from poise.apps.campaigns._workers import LocalWorkers, Workers
+from poise.apps.pages import write_campaign_page
 from poise.apps.scenarios import Progress
 
 
@@ -37,9 +38,13 @@ def run_campaign(
     with folder.claimed(design.to_json()), workers or LocalWorkers() as crew:
         runner = Runner(crew, folder, progress=progress, total=design.count)
         plan = design.campaign.tune
-        if plan is not None:
-            return tune(design, plan, runner, folder.path)
-        return runner.run([*design.jobs()])
+        rows = (
+            runner.run([*design.jobs()])
+            if plan is None
+            else tune(design, plan, runner, folder.path)
+        )
+    write_campaign_page(rows, folder.path / "campaign.html")
+    return rows
 
 
 def replay_job(folder: CampaignFolder, number: int) -> Job:

@@ -1,11 +1,9 @@
 """The report of a run: one HTML page with plots, the video and a 3D replay, from plain arrays.
 
-Nothing of the simulator is imported here, and matplotlib only when a page is written. Pages and
-figures of one's own look the same with `html_document`, `house_style` and `inline_svg`.
+Nothing of the simulator is imported here, and matplotlib only when a page is written.
 """
 
-from poise.apps.report._page import asset as asset, html_document
-from poise.apps.report._plots import house_style, inline_svg
+from poise.apps.report._page import asset as asset, write_report as write_report
 from poise.apps.report._record import (
     BaseErrors as BaseErrors,
     Check as Check,
@@ -22,6 +20,5 @@ from poise.apps.report._replay import (
     Replay as Replay,
 )
 from poise.apps.report._replay_payload import shapes_payload as shapes_payload
-from poise.apps.report._write import write_report as write_report
 
-__all__ = ["house_style", "html_document", "inline_svg"]
+__all__: list[str] = []

@@ -19,12 +19,13 @@ _STEPS = 65535
 
 def replay_json(record: RunView, replay: Replay) -> str:
     """Everything the page's 3D replay draws, as one JSON object that is safe inside a script."""
-    ticks = _nearest(record.time, replay.time)
+    # The tick nearest to each frame.
+    ticks = np.rint(np.interp(replay.time, record.time, np.arange(len(record.time)))).astype(int)
     payload = {
         "bodies": len(replay.body_names),
         "time": _floats(replay.time),
         "position": _floats(replay.position),
-        "quaternion": _encode(_quantised(replay.quaternion)),
+        "quaternion": _encode(np.round(replay.quaternion * _QUATERNION_SCALE).astype("<i2")),
         "com": _floats(record.com[ticks]),
         "zmp": _floats(record.zmp[ticks]),
         **shapes_payload(replay.geometries),
@@ -40,20 +41,6 @@ def replay_json(record: RunView, replay: Replay) -> str:
     }
     text = json.dumps(payload, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")
-
-
-def _nearest(
-    time: Float64[np.ndarray, " T"], moments: Float64[np.ndarray, " F"]
-) -> Shaped[np.ndarray, " F"]:
-    """Index of the tick nearest to each frame."""
-    after = np.clip(np.searchsorted(time, moments), 1, max(len(time) - 1, 1))
-    after = np.minimum(after, len(time) - 1)
-    before = np.maximum(after - 1, 0)
-    return np.where(moments - time[before] <= time[after] - moments, before, after)
-
-
-def _quantised(quaternion: Float64[np.ndarray, "F B 4"]) -> Shaped[np.ndarray, "F B 4"]:
-    return np.round(quaternion * _QUATERNION_SCALE).astype("<i2")
 
 
 def shapes_payload(geometries: Iterable[Geometry]) -> dict[str, list[dict[str, Any]]]:

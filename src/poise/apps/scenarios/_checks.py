@@ -1,11 +1,12 @@
 """Checks: what a scenario demands of its run, and what every run must hold."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
+from poise.apps.report import Check
 from poise.apps.scenarios._metrics import METRICS, Reading
 from poise.apps.scenarios._scenario import CheckPlan, Measurement, Scenario
 from poise.apps.scenarios._signals import RunSignals
@@ -17,35 +18,6 @@ from poise.stack import ComTask, Stack
 
 PHYSICS_RESIDUAL = 1e-6
 """Relative residual that dynamics, contacts and limits may have in any run."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CheckResult:
-    """A check with what was measured.
-
-    Attributes:
-        name: what was checked, in words.
-        metric: what was measured, a key of `METRICS`; or what every run is checked for: `fell`,
-            `ended_early` or `missed_ticks`.
-        value: what was measured, NaN where it could not be.
-        bound: what it was compared with.
-        relation: how a good value stands to the bound.
-        unit: unit of value and bound.
-        ok: whether it held; a value that could not be measured does not hold.
-        time: of the worst moment [s]; None where no single one decided.
-        mechanism: of a check that failed, what went wrong shortly before that moment; "" where
-            nothing is known.
-    """
-
-    name: str
-    metric: str
-    value: float
-    bound: float
-    relation: Literal["<=", ">="]
-    unit: str
-    ok: bool
-    time: float | None
-    mechanism: str
 
 
 def validate_checks(checks: Sequence[Measurement], stack: Stack, robot: Robot) -> None:
@@ -77,7 +49,7 @@ def evaluate_checks(
     robot: Robot,
     fell: bool,
     ended_early: str,
-) -> tuple[CheckResult, ...]:
+) -> tuple[Check, ...]:
     """Measures everything that must hold of a run."""
     results = _of_every_run(run, fell, ended_early)
     names = ("dynamics and torque limits", "contacts and joint limits")
@@ -91,7 +63,7 @@ def evaluate_checks(
     return tuple(_explained(result, run, symptoms) for result in results)
 
 
-def _of_every_run(run: RunSignals, fell: bool, ended_early: str) -> list[CheckResult]:
+def _of_every_run(run: RunSignals, fell: bool, ended_early: str) -> list[Check]:
     missed = missed_ticks(run)
     first = next((i for i, s in enumerate(run.status) if s != CommandStatus.OK.value), None)
     last = len(run.time) - 1
@@ -107,7 +79,7 @@ def _of_every_run(run: RunSignals, fell: bool, ended_early: str) -> list[CheckRe
     ]
 
 
-def _explained(result: CheckResult, run: RunSignals, symptoms: list[Symptom]) -> CheckResult:
+def _explained(result: Check, run: RunSignals, symptoms: list[Symptom]) -> Check:
     """A check that failed with what is known of how that came."""
     if result.ok or result.time is None:
         return result
@@ -134,7 +106,7 @@ def _read(plan: Measurement, run: RunSignals) -> Reading:
     return METRICS[plan.metric].measure(run, plan.subject, plan.axis_index, rows)
 
 
-def _measured(plan: CheckPlan, run: RunSignals, name: str) -> CheckResult:
+def _measured(plan: CheckPlan, run: RunSignals, name: str) -> Check:
     metric = METRICS[plan.metric]
     units = {task.name: task.unit for task in run.tasks}
     unit = units[plan.subject] if metric.subject == "task" else metric.unit
@@ -149,10 +121,10 @@ def _result(
     relation: Literal["<=", ">="] = "<=",
     bound: float = 0.0,
     unit: str = "",
-) -> CheckResult:
+) -> Check:
     value, row = reading
     holds = value <= bound if relation == "<=" else value >= bound
-    return CheckResult(
+    return Check(
         name=name,
         metric=metric,
         value=value,

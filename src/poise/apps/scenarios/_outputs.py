@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.report import Check, Event, RunView, SoleTrack, TaskTrack, write_report
-from poise.apps.scenarios._checks import CheckResult, missed_ticks
+from poise.apps.scenarios._checks import missed_ticks
 from poise.apps.scenarios._replay import make_replay
 from poise.apps.scenarios._run import Progress, Run
 from poise.apps.scenarios._signals import RunSignals, collect_signals
@@ -164,7 +164,7 @@ def make_view(
     robot: Robot,
     *,
     plant: Plant | None = None,
-    checks: Sequence[CheckResult] = (),
+    checks: Sequence[Check] = (),
     summary: Mapping[str, object] | None = None,
 ) -> RunView:
     """Everything that the report's page is made from."""
@@ -217,19 +217,7 @@ def make_view(
         tick_us=signals.tick_us,
         tick_budget_us=1e6 * config.control_dt,
         events=tuple(_events(record, signals)),
-        checks=tuple(
-            Check(
-                name=c.name,
-                value=c.value,
-                bound=c.bound,
-                relation=c.relation,
-                unit=c.unit,
-                ok=c.ok,
-                time=c.time,
-                mechanism=c.mechanism,
-            )
-            for c in checks
-        ),
+        checks=tuple(checks),
         summary=summary or {},
         replay=make_replay(plant, signals, pushes),
     )

@@ -14,7 +14,8 @@ import numpy as np
 
 from poise._progress import Bar
 from poise._show import html_table, new_figure
-from poise.apps.scenarios._checks import CheckResult, evaluate_checks
+from poise.apps.report import Check
+from poise.apps.scenarios._checks import evaluate_checks
 from poise.apps.scenarios._reader import load_scenario
 from poise.apps.scenarios._scenario import Scenario
 from poise.apps.scenarios._signals import RunSignals, collect_signals
@@ -50,7 +51,7 @@ class Run:
     controller: Controller = field(repr=False)
     record: RunRecord = field(repr=False)
     signals: RunSignals = field(repr=False)
-    checks: tuple[CheckResult, ...]
+    checks: tuple[Check, ...]
     fell: bool
     ended_early: str
     wall_seconds: float

@@ -10,7 +10,6 @@ from poise.apps.scorecard._card import (
 )
 from poise.apps.scorecard._page import (
     VERDICTS as VERDICTS,
-    amount_text as amount_text,
     reasons_of as reasons_of,
     result_text as result_text,
     write_page as write_page,

@@ -14,7 +14,11 @@ from poise.locomotion._walking._ground import CLEARANCE
 _Distance = Annotated[float, Bounds(least=0.0, most=LARGEST, unit="m")]
 
 
-@checked()
+@checked(
+    removed=dict.fromkeys(
+        ("early", "adjust", "com_bound"), "none: it is the same for every robot and walk"
+    )
+)
 @dataclass(frozen=True, kw_only=True)
 class WalkSettings:
     """Feedback, touchdown and limits of a walker.

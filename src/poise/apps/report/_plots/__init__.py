@@ -1,27 +1,36 @@
 """The plots of the report, a file for each subject; all of them need matplotlib."""
 
-from poise.apps.report._plots._estimate import estimate_figure
-from poise.apps.report._plots._sheet import PlotFigure
-from poise.apps.report._plots._style import house_style, inline_svg, number
-from poise.apps.report._plots._ticks import residuals_figure, tick_figures, tick_percentiles
-from poise.apps.report._plots._torque import joints_figure, torque_figure
-from poise.apps.report._plots._tracking import com_figure, tracking_figures, worst_tasks
-from poise.apps.report._plots._zmp import forces_figure, zmp_figures
+from collections.abc import Callable
 
-__all__ = [
-    "PlotFigure",
-    "com_figure",
-    "estimate_figure",
-    "forces_figure",
-    "house_style",
-    "inline_svg",
-    "joints_figure",
-    "number",
-    "residuals_figure",
-    "tick_figures",
-    "tick_percentiles",
-    "torque_figure",
-    "tracking_figures",
-    "worst_tasks",
-    "zmp_figures",
-]
+from poise.apps.report._plots._sheet import PlotFigure
+from poise.apps.report._plots._ticks import draw_residuals, draw_ticks, tick_percentiles
+from poise.apps.report._plots._torque import draw_joints, draw_torques
+from poise.apps.report._plots._tracking import (
+    draw_com,
+    draw_estimate,
+    draw_tracking,
+    largest_errors,
+)
+from poise.apps.report._plots._zmp import draw_forces, draw_zmp
+from poise.apps.report._record import RunView
+
+_PLOTS: tuple[Callable[[RunView], list[PlotFigure]], ...] = (
+    draw_tracking,
+    draw_com,
+    draw_zmp,
+    draw_forces,
+    draw_estimate,
+    draw_torques,
+    draw_joints,
+    draw_residuals,
+    draw_ticks,
+)
+"""In the page's order."""
+
+
+def draw_plots(run: RunView) -> list[PlotFigure]:
+    """Draw all plots for which the record has something to show."""
+    return [figure for draw in _PLOTS for figure in draw(run)]
+
+
+__all__ = ["PlotFigure", "draw_plots", "largest_errors", "tick_percentiles"]

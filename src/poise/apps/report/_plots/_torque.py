@@ -1,8 +1,4 @@
-"""Torques over their limits: all joints as a heat map, the highest ones as lines.
-
-Which joints belong together: given by the record, or guessed from their names.
-Joint positions: the joints that come nearest to their limits.
-"""
+"""Torques over their limits, and the joints that come nearest to their position limits."""
 
 import re
 from collections.abc import Sequence
@@ -10,19 +6,21 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.report._plots._sheet import PlotFigure, TimeSheet, bucket_max, legend_beside
-from poise.apps.report._plots._style import (
-    INK,
-    LIMIT,
-    LINE,
-    LOAD_COLOURS,
-    MUTED,
-    line_style,
-    number,
-    plain,
+from poise.apps.pages import INK, LINE, MUTED, line_style, number, plain
+from poise.apps.report._plots._sheet import (
+    PlotFigure,
+    TimeSheet,
+    bucket_max,
+    colour_bar,
+    legend_beside,
 )
 from poise.apps.report._record import RunView
 
+_LINES = 6
+_ROW = 0.155
+"""Height of a joint in the heat map [in]: its name is still readable."""
+_LOAD_COLOURS = "YlOrRd"
+"""Colour map for loads: pale at rest, darker all the way to the limit."""
 _PARTS = (
     ("leg", ("hip", "knee", "ankle", "leg", "thigh", "foot", "toe")),
     ("arm", ("shoulder", "elbow", "wrist", "arm", "hand", "grip", "finger", "thumb")),
@@ -35,11 +33,9 @@ _SIDES = (
 )
 
 
-def grouped_order(
-    names: Sequence[str], groups: Sequence[str] = ()
-) -> tuple[list[int], list[tuple[str, int]]]:
-    """Order joints so that those of one group stand together."""
-    of_joint = list(groups) or [guess_group(name) for name in names]
+def grouped_order(names: Sequence[str]) -> tuple[list[int], list[tuple[str, int]]]:
+    """Order joints so that those of one group stand together; size of each group."""
+    of_joint = [guess_group(name) for name in names]
     order: list[int] = []
     counts: list[tuple[str, int]] = []
     for group in dict.fromkeys(of_joint):
@@ -67,86 +63,54 @@ def short_names(names: Sequence[str]) -> list[str]:
     return [plain(name, 21) for name in names]
 
 
-_LINES = 6
-
-
-def joints_figure(record: RunView) -> PlotFigure | None:
-    """Distance of the six tightest joints to the nearer of their limits."""
-    if not record.joint_names:
-        return None
-    margin = limit_margin(record)
-    sheet = TimeSheet(record, [2.1])
+def draw_joints(run: RunView) -> list[PlotFigure]:
+    """Draw the distance of the six tightest joints to the nearer of their limits."""
+    if not run.joint_names:
+        return []
+    margin = np.minimum(run.position - run.position_min, run.position_max - run.position)
+    sheet = TimeSheet(run, [2.1])
     ax = sheet.axes[0]
-    names = short_names(record.joint_names)
+    names = short_names(run.joint_names)
     least = np.where(np.isfinite(margin), margin, np.inf).min(axis=0)
     for place, i in enumerate(np.argsort(least, kind="stable")[:_LINES]):
         if np.isfinite(least[i]):
             label = names[i]
             sheet.plot(ax, margin[:, i], label=label, **line_style(place))
-    ax.axhline(0.0, color=LIMIT, linewidth=1.1, zorder=1)
+    ax.axhline(0.0, color=INK, linewidth=1.1, zorder=1)
     low, high = ax.get_ylim()
     ax.set_ylim(min(low, -0.03 * (high - low)), high)
     ax.set_ylabel("distance to limit [rad]")
     legend_beside(ax, title="nearest to a limit")
-    return sheet.finish(
-        "joints",
-        "Joint positions near their limits",
-        "How far each of the tightest joints is from the nearer of its two limits; the dark line "
-        "at zero is the limit itself, and below it the limit is broken.",
-        short="Joint limits",
-    )
+    return [sheet.finish("joints", "Joint positions near their limits")]
 
 
-def limit_margin(record: RunView) -> Float64[np.ndarray, "T nj"]:
-    """Distance of each joint to its nearer position limit [rad], negative beyond it."""
-    return np.minimum(record.position - record.position_min, record.position_max - record.position)
+def draw_torques(run: RunView) -> list[PlotFigure]:
+    """Draw a heat map of all joints over time, and the six that come nearest to their limits."""
+    if not run.joint_names:
+        return []
+    ratio = torque_ratio(run)
+    sheet = TimeSheet(run, [max(_ROW * len(run.joint_names), 0.6), 2.1])
+    _heat_map(sheet, run, np.abs(ratio))
+    _highest(sheet, run, ratio)
+    return [sheet.finish("torque", "Joint torques over their limits")]
 
 
-_LINES = 6
-_ROW = 0.155
-"""Height of a joint in the heat map [in]: its name is still readable."""
-
-
-def torque_figure(record: RunView) -> PlotFigure | None:
-    """Heat map of all joints over time, and lines of the six that come nearest to their limits."""
-    if not record.joint_names:
-        return None
-    ratio = torque_ratio(record)
-    sheet = TimeSheet(record, [max(_ROW * len(record.joint_names), 0.6), 2.1])
-    _heat_map(sheet, record, np.abs(ratio))
-    _highest(sheet, record, ratio)
-    return sheet.finish(
-        "torque",
-        "Joint torques over their limits",
-        "Above, every joint is a row and dark red is at its limit; below are the joints that "
-        "came nearest to their limits, drawn as dark lines at −1 and 1.",
-        short="Torques",
-    )
-
-
-def torque_ratio(record: RunView) -> Float64[np.ndarray, "T nj"]:
+def torque_ratio(run: RunView) -> Float64[np.ndarray, "T nj"]:
     """Torque over its limit [-]; NaN for a joint without a limit."""
-    limit = np.where(record.torque_max > 0.0, record.torque_max, np.nan)
+    limit = np.where(run.torque_max > 0.0, run.torque_max, np.nan)
     limit = np.where(np.isfinite(limit), limit, np.nan)
-    return record.torque / limit
+    return run.torque / limit
 
 
-def _heat_map(sheet: TimeSheet, record: RunView, ratio: Float64[np.ndarray, "T nj"]) -> None:
+def _heat_map(sheet: TimeSheet, run: RunView, ratio: Float64[np.ndarray, "T nj"]) -> None:
     ax = sheet.axes[0]
-    order, groups = grouped_order(record.joint_names, record.joint_groups)
-    names = short_names(record.joint_names)
+    order, groups = grouped_order(run.joint_names)
+    names = short_names(run.joint_names)
     buckets, rows = bucket_max(ratio[:, order])
     end = sheet.start + (sheet.end - sheet.start) * rows / len(ratio)
-    image = ax.imshow(
-        buckets.T,
-        aspect="auto",
-        extent=(sheet.start, end, len(order) - 0.5, -0.5),
-        cmap=LOAD_COLOURS,
-        vmin=0.0,
-        vmax=1.0,
-        interpolation="nearest",
-        zorder=0.5,
-    )
+    place = {"extent": (sheet.start, end, len(order) - 0.5, -0.5), "zorder": 0.5}
+    shown = {"cmap": _LOAD_COLOURS, "vmin": 0.0, "vmax": 1.0, "interpolation": "nearest"}
+    image = ax.imshow(buckets.T, aspect="auto", **place, **shown)
     ax.set_xlim(sheet.start, sheet.end)
     ax.grid(visible=False)
     ax.set_yticks(range(len(order)), [names[i] for i in order])
@@ -156,39 +120,25 @@ def _heat_map(sheet: TimeSheet, record: RunView, ratio: Float64[np.ndarray, "T n
         if first:
             ax.axhline(first - 0.5, color="white", linewidth=2.5)
         middle = first + count / 2.0 - 0.5
-        ax.annotate(
-            plain(name),
-            (1.0, middle),
-            xytext=(6, 0),
-            textcoords="offset points",
-            xycoords=ax.get_yaxis_transform(),
-            va="center",
-            fontsize=8,
-            color=MUTED,
-        )
+        place = {"transform": ax.get_yaxis_transform(), "va": "center", "color": MUTED}
+        ax.text(1.01, middle, plain(name), fontsize=8, **place)
         first += count
-    _colour_bar(sheet, image)
-
-
-def _colour_bar(sheet: TimeSheet, image: object) -> None:
-    box = sheet.axes[0].get_position()
+    box = ax.get_position()
     height = min(box.height, 2.0 / sheet.figure.get_figheight())
-    place = sheet.figure.add_axes((0.945, box.y1 - height, 0.01, height))
-    bar = sheet.figure.colorbar(image, cax=place)
-    bar.set_label("torque / limit [-]")
-    bar.outline.set_visible(False)
+    place = (0.945, box.y1 - height, 0.01, height)
+    colour_bar(sheet.figure, image, place, "torque / limit [-]")
 
 
-def _highest(sheet: TimeSheet, record: RunView, ratio: Float64[np.ndarray, "T nj"]) -> None:
+def _highest(sheet: TimeSheet, run: RunView, ratio: Float64[np.ndarray, "T nj"]) -> None:
     ax = sheet.axes[1]
-    names = short_names(record.joint_names)
+    names = short_names(run.joint_names)
     filled = np.where(np.isfinite(ratio), np.abs(ratio), 0.0).max(axis=0)
     for place, i in enumerate(np.argsort(-filled, kind="stable")[:_LINES]):
-        limit = record.torque_max[i]
+        limit = run.torque_max[i]
         label = f"{names[i]} ({number(float(limit))})"
         sheet.plot(ax, ratio[:, i], label=label, **line_style(place))
     for bound in (-1.0, 1.0):
-        ax.axhline(bound, color=LIMIT, linewidth=1.1, zorder=1)
+        ax.axhline(bound, color=INK, linewidth=1.1, zorder=1)
     ax.axhline(0.0, color=LINE, linewidth=0.8, zorder=0)
     low, high = ax.get_ylim()
     ax.set_ylim(min(low, -1.08), max(high, 1.08))

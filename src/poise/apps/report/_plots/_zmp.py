@@ -1,94 +1,27 @@
-"""The ZMP in the support polygon: from above, and over time against the polygon's bounds.
-
-Bounds of the support polygon over time.
-Ground forces of the soles, with the contacts that the controller counted on.
-"""
+"""The ZMP in the support polygon, from above and over time, and ground forces of the soles."""
 
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int
+from jaxtyping import Float64, Int
 
-from poise.apps.report._plots._sheet import WIDTH, PlotFigure, TimeSheet, legend_beside, time_span
-from poise.apps.report._plots._style import (
-    COM,
-    EVENT,
-    LIMIT,
-    REFERENCE,
-    SUPPORT,
-    TIME_COLOURS,
-    ZMP,
-    inline_svg,
-    line_style,
-    plain,
+from poise.apps.pages import COM, EVENT, INK, SUPPORT, ZMP, inline_svg, line_style, plain
+from poise.apps.report._plots._sheet import (
+    DASHED,
+    WIDTH,
+    PlotFigure,
+    TimeSheet,
+    colour_bar,
+    legend_beside,
+    name_rows,
+    stretches,
+    time_span,
 )
 from poise.apps.report._record import RunView
 from poise.locomotion import signed_margin
 
-
-def support_over_time(
-    record: RunView,
-) -> tuple[Float64[np.ndarray, "T 2"], Float64[np.ndarray, "T 2"], Float64[np.ndarray, " T"]]:
-    """Least and greatest x, y of the support polygon, and the ZMP's margin in it, tick by tick."""
-    low = np.full((len(record.time), 2), np.nan)
-    high, margin = low.copy(), np.full(len(record.time), np.nan)
-    for phase in record.support:
-        if len(phase.vertices) == 0:
-            continue
-        last = phase is record.support[-1]
-        ticks = (record.time >= phase.start) & (
-            (record.time <= phase.end) if last else (record.time < phase.end)
-        )
-        low[ticks], high[ticks] = phase.vertices.min(axis=0), phase.vertices.max(axis=0)
-        margin[ticks] = signed_margin(record.zmp[ticks], phase.vertices)
-    return low, high, margin
-
-
-def forces_figure(record: RunView) -> PlotFigure | None:
-    """Normal force of every sole, their sum, and a bar while each contact is planned."""
-    if not record.soles:
-        return None
-    sheet = TimeSheet(record, [2.0, max(0.22 * len(record.soles), 0.3)])
-    force, phases = sheet.axes
-    if len(record.soles) > 1:
-        total = np.nansum([s.normal_force for s in record.soles], axis=0)
-        sheet.plot(force, total, color=EVENT, linewidth=0.9, label="sum")
-    for i, sole in enumerate(record.soles):
-        sheet.plot(force, sole.normal_force, label=plain(sole.name), **line_style(i))
-        bars = _intervals(record.time, sole.planned, sheet.end)
-        phases.broken_barh(bars, (i - 0.32, 0.64), color=line_style(i)["color"], alpha=0.75)
-    force.set_ylim(bottom=min(0.0, force.get_ylim()[0]))
-    force.set_ylabel("normal force [N]")
-    _name_rows(phases, [plain(s.name, 14) for s in record.soles])
-    legend_beside(force)
-    return sheet.finish(
-        "forces",
-        "Ground forces of the soles",
-        "Each line is what one sole carries; a bar below shows when the controller counts on that "
-        "contact, and outside it the line should be at zero.",
-        short="Forces",
-    )
-
-
-def _name_rows(ax: Any, names: list[str]) -> None:
-    ax.set_ylim(len(names) - 0.5, -0.5)
-    ax.set_yticks(range(len(names)), names)
-    ax.tick_params(axis="y", length=0)
-    ax.grid(visible=False, axis="y")
-
-
-def _intervals(
-    time: Float64[np.ndarray, " T"], on: Bool[np.ndarray, " T"], end: float
-) -> list[tuple[float, float]]:
-    """Start and length of each stretch in which a flag is set [s]."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
-    times = np.append(time, end)
-    return [
-        (float(times[a]), float(times[b] - times[a]))
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-    ]
-
-
+_TIME_COLOURS = "cividis"
+"""Colour map for time: even in lightness, and made for colour-blind readers."""
 _TRAIL_POINTS = 600
 _LEAST_VIEW = 0.12
 """Least half-width of the view from above [m]."""
@@ -96,72 +29,95 @@ _WIDE = 1.8
 """A ground this many times longer than wide gets its two views one above the other."""
 
 
-def zmp_figures(record: RunView) -> list[PlotFigure]:
-    """View from above, and the ZMP over time."""
-    return [_from_above(record), _over_time(record)]
+def support_over_time(
+    run: RunView,
+) -> tuple[Float64[np.ndarray, "T 2"], Float64[np.ndarray, "T 2"], Float64[np.ndarray, " T"]]:
+    """Least and greatest x, y of the support polygon, and the ZMP's margin in it, tick by tick."""
+    low = np.full((len(run.time), 2), np.nan)
+    high, margin = low.copy(), np.full(len(run.time), np.nan)
+    for phase in run.support:
+        if len(phase.vertices) == 0:
+            continue
+        last = phase is run.support[-1]
+        ticks = (run.time >= phase.start) & (
+            (run.time <= phase.end) if last else (run.time < phase.end)
+        )
+        low[ticks], high[ticks] = phase.vertices.min(axis=0), phase.vertices.max(axis=0)
+        margin[ticks] = signed_margin(run.zmp[ticks], phase.vertices)
+    return low, high, margin
 
 
-def _from_above(record: RunView) -> PlotFigure:
+def draw_forces(run: RunView) -> list[PlotFigure]:
+    """Draw the normal force of every sole, their sum, and a bar while each contact is planned."""
+    if not run.soles:
+        return []
+    sheet = TimeSheet(run, [2.0, max(0.22 * len(run.soles), 0.3)])
+    force, phases = sheet.axes
+    if len(run.soles) > 1:
+        total = np.nansum([s.normal_force for s in run.soles], axis=0)
+        sheet.plot(force, total, color=EVENT, linewidth=0.9, label="sum")
+    for i, sole in enumerate(run.soles):
+        sheet.plot(force, sole.normal_force, label=plain(sole.name), **line_style(i))
+        bars = stretches(run.time, sole.planned, sheet.end)
+        phases.broken_barh(bars, (i - 0.32, 0.64), color=line_style(i)["color"], alpha=0.75)
+    force.set_ylim(bottom=min(0.0, force.get_ylim()[0]))
+    force.set_ylabel("normal force [N]")
+    name_rows(phases, [plain(s.name, 14) for s in run.soles])
+    legend_beside(force)
+    return [sheet.finish("forces", "Ground forces of the soles")]
+
+
+def draw_zmp(run: RunView) -> list[PlotFigure]:
+    """Draw the view from above, and the ZMP over time."""
+    return [_from_above(run), _over_time(run)]
+
+
+def _from_above(run: RunView) -> PlotFigure:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    centre, half = _view(record)
+    centre, half = _view(run)
     wide = bool(half[0] > _WIDE * half[1])
     figure: Any = Figure(figsize=(WIDTH, _height(half, wide)))
     rows, columns = (2, 1) if wide else (1, 2)
     bottom = 0.6 / figure.get_figheight()
     grid = {"left": 0.08, "right": 0.9, "bottom": bottom, "top": 1.0 - 0.6 * bottom}
     axes = figure.subplots(rows, columns, gridspec_kw={**grid, "hspace": 0.35, "wspace": 0.2})
-    norm = Normalize(*time_span(record))
-    trails = (("ZMP", record.zmp), ("COM, seen from above", record.com[:, :2]))
+    norm = Normalize(*time_span(run))
+    trails = (("ZMP", run.zmp), ("COM, seen from above", run.com[:, :2]))
     for ax, (name, trail) in zip(axes, trails, strict=True):
-        _draw_polygons(ax, record)
-        _draw_trail(ax, record.time, trail, norm)
+        _draw_polygons(ax, run)
+        _draw_trail(ax, run.time, trail, norm)
         ax.set(title=name, xlabel="x, forward [m]", ylabel="y, left [m]", aspect="equal")
         ax.set_xlim(centre[0] - half[0], centre[0] + half[0])
         ax.set_ylim(centre[1] - half[1], centre[1] + half[1])
-    colours = ScalarMappable(norm, TIME_COLOURS)
-    bar = figure.colorbar(colours, cax=figure.add_axes((0.925, 0.2, 0.012, 0.6)))
-    bar.set_label("time [s]")
-    bar.outline.set_visible(False)
-    return PlotFigure(
-        name="support",
-        title="ZMP and COM in the support polygon, from above",
-        short_title="Support",
-        how_to_read="Green outlines are the support polygons of the run, the trails run from dark "
-        "(start) to bright (end); a ZMP on an outline means that the robot is about to tip over "
-        "that edge.",
-        svg=inline_svg(figure, "support", "ZMP and COM in the support polygon"),
-    )
+    colours = ScalarMappable(norm, _TIME_COLOURS)
+    colour_bar(figure, colours, (0.925, 0.2, 0.012, 0.6), "time [s]")
+    title = "ZMP and COM in the support polygon, from above"
+    svg = inline_svg(figure, "support", title)
+    return PlotFigure(name="support", title=title, svg=svg)
 
 
-def _over_time(record: RunView) -> PlotFigure:
-    low, high, margin = support_over_time(record)
-    sheet = TimeSheet(record, [1.35, 1.35, 1.15])
+def _over_time(run: RunView) -> PlotFigure:
+    low, high, margin = support_over_time(run)
+    sheet = TimeSheet(run, [1.35, 1.35, 1.15])
     kept = _changes(low, high)
     for i, name in enumerate(("x", "y")):
         ax = sheet.axes[i]
-        bounds = (record.time[kept], low[kept, i], high[kept, i])
+        bounds = (run.time[kept], low[kept, i], high[kept, i])
         ax.fill_between(*bounds, color=SUPPORT, alpha=0.16, linewidth=0, label="support")
-        sheet.plot(ax, record.zmp[:, i], color=ZMP, label="ZMP")
-        if record.zmp_reference is not None and np.isfinite(record.zmp_reference).any():
-            dashed = {"color": REFERENCE, "linestyle": (0, (4, 2)), "linewidth": 1.0}
-            sheet.plot(ax, record.zmp_reference[:, i], label="reference", **dashed)
-            sheet.plot(ax, record.com[:, i], color=COM, label="COM")
+        sheet.plot(ax, run.zmp[:, i], color=ZMP, label="ZMP")
+        if run.zmp_reference is not None and np.isfinite(run.zmp_reference).any():
+            sheet.plot(ax, run.zmp_reference[:, i], label="reference", **DASHED)
+            sheet.plot(ax, run.com[:, i], color=COM, label="COM")
         ax.set_ylabel(f"{name} [m]")
     sheet.plot(sheet.axes[2], margin, color=ZMP, label="margin")
-    sheet.axes[2].axhline(0.0, color=LIMIT, linewidth=1.0, label="edge")
+    sheet.axes[2].axhline(0.0, color=INK, linewidth=1.0, label="edge")
     sheet.axes[2].set_ylabel("margin [m]")
     for ax in (sheet.axes[0], sheet.axes[2]):
         legend_beside(ax)
-    return sheet.finish(
-        "zmp",
-        "ZMP over time",
-        "The green band is the extent of the support polygon along each axis; the margin is the "
-        "distance to the nearest edge, and below zero the ZMP is outside. Gaps are flight.",
-        short="ZMP",
-    )
+    return sheet.finish("zmp", "ZMP over time")
 
 
 def _changes(
@@ -173,22 +129,18 @@ def _changes(
     return np.unique(np.concatenate([[0], new, new + 1, [len(both) - 1]]))
 
 
-def _draw_polygons(ax: Any, record: RunView) -> None:
+def _draw_polygons(ax: Any, run: RunView) -> None:
     from matplotlib.patches import Polygon
 
     seen: set[bytes] = set()
-    for phase in record.support:
+    for phase in run.support:
         # The same stance comes back many times while walking on the spot: draw it once.
         key = np.round(phase.vertices, 4).tobytes()
         if len(phase.vertices) < 2 or key in seen:
             continue
         seen.add(key)
-        ax.add_patch(
-            Polygon(phase.vertices, facecolor=(0.0, 0.62, 0.45, 0.07), edgecolor="none", zorder=0)
-        )
-        ax.add_patch(
-            Polygon(phase.vertices, facecolor="none", edgecolor=SUPPORT, linewidth=0.9, zorder=2)
-        )
+        ax.add_patch(Polygon(phase.vertices, facecolor=SUPPORT, alpha=0.07, zorder=0))
+        ax.add_patch(Polygon(phase.vertices, fill=False, edgecolor=SUPPORT, lw=0.9, zorder=2))
 
 
 def _draw_trail(
@@ -200,40 +152,28 @@ def _draw_trail(
     points, times = trail[index], time[index]
     segments = np.stack([points[:-1], points[1:]], axis=1)
     whole = np.isfinite(segments).all(axis=(1, 2))
+    coloured = {"cmap": _TIME_COLOURS, "norm": norm}
     lines = LineCollection(
-        list(segments[whole]),
-        cmap=TIME_COLOURS,
-        norm=norm,
-        linewidths=1.8,
-        capstyle="round",
-        zorder=3,
+        list(segments[whole]), linewidths=1.8, capstyle="round", zorder=3, **coloured
     )
     lines.set_array(times[:-1][whole])
     ax.add_collection(lines, autolim=False)
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
     if finite.size:
         ends = finite[[0, -1]]
-        ax.scatter(
-            *points[ends].T,
-            c=times[ends],
-            cmap=TIME_COLOURS,
-            norm=norm,
-            s=34,
-            zorder=4,
-            edgecolor="w",
-        )
+        ax.scatter(*points[ends].T, c=times[ends], s=34, zorder=4, edgecolor="w", **coloured)
 
 
-def _view(record: RunView) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
+def _view(run: RunView) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
     """Centre and half-widths [m] of what the view from above must show."""
-    points = [record.zmp, record.com[:, :2], *(p.vertices for p in record.support)]
+    points = [run.zmp, run.com[:, :2], *(p.vertices for p in run.support)]
     everything = np.concatenate(points)
     everything = everything[np.isfinite(everything).all(axis=1)]
     if len(everything) == 0:
         return np.zeros(2), np.full(2, 0.5)
     # A fall throws the ZMP far away for a few ticks; they must not shrink everything else.
     low, high = np.percentile(everything, [0.2, 99.8], axis=0)
-    solid = [p.vertices for p in record.support if len(p.vertices)]
+    solid = [p.vertices for p in run.support if len(p.vertices)]
     if solid:
         corners = np.concatenate(solid)
         size = np.ptp(corners, axis=0) + 0.3

@@ -145,7 +145,31 @@ def _measured(dynamics: Dynamics, sole: str, q: Float64[np.ndarray, " nq"]) -> L
     return leg
 
 
-@checked()
+_REMOVED = {
+    name: replacement
+    for names, replacement in (
+        (
+            "acceleration_max r_lift k_omega k_level omega_lim w_B w_S1 w_S2 w_L w_B1 epsilon "
+            "momentum_leak capture_max ct_zmp_max shift_time tilt_soft velocity_leak lift_speed "
+            "lift_acceleration",
+            "none: the velocity level has the paper's number, scaled to the robot",
+        ),
+        (
+            "v_lim clear_height support_margin touch_speed press_speed feet_gap fold_min",
+            "none: it follows from the robot's CoM height and soles",
+        ),
+        (
+            "k_v land_load unload_load unload_time shift_timeout zmp_time swing_time knee_min "
+            "reach_margin",
+            "none: it is the same for every robot",
+        ),
+        ("servo_stiffness servo_damping", "servo_gains of the StepTeleoperator"),
+    )
+    for name in names.split()
+}
+
+
+@checked(removed=_REMOVED)
 @dataclass(frozen=True, kw_only=True)
 class TeleopParameters:
     """Settings of the step teleoperator; the defaults are for `biped20`, at velocity level.

@@ -1,20 +1,17 @@
-"""Colours, fonts and words that all plots share.
-
-A matplotlib figure as SVG that can stand inside the page.
-"""
+"""Colours, fonts and numbers of all plots, and a matplotlib figure as SVG inside a page."""
 
 import io
 import re
 from collections.abc import Generator
 from contextlib import contextmanager
 from html import escape
-from math import log10
+from math import isfinite, isnan, log10
+from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, filterwarnings
 
 from poise.errors import MissingExtraError
 
-_PAGE_FONT = "var(--font)"
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _PATH_DATA = re.compile(r' d="[^"]*"')
 _ID = re.compile(r' id="([^"]+)"')
@@ -43,7 +40,7 @@ def inline_svg(figure: Any, name: str, label: str) -> str:
         count=1,
     )
     text = _PATH_DATA.sub(lambda m: _LONG_NUMBER.sub(_shorten, m.group().replace("\n", "")), text)
-    text = text.replace("xlink:href", "href").replace(f"'{FONT}'", _PAGE_FONT)
+    text = text.replace("xlink:href", "href").replace(f"'{_FONT}'", "var(--font)")
     return _own_ids(text, name)
 
 
@@ -66,70 +63,20 @@ def _own_ids(text: str, name: str) -> str:
 # Okabe and Ito's colours, which stay apart for colour-blind readers; yellow is left out because
 # it vanishes on white, and black because it is the text's.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C3E")
-DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
+_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
 """Line styles: the palette comes round with the next one."""
+COM, ZMP, SUPPORT = PALETTE[:3]
+GOOD, BAD = SUPPORT, ZMP
+INK, MUTED, LINE = "#1F2933", "#616E7C", "#CBD2D9"
+REFERENCE, EVENT = "#52606D", "#7B8794"
 
-COM = "#0072B2"
-ZMP = "#D55E00"
-REFERENCE = "#52606D"
-SUPPORT = "#009E73"
-GOOD = "#009E73"
-BAD = "#D55E00"
-INK = "#1F2933"
-MUTED = "#616E7C"
-LINE = "#CBD2D9"
-EVENT = "#7B8794"
-LIMIT = "#1F2933"
-"""Lines that must not be crossed: dark, because no signal is."""
-TIME_COLOURS = "cividis"
-"""Colour map for time: even in lightness, and made for colour-blind readers."""
-LOAD_COLOURS = "YlOrRd"
-"""Colour map for loads: pale at rest, darker all the way to the limit."""
-
-FONT = "DejaVu Sans"
-_RC: dict[str, Any] = {
-    "font.family": FONT,
-    "font.size": 9.0,
-    "axes.labelsize": 9.0,
-    "axes.titlesize": 10.0,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.titlepad": 6.0,
-    "axes.edgecolor": "#9AA5B1",
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.unicode_minus": True,
-    "grid.color": "#E4E7EB",
-    "grid.linewidth": 0.7,
-    "text.color": INK,
-    "text.parse_math": False,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
-    "legend.fontsize": 8.5,
-    "legend.frameon": False,
-    "legend.borderaxespad": 0.0,
-    "legend.handlelength": 1.8,
-    "lines.linewidth": 1.3,
-    "lines.solid_joinstyle": "round",
-    "figure.facecolor": "none",
-    "axes.facecolor": "none",
-    "savefig.facecolor": "none",
-    "svg.fonttype": "none",
-    "svg.hashsalt": "poise",
-    "path.simplify": True,
-    "path.simplify_threshold": 0.25,
-}
+_FONT = "DejaVu Sans"
+_SHEET = Path(__file__).with_name("templates") / "plots.mplstyle"
 
 
 @contextmanager
 def house_style() -> Generator[None]:
-    """Draw in the report's style, whatever the user's own matplotlib settings are.
+    """Draw in the style of all pages, whatever the user's own matplotlib settings are.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -137,8 +84,8 @@ def house_style() -> Generator[None]:
     try:
         from matplotlib import style
     except ImportError:
-        raise MissingExtraError("matplotlib", "sim", "the report of a run") from None
-    with catch_warnings(), style.context(["default", _RC]):
+        raise MissingExtraError("matplotlib", "sim", "a plot") from None
+    with catch_warnings(), style.context(["default", _SHEET]):
         # The browser draws the text with its own fonts, so a glyph missing here is not missing.
         filterwarnings("ignore", message="Glyph .* missing from")
         yield
@@ -146,7 +93,7 @@ def house_style() -> Generator[None]:
 
 def line_style(index: int) -> dict[str, Any]:
     """Colour and dashes of the line with this number, for `Axes.plot`."""
-    dashes = DASHES[(index // len(PALETTE)) % len(DASHES)]
+    dashes = _DASHES[(index // len(PALETTE)) % len(_DASHES)]
     return {"color": PALETTE[index % len(PALETTE)], "linestyle": dashes}
 
 
@@ -161,27 +108,16 @@ def plain(text: str, limit: int = 26) -> str:
 
 
 def number(value: float | int) -> str:
-    """A number as a reader likes it: three or four figures, powers of ten only where needed."""
-    if value != value:
-        return "–"
-    if value in (float("inf"), float("-inf")):
-        return "∞" if value > 0 else "−∞"
-    if value == 0:
-        return "0"
+    """A number with three or four figures, and powers of ten only where needed."""
+    if not isfinite(value):
+        return "–" if isnan(value) else "∞" if value > 0 else "−∞"
     size = abs(value)
-    if size >= 1e5 or size < 1e-3:
+    if size and (size >= 1e5 or size < 1e-3):
         mantissa, exponent = f"{value:.2e}".split("e")
         text = f"{float(mantissa):g}e{int(exponent)}"
-    elif size >= 100:
-        text = f"{value:.0f}"
     else:
-        text = f"{value:.3g}"
+        text = f"{value:.0f}" if size >= 100 else f"{value:.3g}"
     return text.replace("-", "−")
-
-
-def plain_number(value: float, _position: int = 0) -> str:
-    """Label of a tick as a plain number."""
-    return number(value)
 
 
 def power_of_ten(value: float, _position: int = 0) -> str:
