@@ -39,23 +39,24 @@ def add_parser(verbs: Any) -> None:
 def act(options: argparse.Namespace) -> int:
     """Runs until somebody ends it."""
     check_seconds(options)
-    from poise.apps.live import DRIVE_PLANT, DriveSession
+    from poise.apps.live import WALK_PLANT, LiveSession
     from poise.robots import load_robot
 
     robot = load_robot(options.robot)
     folder = Path(options.out or f"runs/drive-{Path(robot.name).stem}")
-    session = DriveSession(
+    session = LiveSession(
         robot,
         folder,
+        by="velocity",
         port=options.port,
         gamepad=options.device == "gamepad",
-        plant=DRIVE_PLANT.with_noise() if options.noise else DRIVE_PLANT,
+        plant=WALK_PLANT.with_noise() if options.noise else WALK_PLANT,
         seed=options.seed,
     )
     before = set(folder.glob("*.mcap"))
     run_live(session, robot.name, "To walk: arrow keys; to turn: Q and E.", options)
     logs = sorted(path.name for path in set(folder.glob("*.mcap")) - before)
     print(f"logs in {folder}: {', '.join(logs) if logs else 'none'}")
-    if session.loop.takes.room.is_full:
-        print(f"poise: {session.loop.takes.room.notice}", file=sys.stderr)
+    if session.takes.room.is_full:
+        print(f"poise: {session.takes.room.notice}", file=sys.stderr)
     return 0

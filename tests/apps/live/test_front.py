@@ -163,7 +163,7 @@ def test_every_message_is_answered_with_what_the_feet_feel(front, session):
             beat(operator)
             told = answer(operator)
             left, right = told["forces"]
-            weight = 9.81 * session.loop.robot.mass
+            weight = 9.81 * session.loop.lead.robot.mass
             assert left[2] + right[2] == pytest.approx(weight, rel=0.1)
             assert np.abs([*left[:2], *right[:2]]).max() < 0.2 * weight
 

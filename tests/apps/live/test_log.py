@@ -10,7 +10,11 @@ from operators import wait_for
 pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
-from poise.apps.live import LiveLoop, OperatorInputs, Takes, _log as logs
+from poise.apps.live import _log as logs
+from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._leads import FootLead
+from poise.apps.live._log import Takes
+from poise.apps.live._loop import LiveLoop
 from poise.apps.teleoperation import (
     VELOCITY_TELEOP_PLANT,
     RecordingError,
@@ -25,9 +29,8 @@ from poise.sim import Recorder
 
 @pytest.fixture
 def loop(get_robot, tmp_path):
-    robot = get_robot("biped20")
-    takes = Takes(tmp_path / "takes")
-    made = LiveLoop(robot, OperatorInputs(), takes, plant=VELOCITY_TELEOP_PLANT)
+    lead = FootLead(get_robot("biped20"), OperatorInputs(), VELOCITY_TELEOP_PLANT)
+    made = LiveLoop(lead, Takes(tmp_path / "takes"))
     made.start()
     wait_for(lambda: made.snapshot, "the first picture")
     yield made
@@ -36,7 +39,7 @@ def loop(get_robot, tmp_path):
 
 def drive(loop, pad, until, what):
     def seen():
-        loop._inputs.take(pad)
+        loop.lead.inputs.take(pad)
         return until(loop.snapshot)
 
     wait_for(seen, what)
@@ -116,9 +119,9 @@ def test_a_log_that_cannot_be_made_costs_nothing_but_itself(loop, tmp_path):
 
 def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path, monkeypatch):
     monkeypatch.setattr(logs, "_LOOK_EVERY", 0.0)
-    robot = get_robot("biped20")
     takes = Takes(tmp_path, most_bytes=60_000)
-    loop = LiveLoop(robot, OperatorInputs(), takes, plant=VELOCITY_TELEOP_PLANT)
+    lead = FootLead(get_robot("biped20"), OperatorInputs(), VELOCITY_TELEOP_PLANT)
+    loop = LiveLoop(lead, takes)
     loop.start()
     wait_for(lambda: loop.snapshot, "the first picture")
     drive(loop, OperatorSample(), lambda s: "is full" in s.take, "the folder to be full")

@@ -9,8 +9,7 @@ pytest.importorskip("websockets", reason="the extra teleop is not installed: no 
 
 
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._integrator import LiveFeet
-from poise.apps.live._odometry import Odometry
+from poise.apps.live._integrator import LiveFeet, Odometry
 from poise.locomotion import OperatorSample, StepTeleoperator, TrackedPose
 
 AHEAD = (1.0, 0.0)

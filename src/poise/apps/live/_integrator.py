@@ -9,7 +9,6 @@ from jaxtyping import Float64
 from msgspec.structs import replace
 
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._odometry import Odometry
 from poise.locomotion import (
     FOOT_TURNS,
     TORSO_MOST,
@@ -46,6 +45,21 @@ _SHARE = 0.85  # part of its limits that a stick commands: feedback needs the re
 _AT_REST = 0.05  # A stick that is no further over commands nothing: none rests at exactly zero
 _RISE = 0.04  # Rise of the COM by legs that straighten, over its height
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
+
+
+class Odometry:
+    """Offset of the simulator's world, which is drawn, against the estimated one [m]."""
+
+    def __init__(self) -> None:
+        self.offset: Float64[np.ndarray, "3"] = np.zeros(3)
+
+    def drawn(self, place: Float64[np.ndarray, "... k"]) -> Float64[np.ndarray, "... k"]:
+        """Shift estimated points of two or three coordinates into the drawn world [m]."""
+        return place + self.offset[: place.shape[-1]]
+
+    def estimated(self, place: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
+        """Shift a drawn point into the estimated world [m]."""
+        return place - self.offset
 
 
 class BodyLimits(NamedTuple):

@@ -30,13 +30,9 @@ class Room:
         self.folder, self._most = folder, most
         self._used, self._looked_at, self._problem = 0, -math.inf, ""
 
-    def open(self) -> None:
-        """Make the folder if it is not there."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-
     @property
     def is_full(self) -> bool:
-        """True when nothing more is recorded; checked every ten seconds."""
+        """True when nothing more is recorded; the folder is measured now and then."""
         if clock.monotonic() - self._looked_at >= _LOOK_EVERY:
             self.look()
         return bool(self._problem) or self._used >= self._most
@@ -51,12 +47,12 @@ class Room:
         return not self._problem and self._used + more <= self._most
 
     def reopen(self) -> None:
-        """Try again: what could not be written before may have been one file's trouble."""
+        """Try again: the problem may have been of one file."""
         self._problem = ""
         self.look()
 
     def close(self, error: Exception) -> None:
-        """Record nothing more, as the folder cannot be written."""
+        """Record nothing more until the next run."""
         self._problem = f"not recorded: {error}"
 
     @property
@@ -95,10 +91,14 @@ class Takes:
         """Name of the run's file, or why it has none."""
         return self.room.notice if self.room.is_full else self.path.name
 
+    def open(self) -> None:
+        """Make the folder if it is not there."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+
     def expect(self, make: Callable[[Path], Recorder]) -> None:
         """Set the recorder of the next run, and finish the one before."""
         self.end()
-        self.path = self.folder / f"{self._kind}-{self._next(self._kind):03}.mcap"
+        self.path = self._next(self._kind)
         self.room.reopen()
         self._pushes.clear()
         self._make = None if self.room.is_full else make
@@ -109,18 +109,14 @@ class Takes:
         self._cast = plant, controller, leader
 
     def observe(self, tick: Tick) -> None:
-        """Record a tick; of a step teleoperator from its first sample on."""
-        if self._make is not None:
-            leader = self._cast[2]
-            status = leader.status if isinstance(leader, StepTeleoperator) else None
-            driven = status is not None and status.sample is not None
-            if self._pushes or driven or not isinstance(leader, StepTeleoperator):
-                recorder, self._make = self._make(self.path), None
-                try:
-                    recorder.begin(*self._cast)
-                    self._recorder = recorder
-                except PoiseError as error:
-                    self.room.close(error)
+        """Record a tick; of a step teleoperator from its first sample or push on."""
+        if self._make is not None and (self._pushes or not self._idle()):
+            recorder, self._make = self._make(self.path), None
+            try:
+                recorder.begin(*self._cast)
+                self._recorder = recorder
+            except PoiseError as error:
+                self.room.close(error)
         recorder = self._recorder
         if isinstance(recorder, TeleopRecorder):
             for push in self._pushes:
@@ -128,6 +124,12 @@ class Takes:
         self._pushes.clear()
         if recorder is not None:
             recorder.observe(tick)
+
+    def _idle(self) -> bool:
+        """A step teleoperator without a sample."""
+        leader = self._cast[2]
+        status = leader.status if isinstance(leader, StepTeleoperator) else None
+        return isinstance(leader, StepTeleoperator) and (status is None or status.sample is None)
 
     def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
         """Note a push on the torso [N], [s] that begins before a tick."""
@@ -158,7 +160,7 @@ class Takes:
         """Write a finished copy of what is on the disk of the take; it may be a flush behind."""
         if self._recorder is None or self.room.is_full:
             raise ConfigurationError(f"no copy is kept: {self.name}")
-        path = self.folder / f"kept-{self._next('kept'):03}.mcap"
+        path = self._next("kept")
         try:
             if not self.room.look(self.path.stat().st_size):
                 raise PoiseError("the folder has no room for it")
@@ -168,7 +170,9 @@ class Takes:
             raise ConfigurationError(f"no copy is kept: {error}") from error
         return path
 
-    def _next(self, kind: str) -> int:
+    def _next(self, kind: str) -> Path:
+        """The file after the last one of a kind, of whatever version that is."""
         names = (path.name for path in self.folder.glob(f"{kind}-*"))
         found = (re.fullmatch(rf"{kind}-(\d+)\.\w+", name) for name in names)
-        return 1 + max((int(match[1]) for match in found if match), default=0)
+        number = 1 + max((int(match[1]) for match in found if match), default=0)
+        return self.folder / f"{kind}-{number:03}.mcap"
