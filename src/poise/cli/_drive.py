@@ -57,6 +57,6 @@ def act(options: argparse.Namespace) -> int:
     run_live(session, robot.name, "To walk: arrow keys; to turn: Q and E.", options)
     logs = sorted(path.name for path in set(folder.glob("*.mcap")) - before)
     print(f"logs in {folder}: {', '.join(logs) if logs else 'none'}")
-    if session.takes.room.is_full:
-        print(f"poise: {session.takes.room.notice}", file=sys.stderr)
+    if session.takes.is_full:
+        print(f"poise: {session.takes.name}", file=sys.stderr)
     return 0

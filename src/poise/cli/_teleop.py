@@ -116,11 +116,11 @@ def act(options: argparse.Namespace) -> int:
     hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
     run_live(session, robot.name, hint, options)
     found = [name for name in session.takes.files if name not in before]
-    room = session.takes.room
-    none = "none" if room.is_full else "none, nobody drove"
+    takes = session.takes
+    none = "none" if takes.is_full else "none, nobody drove"
     print(f"recordings in {folder}: {', '.join(found) if found else none}")
-    if room.is_full:
-        print(f"poise: {room.notice}", file=sys.stderr)
+    if takes.is_full:
+        print(f"poise: {takes.name}", file=sys.stderr)
     return 0
 
 

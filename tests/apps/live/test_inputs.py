@@ -20,7 +20,6 @@ from poise.apps.live._integrator import (
     BodyLimits,
     Integrator,
     LiveFeet,
-    Odometry,
     velocity_of,
 )
 from poise.locomotion import (
@@ -44,7 +43,7 @@ DT = 0.005
 def made(get_robot):
     operator = OperatorInputs()
     controller = StepTeleoperator(get_robot("biped20"), actuation="velocity")
-    return operator, controller, LiveFeet(operator, controller, Odometry())
+    return operator, controller, LiveFeet(operator, controller)
 
 
 def run(operator, device, ticks, pad):
@@ -102,7 +101,7 @@ def test_a_mouse_that_jumps_moves_the_device_smoothly_to_where_it_is(made):
 
 def test_a_handle_is_held_in_the_drawn_world(made):
     operator, controller, device = made
-    device._odometry.offset = np.array([0.5, 0.0, 0.0])
+    device.offset = np.array([0.5, 0.0, 0.0])
     operator.take(OperatorSample())
     place = TrackedPose(tuple(controller.estimator.anchors[0] + [0.5, 0.0, 0.0]))
     sample = run(operator, device, 10, OperatorSample(feet=(place, None)))

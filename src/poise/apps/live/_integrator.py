@@ -47,21 +47,6 @@ _RISE = 0.04  # Rise of the COM by legs that straighten, over its height
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
-class Odometry:
-    """Offset of the simulator's world, which is drawn, against the estimated one [m]."""
-
-    def __init__(self) -> None:
-        self.offset: Float64[np.ndarray, "3"] = np.zeros(3)
-
-    def drawn(self, place: Float64[np.ndarray, "... k"]) -> Float64[np.ndarray, "... k"]:
-        """Shift estimated points of two or three coordinates into the drawn world [m]."""
-        return place + self.offset[: place.shape[-1]]
-
-    def estimated(self, place: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
-        """Shift a drawn point into the estimated world [m]."""
-        return place - self.offset
-
-
 class BodyLimits(NamedTuple):
     """Ranges of height, torso and feet; those of a robot that is driven are empty."""
 
@@ -154,11 +139,10 @@ class Integrator:
 class LiveFeet(Integrator):
     """Integrate raw samples to places of both feet, too, in the teleoperator's world."""
 
-    def __init__(
-        self, inputs: OperatorInputs, teleoperator: StepTeleoperator, odometry: Odometry
-    ) -> None:
+    def __init__(self, inputs: OperatorInputs, teleoperator: StepTeleoperator) -> None:
         super().__init__(inputs, teleoperator.dt, limits=BodyLimits.of(teleoperator))
-        self._teleoperator, self._odometry = teleoperator, odometry
+        self._teleoperator = teleoperator
+        self.offset = np.zeros(3)  # of the drawn world against the teleoperator's [m]
         self._restart()
 
     def _restart(self) -> None:
@@ -224,7 +208,7 @@ class LiveFeet(Integrator):
         part, sole = raw.feet[foot], estimator.sole(foot)
         place = _near(self.places[foot], sole)
         if part is not None and part.clutch is None:
-            goal = _near(self._odometry.estimated(np.array(part.position)), sole)
+            goal = _near(np.array(part.position) - self.offset, sole)
         else:
             x, y, z = estimator.anchors[foot].tolist()
             if mode.single and mode.support != foot:

@@ -1,17 +1,15 @@
 """`FootLead`, `VelocityLead`: ways to lead a live robot."""
 
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._integrator import BodyLimits, Integrator, LiveFeet, Odometry
+from poise.apps.live._integrator import BodyLimits, Integrator, LiveFeet
 from poise.apps.live._log import LIVE_CONFIG
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
@@ -61,15 +59,9 @@ class LeadOutcome:
     target: Float64[np.ndarray, "3"] | None = None  # of the swing foot [m]
 
 
-class Lead(ABC):
+class _Lead:
     """Leader, controller, estimator and recorder of a run, made anew by `begin`."""
 
-    kind: ClassVar[Literal["feet", "velocity"]]
-    takes: ClassVar[str]  # first part of the names of recordings
-    leader: Any
-    hands: HandLeader
-    gaze: GazeLeader
-    estimator: Any
     body = BodyCommand()
     forces: list[list[float]] | None = None  # of the ground on the feet; None where none are led
 
@@ -77,46 +69,26 @@ class Lead(ABC):
         self.robot, self.inputs, self.plant, self.seed = robot, inputs, plant, seed
         self.limits, self.pushes = BodyLimits(), deque[RecordedPush]()
 
-    @abstractmethod
-    def begin(self) -> None:
-        """Make the leader and its device anew."""
-
-    @abstractmethod
-    def controller(self) -> Controller:
-        """Return the controller of the run."""
-
-    @abstractmethod
-    def recorder(self, path: Path) -> Recorder:
-        """Return what records the run."""
-
-    @abstractmethod
-    def take_in(self, tick: Tick, plant: Plant) -> None:
-        """Note the result of a tick."""
-
-    @abstractmethod
-    def outcome(self) -> LeadOutcome:
-        """Return the result of the last tick."""
-
 
 class _DrawnTeleoperator(StepTeleoperator):
     """A teleoperator whose signals are in the drawn world."""
 
-    odometry = Odometry()
+    offset = np.zeros(3)  # of the drawn world against the teleoperator's [m]
 
     def signals(self) -> Mapping[str, np.ndarray | float | str]:
         """Signals of the last tick for a recorder."""
         signals = dict(super().signals())
         for name, value in signals.items():
             if name in _PLACES or name.startswith("target/"):
-                signals[name] = self.odometry.drawn(np.asarray(value))
+                place = np.asarray(value)
+                signals[name] = place + self.offset[: place.shape[-1]]
         return signals
 
 
-class FootLead(Lead):
+class FootLead(_Lead):
     """Step teleoperation; a recording leads in place of a person."""
 
     kind, takes = "feet", "take"
-    leader: StepTeleoperator
 
     def __init__(
         self,
@@ -147,9 +119,8 @@ class FootLead(Lead):
             solved_by=self._solved_by,
             servo_gains=(self.plant.servo.stiffness, self.plant.servo.damping),
         )
-        leader.odometry = self._odometry = Odometry()
         self.hands, self.gaze, self.estimator = leader.hands, leader.gaze, leader.estimator
-        self._feet = LiveFeet(self.inputs, leader, self._odometry)
+        self._feet = LiveFeet(self.inputs, leader)
         self.limits, leader.device = self._feet.limits, self._feet
         self.pushes.clear()
         if self._recording is not None:
@@ -171,25 +142,25 @@ class FootLead(Lead):
         del tick
         stance = self.estimator.stance
         site = plant.data.site(self.leader.soles[stance])
-        self._odometry.offset = site.xpos - self.estimator.sole(stance)
+        self._feet.offset = self.leader.offset = site.xpos - self.estimator.sole(stance)
         self.forces, self.body = foot_forces(self.leader), self._feet.body
 
     def outcome(self) -> LeadOutcome:
         """Return the result of the last tick; the text says why a step failed, until the next."""
-        status, drawn = self.leader.status, self._odometry.drawn
+        status, offset = self.leader.status, self._feet.offset
         assert status is not None
         failed = status.mode is Mode.D and status.ended not in (None, StepEnd.LANDED)
         return LeadOutcome(
             mode=status.mode,
             mode_text=status.ended.value if failed and status.ended else status.mode.value,
             device=status.device,
-            zmp_reference=drawn(status.zmp_reference),
-            handles=drawn(np.array(self._feet.places)),
-            target=None if status.target is None else drawn(status.target),
+            zmp_reference=status.zmp_reference + offset[:2],
+            handles=np.array(self._feet.places) + offset,
+            target=None if status.target is None else status.target + offset,
         )
 
 
-class VelocityLead(Lead):
+class VelocityLead(_Lead):
     """A walker that arms and neck go along with, itself the leader."""
 
     kind, takes = "velocity", "drive"
@@ -214,7 +185,7 @@ class VelocityLead(Lead):
         self.walker = Walker(robot, self.stack)
         self.estimator = StateEstimator(robot, payload=PayloadEstimator(robot))
         self._device = Integrator(self.inputs, dt, velocities=self.walker.limits)
-        self._guard, self._odometry = OperatorGuard(dt=dt), Odometry()
+        self._guard, self._offset = OperatorGuard(dt=dt), np.zeros(3)
 
     def controller(self) -> Controller:
         """Return a controller of torques."""
@@ -237,13 +208,13 @@ class VelocityLead(Lead):
 
     def signals(self) -> dict[str, np.ndarray | float | str]:
         """Signals of the last tick for a recorder, in the drawn world."""
-        return {**self.walker.signals(), "zmp_reference": self._odometry.drawn(self.walker.zmp)}
+        return {**self.walker.signals(), "zmp_reference": self.walker.zmp + self._offset[:2]}
 
     def take_in(self, tick: Tick, plant: Plant) -> None:
         """Note the offset of the estimated base."""
         del plant
         assert tick.estimate is not None
-        self._odometry.offset = tick.truth.q[:3] - tick.estimate.q[:3]
+        self._offset = tick.truth.q[:3] - tick.estimate.q[:3]
 
     def outcome(self) -> LeadOutcome:
         """Return the result of the last tick: state and velocity of the walk, and what was cut."""
@@ -251,9 +222,13 @@ class VelocityLead(Lead):
         ahead, left, turn = walker.commands.velocity
         text = f"{walker.status.value}: {ahead:.2f} m/s ahead, {left:.2f} m/s to the left, "
         text += f"{turn:.2f} rad/s"
+        lost = self._guard.status is DeviceStatus.LOST
         return LeadOutcome(
             mode=walker.mode,
             mode_text=f"{text}; {walker.notice}" if walker.notice else text,
-            device=self._guard.status,
-            zmp_reference=self._odometry.drawn(walker.zmp),
+            device=DeviceStatus.LOST if lost else DeviceStatus.OK,
+            zmp_reference=walker.zmp + self._offset[:2],
         )
+
+
+Lead = FootLead | VelocityLead

@@ -4,7 +4,7 @@ import math
 import time as clock
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import msgspec
 from msgspec import Struct, structs
@@ -131,7 +131,7 @@ class LiveSession:
         shapes = {"bodies": model.nbody, **shapes_payload(drawn_shapes(model))}
         self.front = Front(self, port=port, shapes=shapes)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "LiveSession":
         self.loop.start()
         if self._gamepad is not None:
             self._gamepad.start(self.loop.landings)
