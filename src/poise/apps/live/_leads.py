@@ -63,7 +63,7 @@ class _Lead:
     """Leader, controller, estimator and recorder of a run, made anew by `begin`."""
 
     body = BodyCommand()
-    forces: list[list[float]] | None = None  # of the ground on the feet; None where none are led
+    forces: list[list[float]] | None = None  # of the ground on the feet; None for a walk
 
     def __init__(self, robot: Robot, inputs: OperatorInputs, plant: PlantConfig, seed: int) -> None:
         self.robot, self.inputs, self.plant, self.seed = robot, inputs, plant, seed

@@ -74,7 +74,7 @@ class LiveLoop:
         return self._thread.is_alive()
 
     def landings(self) -> int:
-        """Return how often a foot that was led has landed."""
+        """Return the number of landings of feet that the operator leads."""
         return 0 if self.snapshot is None else self.snapshot.landings
 
     def push(self, direction: str) -> None:

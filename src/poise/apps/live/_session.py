@@ -67,7 +67,7 @@ class LiveSession:
     Args:
         robot: a biped with legs of six joints, or any humanoid where it walks by velocities.
         folder: for the recordings.
-        by: what is led: "feet", by step teleoperation, or the "velocity" of a walk.
+        by: the operator leads the "feet", by step teleoperation, or the "velocity" of a walk.
         port: of the page; 0 for any that is free.
         gamepad: whether a gamepad on this machine leads, in place of the page.
         recording: leads the feet in place of a person.
@@ -176,7 +176,7 @@ class LiveSession:
                 return _WAIT
             case Reset():
                 self.loop.reset()
-                # Levers that are held led the robot of before.
+                # Held levers belong to the run before.
                 self.inputs.clear()
             case Keep():
                 return lambda: {"kept": self.takes.keep().name}
