@@ -84,8 +84,9 @@ async function openView() {
     near = least < 1 ? away.indexOf(least) : -1;
     refresh();
   }
-  // Before the handles see them.
-  for (const kind of ["pointermove", "pointerdown"]) canvas.addEventListener(kind, point, true);
+  // Before the handles see them, and after: an arrow that the pointer left holds it no longer.
+  for (const before of [true, false])
+    for (const kind of ["pointermove", "pointerdown"]) canvas.addEventListener(kind, point, before);
   function refresh() {
     const dragged = all.findIndex(({ dragging }) => dragging);
     all.forEach((handle, i) => {
