@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.recording import Progress
 from benchmarks.result import Figure, Result, text_table
-from poise.apps.live import DriveSession
+from poise.apps.live import LiveSession
 from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 from poise.robots import load_robot
 
@@ -82,11 +82,14 @@ def bench_keys(plan: KeysBench, progress: Progress | None = None) -> list[KeysRe
     """
     robot = load_robot(plan.robot)
     spans = np.zeros((plan.presses, 2))
-    with tempfile.TemporaryDirectory() as folder, DriveSession(robot, folder) as session:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        LiveSession(robot, folder, by="velocity") as session,
+    ):
         loop = session.loop
 
         def velocity() -> tuple[float, ...]:
-            return tuple(loop.walker.commands.velocity)
+            return tuple(loop.lead.leader.walker.commands.velocity)
 
         with _Page(session.front.drive_url) as page:
             _wait(lambda: page.ask("newest !== null && newest.device === 'OK'"), 0.1)

@@ -234,14 +234,13 @@ def test_sensors_have_noise_if_that_is_asked_for(in_folder, monkeypatch, verb, n
     from poise.apps import live
     from poise.sim import SensorConfig
 
-    name = "LiveSession" if verb == "teleop" else "DriveSession"
-    seen, session = [], getattr(live, name)
+    seen, session = [], live.LiveSession
 
     def made(*arguments, **options):
         seen.append(session(*arguments, **options))
         return seen[0]
 
-    monkeypatch.setattr(live, name, made)
+    monkeypatch.setattr(live, "LiveSession", made)
     line = [verb, "--no-open", "--port", "0", "--seconds", "0.1"]
     assert main([*line, "--noise"] if noise else line) == 0
     sensors = seen[0].loop.plant.config.sensors
@@ -261,7 +260,7 @@ def test_what_finds_the_torques_is_asked_for_by_name(in_folder, monkeypatch):
     monkeypatch.setattr(live, "LiveSession", made)
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.1", "--controller", "reduced"]
     assert main(line) == 0
-    assert seen[0].loop.teleoperator.solved_by == "reduced"
+    assert seen[0].loop.lead.leader.solved_by == "reduced"
 
 
 @needs_page
@@ -278,7 +277,7 @@ def test_hands_are_scaled_as_was_asked_for(in_folder, monkeypatch, actuation):
     monkeypatch.setattr(live, "LiveSession", made)
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.1", "--actuation", actuation]
     assert main([*line, "--hand-scale", "0.5"]) == 0
-    teleoperator = seen[0].loop.teleoperator
+    teleoperator = seen[0].loop.lead.leader
     usual = type(teleoperator)(teleoperator.robot, actuation=actuation).parameters
     assert teleoperator.parameters == replace(usual, hand_scale=0.5)
 

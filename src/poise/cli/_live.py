@@ -61,11 +61,11 @@ class _Live:
         finally:
             signal.signal(signal.SIGTERM, before)
         found = sorted(path.name for path in set(folder.glob("*.mcap")) - logs)
-        room = session.loop.takes.room
-        none = "none" if room.is_full else "none, nobody drove"
+        takes = session.takes
+        none = "none" if takes.is_full else "none, nobody drove"
         print(f"recordings in {folder}: {', '.join(found) if found else none}")
-        if room.is_full:
-            print(f"poise: {room.notice}", file=sys.stderr)
+        if takes.is_full:
+            print(f"poise: {takes.name}", file=sys.stderr)
         return OK
 
 
@@ -96,17 +96,18 @@ class Drive(_Live):
 
     def act(self) -> int:
         """Run until it is ended."""
-        from poise.apps.live import DRIVE_PLANT, DriveSession
+        from poise.apps.live import WALK_PLANT, LiveSession
         from poise.robots import load_robot
 
         robot = load_robot(self.robot)
         folder = Path(self.out or f"runs/drive-{Path(robot.name).stem}")
-        session = DriveSession(
+        session = LiveSession(
             robot,
             folder,
+            by="velocity",
             port=self.port,
             gamepad=self.device == "gamepad",
-            plant=DRIVE_PLANT.with_noise() if self.noise else DRIVE_PLANT,
+            plant=WALK_PLANT.with_noise() if self.noise else WALK_PLANT,
             seed=self.seed,
         )
         hint = "To walk: arrow keys; to turn: Q and E."

@@ -111,6 +111,19 @@ def hover(page):
     return seen[-1]
 
 
+def test_a_handle_is_drawn_only_where_the_pointer_is_or_what_is_held(browser, standing):
+    drawn = "[...view.handles, ...view.grips].map((handle) => handle.getHelper().visible)"
+    with Page(browser, standing.front.drive_url) as page:
+        page.wait("view !== null && newest.device !== 'LOST'", "the device")
+        assert page.ask(drawn) == [False] * 4
+        hover(page)
+        assert page.ask(drawn) == [True, False, False, False]
+        page.page.mouse.move(5, 5)
+        page.wait(f"{drawn}.every((shown) => !shown)", "the handle to go")
+        page.ask("held[1] = true; 0")
+        page.wait(f"{drawn}.join() === 'false,false,false,true'", "the handle of the hand")
+
+
 def drag_a_hand_up(page, loop, height):
     """Drags the left hand's handle up by 15 cm until the hand is at a height [m].
 
@@ -151,7 +164,6 @@ def test_a_dragged_handle_lifts_the_foot_letting_go_lowers_it_and_a_replay_is_th
         assert page.text("role") == "you drive"
         page.wait("view !== null", "the drawing")
         page.wait("newest.device !== 'LOST'", "the device")
-        page.ask("part('help').hidden = true")
         mouse = page.page.mouse
 
         def drag():
@@ -182,8 +194,7 @@ def test_a_hands_handle_is_dragged_the_hand_stays_and_goes_back_to_rest(
         wait_for(lambda: session.loop.snapshot or session.loop.error, "the first picture")
         with Page(browser, session.front.drive_url) as page:
             page.wait("view !== null && newest.device !== 'LOST'", "the device")
-            page.ask("part('help').hidden = true")
-            assert page.ask("view.grips.every((grip) => grip.enabled)")
+            assert not page.ask("view.grips.some((grip) => grip.enabled)")
             assert page.ask("part('hands-row').offsetHeight > 0")
             time.sleep(1.0)
             home = session.loop.snapshot.hands[0][2]
@@ -200,14 +211,14 @@ def test_a_hands_handle_is_dragged_the_hand_stays_and_goes_back_to_rest(
             assert not session.loop.snapshot.fallen
 
 
-def test_a_key_steps_the_plots_grow_and_the_help_goes(browser, session):
+def test_a_key_steps_the_plots_grow_and_the_hint_goes(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
-        assert not page.ask("part('help').hidden")
+        assert not page.ask("part('hint').hidden")
         hold(page, "e", "newest.mode === 'SL'")
         page.page.keyboard.up("e")
         page.wait("newest.mode === 'D'", "double support")
-        page.wait("part('help').hidden", "the help to go")
+        page.wait("part('hint').hidden", "the hint to go")
         assert page.ask("past.length") > 10
         assert page.text("margin").endswith(" cm")
         assert page.text("latency").endswith(" ms")
@@ -295,7 +306,6 @@ LISTEN = "clearInterval(beating);" + HEAR
 def test_keys_and_buttons_do_not_wait_for_the_next_beat(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
-        page.ask("part('help').hidden = true")
         page.ask("clearInterval(looking);" + LISTEN)
         key = "window.dispatchEvent(new KeyboardEvent('{}', {{key: 'e'}})); sent.map((m) => m.lift)"
         assert page.ask(key.format("keydown")) == [[False, True]]
@@ -435,7 +445,6 @@ def test_the_help_can_be_called_back_and_then_stays(browser, session):
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
         hidden = "part('help').hidden"
-        page.page.keyboard.press("?")
         assert page.ask(hidden)
         page.ask("part('help-open').click()")
         assert not page.ask(hidden)
@@ -470,12 +479,12 @@ def test_on_a_phone_the_robot_has_the_upper_half_and_can_be_led(browser, session
         left, top, wide, high = box(page, "view")
         assert (left, top, wide) == (0, 0, width)
         assert high > 0.5 * height
-        assert box(page, "help")[1] >= high
+        assert box(page, "hint")[1] >= high
         for name in ("lift-left", "lift-right"):
             _, top, wide, tall = box(page, name)
             assert high <= top < height - tall
             assert min(wide, tall) >= 40
-            assert top + tall <= box(page, "help")[1]
+            assert top + tall <= box(page, "hint")[1]
         assert page.ask("document.querySelector('[data-arrow=ArrowUp]').offsetHeight") >= 40
         x, y = middle(page, "lift-right")
         touch = page.page.context.new_cdp_session(page.page)
@@ -492,8 +501,8 @@ def test_who_has_read_the_page_alone_makes_a_step_within_a_minute(browser, sessi
     begin = time.monotonic()
     with Page(browser, session.front.drive_url) as page:
         page.wait("newest.device !== 'LOST'", "the device")
-        told = page.text("help")
-        key = re.search(r"hold (\w) \(left\)", " ".join(told.split()))[1]
+        told = page.ask("part('hint').innerText")
+        key = re.search(r"Hold (\w), then", " ".join(told.split()))[1]
         first = session.loop.snapshot.soles[0][0]
         assert "arrow keys" in told
 

@@ -12,9 +12,13 @@ pytest.importorskip("websockets", reason="the extra teleop is not installed: no 
 
 from pages import Page
 
-from poise.apps.live import DriveLoop, DriveSession, OperatorInputs
+from poise.apps.live import LiveSession
 from poise.apps.live._gamepad import sample_from
+from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._integrator import velocity_of
+from poise.apps.live._leads import VelocityLead
+from poise.apps.live._log import Takes
+from poise.apps.live._loop import LiveLoop
 from poise.locomotion import OperatorSample, VelocityLimits
 from poise.locomotion._stepping import _guard as clocks
 
@@ -23,14 +27,14 @@ LIMITS = VelocityLimits(ahead=1.0, back=0.5, sideways=0.4, turn=0.8)
 
 @pytest.fixture
 def session(get_robot, tmp_path):
-    with DriveSession(get_robot("humanoid33"), tmp_path) as session:
+    with LiveSession(get_robot("humanoid33"), tmp_path, by="velocity") as session:
         wait_for(lambda: session.loop.snapshot or session.loop.error, "the first picture")
         assert session.loop.error is None, session.loop.error
         yield session
 
 
 def asked(session):
-    return session.loop.walker.commands.velocity
+    return session.loop.lead.leader.walker.commands.velocity
 
 
 @pytest.mark.parametrize(
@@ -67,7 +71,7 @@ def test_beats_walk_the_robot_and_silence_stops_it(session):
             beat(socket, move=[1.0, 0.0])
             time.sleep(0.03)
     wait_for(lambda: not any(asked(session)), "the rest")
-    wait_for(lambda: session.loop.walker.lifting is None, "both feet on the ground")
+    wait_for(lambda: session.loop.lead.leader.walker.lifting is None, "both feet on the ground")
     assert not session.loop.snapshot.fallen
 
 
@@ -118,7 +122,7 @@ def test_keys_in_a_browser_drive_the_robot(browser, session, monkeypatch):
         keyboard = page.page.keyboard
         keyboard.down("w")
         wait_for(lambda: asked(session)[0] > 0.0, "the command")
-        wait_for(lambda: session.loop.walker.lifting is not None, "a step")
+        wait_for(lambda: session.loop.lead.leader.walker.lifting is not None, "a step")
         keyboard.up("w")
         keyboard.down("q")
         wait_for(lambda: asked(session)[2] > 0.0, "the turn")
@@ -137,7 +141,8 @@ def test_a_push_is_as_the_robot_faces(get_robot, tmp_path, monkeypatch):
     """Its buttons say ahead, back, left and right, also when it has turned."""
     import mujoco
 
-    loop = DriveLoop(get_robot("biped20"), OperatorInputs(), tmp_path)
+    lead = VelocityLead(get_robot("biped20"), OperatorInputs())
+    loop = LiveLoop(lead, Takes(tmp_path))
     loop._begin()
     loop._tick()
     half = 0.5 * 2.2
@@ -150,5 +155,5 @@ def test_a_push_is_as_the_robot_faces(get_robot, tmp_path, monkeypatch):
     loop._finish()
     x, y, z = given[0]
     assert np.arctan2(y, x) == pytest.approx(2.2 + np.pi / 2 - 2 * np.pi)
-    assert np.hypot(x, y) == pytest.approx(loop.robot.mass * 0.8)
+    assert np.hypot(x, y) == pytest.approx(loop.lead.robot.mass * 0.8)
     assert z == 0.0

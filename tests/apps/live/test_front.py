@@ -163,7 +163,7 @@ def test_every_message_is_answered_with_what_the_feet_feel(front, session):
             beat(operator)
             told = answer(operator)
             left, right = told["forces"]
-            weight = 9.81 * session.loop.robot.mass
+            weight = 9.81 * session.loop.lead.robot.mass
             assert left[2] + right[2] == pytest.approx(weight, rel=0.1)
             assert np.abs([*left[:2], *right[:2]]).max() < 0.2 * weight
 
@@ -219,6 +219,8 @@ def test_whoever_comes_takes_the_seat_of_a_frozen_operator(front, session, monke
 
 def test_pushes_do_not_pile_up(front, session):
     with control(front, front.seat.token) as (operator, _):
+        # A recording begins with the first sample.
+        wait_for(lambda: beat(operator) or session.takes.path.exists(), "the recording")
         pushed = len(push_rows(session))
         begin = session.loop.snapshot.time
         for _ in range(2000):
@@ -227,7 +229,9 @@ def test_pushes_do_not_pile_up(front, session):
         answer(operator)
         took = session.loop.snapshot.time - begin
         # Of those that came in this time, and of one that waits.
-        wait_for(lambda: session.loop.snapshot.time > begin + took + 1.0, "the rest")
+        # Where a busy machine takes long over them the robot may fall, and time stands still.
+        now = lambda: session.loop.snapshot  # noqa: E731
+        wait_for(lambda: now().time > begin + took + 1.0 or now().fallen, "the rest")
         assert 1 <= len(push_rows(session)) - pushed <= (took + 1.0) / 0.3 + 2
         operator.send('{"do": "reset"}')
         wait_for(lambda: session.loop.snapshot.time < begin, "the reset")

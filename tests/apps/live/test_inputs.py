@@ -12,9 +12,16 @@ from msgspec.structs import replace
 pytest.importorskip("websockets")
 
 
-from poise.apps.live import LiveFeet, Odometry, OperatorInputs, _inputs as inputs
+from poise.apps.live import _inputs as inputs
 from poise.apps.live._gamepad import HostGamepad, Landings, NoGamepadError, sample_from
-from poise.apps.live._integrator import HOLD_HEIGHT, BodyLimits, Integrator, velocity_of
+from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._integrator import (
+    HOLD_HEIGHT,
+    BodyLimits,
+    Integrator,
+    LiveFeet,
+    velocity_of,
+)
 from poise.locomotion import (
     LATE,
     LOST_AFTER,
@@ -36,7 +43,7 @@ DT = 0.005
 def made(get_robot):
     operator = OperatorInputs()
     controller = StepTeleoperator(get_robot("biped20"), actuation="velocity")
-    return operator, controller, LiveFeet(operator, controller, Odometry())
+    return operator, controller, LiveFeet(operator, controller)
 
 
 def run(operator, device, ticks, pad):
@@ -94,7 +101,7 @@ def test_a_mouse_that_jumps_moves_the_device_smoothly_to_where_it_is(made):
 
 def test_a_handle_is_held_in_the_drawn_world(made):
     operator, controller, device = made
-    device._odometry.measure(np.array([0.5, 0.0, 0.0]), np.zeros(3))
+    device.offset = np.array([0.5, 0.0, 0.0])
     operator.take(OperatorSample())
     place = TrackedPose(tuple(controller.estimator.anchors[0] + [0.5, 0.0, 0.0]))
     sample = run(operator, device, 10, OperatorSample(feet=(place, None)))
@@ -521,33 +528,30 @@ def test_without_a_gamepad_or_with_one_of_no_known_layout_that_is_said(virtual_p
         HostGamepad(OperatorInputs())
 
 
-def up(left, right):
-    return [[0.0, 0.0, left], [0.0, 0.0, right]]
-
-
-def test_a_landing_is_felt_once_and_of_a_foot_that_was_in_the_air():
+def test_a_landing_counts_once_and_of_a_foot_that_was_in_the_air():
     landings = Landings()
     story = [
-        (up(300.0, 300.0), Mode.D, 0.0, False),
-        (up(600.0, 0.0), Mode.SL, 1.0, False),
-        (up(300.0, 300.0), Mode.D, 2.0, True),
-        (up(600.0, 10.0), Mode.SL, 2.1, False),
-        (up(300.0, 300.0), Mode.D, 2.2, False),
+        ((300.0, 300.0), Mode.D, 0.0, 0),
+        ((600.0, 0.0), Mode.SL, 1.0, 0),
+        ((300.0, 300.0), Mode.D, 2.0, 1),
+        ((600.0, 10.0), Mode.SL, 2.1, 1),
+        ((300.0, 300.0), Mode.D, 2.2, 1),
         # A foot that gives up its load on the ground was not in the air.
-        (up(0.0, 600.0), Mode.D, 3.0, False),
-        (up(300.0, 300.0), Mode.D, 4.0, False),
+        ((0.0, 600.0), Mode.D, 3.0, 1),
+        ((300.0, 300.0), Mode.D, 4.0, 1),
     ]
-    for forces, mode, time, felt in story:
-        assert landings.felt(forces, mode, time) is felt
+    for loads, mode, time, number in story:
+        assert landings.count(loads, mode, time) == number
 
 
 def test_a_gamepad_of_the_robots_machine_shakes_when_a_foot_lands(virtual_pad, monkeypatch):
     virtual_pad.plug()
     host = HostGamepad(OperatorInputs())
     monkeypatch.setattr(host, "_pad", Mock())
-    host.feel(up(600.0, 0.0), Mode.SL, 1.0)
+    host.shake(0)
     assert not host._pad.rumble.called
-    host.feel(up(300.0, 300.0), Mode.D, 2.0)
+    host.shake(1)
+    host.shake(1)
     host._pad.rumble.assert_called_once()
 
 

@@ -10,7 +10,11 @@ from operators import wait_for
 pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
-from poise.apps.live import LiveLoop, OperatorInputs, Takes, _log as logs
+from poise.apps.live import _log as logs
+from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._leads import FootLead
+from poise.apps.live._log import Takes
+from poise.apps.live._loop import LiveLoop
 from poise.apps.teleoperation import (
     VELOCITY_TELEOP_PLANT,
     RecordingError,
@@ -25,9 +29,8 @@ from poise.sim import Recorder
 
 @pytest.fixture
 def loop(get_robot, tmp_path):
-    robot = get_robot("biped20")
-    takes = Takes(tmp_path / "takes")
-    made = LiveLoop(robot, OperatorInputs(), takes, plant=VELOCITY_TELEOP_PLANT)
+    lead = FootLead(get_robot("biped20"), OperatorInputs(), VELOCITY_TELEOP_PLANT)
+    made = LiveLoop(lead, Takes(tmp_path / "takes"))
     made.start()
     wait_for(lambda: made.snapshot, "the first picture")
     yield made
@@ -36,7 +39,7 @@ def loop(get_robot, tmp_path):
 
 def drive(loop, pad, until, what):
     def seen():
-        loop._inputs.take(pad)
+        loop.lead.inputs.take(pad)
         return until(loop.snapshot)
 
     wait_for(seen, what)
@@ -51,7 +54,7 @@ def test_a_run_leaves_a_log_that_agrees_with_its_replay(loop, tmp_path):
     drive(loop, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
     drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     loop.stop()
-    assert not loop.takes.room.is_full
+    assert not loop.takes.is_full
     log = read_log(tmp_path / "takes" / "take-001.mcap")
     assert log.complete
     assert log.metadata["robot"] == "biped20"
@@ -116,9 +119,9 @@ def test_a_log_that_cannot_be_made_costs_nothing_but_itself(loop, tmp_path):
 
 def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path, monkeypatch):
     monkeypatch.setattr(logs, "_LOOK_EVERY", 0.0)
-    robot = get_robot("biped20")
     takes = Takes(tmp_path, most_bytes=60_000)
-    loop = LiveLoop(robot, OperatorInputs(), takes, plant=VELOCITY_TELEOP_PLANT)
+    lead = FootLead(get_robot("biped20"), OperatorInputs(), VELOCITY_TELEOP_PLANT)
+    loop = LiveLoop(lead, takes)
     loop.start()
     wait_for(lambda: loop.snapshot, "the first picture")
     drive(loop, OperatorSample(), lambda s: "is full" in s.take, "the folder to be full")
@@ -180,15 +183,15 @@ def test_numbers_of_files_that_are_there_are_not_given_again(tmp_path):
 
 
 def test_a_link_to_nothing_in_the_folder_costs_nothing(tmp_path):
-    room = logs.Room(tmp_path, 1000)
+    takes = Takes(tmp_path, most_bytes=1000)
     (tmp_path / "latest").symlink_to(tmp_path / "gone")
     (tmp_path / "some").write_bytes(bytes(600))
-    room.look()
-    assert not room.is_full
+    takes.expect(Recorder)
+    assert not takes.is_full
     (tmp_path / "more").write_bytes(bytes(600))
-    room.look()
-    assert room.is_full
-    assert "is full" in room.notice
+    takes.expect(Recorder)
+    assert takes.is_full
+    assert "is full" in takes.name
 
 
 def test_a_recording_of_another_robot_of_the_same_name_is_not_repeated(get_robot, tmp_path):
@@ -211,14 +214,14 @@ def test_a_take_that_somebody_has_moved_costs_itself_alone(loop, tmp_path):
     wait_for(lambda: loop.snapshot.time < 0.2, "the reset")
     drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     loop.stop()
-    assert not loop.takes.room.is_full
+    assert not loop.takes.is_full
     assert loop.takes.files == ["take-001.mcap"]
 
 
 def test_no_copy_is_kept_for_which_there_is_no_room(loop, monkeypatch):
     drive(loop, OperatorSample(), lambda s: s.time > 0.5, "some time")
     size = loop.takes.path.stat().st_size
-    monkeypatch.setattr(loop.takes.room, "_most", 2 * size - 1)
+    monkeypatch.setattr(loop.takes, "_most", 2 * size - 1)
     with pytest.raises(ConfigurationError, match="has no room for it"):
         loop.takes.keep()
     assert loop.takes.files == ["take-001.mcap"]

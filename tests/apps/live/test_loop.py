@@ -12,7 +12,10 @@ from slow import slow
 pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
 
-from poise.apps.live import LiveLoop, OperatorInputs, Takes
+from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._leads import FootLead
+from poise.apps.live._log import Takes
+from poise.apps.live._loop import LiveLoop
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
@@ -45,12 +48,12 @@ def start(get_robot, tmp_path):
     loops = []
 
     def make(operator=None, name="biped20", plant=VELOCITY_TELEOP_PLANT, **options):
-        robot = get_robot(name)
-        takes = Takes(tmp_path / "takes")
-        loop = LiveLoop(robot, operator or OperatorInputs(), takes, plant=plant, **options)
+        lead = FootLead(get_robot(name), operator or OperatorInputs(), plant, **options)
+        loop = LiveLoop(lead, Takes(tmp_path / "takes"))
         loops.append(loop)
         loop.start()
-        wait_for(lambda: loop.snapshot, "the first picture")
+        wait_for(lambda: loop.snapshot or loop.error, "the first picture")
+        assert loop.error is None, loop.error
         return loop
 
     yield make
@@ -96,18 +99,18 @@ def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path)
 def test_a_step_that_came_to_nothing_says_why_until_the_next_one(start):
     operator = OperatorInputs()
     loop = start(operator)
-    assert loop.snapshot.text == Mode.D.value
+    assert loop.snapshot.mode_text == Mode.D.value
     drive(
         loop, operator, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.TL, "the shift"
     )
-    assert loop.snapshot.text == Mode.TL.value
+    assert loop.snapshot.mode_text == Mode.TL.value
     drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
-    assert loop.snapshot.text == StepEnd.LOWERED.value
+    assert loop.snapshot.mode_text == StepEnd.LOWERED.value
     drive(
         loop, operator, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift"
     )
     drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
-    assert loop.snapshot.text == Mode.D.value
+    assert loop.snapshot.mode_text == Mode.D.value
 
 
 @pytest.mark.parametrize("name", ["biped20", slow("g1")])
@@ -274,7 +277,7 @@ def test_a_recording_is_played_with_the_parameters_that_it_was_made_with(
     )
     made = recorded(robot, tmp_path / "made.mcap", parameters=parameters, rotator=False)
     loop = start(recording=made)
-    assert loop.teleoperator.parameters == parameters
+    assert loop.lead.leader.parameters == parameters
     wait_for(lambda: loop.snapshot.time > 0.1, "some time")
     loop.stop()
     again = read_recording(tmp_path / "takes" / "take-001.mcap").setup
@@ -288,17 +291,16 @@ def test_a_recording_that_begins_elsewhere_than_at_home_drives_from_there(
     lower = standing_posture(robot, feet_apart=0.4, com_height=0.72)
     made = recorded(robot, tmp_path / "made.mcap", q_start=lower, rotator=False)
     loop = start(recording=made)
-    assert loop.teleoperator.parameters == teleop_parameters(robot, "velocity")
+    assert loop.lead.leader.parameters == teleop_parameters(robot, "velocity")
     wait_for(lambda: loop.snapshot.device is DeviceStatus.OK, "both feet to be led")
 
 
-def test_a_robot_without_feet_is_refused(get_robot, tmp_path):
-    takes = Takes(tmp_path)
+def test_a_robot_without_feet_is_refused(get_robot):
     plant = PlantConfig(
         actuation="velocity", control_dt=0.005, servo=PlantConfig.Servo(stiffness=70.0, damping=3.5)
     )
     with pytest.raises(ConfigurationError, match="cannot walk on two feet"):
-        LiveLoop(get_robot("arm6"), OperatorInputs(), takes, plant=plant)
+        FootLead(get_robot("arm6"), OperatorInputs(), plant)
 
 
 def test_the_real_time_factor_is_of_the_clock(start):
@@ -317,11 +319,10 @@ def test_the_margin_in_double_support_is_that_of_both_feet(start, get_robot):
     assert np.ptp(polygon[:, 1]) == pytest.approx(apart + soles[0].width, abs=1e-3)
 
 
-def test_a_plant_with_another_tick_is_refused(get_robot, tmp_path):
+def test_a_plant_with_another_tick_is_refused(get_robot):
     robot = get_robot("biped20")
-    takes = Takes(tmp_path)
     with pytest.raises(ConfigurationError, match="different control periods"):
-        LiveLoop(robot, OperatorInputs(), takes, plant=PlantConfig())
+        FootLead(robot, OperatorInputs(), PlantConfig())
 
 
 def test_a_recording_is_played_with_its_own_noise(get_robot, tmp_path):
@@ -335,9 +336,8 @@ def test_a_recording_is_played_with_its_own_noise(get_robot, tmp_path):
         seed=7,
         recording=path,
     )
-    takes = Takes(tmp_path / "takes")
-    recording = read_recording(path)
-    loop = LiveLoop(robot, OperatorInputs(), takes, recording=recording, plant=plant, seed=0)
+    lead = FootLead(robot, OperatorInputs(), plant, recording=read_recording(path), seed=0)
+    loop = LiveLoop(lead, Takes(tmp_path / "takes"))
     loop._begin()
     heard = listen_to(loop)
     for _ in range(20):
@@ -352,5 +352,5 @@ def test_where_hands_are_dragged_along_is_where_the_torso_faces(start):
     loop = start(operator, name="g1", plant=TORQUE_TELEOP_PLANT)
     turned = OperatorSample(body=BodyCommand(torso=(0.0, 0.0, 0.4)))
     drive(loop, operator, turned, lambda s: s.heading > 0.3, "the torso that turns")
-    site = loop.plant.data.site(loop.robot.torso).xmat.reshape(3, 3)
+    site = loop.plant.data.site(loop.lead.robot.torso).xmat.reshape(3, 3)
     assert loop.snapshot.heading == pytest.approx(np.arctan2(site[1, 0], site[0, 0]), abs=0.1)

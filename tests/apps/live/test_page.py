@@ -79,8 +79,9 @@ def test_buttons_that_are_held_are_held_by_keys_too(plain_browser, front):
 
 def test_whatever_can_be_pressed_has_a_name_in_words(plain_browser, front):
     with Page(plain_browser, front.drive_url, **PHONE) as page:
+        page.page.keyboard.press("?")
         for name in (
-            "Help", "Close", "Move left", "Move forward", "Move back", "Move right",
+            "Help", "Close", "Got it", "Move left", "Move forward", "Move back", "Move right",
             "Push to the robot's left", "Push forward", "Push back", "Push to the robot's right",
         ):  # fmt: skip
             assert page.page.get_by_role("button", name=name, exact=True).count() == 1, name
@@ -99,7 +100,8 @@ def edges(page, name):
 
 def test_on_a_phone_that_lies_feet_can_be_held_and_the_help_can_be_read(plain_browser, front):
     with Page(plain_browser, front.drive_url, **PHONE) as page:
-        for name in ("lift-left", "lift-right", "help"):
+        page.page.keyboard.press("?")
+        for name in ("lift-left", "lift-right", "hint", "help"):
             top, bottom = edges(page, name)
             assert 0 <= top < bottom <= PHONE["viewport"]["height"], name
         page.ask("part('help').scrollTop = 1e6; 0")
@@ -121,6 +123,56 @@ def test_no_button_moves_whatever_is_told(plain_browser, front, desk, device):
         assert [edges(page, name) for name in ("lift-left", "pause", "reset")] == before
 
 
+@pytest.mark.parametrize("kind", ["feet", "velocity"])
+@pytest.mark.parametrize("width", [390, 800, 1280])
+def test_nothing_is_wider_than_the_window(plain_browser, front, desk, width, kind):
+    desk.told = desk.told | {"kind": kind}
+    with Page(plain_browser, front.drive_url, viewport={"width": width, "height": 844}) as page:
+        page.wait(f"document.body.dataset.kind === '{kind}'", "the kind")
+        for key in ("", "?"):
+            page.ask(f"if ('{key}') help(true); document.querySelector('details').open = true; 0")
+            assert page.ask("document.documentElement.scrollWidth") <= width
+            assert page.ask("document.querySelector('aside').scrollWidth") <= width
+            ends = "[...document.querySelectorAll('*')].map((e) => e.getBoundingClientRect().right)"
+            assert page.ask(f"Math.max(...{ends})") <= width
+
+
+def test_who_drives_a_walk_reads_nothing_of_feet(plain_browser, front, desk):
+    desk.told = desk.told | {"kind": "velocity", "modeText": "standing"}
+    with Page(plain_browser, front.drive_url) as page:
+        page.wait("document.body.dataset.kind === 'velocity'", "the kind")
+        page.page.keyboard.press("?")
+        told = page.ask("document.body.innerText")
+        assert "Drive the robot" in told
+        assert "the robot walks" in told
+        assert "foot" not in told.lower()
+        assert "feet" not in told.lower()
+
+
+def test_modes_are_words(plain_browser, front, desk):
+    with Page(plain_browser, front.drive_url) as page:
+        for mode, text in (("TL", "weight to left"), ("SR", "on right foot")):
+            desk.told = desk.told | {"mode": mode}
+            page.wait(f"document.querySelector('.now').textContent === '{text}'", mode)
+
+
+def test_after_a_lost_device_what_is_held_has_to_be_pressed_again(plain_browser, front, desk):
+    with Page(plain_browser, front.drive_url) as page:
+        page.page.keyboard.down("e")
+        desk.answer = {"echo": 0.0, "forces": None, "again": True}
+        page.wait("part('banner').textContent.includes('let go and press again')", "the words")
+        desk.answer = {"echo": 0.0, "forces": None}
+        page.wait("part('banner').hidden", "the end of it")
+        # A window that was left lets go of everything; the key is down all the same.
+        page.ask("window.dispatchEvent(new Event('blur')); 0")
+        page.ask(
+            "window.dispatchEvent(new KeyboardEvent('keydown',"
+            " {key: 'e', code: 'KeyE', repeat: true})); 0"
+        )
+        assert "let go and press again" in page.text("said")
+        assert page.ask(HELD_KEYS) == [False, False]
+
+
 WATCHES = "part('role').textContent === 'you watch'"
 STALE = "document.body.dataset.stale === 'true'"
 SHINES = "getComputedStyle(document.querySelector('dl')).opacity === '1'"
@@ -138,7 +190,7 @@ def test_what_nothing_new_has_come_of_looks_old_and_says_since_when(plain_browse
         page.wait(f"part('mode-text').textContent.endsWith('since {at}.')", "the words")
         page.ask("back(); 0")
         page.wait(f"!({STALE}) && {SHINES} && part('banner').hidden", "the values")
-        assert page.text("mode-text") == "double support"
+        assert page.text("mode-text") == "standing on both feet"
         # It holds, and says nothing.
         page.ask("window.ear = socket.onmessage; socket.onmessage = null; 0")
         page.wait(STALE, "the values to look old")
@@ -160,13 +212,13 @@ def test_a_connection_that_is_ended_says_why(plain_browser, front, monkeypatch):
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (853, 470), (683, 340), (640, 400), (400, 600)])
-def test_the_help_lies_neither_on_the_robot_nor_on_what_holds_a_foot(plain_browser, front, size):
+def test_the_hint_lies_neither_on_the_robot_nor_on_what_holds_a_foot(plain_browser, front, size):
     """Windows of which some are what is left of others that are seen at 150 or 200%."""
     width, height = size
     with Page(plain_browser, front.drive_url, viewport={"width": width, "height": height}) as page:
         box = "(({left, right, top, bottom}) => [left, right, top, bottom])"
         view, told = (
-            page.ask(f"{box}(part('{name}').getBoundingClientRect())") for name in ("view", "help")
+            page.ask(f"{box}(part('{name}').getBoundingClientRect())") for name in ("view", "hint")
         )
         assert told[1] <= view[0] or view[1] <= told[0] or told[2] >= view[3] - 1
         assert view[3] - view[2] > 0.35 * height
@@ -176,9 +228,11 @@ def test_the_help_lies_neither_on_the_robot_nor_on_what_holds_a_foot(plain_brows
                   document.elementFromPoint(0.5 * (left + right), 0.5 * (top + bottom))
                 ))(part("{name}").getBoundingClientRect())"""
             ), name
+        assert edges(page, "hint")[1] <= height
+        page.page.keyboard.press("?")
         page.ask("part('help').scrollTop = 1e6; 0")
         assert edges(page, "help")[1] <= height
-        last = "document.querySelector('#help div').lastElementChild"
+        last = "part('help').lastElementChild"
         assert page.ask(f"{last}.getBoundingClientRect().bottom") <= height
 
 

@@ -10,7 +10,6 @@ pytest.importorskip("websockets", reason="the extra teleop is not installed: no 
 
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._integrator import LiveFeet
-from poise.apps.live._odometry import Odometry
 from poise.locomotion import OperatorSample, StepTeleoperator, TrackedPose
 
 AHEAD = (1.0, 0.0)
@@ -19,7 +18,7 @@ AHEAD = (1.0, 0.0)
 @pytest.fixture
 def walked(get_robot):
     inputs = Mock(spec=OperatorInputs)
-    feet = LiveFeet(inputs, StepTeleoperator(get_robot("biped20"), actuation="torque"), Odometry())
+    feet = LiveFeet(inputs, StepTeleoperator(get_robot("biped20"), actuation="torque"))
 
     def velocity(pad):
         inputs.read.return_value = pad

@@ -1,20 +1,16 @@
-"""`Front`: the only way in. It serves the page, and tells operators from watchers.
+"""`Front`: server on 127.0.0.1 of the page and its one channel, for operators and watchers.
 
-Everything that a browser gets comes from one origin on 127.0.0.1, through the public API of
-`websockets` alone:
-
-- `GET /` and the files beside it: the page. It draws the robot by itself, with the three.js and the
-  code that reports carry for their replay, so there is no second server that would want a guard.
-- `GET /shapes.json`: what the robot looks like, once.
-- `/control`: a WebSocket. Out of it comes the status, with the pose of every body; into it goes
-  what the operator does. A connection that shows the token gets the operator's seat if that is
-  free, and has it until it closes, or until it has been silent and somebody else comes who shows
-  the token. What any other connection sends is refused and dropped. How much is read of each, and
-  how many there may be, is bounded: by sending nobody takes more than a part of the robot's time.
+- `GET /` and the files beside it: the page, which draws the robot by itself.
+- `GET /shapes.json`: shapes of the robot.
+- `/control`: a WebSocket. Out comes the status, with the pose of every body; in go the operator's
+  orders. A connection that shows the token gets the operator's seat if that is free, and has it
+  until it closes, or until it has been silent and another one comes that shows the token. Messages
+  of any other connection are refused and dropped. Frames read of each, and their number, are
+  bounded: sending takes no more than a part of the robot's time.
 - `GET /takes/NAME`: recordings, with the token.
 
-A request under a foreign host name (one of somebody else's that resolves to this machine) or from a
-page of another origin gets nothing, whatever it asks for and whatever it shows.
+A request under a foreign host name (one that resolves to this machine) or from a page of another
+origin gets nothing, whatever it asks for and shows.
 """
 
 import asyncio
@@ -42,12 +38,8 @@ from poise.apps.report import asset
 from poise.errors import ConfigurationError, PoiseError
 
 HOST = "127.0.0.1"
-STATUS_PERIOD = 0.04
-"""Time from one status to the next [s]."""
-
-_LONGEST = 65536
-"""Longest message that a page may send [bytes]."""
-
+STATUS_PERIOD = 0.04  # [s]
+_LONGEST = 65536  # message of a page [bytes]
 _FILES = ("page.html", "page.css", "page.js", "body.js", "view.js")
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "json": "text/json"}
 _HEADERS = {
@@ -59,27 +51,17 @@ _HEADERS = {
     "connect-src 'self' ws://127.0.0.1:* ws://localhost:*; base-uri 'none'; form-action 'none'",
     "X-Content-Type-Options": "nosniff",
 }
-_PING = 5.0
-"""Every so often [s] a connection has to show that it is there, within twice as long."""
-
+_PING = 5.0  # period of the question whether a connection is there, answered in twice that [s]
+_MOST_WATCHERS = 32
+_KEPT_FREE = 8  # more connections for the token: watchers keep nobody from driving
+_FULL = f"There are {_MOST_WATCHERS} who look on already, and no more can: close another page."
+_NOT_YOU = {"error": "You are watching: nothing that this page sends moves the robot."}
 _TOO_LATE = (
     "You were silent, and somebody else drives now: you can watch. Reload the page when they have "
     "left."
 )
-_MOST_WATCHERS = 32
-"""That there may be."""
 
-_KEPT_FREE = 8
-"""So many more there may be of those who have the token: watchers keep nobody from driving."""
-
-_FULL = f"There are {_MOST_WATCHERS} who look on already, and no more can: close another page."
-
-_NOT_YOU = {"error": "You are watching: nothing that this page sends moves the robot."}
-
-
-Answer = dict[str, Any] | None
-"""What a page gets for a message; None for nothing."""
-
+Answer = dict[str, Any] | None  # to a message
 _Reply = TypeVar("_Reply")
 
 
@@ -89,31 +71,27 @@ class PortInUseError(PoiseError):
 
 @runtime_checkable
 class Desk(Protocol):
-    """What stands behind `Front`: all commands come here, and only from the operator."""
+    """Receiver of the operator's messages, and source of all that pages show."""
 
     def order(self, text: str | bytes) -> Answer | Callable[[], Answer]:
-        """Carries out a message of the operator's page; an answer for that page.
-
-        Or what is still to be done for it, which may take a while: it is called in another thread,
-        so that the operator's next messages do not wait for it.
-        """
+        """Carry out a message; return the answer, or slow work for it, done in another thread."""
         ...
 
     def left(self) -> None:
-        """The operator has gone."""
+        """Note that the operator has gone."""
         ...
 
     def status(self) -> dict[str, Any]:
-        """What every page shows, some twenty times a second."""
+        """Return what every page shows."""
         ...
 
     def file(self, name: str) -> Path | None:
-        """A recording by its name."""
+        """Return a recording by its name."""
         ...
 
 
 class Front:
-    """A server on 127.0.0.1 with the page and one channel."""
+    """Server on 127.0.0.1 with the page and one channel."""
 
     def __init__(self, desk: Desk, *, port: int, shapes: dict[str, Any]) -> None:
         self._desk = desk
@@ -141,23 +119,20 @@ class Front:
         return f"{self.watch_url}?token={self.seat.token}"
 
     def start(self) -> None:
-        """Starts to answer."""
+        """Start to answer."""
         self._thread.start()
         self._ready.wait()
 
     def stop(self) -> None:
-        """Closes all connections."""
+        """Close all connections."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._stopped.set)
             self._thread.join()
         self._socket.close()
 
     def _run(self) -> None:
-        self._loop.run_until_complete(self._serve())
-        if self._tasks:
-            self._loop.run_until_complete(asyncio.wait(self._tasks))
-        self._loop.run_until_complete(self._loop.shutdown_default_executor())
-        self._loop.close()
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._serve())
 
     async def _serve(self) -> None:
         async with serve(
@@ -173,11 +148,12 @@ class Front:
         ):
             self._ready.set()
             await self._stopped.wait()
+        await asyncio.gather(*self._tasks)
 
     # Pages ---------------------------------------------------------------------------------------
 
     async def _requested(self, _: ServerConnection, request: Request) -> Response | None:
-        """What a request gets; None lets it on to the channel."""
+        """Answer a request; None lets it on to the channel."""
         try:
             return await self._answered(request)
         except (ValueError, MultipleValuesError):
@@ -193,8 +169,7 @@ class Front:
         if path == "/control":
             return None
         if path in self._pages:
-            body, kind = self._pages[path]
-            return _answer(HTTPStatus.OK, body, kind)
+            return _answer(HTTPStatus.OK, *self._pages[path])
         if path.startswith("/takes/"):
             return await self._download(path.removeprefix("/takes/"), _token(request))
         return _answer(HTTPStatus.NOT_FOUND, b"No such page.")
@@ -220,41 +195,39 @@ class Front:
             await connection.close(CloseCode.TRY_AGAIN_LATER, _FULL)
             return
         self._open += 1
-        try:
-            await self._served(connection, self.seat.enter(token))
-        finally:
-            self._open -= 1
-
-    async def _served(self, connection: PacedConnection, grant: Grant) -> None:
+        grant = self.seat.enter(token)
         connection.pace = DRIVES if grant.drives else WATCHES
         if grant.drives:
-            # Whoever had the seat before, and has been silent, does not drive any more.
+            # An operator who was silent does not drive any more.
             self._desk.left()
-        telling: asyncio.Task[None] | None = None
+        telling = asyncio.create_task(self._tell(connection, grant))
         try:
-            await connection.send(self._hello(drives=grant.drives, reason=grant.reason))
-            telling = asyncio.create_task(self._tell(connection))
-            await self._listen(connection, grant)
-        except ConnectionClosed:
-            pass
+            with suppress(ConnectionClosed):
+                await self._hear(connection, grant)
         finally:
-            if telling is not None:
-                telling.cancel()
-            if self.seat.holds(grant):
-                self.seat.leave(grant)
+            self._open -= 1
+            telling.cancel()
+            if self.seat.leave(grant):
                 self._desk.left()
 
     def _hello(self, *, drives: bool, reason: str) -> str:
-        """What a connection is: the operator's, or somebody's who watches."""
         hello = "operator" if drives else "watcher"
         return _json({"hello": hello, "reason": reason, "run": self._name})
 
-    async def _listen(self, connection: PacedConnection, grant: Grant) -> None:
-        """Carries out what the operator's page says, as long as it is the operator's."""
+    async def _tell(self, connection: ServerConnection, grant: Grant) -> None:
+        """Greet, and send the status for ever; to one that does not keep up less often."""
+        with suppress(ConnectionClosed):
+            await connection.send(self._hello(drives=grant.drives, reason=grant.reason))
+            while True:
+                await connection.send(self._status())
+                await asyncio.sleep(STATUS_PERIOD)
+
+    async def _hear(self, connection: PacedConnection, grant: Grant) -> None:
+        """Carry out messages for as long as the connection is the operator's."""
         drives = grant.drives
         async for text in connection:
             if self.seat.hears(grant):
-                reply = self._obey(lambda said=text: self._desk.order(said))
+                reply = _obey(lambda said=text: self._desk.order(said))
             else:
                 if drives:
                     drives, connection.pace = False, WATCHES
@@ -268,27 +241,13 @@ class Front:
                 await connection.send(_json(reply))
 
     async def _carry_out(self, connection: ServerConnection, work: Callable[[], Answer]) -> None:
-        """Does what takes a while, and says what came of it."""
-        answer = await asyncio.to_thread(self._obey, work)
+        answer = await asyncio.to_thread(_obey, work)
         if answer is not None:
             with suppress(ConnectionClosed):
                 await connection.send(_json(answer))
 
-    def _obey(self, work: Callable[[], _Reply]) -> _Reply | dict[str, Any]:
-        try:
-            return work()
-        except PoiseError as error:
-            return {"error": str(error)}
-
-    async def _tell(self, connection: ServerConnection) -> None:
-        """Sends a page the status for ever; one that does not keep up gets it less often."""
-        with suppress(ConnectionClosed):
-            while True:
-                await connection.send(self._status())
-                await asyncio.sleep(STATUS_PERIOD)
-
     def _status(self) -> str:
-        """The status, put into words once for all pages that ask at about the same time."""
+        """The status, encoded once for all pages that ask at about the same time."""
         now = self._loop.time()
         if now - self._told_at > 0.5 * STATUS_PERIOD:
             self._told = _json(self._desk.status() | {"driven": self.seat.taken})
@@ -296,8 +255,15 @@ class Front:
         return self._told
 
 
+def _obey(work: Callable[[], _Reply]) -> _Reply | dict[str, Any]:
+    try:
+        return work()
+    except PoiseError as error:
+        return {"error": str(error)}
+
+
 def _pages(shapes: dict[str, Any]) -> dict[str, tuple[bytes, str]]:
-    """What is served: text and MIME type by path."""
+    """Text and MIME type by path."""
     own = files("poise.apps.live").joinpath("assets")
     texts = {name: own.joinpath(name).read_text(encoding="utf-8") for name in _FILES}
     texts |= {name: asset(name) for name in ("three.bundle.min.js", "scene.js")}
@@ -324,15 +290,10 @@ def _json(message: dict[str, Any]) -> str:
 def _listen(port: int) -> socket.socket:
     if not 0 <= port <= 65535:
         raise ConfigurationError("no such port", got=port, wanted="0 to 65535")
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind((HOST, port))
-        listener.listen()
+        return socket.create_server((HOST, port))
     except OSError as error:
-        listener.close()
         raise PortInUseError(
             f"cannot listen on port {port} ({error.strerror})",
             wanted="another with --port, or 0 for any that is free",
         ) from None
-    return listener

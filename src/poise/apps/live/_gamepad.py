@@ -3,11 +3,10 @@
 import contextlib
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._real_time import RealTimeLoop
 from poise.errors import MissingExtraError, PoiseError
 from poise.locomotion import Mode, OperatorSample
 
@@ -51,20 +50,21 @@ def sample_from(
 
 
 class Landings:
-    """When a foot lands that was in the air; one that bounces lands once. So does the page."""
+    """Count of feet that landed after they were in the air; a foot that bounces lands once."""
 
     def __init__(self) -> None:
+        self._number = 0
         self._loaded, self._flew = [True, True], [False, False]
         self._landed = [-1.0, -1.0]
 
-    def felt(self, forces: Sequence[Sequence[float]], mode: Mode, time: float) -> bool:
-        """Return True when a foot has landed just now."""
-        felt, weight = False, sum(up for _, _, up in forces)
-        for foot, (_, _, up) in enumerate(forces):
+    def count(self, loads: Sequence[float], mode: Mode, time: float) -> int:
+        """Take the normal forces on the feet [N] at a time of the robot [s]; return the count."""
+        felt, weight = False, sum(loads)
+        for foot, load in enumerate(loads):
             before = self._loaded[foot]
-            if up < _UNLOADED * weight:
+            if load < _UNLOADED * weight:
                 self._loaded[foot] = False
-            elif up > _LOADED * weight:
+            elif load > _LOADED * weight:
                 self._loaded[foot] = True
             # The other one gives up its load, too, for a moment, when a foot lands hard.
             if not self._loaded[foot] and mode.single and mode.support != foot:
@@ -74,7 +74,8 @@ class Landings:
             self._flew[foot] = False
             felt = felt or abs(time - self._landed[foot]) > _BOUNCES
             self._landed[foot] = time
-        return felt
+        self._number += felt
+        return self._number
 
 
 class HostGamepad:
@@ -109,13 +110,13 @@ class HostGamepad:
             )
         self.name = str(self._pad.name)
         self._inputs, self._stop = inputs, threading.Event()
-        self._landings = Landings()
+        self._landings = 0
         self._thread: threading.Thread | None = None
 
-    def start(self, loop: RealTimeLoop) -> None:
-        """Start reading."""
+    def start(self, landings: Callable[[], int]) -> None:
+        """Start reading, and shake with each of a number of landings."""
         self._thread = threading.Thread(
-            target=self._run, args=(loop,), name="poise gamepad", daemon=True
+            target=self._run, args=(landings,), name="poise gamepad", daemon=True
         )
         self._thread.start()
 
@@ -125,12 +126,10 @@ class HostGamepad:
         if self._thread is not None:
             self._thread.join()
 
-    def _run(self, loop: RealTimeLoop) -> None:
+    def _run(self, landings: Callable[[], int]) -> None:
         while not self._stop.wait(_PERIOD):
             self.poll()
-            snapshot = loop.snapshot
-            if loop.forces is not None and snapshot is not None:
-                self.feel(loop.forces, snapshot.mode, snapshot.time)
+            self.shake(landings())
 
     def poll(self) -> None:
         """Look at the gamepad once."""
@@ -145,10 +144,11 @@ class HostGamepad:
         if self._pad is not None:
             self._inputs.take(sample_from(*self._read(self._pad)))
 
-    def feel(self, forces: Sequence[Sequence[float]], mode: Mode, time: float) -> None:
-        """Shakes the gamepad, if it can, when a foot lands."""
-        if self._landings.felt(forces, mode, time) and self._pad is not None:
+    def shake(self, landings: int) -> None:
+        """Shake the gamepad, if it can, where the number of landings has grown."""
+        if landings > self._landings and self._pad is not None:
             self._pad.rumble(_STRONG, _WEAK, _SHAKE)
+        self._landings = landings
 
     def _read(self, pad: Any) -> tuple[list[bool], list[float], tuple[int, int]]:
         """Buttons, axes and D-pad in the usual layout, wherever this gamepad has them."""

@@ -46,7 +46,10 @@ class OperatorInputs:
         self._sampled: tuple[float, float, float] | None = None
 
     def take(self, sample: OperatorSample) -> dict[str, float]:
-        """Take a state of keys, sticks, handles and trackers; return why it does not count [s]."""
+        """Take a state of keys, sticks, handles and trackers.
+
+        Returns why it does not count [s], or `again` where a lever has to be let go first.
+        """
         with self._lock:
             now, stamp = clock.monotonic(), sample.time
             lost = self._clock.is_lost(now)
@@ -71,7 +74,7 @@ class OperatorInputs:
             if self._unread and self._unread[-1].held == held:
                 self._unread.pop()
             self._unread.append(_Message(_without(sample, parts, self._stale), held, now))
-            return {}
+            return {"again": True} if self._stale & held else {}
 
     def clear(self) -> None:
         """Forget the operator; whoever comes back is as after a silence."""

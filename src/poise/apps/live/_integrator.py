@@ -9,7 +9,6 @@ from jaxtyping import Float64
 from msgspec.structs import replace
 
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._odometry import Odometry
 from poise.locomotion import (
     FOOT_TURNS,
     TORSO_MOST,
@@ -140,11 +139,10 @@ class Integrator:
 class LiveFeet(Integrator):
     """Integrate raw samples to places of both feet, too, in the teleoperator's world."""
 
-    def __init__(
-        self, inputs: OperatorInputs, teleoperator: StepTeleoperator, odometry: Odometry
-    ) -> None:
+    def __init__(self, inputs: OperatorInputs, teleoperator: StepTeleoperator) -> None:
         super().__init__(inputs, teleoperator.dt, limits=BodyLimits.of(teleoperator))
-        self._teleoperator, self._odometry = teleoperator, odometry
+        self._teleoperator = teleoperator
+        self.offset = np.zeros(3)  # of the drawn world against the teleoperator's [m]
         self._restart()
 
     def _restart(self) -> None:
@@ -210,7 +208,7 @@ class LiveFeet(Integrator):
         part, sole = raw.feet[foot], estimator.sole(foot)
         place = _near(self.places[foot], sole)
         if part is not None and part.clutch is None:
-            goal = _near(self._odometry.estimated(np.array(part.position)), sole)
+            goal = _near(np.array(part.position) - self.offset, sole)
         else:
             x, y, z = estimator.anchors[foot].tolist()
             if mode.single and mode.support != foot:

@@ -1,4 +1,4 @@
-"""`Seat`: who may command the robot. One operator at most, and only with the token."""
+"""`Seat`: the lease of the operator, for one connection at a time, and only with the token."""
 
 import secrets
 import threading
@@ -6,38 +6,28 @@ import time as clock
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
-SILENT_FOR = 5.0
-"""An operator of whom nothing has been heard for so long [s] keeps nobody from the seat."""
-
+SILENT_FOR = 5.0  # silence after which an operator keeps nobody else from the seat [s]
 _NO_TOKEN = (
     "The token in the address is wrong, or of an earlier run: you can watch, not drive. The "
     "address for driving was printed when this run began."
 )
-
+_TAKEN = "Somebody else is driving: you can watch. Reload the page when they have left."
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grant:
-    """What somebody who came may do; each is one connection's, and no other equals it.
+    """Rights of one connection; no other equals it."""
 
-    Attributes:
-        drives: whether it came with the operator's seat.
-        reason: why somebody with a token only watches.
-    """
-
-    drives: bool
-    reason: str = ""
+    drives: bool  # it came with the operator's seat
+    reason: str = ""  # why one with a token only watches
 
 
 class Seat:
-    """The operator's seat: for one at a time, who has it until they leave.
+    """Lease of the operator until its connection ends.
 
-    A page may freeze without leaving. Who is silent loses the seat when somebody else with the
+    A page may freeze without leaving. A silent operator loses the seat when another one with the
     token comes, and only then: a page that wakes up alone goes on.
-
-    Attributes:
-        token: whoever shows it may sit down when the seat is free.
     """
 
     def __init__(self) -> None:
@@ -48,26 +38,21 @@ class Seat:
 
     @property
     def taken(self) -> bool:
-        """Whether there is an operator, of whom something has been heard lately."""
+        """True where there is an operator that was not silent for long."""
         return self._holder is not None and clock.monotonic() - self._heard_at <= SILENT_FOR
 
     def enter(self, token: str | None) -> Grant:
-        """Somebody comes, with a token or None to watch."""
-        if token is None:
-            return Grant(False)
-        if not self.shows(token):
-            return Grant(False, _NO_TOKEN)
+        """Grant a new connection its rights, by its token or None to watch."""
+        if token is None or not self.shows(token):
+            return Grant(False, "" if token is None else _NO_TOKEN)
         with self._lock:
             if self.taken:
-                return Grant(
-                    False,
-                    "Somebody else is driving: you can watch. Reload the page when they have left.",
-                )
+                return Grant(False, _TAKEN)
             self._holder, self._heard_at = Grant(True), clock.monotonic()
             return self._holder
 
     def hears(self, grant: Grant) -> bool:
-        """Takes a sign of life of somebody; whether they are the operator."""
+        """Note a sign of life; return whether the grant is the operator's."""
         with self._lock:
             holds = self.holds(grant)
             if holds:
@@ -75,32 +60,30 @@ class Seat:
             return holds
 
     def shows(self, token: str) -> bool:
-        """Whether a token is the one."""
+        """Return whether a token is the right one."""
         return secrets.compare_digest(token.encode(), self.token.encode())
 
-    def leave(self, grant: Grant) -> None:
-        """Somebody goes; if it was the operator, the seat is free."""
+    def leave(self, grant: Grant) -> bool:
+        """End a grant; return whether it was the operator's, whose seat is free then."""
         with self._lock:
-            if self.holds(grant):
+            held = self.holds(grant)
+            if held:
                 self._holder = None
+            return held
 
     def holds(self, grant: Grant) -> bool:
-        """Whether a grant is the operator's."""
+        """Return whether a grant is the operator's."""
         return grant is self._holder
 
 
 def is_local(host: str | None) -> bool:
-    """Whether a Host header names this machine, not a foreign name that resolves to it."""
-    return host is not None and _hostname(f"//{host}") in _LOOPBACK
+    """Return whether a Host header names this machine, not a foreign name that resolves to it."""
+    try:
+        return host is not None and urlsplit(f"//{host}").hostname in _LOOPBACK
+    except ValueError:
+        return False
 
 
 def is_same_origin(origin: str | None, host: str | None) -> bool:
     """Accept connections of this server's own page, and those of no page."""
     return origin is None or (is_local(host) and origin == f"http://{host}")
-
-
-def _hostname(url: str) -> str | None:
-    try:
-        return urlsplit(url).hostname
-    except ValueError:
-        return None

@@ -277,7 +277,7 @@ class DeviceStatus(Enum):
     OK = "ok"
     STALE = "no new sample for a moment: the last one holds"
     REFUSED = "the last sample was refused: the one before holds"
-    LOST = "the device stopped sending: the feet go back to the ground"
+    LOST = "the device stopped sending: the robot comes to rest"
     WAITING = "bring each device down to its foot to take hold of it"
     WALKING = "the robot walks as it is told; when it stands, take hold of each foot anew"
     OVERRULED = "the robot steps by itself so as not to fall; then take hold of each foot anew"

@@ -17,9 +17,9 @@ class Mode(Enum):
     support: int | None
     single: bool
 
-    D = "double support", None, False
-    TL = "shifting to the left foot", 0, False
-    TR = "shifting to the right foot", 1, False
+    D = "standing on both feet", None, False
+    TL = "weight shift to the left foot", 0, False
+    TR = "weight shift to the right foot", 1, False
     SL = "standing on the left foot", 0, True
     SR = "standing on the right foot", 1, True
 

@@ -88,6 +88,9 @@ function grip(hand, down) {
   part(["hand-left", "hand-right"][hand]).classList.toggle("on", down);
 }
 
+// Feet and hands that keys hold.
+const holding = () => [!driven() && keys.left, !driven() && keys.right, ...held];
+
 // Where keys send the hands that they hold.
 function reach() {
   const way = [0, 0, 0];

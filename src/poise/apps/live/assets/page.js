@@ -27,7 +27,7 @@ function join() {
     part("controls").disabled = true;
     part("role").textContent = "no connection";
     part("role").className = "";
-    say(`${reason || "No connection to the robot. If it was moving, it has put its feet down."} Trying again. ${heardAt ? `What is shown is of ${since()}.` : ""}`);
+    say(`${reason || "No connection to the robot. If it was moving, it has come to rest."} Trying again. ${heardAt ? `What is shown is of ${since()}.` : ""}`);
     setTimeout(join, RETRY);
   };
 }
@@ -40,7 +40,7 @@ function take(message) {
   if ("hello" in message) welcome(message);
   else if ("echo" in message) {
     latency(performance.now() - 1000 * message.echo);
-    if (message.forces) feel(message.forces);
+    stuck = Boolean(message.again);
     if ("late" in message) hint(`What you do comes ${message.late.toFixed(1)} s late, and does not count: the connection is too slow.`);
   }
   else if ("kept" in message) kept(message.kept);
@@ -60,7 +60,7 @@ function welcome(message) {
   reason = driving ? "" : message.reason || "You are watching. Only the address with the token can drive.";
   say(reason);
   if (!driving) {
-    help(false);
+    begun();
     slid = undefined;
   }
   allow();
@@ -108,17 +108,21 @@ function kept(name) {
   part("said").replaceChildren("kept as ", link);
 }
 
-// Whether the help was called back: then it stays until it is closed.
-let called = false;
-function help(shown, byHand = false) {
-  called = shown && byHand;
+function help(shown) {
   part("help").hidden = !shown;
   part("help-open").setAttribute("aria-expanded", String(shown));
 }
 
+// The first screen shows how to begin, until that is done.
+let learnt = false;
+function begun() {
+  learnt = true;
+  part("hint").hidden = true;
+}
+
 // What is shown -------------------------------------------------------------------------------------
 
-let smoothed = null;
+let smoothed = null, stuck = false; // Something is held that counts only when it is pressed anew.
 function latency(now) {
   smoothed = smoothed === null ? now : 0.9 * smoothed + 0.1 * now;
   put("latency", `${smoothed.toFixed(0)} ms`, smoothed > 200);
@@ -133,7 +137,7 @@ function age() {
 }
 
 // Messages are taken in as they come, and drawn no faster than the browser can.
-let newest = null, drawnAt = 0, stepping = false;
+let newest = null, drawnAt = 0, stepping = false, landings;
 function show(s) {
   newest = s;
   heardAt = Date.now();
@@ -142,9 +146,8 @@ function show(s) {
   else if (!stale) wait(s.driven);
   if (!("time" in s)) return;
   view?.show(s);
-  // Whoever has made a step needs no more help, unless they call for it.
   // Not while they drag the next foot, which would move with the picture.
-  if (driving && stepping && s.mode === "D" && !called && !view?.drags().some(Boolean)) help(false);
+  if (stepping && s.mode === "D" && !view?.drags().some(Boolean)) begun();
   if (document.body.dataset.kind !== s.kind || grips !== s.hands.length > 0) {
     document.body.dataset.kind = s.kind;
     grips = s.hands.length > 0;
@@ -152,9 +155,12 @@ function show(s) {
     // What no limits are known of cannot be bent.
     document.body.dataset.bends = s.limits.height[0] < 0 && s.source !== "recording";
     document.body.dataset.torso = s.limits.torso[2] > 0;
+    part("hint").hidden = learnt || !driving || s.source !== "browser";
     allow();
   }
-  stepping = s.mode === "SL" || s.mode === "SR" || (stepping && !part("help").hidden);
+  stepping ||= s.mode === "SL" || s.mode === "SR";
+  if (landings !== undefined && s.landings > landings) rumble();
+  landings = s.landings;
   const last = past.at(-1);
   if (last && s.time < last.time) past.length = 0;
   const { time, zmp, zmpReference, com } = s;
@@ -185,7 +191,8 @@ function words(s) {
   for (const chip of part("modes").children) chip.classList.toggle("now", chip.dataset.mode === s.mode);
   const old = `Nothing has come from the robot since ${since()}.`;
   put("mode-text", stale ? old : s.fallen ? "fallen: press Reset" : s.modeText, stale || s.fallen);
-  warn(stale ? old : s.fallen ? `The robot has fallen. ${driving ? "Press Reset" : "Its operator has to press Reset"}.` : "");
+  const lost = driving && (stuck || s.device === "OVERRULED") ? AGAIN : "";
+  warn(stale ? old : s.fallen ? `The robot has fallen. ${driving ? "Press Reset" : "Its operator has to press Reset"}.` : lost);
   put("margin", `${(100 * s.margin).toFixed(1)} cm`);
   part("margin-bar").value = Math.max(0, s.margin);
   const device = s.deviceText;
@@ -283,25 +290,9 @@ function pad() {
 
 let said = "";
 const taken = new Set(); // Keys that are down and mean something to the robot.
-// A gamepad that can shake does so when a foot lands that was in the air; one that bounces lands once.
-const loaded = [true, true], landed = [-1, -1], BOUNCES = 0.5; // In the robot's time, which may be slow [s].
-const flew = [false, false];
-function feel(forces) {
-  const all = forces[0][2] + forces[1][2];
-  forces.forEach(([, , up], foot) => {
-    const before = loaded[foot];
-    if (up < 0.05 * all) loaded[foot] = false;
-    else if (up > 0.25 * all) loaded[foot] = true;
-    // The other one gives up its load, too, for a moment, when a foot lands hard.
-    if (!loaded[foot] && newest?.mode === ["SR", "SL"][foot]) flew[foot] = true;
-    if (!loaded[foot] || before || !flew[foot]) return;
-    flew[foot] = false;
-    const time = newest?.time ?? 0;
-    if (Math.abs(time - landed[foot]) > BOUNCES) rumble();
-    landed[foot] = time;
-  });
-}
-
+const AGAIN = "The robot lost touch with this page: let go and press again.";
+const missed = new Set(); // Keys that were down when the page let go of everything.
+// A gamepad that can shake does so when a foot lands.
 function rumble() {
   const effect = { duration: 80, strongMagnitude: 0.8, weakMagnitude: 0.4 };
   for (const stick of navigator.getGamepads?.() ?? [])
@@ -331,13 +322,17 @@ function letterOf({ key, code }) {
 function press(event, down) {
   // A slider that was used last would take the repeats of a key that walks the robot for its own.
   if (event.repeat && taken.has(event.code)) event.preventDefault();
-  if (event.repeat) return;
+  if (event.repeat) {
+    if (missed.has(event.code)) hint(AGAIN);
+    return;
+  }
   taken.delete(event.code);
+  missed.delete(event.code);
   // A Mac says of no key that it was let go while this one was held.
   if (event.key === "Meta" && !down) release();
   // With one of these the browser does something of its own.
   if (down && (event.ctrlKey || event.metaKey || event.altKey)) return;
-  if (event.key === "?" && down) help(part("help").hidden, true);
+  if (event.key === "?" && down) help(part("help").hidden);
   const letter = letterOf(event), arrow = event.key.startsWith("Arrow") ? event.key : driven() && ARROWS[letter];
   if (letter === "q") hold("left", down);
   else if (letter === "e") hold("right", down);
@@ -360,6 +355,8 @@ function hold(side, down) {
 }
 
 function release() {
+  for (const code of taken) missed.add(code);
+  taken.clear();
   hold("left", false);
   hold("right", false);
   keys.rest = keys.neutral = false;
@@ -407,7 +404,8 @@ for (const name in BENT) {
 part("neutral").addEventListener("click", () => { for (keys.neutral of [true, false]) look(); });
 part("keep").addEventListener("click", () => send({ do: "keep" }));
 part("help-close").addEventListener("click", () => help(false));
-part("help-open").addEventListener("click", () => help(part("help").hidden, true));
+part("help-open").addEventListener("click", () => help(part("help").hidden));
+part("hint-close").addEventListener("click", begun);
 window.addEventListener("keydown", (event) => press(event, true));
 window.addEventListener("keyup", (event) => press(event, false));
 window.addEventListener("blur", release);

@@ -1,12 +1,12 @@
 "use strict";
-// The picture: the robot, what balances it, and the handles of feet and hands that whoever drives
-// can drag.
+// The picture: the robot, what balances it, and the handles of feet and hands.
 const ABOVE = 0.06; // A handle is drawn this far above its sole [m], in the middle of the foot.
 const POLE = 0.3; // Height of the poles at the ZMP and its reference [m]: a foot does not hide them.
 const LINE_Z = 0.004; // Lines are drawn this far above the ground [m].
 const COLOURS = { zmp: 0xd63384, com: 0x0d6efd, target: 0xfd7e14, support: 0x28a745 };
 const AXES = [0xdc3545, 0x28a745, 0x0d6efd], AXIS = 0.12; // Of a hand that is turned [m].
 const PALE = 0.45;
+const REACH = 0.25, NEAR = 30; // A pointer is at a handle so near [m], and no less than so many pixels.
 const LEASH = 0.25, TURN = 0.35; // The robot may go so far [m] and turn so far [rad] before the view goes along.
 let view = null; // There is none until the shapes have come, or where the browser has no WebGL.
 
@@ -63,6 +63,41 @@ async function openView() {
   }
   view = { stage, handles, grips, show, drags, hands, allow, release };
 
+  // A handle is drawn where the pointer is at its foot or hand, and where that is held.
+  let allowed = [false, false, false, false], near = -1;
+  const canvas = stage.controls.domElement;
+  // Distance of the pointer to a handle, over the length of its arrows.
+  function distance({ object: { position } }, x, y) {
+    const box = canvas.getBoundingClientRect();
+    const [from, to] = [0, REACH].map((up) => {
+      const p = position.clone().setZ(position.z + up).project(stage.camera);
+      return [box.left + 0.5 * box.width * (1 + p.x), box.top + 0.5 * box.height * (1 - p.y)];
+    });
+    return Math.hypot(x - from[0], y - from[1]) / Math.max(Math.hypot(to[0] - from[0], to[1] - from[1]), NEAR);
+  }
+  function point({ clientX, clientY }) {
+    if (all.some(({ dragging }) => dragging)) return;
+    // Whoever is on an arrow stays with it, also where another foot is nearer.
+    if (near >= 0 && all[near].axis) return;
+    const away = all.map((handle, i) => (allowed[i] ? distance(handle, clientX, clientY) : Infinity));
+    const least = Math.min(...away);
+    near = least < 1 ? away.indexOf(least) : -1;
+    refresh();
+  }
+  // Before the handles see them, and after: an arrow that the pointer left holds it no longer.
+  for (const before of [true, false])
+    for (const kind of ["pointermove", "pointerdown"]) canvas.addEventListener(kind, point, before);
+  function refresh() {
+    const dragged = all.findIndex(({ dragging }) => dragging);
+    all.forEach((handle, i) => {
+      const shown = allowed[i] && (dragged < 0 ? i === near || holding()[i] : i === dragged);
+      if (handle.enabled === shown && handle.getHelper().visible === shown) return;
+      handle.enabled = handle.getHelper().visible = shown;
+      if (!shown) handle.axis = null;
+      stage.draw();
+    });
+  }
+
   let looked = false;
   function show(s) {
     if (!looked && s.com[2] > 0.75) lookAt(s.com[2]);
@@ -83,6 +118,7 @@ async function openView() {
       axes[hand](s.hands[hand], s.handTurns[hand]);
     });
     goAlong(s.com, s.heading);
+    refresh();
     stage.follow(s.com[0], s.com[1]);
     stage.draw();
   }
@@ -103,12 +139,8 @@ async function openView() {
   function allow(feet, hands) {
     if (!feet) handles.forEach((handle) => handle.pointerUp(null));
     if (!hands) grips.forEach((grip) => grip.pointerUp(null));
-    all.forEach((handle, i) => {
-      const shown = i < 2 ? feet : hands;
-      handle.enabled = shown;
-      handle.getHelper().visible = shown;
-    });
-    stage.draw();
+    allowed = [feet, feet, hands, hands];
+    refresh();
   }
   function release() {
     for (const handle of all) handle.pointerUp(null);
@@ -128,10 +160,9 @@ function makeHandles({ scene, camera, controls, draw }, count) {
     return handle;
   });
   handles.forEach((handle) => {
-    // Whoever drags one handle turns neither the view nor another handle.
+    // Whoever drags a handle does not turn the view.
     handle.addEventListener("dragging-changed", ({ value }) => {
       controls.enabled = !value;
-      for (const other of handles) if (other !== handle) other.enabled = !value && other.getHelper().visible;
     });
   });
   return handles;

@@ -1,0 +1,234 @@
+"""`FootLead`, `VelocityLead`: ways to lead a live robot."""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+
+from poise.apps.live._inputs import OperatorInputs
+from poise.apps.live._integrator import BodyLimits, Integrator, LiveFeet
+from poise.apps.live._log import LIVE_CONFIG
+from poise.apps.teleoperation import (
+    TORQUE_TELEOP_PLANT,
+    RecordedPush,
+    Recording,
+    TeleopRecorder,
+    TeleopSetup,
+    foot_forces,
+)
+from poise.control import Controller, WholeBodyController, is_usable
+from poise.dynamics import RobotState
+from poise.estimation import PayloadEstimator, StateEstimator
+from poise.locomotion import (
+    BodyCommand,
+    DeviceStatus,
+    GazeLeader,
+    HandLeader,
+    Mode,
+    OperatorGuard,
+    StepEnd,
+    StepTeleoperator,
+    TeleopParameters,
+    Walker,
+    walking_stack,
+)
+from poise.robots import Robot
+from poise.sim import Plant, PlantConfig, Recorder, Tick, check_period
+from poise.stack import Stack
+
+WALK_PLANT = PlantConfig(control_dt=0.002, self_contact=True)
+# Signals of a teleoperator that are points
+_PLACES = (
+    "zmp_reference", "estimate/zmp", "estimate/cart_table_zmp", "estimate/com", "estimate/soles",
+    "foot_target",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeadOutcome:
+    """Result of a tick of the lead, in the drawn world."""
+
+    mode: Mode
+    mode_text: str
+    device: DeviceStatus
+    zmp_reference: Float64[np.ndarray, "2"]  # [m]
+    handles: Float64[np.ndarray, "2 3"] | None = None  # of the feet; None for those on the soles
+    target: Float64[np.ndarray, "3"] | None = None  # of the swing foot [m]
+
+
+class _Lead:
+    """Leader, controller, estimator and recorder of a run, made anew by `begin`."""
+
+    body = BodyCommand()
+    forces: list[list[float]] | None = None  # of the ground on the feet; None for a walk
+
+    def __init__(self, robot: Robot, inputs: OperatorInputs, plant: PlantConfig, seed: int) -> None:
+        self.robot, self.inputs, self.plant, self.seed = robot, inputs, plant, seed
+        self.limits, self.pushes = BodyLimits(), deque[RecordedPush]()
+
+
+class _DrawnTeleoperator(StepTeleoperator):
+    """A teleoperator whose signals are in the drawn world."""
+
+    offset = np.zeros(3)  # of the drawn world against the teleoperator's [m]
+
+    def signals(self) -> Mapping[str, np.ndarray | float | str]:
+        """Signals of the last tick for a recorder."""
+        signals = dict(super().signals())
+        for name, value in signals.items():
+            if name in _PLACES or name.startswith("target/"):
+                place = np.asarray(value)
+                signals[name] = place + self.offset[: place.shape[-1]]
+        return signals
+
+
+class FootLead(_Lead):
+    """Step teleoperation; a recording leads in place of a person."""
+
+    kind, takes = "feet", "take"
+
+    def __init__(
+        self,
+        robot: Robot,
+        inputs: OperatorInputs,
+        plant: PlantConfig = TORQUE_TELEOP_PLANT,
+        *,
+        seed: int = 0,
+        recording: Recording | None = None,
+        parameters: TeleopParameters | None = None,
+        solved_by: str | None = None,
+    ) -> None:
+        made = None if recording is None else recording.setup_for(robot, plant.actuation)
+        super().__init__(robot, inputs, plant, seed if made is None else made.seed)
+        self._recording, self._rotator = recording, made is None or made.rotator
+        self._parameters = parameters or (made and made.parameters)
+        self._solved_by = solved_by or (made and made.solved_by)
+        self.begin()
+        check_period(self.leader, plant.control_dt)
+
+    def begin(self) -> None:
+        """Make the teleoperator and its device anew."""
+        self.leader = leader = _DrawnTeleoperator(
+            self.robot,
+            actuation=self.plant.commanded,
+            parameters=self._parameters,
+            rotator=self._rotator,
+            solved_by=self._solved_by,
+            servo_gains=(self.plant.servo.stiffness, self.plant.servo.damping),
+        )
+        self.hands, self.gaze, self.estimator = leader.hands, leader.gaze, leader.estimator
+        self._feet = LiveFeet(self.inputs, leader)
+        self.limits, leader.device = self._feet.limits, self._feet
+        self.pushes.clear()
+        if self._recording is not None:
+            leader.device = device = self._recording.device(leader)
+            self.pushes.extend(device.pushes)
+
+    def controller(self) -> Controller:
+        """Return the teleoperator's own controller."""
+        return self.leader.controller()
+
+    def recorder(self, path: Path) -> Recorder:
+        """Return a recorder of samples and pushes, too."""
+        setup = TeleopSetup.of(self.leader, self.plant, seed=self.seed, rotator=self._rotator)
+        about = {"controller": "step teleoperation"}
+        return TeleopRecorder(path, self.leader, setup, config=LIVE_CONFIG, metadata=about)
+
+    def take_in(self, tick: Tick, plant: Plant) -> None:
+        """Note forces, body, and the offset of dead reckoning, by the stance sole."""
+        del tick
+        stance = self.estimator.stance
+        site = plant.data.site(self.leader.soles[stance])
+        self._feet.offset = self.leader.offset = site.xpos - self.estimator.sole(stance)
+        self.forces, self.body = foot_forces(self.leader), self._feet.body
+
+    def outcome(self) -> LeadOutcome:
+        """Return the result of the last tick; the text says why a step failed, until the next."""
+        status, offset = self.leader.status, self._feet.offset
+        assert status is not None
+        failed = status.mode is Mode.D and status.ended not in (None, StepEnd.LANDED)
+        return LeadOutcome(
+            mode=status.mode,
+            mode_text=status.ended.value if failed and status.ended else status.mode.value,
+            device=status.device,
+            zmp_reference=status.zmp_reference + offset[:2],
+            handles=np.array(self._feet.places) + offset,
+            target=None if status.target is None else status.target + offset,
+        )
+
+
+class VelocityLead(_Lead):
+    """A walker that arms and neck go along with, itself the leader."""
+
+    kind, takes = "velocity", "drive"
+
+    def __init__(
+        self,
+        robot: Robot,
+        inputs: OperatorInputs,
+        plant: PlantConfig = WALK_PLANT,
+        *,
+        seed: int = 0,
+    ) -> None:
+        super().__init__(robot, inputs, plant, seed)
+        self.leader = self
+        self.begin()
+
+    def begin(self) -> None:
+        """Make walker, arms and neck anew."""
+        robot, dt = self.robot, self.plant.control_dt
+        self.hands, self.gaze = HandLeader(robot, dt=dt), GazeLeader(robot, dt=dt)
+        self.stack: Stack = walking_stack(robot, self.hands.task, self.gaze.task)
+        self.walker = Walker(robot, self.stack)
+        self.estimator = StateEstimator(robot, payload=PayloadEstimator(robot))
+        self._device = Integrator(self.inputs, dt, velocities=self.walker.limits)
+        self._guard, self._offset = OperatorGuard(dt=dt), np.zeros(3)
+
+    def controller(self) -> Controller:
+        """Return a controller of torques."""
+        return WholeBodyController(self.robot, self.stack)
+
+    def recorder(self, path: Path) -> Recorder:
+        """Return a recorder of signals."""
+        return Recorder(path, config=LIVE_CONFIG, metadata={"controller": "whole_body"})
+
+    def lead(self, state: RobotState) -> None:
+        """Set the targets of the next tick; a state that cannot be used changes nothing."""
+        if not is_usable(state, self.robot):
+            return
+        guard = self._guard
+        guard.check(guard.read(self._device, state.time), state.time)
+        self.walker.set_velocity(*guard.velocity)
+        self.walker.lead(state)
+        self.hands.lead(guard, state)
+        self.gaze.lead(guard)
+
+    def signals(self) -> dict[str, np.ndarray | float | str]:
+        """Signals of the last tick for a recorder, in the drawn world."""
+        return {**self.walker.signals(), "zmp_reference": self.walker.zmp + self._offset[:2]}
+
+    def take_in(self, tick: Tick, plant: Plant) -> None:
+        """Note the offset of the estimated base."""
+        del plant
+        assert tick.estimate is not None
+        self._offset = tick.truth.q[:3] - tick.estimate.q[:3]
+
+    def outcome(self) -> LeadOutcome:
+        """Return the result of the last tick: state and velocity of the walk, and what was cut."""
+        walker = self.walker
+        ahead, left, turn = walker.commands.velocity
+        text = f"{walker.status.value}: {ahead:.2f} m/s ahead, {left:.2f} m/s to the left, "
+        text += f"{turn:.2f} rad/s"
+        lost = self._guard.status is DeviceStatus.LOST
+        return LeadOutcome(
+            mode=walker.mode,
+            mode_text=f"{text}; {walker.notice}" if walker.notice else text,
+            device=DeviceStatus.LOST if lost else DeviceStatus.OK,
+            zmp_reference=walker.zmp + self._offset[:2],
+        )
+
+
+Lead = FootLead | VelocityLead
