@@ -28,7 +28,7 @@ from poise.apps.campaigns._run import (
 from poise.apps.campaigns._tune import best_trial as best_trial
 from poise.apps.campaigns._workers import (
     LocalWorkers,
-    ThisProcess as ThisProcess,
+    ThisProcess,
     WorkerLostError as WorkerLostError,
     Workers as Workers,
 )
@@ -36,6 +36,7 @@ from poise.apps.campaigns._workers import (
 __all__ = [
     "LocalWorkers",
     "RowLog",
+    "ThisProcess",
     "read_rows",
     "run_campaign",
 ]

@@ -18,6 +18,7 @@ from numba.core.event import install_recorder
 
 from poise.apps.campaigns._fields import with_fields
 from poise.apps.scenarios import (
+    INTERRUPTED,
     Measurement,
     Run,
     Scenario,
@@ -97,11 +98,15 @@ def run_episode(
 
     Raises:
         PoiseError: the job is for another version of Poise.
+        KeyboardInterrupt: Ctrl-C ended it, where this process listens to that.
     """
     _check_version(job)
     begin = perf_counter()
     try:
-        row = (describe or row_of)(job, run_scenario(job.make(), robot=robot))
+        run = run_scenario(job.make(), robot=robot)
+        if run.ended_early == INTERRUPTED:
+            raise KeyboardInterrupt
+        row = (describe or row_of)(job, run)
     except PoiseError as error:
         row = without_run(job, "refused", str(error))
     except Exception as error:  # Of MuJoCo or a library: this episode's result, not the campaign's.

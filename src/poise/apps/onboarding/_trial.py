@@ -1,14 +1,13 @@
 """`try_out`: a robot stands, squats and reaches in simulation, or holds still on a fixed base."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from poise.apps.campaigns import Job, Row, ThisProcess, row_of, run_episode
+from poise.apps.campaigns import Job, Row, row_of, run_episode
 from poise.apps.scenarios import Run, summarise
 from poise.errors import RobotError
 from poise.robots import Robot, standing_posture, swings
@@ -75,18 +74,14 @@ def try_out(robot: Robot) -> Trial:
         attempts.append(_attempt(job, run))
         return row_of(job, run)
 
-    def jobs() -> Iterator[Job]:
-        yield _job(robot, {"name": name, "duration": 2.0, "checks": still})
-        if attempts[0].ok and robot.soles:
-            yield _job(robot, _squat(robot))
-        if attempts[0].ok and robot.hands:
-            yield _job(robot, _reach(robot))
-
-    episode = partial(run_episode, describe=described, robot=robot)
-    with ThisProcess() as here:
-        for _, row in here.each(episode, jobs()):
-            if row["outcome"] in ("refused", "error"):
-                raise RobotError(row["reason"])
+    plans = [{"name": name, "duration": 2.0, "checks": still}]
+    while plans:
+        row = run_episode(_job(robot, plans.pop(0)), described, robot)
+        if row["outcome"] in ("refused", "error"):
+            raise RobotError(row["reason"])
+        if len(attempts) == 1 and attempts[0].ok:
+            plans += [_squat(robot)] if robot.soles else []
+            plans += [_reach(robot)] if robot.hands else []
     return Trial(tuple(attempts))
 
 
