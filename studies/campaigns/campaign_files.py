@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from poise.apps.campaigns import read_rows
+
 FOLDER = Path(__file__).parent
 
 _TIMES = ("ended", "seconds", "real_time_factor", "tick_us_p50", "tick_us_p99", "tick_us_max")
@@ -30,26 +32,5 @@ def without_times(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def recorded(folder: Path) -> list[dict[str, Any]]:
-    """The rows in a campaign's folder, by number."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    tables = [pq.read_table(path) for path in sorted((folder / "episodes").glob("*.parquet"))]
-    if not tables:
-        return []
-    rows = pa.concat_tables(tables, promote_options="permissive").to_pylist()
-    return sorted(rows, key=lambda row: row["number"])
-
-
-def count_recorded(folder: Path) -> int:
-    """How many rows there are now, of a campaign that is running."""
-    import pyarrow.parquet as pq
-
-    count = 0
-    for path in (folder / "episodes").glob("*.parquet"):
-        try:
-            count += pq.read_metadata(path).num_rows
-        except FileNotFoundError:
-            # Several files have become one meanwhile; the next look finds that.
-            continue
-    return count
+    """The rows in a campaign's folder now, by number; none before it has begun."""
+    return read_rows(folder) if (folder / "campaign.json").exists() else []

@@ -12,7 +12,6 @@ from typing import Any
 from poise.apps.campaigns import LocalWorkers, run_campaign
 from poise.errors import PoiseError
 from studies.campaigns.campaign_files import (
-    count_recorded,
     recorded,
     without_times,
     write_campaign,
@@ -114,7 +113,7 @@ def _until(
 ) -> None:
     """Waits until so many results are recorded."""
     deadline = time.monotonic() + _LIMIT
-    while (found := count_recorded(folder)) < wanted:
+    while (found := len(recorded(folder))) < wanted:
         if parent.poll() is not None or time.monotonic() > deadline:
             raise PoiseError("the campaign ended early", got=found, wanted=f"{wanted:g} results")
         progress(float(count + found), 2.0 * count)

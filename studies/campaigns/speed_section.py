@@ -8,7 +8,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 
 from poise.apps.campaigns import LocalWorkers, run_campaign
-from studies.campaigns.campaign_files import count_recorded, write_campaign
+from studies.campaigns.campaign_files import recorded, write_campaign
 from studies.finding import Finding, Section, Table
 from studies.plan import Progress, Steps, StudyOptions
 
@@ -103,6 +103,6 @@ def _first_result(folder: Path) -> float:
     with subprocess.Popen(
         [*command, "--out", str(folder / "first")], stdout=subprocess.DEVNULL
     ) as parent:
-        while count_recorded(folder / "first") == 0 and parent.poll() is None:
+        while not recorded(folder / "first") and parent.poll() is None:
             time.sleep(0.02)
         return time.perf_counter() - begin

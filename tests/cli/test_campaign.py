@@ -1,5 +1,6 @@
 """`poise campaign`: run, status, replay; exit status, and one clean line for bad input."""
 
+import errno
 import json
 import os
 import shutil
@@ -15,6 +16,7 @@ pytest.importorskip("pyarrow")
 pytest.importorskip("distributed")
 
 from poise.apps import campaigns
+from poise.apps.campaigns import LocalWorkers
 from poise.cli.main import main
 
 TINY = "name: tiny\nrobot: biped20\nduration: 0.04\n"
@@ -26,15 +28,11 @@ vary: {plant.mass_scale: {uniform: [0.9, 1.1]}}
 """
 
 
-class InPlace(campaigns.LocalWorkers):
+class InPlace(campaigns.ThisProcess):
     """Runs episodes here: what processes do is tested with them."""
 
-    def warm(self, function, item):
-        function(item)
-
-    def each(self, function, items, attempts=3):
-        for item in items:
-            yield item, function(item)
+    def __init__(self, count=1):
+        LocalWorkers(count)  # refuses what it does not take
 
 
 @pytest.fixture
@@ -111,9 +109,10 @@ def test_a_replay_with_other_figures_says_so(finished, capsys, monkeypatch):
 
 def test_ctrl_c_leaves_what_is_done_and_says_how_to_go_on(here, capsys, monkeypatch):
     class Interrupted(InPlace):
-        def each(self, function, items, attempts=3):
-            yield from list(super().each(function, items[:1]))
-            raise KeyboardInterrupt
+        def submit(self, function, item):
+            if item.number == 1:
+                raise KeyboardInterrupt
+            return super().submit(function, item)
 
     monkeypatch.setattr(campaigns, "LocalWorkers", Interrupted)
     assert main(["campaign", "trial.yaml", "--out", "o"]) == 1
@@ -179,18 +178,14 @@ def test_without_the_extra_the_command_that_installs_it_is_said(here, capsys, mo
 
 
 def test_a_full_disk_is_one_line_and_nothing_recorded_is_lost(here, capsys, monkeypatch):
-    import errno
+    add = campaigns.CampaignFolder.add
 
-    import pyarrow.parquet as pq
-
-    write = pq.write_table
-
-    def full(table, path):
-        if table["number"].to_pylist() == [1]:
+    def full(folder, row):
+        if row["number"] == 1:
             raise OSError(errno.ENOSPC, "No space left on device")
-        write(table, path)
+        add(folder, row)
 
-    monkeypatch.setattr(pq, "write_table", full)
+    monkeypatch.setattr(campaigns.CampaignFolder, "add", full)
     assert main(["campaign", "trial.yaml", "--out", "o"]) == 2
     one_line(capsys.readouterr().err)
     monkeypatch.undo()
@@ -212,7 +207,7 @@ def test_a_real_process_stops_at_ctrl_c_and_goes_on(tmp_path):
         start_new_session=True,
     ) as first:
         deadline = time.monotonic() + 60.0
-        while not list(tmp_path.glob("o/episodes/part-*")) and time.monotonic() < deadline:
+        while not (tmp_path / "o" / "rows.jsonl").exists() and time.monotonic() < deadline:
             time.sleep(0.02)
         os.killpg(first.pid, signal.SIGINT)
         out, err = first.communicate(timeout=30.0)

@@ -11,7 +11,6 @@ from dataclasses import replace
 import pytest
 
 pytest.importorskip("mujoco")
-pytest.importorskip("pyarrow")
 
 from cards import CARD, other
 

@@ -9,7 +9,7 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("distributed")
 pytest.importorskip("optuna")
 
-from studies.campaigns.campaign_files import count_recorded, recorded, without_times
+from studies.campaigns.campaign_files import recorded, without_times
 from studies.plan import StudyOptions
 
 # The package has functions by the names of these modules.
@@ -46,5 +46,4 @@ def test_rows_are_compared_without_times():
 
 
 def test_a_folder_without_results_has_none(tmp_path):
-    assert count_recorded(tmp_path) == 0
     assert recorded(tmp_path) == []

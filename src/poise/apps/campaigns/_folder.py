@@ -4,6 +4,7 @@
 it ends, and `episodes/` is the same as Parquet, written when a run ends.
 """
 
+import errno
 import fcntl
 import json
 import os
@@ -55,7 +56,7 @@ class RowLog:
             file.truncate(self._end)
             try:
                 if file.write(line) < len(line):
-                    raise OSError(f"no room for all of a row in {str(self._path)!r}")
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
                 os.fsync(file.fileno())
             except BaseException:
                 file.truncate(self._end)
