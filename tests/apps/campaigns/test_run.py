@@ -226,7 +226,7 @@ def test_an_episode_that_ctrl_c_ends_is_no_result(campaign, tmp_path, monkeypatc
 def test_a_worker_that_dies_every_time_gives_a_row(run, tmp_path):
     rows = run(CampaignFolder(tmp_path), episodes.jobs(5), episodes.ending_third)
     assert [row["outcome"] for row in rows] == ["ok", "ok", "ok", "crashed", "ok"]
-    assert rows[3]["reason"] == "its process was ended by SIGSEGV"
+    assert rows[3]["reason"] == "its process ended by SIGSEGV"
 
 
 KILLED = """

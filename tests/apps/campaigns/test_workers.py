@@ -54,7 +54,7 @@ def test_a_worker_that_is_not_up_yet_hears_no_ctrl_c():
         for _ in range(20):
             os.kill(begun(), signal.SIGINT)
             time.sleep(0.02)
-        assert answer.result() == 3
+        assert answer.result() == (False, 3)
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
@@ -92,7 +92,7 @@ def test_one_that_takes_its_worker_along_every_time_is_a_result_and_no_end(two):
     found = list(two.each(episodes.ending_third, episodes.jobs(6)))
     assert numbers(found) == [0, 1, 2, 3, 4, 5]
     lost = {job.number: str(r) for job, r in found if isinstance(r, WorkerLostError)}
-    assert lost == {3: "its process was ended by SIGSEGV"}
+    assert lost == {3: "its process ended by SIGSEGV"}
 
 
 def test_a_worker_that_dies_loses_its_own_episode_alone_which_another_runs(two, tmp_path):

@@ -69,7 +69,7 @@ class Draw:
         return (*self.extremes, self.draw(np.random.default_rng(0)))
 
     def takes(self, value: Any) -> bool:
-        """Whether a value may be drawn."""
+        """True for a value that may be drawn."""
         if self.uniform is None and self.log_uniform is None:
             return value in self.extremes
         low, high = self.extremes

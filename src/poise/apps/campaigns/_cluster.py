@@ -71,7 +71,7 @@ class DaskWorkers(Workers):
 
     @property
     def count(self) -> int:
-        """How many workers there are now; one where more may come."""
+        """Number of workers now; one where more may come."""
         count = len(self._workers())
         if count > 0:
             self._alone = monotonic() + _WITHOUT_WORKER
@@ -79,49 +79,41 @@ class DaskWorkers(Workers):
             raise PoiseError("the cluster has no worker any more")
         return max(count, 1)
 
-    def submit(self, function: Callable[[T], R], item: T) -> "Future[R]":
+    def submit(self, function: Callable[[T], R], item: T) -> "Future[tuple[bool, Any]]":
         """Have a worker call a function of a module."""
-        return self._submit(function, item)
+        answer: Future[tuple[bool, Any]] = Future()
+        call = self._client.submit(outcome_of, function, item, pure=False)
+        call.add_done_callback(lambda call: self._settle(answer, call))
+        return answer
 
     def warm(self, function: Callable[[T], bool], item: T) -> None:
         """Call a function in one worker of each machine: they share what it compiles."""
         one_a_host = {about["host"]: address for address, about in self._workers().items()}
-        calls = [
-            # One that dies must not take the call along.
-            self._submit(_warmed, (function, item), workers=[a], allow_other_workers=True)
-            for a in one_a_host.values()
-        ]
-        try:
-            used_up = {call.result() for call in calls}
-        except WorkerLostError as lost:
-            raise PoiseError(f"the first episode cannot be begun: {lost}") from None
+        # Beside the scheduler: a worker that dies takes nothing along, and the others go on.
+        found = self._client.run(
+            _beside, function, item, workers=[*one_a_host.values()], on_error="return"
+        )
+        outcomes = {worker: found[worker] for worker in found if isinstance(found[worker], tuple)}
+        for raised, result in outcomes.values():
+            if raised:
+                raise result
+        used_up = {worker for worker, (_, compiled) in outcomes.items() if compiled}
         with suppress(ValueError):  # A worker without a nanny cannot be started anew.
             # One that does not come back is gone, and the others do its share.
             self._client.restart_workers([*used_up & {*self._workers()}], raise_for_error=False)
 
-    def _submit(self, function: Callable[[T], R], item: T, **where: Any) -> "Future[R]":
-        answer: Future[R] = Future()
-        call = self._client.submit(outcome_of, function, item, pure=False, **where)
-        call.add_done_callback(lambda call: self._settle(answer, call))
-        return answer
-
-    def _settle(self, answer: "Future[R]", call: Any) -> None:
+    def _settle(self, answer: "Future[tuple[bool, Any]]", call: Any) -> None:
         """Pass the result of a call on."""
         from distributed.scheduler import KilledWorker
 
         try:
-            raised, result = call.result()
+            answer.set_result(call.result())
         except KilledWorker as error:
             lost = WorkerLostError(f"it ended {error.allowed_failures + 1} workers")
             answer.set_exception(lost)
         except Exception as error:
             failed = PoiseError(f"a worker of the cluster failed ({_reason(error)})")
             answer.set_exception(self._gone() or failed)
-        else:
-            if raised:
-                answer.set_exception(result)
-            else:
-                answer.set_result(result)
 
     def _workers(self) -> dict[str, Any]:
         """Facts of each worker, by address."""
@@ -206,10 +198,11 @@ def serve(address: str) -> None:
     asyncio.run(work())
 
 
-def _warmed(call: tuple[Callable[[T], bool], T]) -> str | None:
-    """In a worker: its address where the function is true."""
-    function, item = call
-    return _distributed().get_worker().address if function(item) else None
+async def _beside(function: Callable[[T], R], item: T) -> tuple[bool, Any]:
+    """In a worker: call a function in a thread, so that the worker still answers."""
+    import asyncio
+
+    return await asyncio.to_thread(outcome_of, function, item)
 
 
 def _distributed() -> Any:

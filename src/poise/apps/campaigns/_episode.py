@@ -89,17 +89,7 @@ def version() -> str:
 def run_episode(
     job: Job, describe: Callable[[Job, Run], Row] | None = None, robot: Robot | None = None
 ) -> Row:
-    """Run an episode to its row, which says what went wrong in it.
-
-    Args:
-        job: the episode.
-        describe: makes the row of a finished run; `row_of` when None.
-        robot: runs it; the scenario's own when None.
-
-    Raises:
-        PoiseError: the job is for another version of Poise.
-        KeyboardInterrupt: Ctrl-C ended it, where this process listens to that.
-    """
+    """Run an episode to its row, also where something goes wrong in it."""
     _check_version(job)
     begin = perf_counter()
     try:
@@ -153,17 +143,9 @@ def same_kind(job: Job) -> str:
 def warm_up(kinds: Sequence[tuple[Sequence[Job], bool]]) -> bool:
     """Compile what jobs need, and find scenarios that do not fit their robots.
 
-    The first job of each kind that fits is set up and run for two ticks: all that is compiled is
-    compiled then, and kept in the folder that all workers of a machine share.
-
-    Args:
-        kinds: some jobs of each kind, and whether one of that kind has a row already.
-
-    Returns:
-        Whether something was compiled.
-
-    Raises:
-        PoiseError: no job of a kind without a row fits its robot.
+    Of each kind there are some jobs, and whether one of the kind has a row already; without a row
+    it is an error that none fits. The first that does is set up and run for two ticks: all that is
+    compiled is kept in the folder that all workers of a machine share. True if something was.
     """
     with install_recorder("numba:compile") as compiling:
         for jobs, begun in kinds:

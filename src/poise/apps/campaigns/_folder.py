@@ -156,24 +156,21 @@ class CampaignFolder:
                     self._write_table()
 
     def pace(self, total: int) -> dict[str, Any]:
-        """Whether a run adds rows now, rows a second, and the time that is left [s]."""
-        if not self._is_claimed():
+        """Activity of a run in this folder, its rows a second, and the time that is left [s]."""
+        try:
+            with (self.path / _LOCK).open("rb") as lock:
+                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
             return {"running": False}
+        except FileNotFoundError:  # A copy of a folder may lack the file that is locked.
+            return {"running": False}
+        except BlockingIOError:
+            pass
         begun = (self.path / _LOCK).stat().st_mtime
         ended = (datetime.fromisoformat(row["ended"]).timestamp() for row in self.rows.values())
         new = sorted(time for time in ended if time > begun)
         rate = len(new) / (new[-1] - begun) if new else 0.0
         left = (total - len(self.first(total))) / rate if rate else None
         return {"running": True, "rate_hz": rate, "left_s": left}
-
-    def _is_claimed(self) -> bool:
-        # A copy of a folder may lack the file that is locked.
-        with suppress(FileNotFoundError), (self.path / _LOCK).open("rb") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
-                return True
-        return False
 
     def _read(self) -> None:
         self._log = RowLog(self.path / _ROWS)

@@ -9,14 +9,15 @@ import threading
 import traceback
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from multiprocessing.resource_tracker import ensure_running
 from typing import Any, TypeVar
+from unittest.mock import patch
 
 from poise._compiled import usable_cores
 from poise.errors import ConfigurationError, PoiseError
@@ -26,10 +27,10 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 ATTEMPTS = 3
-"""How often something is tried that takes its worker along: it need not be the culprit."""
+"""Times that an item is tried that takes its worker along: it need not be the culprit."""
 
 _LOOK = 1.0
-"""How often workers are checked to be there while nothing comes [s]."""
+"""Period in which workers are counted anew while nothing comes [s]."""
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Linear algebra in workers must not start threads of its own: there is a worker a core."""
@@ -45,16 +46,16 @@ class Workers(AbstractContextManager["Workers"]):
     @property
     @abstractmethod
     def count(self) -> int:
-        """How many things they do at a time now; an error where none can be expected any more."""
+        """Number of things they do at a time now; an error where none can be expected any more."""
 
     @abstractmethod
-    def submit(self, function: Callable[[T], R], item: T) -> "Future[R]":
-        """Have a worker call a function of a module; `WorkerLostError` where it dies meanwhile."""
+    def submit(self, function: Callable[[T], R], item: T) -> "Future[tuple[bool, Any]]":
+        """Have a worker call `outcome_of`; `WorkerLostError` where it dies meanwhile."""
 
     def warm(self, function: Callable[[T], bool], item: T) -> None:
-        """Call a function once on each machine, in a process that does nothing else if it is true.
+        """Call a function once on each machine; here in this process, which runs no episode.
 
-        On this machine that is this process.
+        A worker for which it is true is replaced.
         """
         function(item)
 
@@ -67,7 +68,7 @@ class Workers(AbstractContextManager["Workers"]):
         a worker is free.
         """
         left, again = iter(items), deque[tuple[T, int]]()
-        running: dict[Future[R], tuple[T, int]] = {}
+        running: dict[Future[tuple[bool, Any]], tuple[T, int]] = {}
         while True:
             while len(running) < self.count:
                 upcoming = again.popleft() if again else next(((i, 1) for i in left), None)
@@ -79,12 +80,14 @@ class Workers(AbstractContextManager["Workers"]):
             for future in wait(running, timeout=_LOOK, return_when=FIRST_COMPLETED).done:
                 item, tried = running.pop(future)
                 try:
-                    result = future.result()
+                    raised, result = future.result()
                 except WorkerLostError as lost:
                     if tried < attempts:
                         again.append((item, tried + 1))
                         continue
-                    result = lost
+                    raised, result = False, lost
+                if raised:
+                    raise result
                 yield item, result
 
 
@@ -99,10 +102,10 @@ class ThisProcess(Workers):
         """One."""
         return 1
 
-    def submit(self, function: Callable[[T], R], item: T) -> "Future[R]":
-        """Call it now."""
-        future: Future[R] = Future()
-        future.set_result(function(item))
+    def submit(self, function: Callable[[T], R], item: T) -> "Future[tuple[bool, Any]]":
+        """Call it now; errors end the caller, as a debugger needs it."""
+        future: Future[tuple[bool, Any]] = Future()
+        future.set_result((False, function(item)))
         return future
 
 
@@ -140,35 +143,34 @@ class LocalWorkers(Workers):
 
     @property
     def count(self) -> int:
-        """How many things they do at a time."""
+        """Number of processes."""
         return self._count
 
-    def submit(self, function: Callable[[T], R], item: T) -> "Future[R]":
+    def submit(self, function: Callable[[T], R], item: T) -> "Future[tuple[bool, Any]]":
         """Have a process call a function of a module."""
         if self._threads is None:
             self._threads = ThreadPoolExecutor(self._count, initializer=_ignore_ctrl_c)
         return self._threads.submit(self._call, function, item)
 
-    def _call(self, function: Callable[[T], R], item: T) -> R:
+    def _call(self, function: Callable[[T], R], item: T) -> tuple[bool, Any]:
         if not hasattr(self._own, "process"):
             self._own.process, self._own.pipe = self._start()
         with suppress(OSError):  # One that has died shows it in place of an answer.
             self._own.pipe.send((function, item))
         try:
-            raised, result = self._own.pipe.recv()
+            return self._own.pipe.recv()
         except (EOFError, OSError):
             process = self._own.__dict__.pop("process")
             process.join()
-            raise WorkerLostError(_end_of(process.exitcode)) from None
-        if raised:
-            raise result
-        return result
+            code = process.exitcode or 0
+            end = f"by {signal.Signals(-code).name}" if code < 0 else f"with status {code}"
+            raise WorkerLostError(f"its process ended {end}") from None
 
     def _start(self) -> "tuple[SpawnProcess, Connection]":
         context = get_context("spawn")
         ours, theirs = context.Pipe()
         process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        with self._lock, _one_thread_each():
+        with self._lock, patch.dict(os.environ, dict.fromkeys(_THREADS, "1")):
             if self._threads is None:
                 raise WorkerLostError("the workers have been ended")
             process.start()
@@ -189,14 +191,8 @@ def outcome_of(function: Callable[[T], R], item: T) -> tuple[bool, Any]:
         return True, PoiseError(f"a worker failed: {traceback.format_exc()}")
 
 
-def _end_of(exitcode: int | None) -> str:
-    if exitcode is not None and exitcode < 0:
-        return f"its process was ended by {signal.Signals(-exitcode).name}"
-    return f"its process ended with status {exitcode}"
-
-
 def _serve(pipe: Connection) -> None:
-    """The loop of a process: call what is asked for, until nobody asks any more."""
+    """The loop of a process: call functions until nobody sends any more."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     silence()
     with suppress(EOFError):
@@ -218,18 +214,3 @@ def _ignore_ctrl_c() -> None:
     # It lifts the block as it starts, which it must not do later.
     ensure_running()
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-
-
-@contextmanager
-def _one_thread_each() -> Generator[None]:
-    """Processes inherit the environment."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

@@ -35,7 +35,7 @@ class Bisection:
 
     @property
     def expected(self) -> int:
-        """How many looks there will have been in the end, as far as is known now."""
+        """Number of looks in the end, as far as is known now."""
         if self.level is None:
             return self.done
         return max(self.done + 1, self.looks if self.guess is None else _CONFIRMED)

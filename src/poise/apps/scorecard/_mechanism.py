@@ -22,7 +22,7 @@ class Event(NamedTuple):
 
 
 def survived(run: Run) -> bool:
-    """Whether a robot came through.
+    """True for a robot that came through.
 
     No fall, no divergence, no tick without an answer; it stands upright at the end, its walk has
     ended, and what its scene checks holds, which for standing is being at rest.

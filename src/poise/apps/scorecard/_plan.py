@@ -39,13 +39,7 @@ class Extent:
 
 
 QUICK = Extent(
-    quick=True,
-    seeds=3,
-    directions=4,
-    phases=(0.1, 0.7),
-    looks=5,
-    operators=8,
-    operator_time=10.0,
+    quick=True, seeds=3, directions=4, phases=(0.1, 0.7), looks=5, operators=8, operator_time=10.0
 )
 """Minutes on two cores."""
 
