@@ -152,6 +152,12 @@ class LocalWorkers(Workers):
             self._threads = ThreadPoolExecutor(self._count, initializer=_ignore_ctrl_c)
         return self._threads.submit(self._call, function, item)
 
+    def warm(self, function: Callable[[T], bool], item: T) -> None:
+        """Call it here, while the processes come up."""
+        for _ in range(self._count):
+            self.submit(bool, False)
+        super().warm(function, item)
+
     def _call(self, function: Callable[[T], R], item: T) -> tuple[bool, Any]:
         if not hasattr(self._own, "process"):
             self._own.process, self._own.pipe = self._start()
