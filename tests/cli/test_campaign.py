@@ -1,5 +1,6 @@
 """`poise campaign`: run, status, replay; exit status, and one clean line for bad input."""
 
+import errno
 import json
 import os
 import shutil
@@ -7,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +17,8 @@ pytest.importorskip("pyarrow")
 pytest.importorskip("distributed")
 
 from poise.apps import campaigns
+from poise.apps.campaigns import LocalWorkers
+from poise.apps.campaigns._episode import TIMINGS
 from poise.cli.main import main
 
 TINY = "name: tiny\nrobot: biped20\nduration: 0.04\n"
@@ -26,15 +30,11 @@ vary: {plant.mass_scale: {uniform: [0.9, 1.1]}}
 """
 
 
-class InPlace(campaigns.LocalWorkers):
+class InPlace(campaigns.ThisProcess):
     """Runs episodes here: what processes do is tested with them."""
 
-    def warm(self, function, item):
-        function(item)
-
-    def each(self, function, items, attempts=3):
-        for item in items:
-            yield item, function(item)
+    def __init__(self, count=1):
+        LocalWorkers(count)  # refuses what it does not take
 
 
 @pytest.fixture
@@ -111,9 +111,10 @@ def test_a_replay_with_other_figures_says_so(finished, capsys, monkeypatch):
 
 def test_ctrl_c_leaves_what_is_done_and_says_how_to_go_on(here, capsys, monkeypatch):
     class Interrupted(InPlace):
-        def each(self, function, items, attempts=3):
-            yield from list(super().each(function, items[:1]))
-            raise KeyboardInterrupt
+        def submit(self, function, item):
+            if item.number == 1:
+                raise KeyboardInterrupt
+            return super().submit(function, item)
 
     monkeypatch.setattr(campaigns, "LocalWorkers", Interrupted)
     assert main(["campaign", "trial.yaml", "--out", "o"]) == 1
@@ -179,18 +180,14 @@ def test_without_the_extra_the_command_that_installs_it_is_said(here, capsys, mo
 
 
 def test_a_full_disk_is_one_line_and_nothing_recorded_is_lost(here, capsys, monkeypatch):
-    import errno
+    add = campaigns.CampaignFolder.add
 
-    import pyarrow.parquet as pq
-
-    write = pq.write_table
-
-    def full(table, path):
-        if table["number"].to_pylist() == [1]:
+    def full(folder, row):
+        if row["number"] == 1:
             raise OSError(errno.ENOSPC, "No space left on device")
-        write(table, path)
+        add(folder, row)
 
-    monkeypatch.setattr(pq, "write_table", full)
+    monkeypatch.setattr(campaigns.CampaignFolder, "add", full)
     assert main(["campaign", "trial.yaml", "--out", "o"]) == 2
     one_line(capsys.readouterr().err)
     monkeypatch.undo()
@@ -212,7 +209,7 @@ def test_a_real_process_stops_at_ctrl_c_and_goes_on(tmp_path):
         start_new_session=True,
     ) as first:
         deadline = time.monotonic() + 60.0
-        while not list(tmp_path.glob("o/episodes/part-*")) and time.monotonic() < deadline:
+        while not (tmp_path / "o" / "rows.jsonl").exists() and time.monotonic() < deadline:
             time.sleep(0.02)
         os.killpg(first.pid, signal.SIGINT)
         out, err = first.communicate(timeout=30.0)
@@ -221,3 +218,53 @@ def test_a_real_process_stops_at_ctrl_c_and_goes_on(tmp_path):
     done = int(out.split()[1])
     assert 1 <= done < 40
     assert f"ok        {done}\n" in out
+
+
+def workers_of(parent):
+    """Ids of a process's workers, which may be starting."""
+    children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children")
+    # Threads start them, and are listed apart.
+    found = [p.read_text().split() for p in children.parents[1].glob("*/children")]
+    pids = [int(pid) for own in found for pid in own]
+    return [p for p in pids if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
+
+
+def until(condition, parent):
+    deadline = time.monotonic() + 120.0
+    while not condition():
+        assert parent.poll() is None, "the campaign has ended too early"
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def without_times(rows):
+    return [{name: v for name, v in row.items() if name not in TIMINGS} for row in rows]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_killed_workers_and_a_killed_parent_leave_the_rows_of_a_campaign_in_peace(tmp_path):
+    """One worker is killed while it starts, one in the middle, then the parent."""
+    (tmp_path / "tiny.yaml").write_text(TINY.replace("0.04", "0.1"))
+    (tmp_path / "trial.yaml").write_text(CAMPAIGN.replace("episodes: 2", "episodes: 16"))
+    command = [sys.executable, "-m", "poise", "campaign", "trial.yaml", "--json", "--workers"]
+    quiet = {"cwd": tmp_path, "stdout": subprocess.DEVNULL}
+
+    def rows():
+        return campaigns.CampaignFolder(tmp_path / "o").rows
+
+    with subprocess.Popen([*command, "2", "--out", "o"], **quiet) as parent:
+        until(lambda: workers_of(parent), parent)
+        os.kill(workers_of(parent)[0], signal.SIGKILL)
+        until(lambda: len(rows()) >= 3, parent)
+        os.kill(workers_of(parent)[0], signal.SIGKILL)
+        until(lambda: len(rows()) >= 6, parent)
+        parent.kill()
+    before = rows()
+    assert 6 <= len(before) < 16
+    subprocess.run([*command, "2", "--out", "o"], check=True, **quiet)
+    subprocess.run([*command, "1", "--out", "peace"], check=True, **quiet)
+    after = campaigns.read_rows(tmp_path / "o")
+    assert [row["number"] for row in after] == list(range(16))
+    assert all(rows()[number] == row for number, row in before.items())
+    assert without_times(after) == without_times(campaigns.read_rows(tmp_path / "peace"))

@@ -16,7 +16,7 @@ from poise import hqp, stack
 from poise._schema import _keys
 from poise.apps.campaigns import OUTCOMES, Design
 from poise.apps.campaigns._campaign import Campaign, Draw, TunePlan
-from poise.apps.campaigns._episode import ABOUT, FIGURES, TIMINGS, Kind, warm_up
+from poise.apps.campaigns._episode import ABOUT, FIGURES, TIMINGS, warm_up
 from poise.apps.scenarios import (
     _stack_plan as stack_plan,
     parse_scenario,
@@ -122,7 +122,7 @@ def test_campaign_blocks_are_read(tmp_path):
     assert len(texts) == 2
     for text in texts:
         (tmp_path / "block.yaml").write_text(text)
-        warm_up([Kind(jobs=[Design.load(tmp_path / "block.yaml").job(0)])])
+        warm_up([([Design.load(tmp_path / "block.yaml").job(0)], False)])
 
 
 def missing(page: str, words) -> list[str]:

@@ -1,6 +1,7 @@
 """A campaign's folder: nothing recorded is lost, nothing of two campaigns is mixed."""
 
 import errno
+import os
 import subprocess
 import sys
 
@@ -12,7 +13,7 @@ pytest.importorskip("pyarrow")
 
 import pyarrow.parquet as pq
 
-from poise.apps.campaigns import CampaignFolder, Job, _folder
+from poise.apps.campaigns import CampaignFolder, Job, RowLog, read_rows
 from poise.errors import ConfigurationError, PoiseError
 
 CONTENT = {
@@ -26,99 +27,108 @@ def rows(count, **more):
     return [episodes.row(job) | more for job in episodes.jobs(count)]
 
 
-def names(path):
-    return sorted(p.name for p in (path / "episodes").iterdir())
+def filled(path, rows):
+    folder = CampaignFolder(path)
+    with folder.claimed(CONTENT):
+        for row in rows:
+            folder.add(row)
+    return folder
 
 
-def test_a_row_is_on_the_disk_when_it_is_added_and_all_are_one_file_at_the_end(tmp_path):
+def test_a_row_is_on_the_disk_when_it_is_added_and_all_are_a_table_at_the_end(tmp_path):
     folder = CampaignFolder(tmp_path / "c")
     with folder.claimed(CONTENT):
         for row in rows(3):
             folder.add(row)
-        assert names(folder.path) == [f"part-{n:08d}.parquet" for n in range(3)]
         assert CampaignFolder(folder.path).rows == folder.rows
-    assert names(folder.path) == ["rows-00000001.parquet"]
+        assert not (folder.path / "episodes").exists()
     assert CampaignFolder(folder.path).rows == {row["number"]: row for row in rows(3)}
     table = pq.read_table(folder.path / "episodes")
     assert table["square"].to_pylist() == [0.0, 1.0, 4.0]
 
 
+def test_numbers_are_kept_to_the_last_bit(tmp_path):
+    values = [0.1 + 0.2, 1e-308, 5e300, float("inf"), -0.0, 2**62 + 1]
+    filled(tmp_path, [rows(1)[0] | {f"x{i}": value for i, value in enumerate(values)}])
+    (found,) = CampaignFolder(tmp_path).rows.values()
+    assert [repr(found[f"x{i}"]) for i in range(len(values))] == [repr(v) for v in values]
+
+
 def test_a_row_that_is_not_there_is_said(tmp_path):
-    folder, (row,) = CampaignFolder(tmp_path), rows(1)
-    with folder.claimed(CONTENT):
-        folder.add(row)
+    (row,) = rows(1)
+    folder = filled(tmp_path, [row])
     assert folder.row(0) == row
     with pytest.raises(ConfigurationError, match="no result; got 7; wanted one of the 1 numbers"):
         folder.row(7)
 
 
-def test_many_rows_become_one_file_meanwhile(tmp_path, monkeypatch):
-    monkeypatch.setattr(_folder, "_MOST_PARTS", 4)
-    folder = CampaignFolder(tmp_path)
-    with folder.claimed(CONTENT):
-        for row in rows(5):
-            folder.add(row)
-        assert names(tmp_path) == ["part-00000004.parquet", "rows-00000001.parquet"]
-    assert names(tmp_path) == ["rows-00000002.parquet"]
-    assert len(CampaignFolder(tmp_path).rows) == 5
-
-
 def test_columns_may_be_missing_empty_or_of_several_kinds(tmp_path):
     first, second, third = rows(3)
-    folder = CampaignFolder(tmp_path)
-    with folder.claimed(CONTENT):
-        folder.add(first | {"gain": 1, "error": None})
-        folder.add(second | {"gain": 0.5, "error": 0.1, "mode": 1})
-        folder.add(third | {"mode": "auto", "flag": True})
-    found = CampaignFolder(tmp_path).rows
-    assert [found[n]["gain"] for n in range(3)] == [1.0, 0.5, None]
-    assert [found[n]["error"] for n in range(3)] == [None, 0.1, None]
-    assert [found[n]["mode"] for n in range(3)] == [None, "1", "auto"]
-    assert found[2]["flag"] is True
+    filled(
+        tmp_path,
+        [
+            third | {"mode": "auto", "flag": True},
+            first | {"gain": 1, "error": None},
+            second | {"gain": 0.5, "error": 0.1, "mode": 1},
+        ],
+    )
+    for found, mode in (
+        (read_rows(tmp_path), 1),
+        (pq.read_table(tmp_path / "episodes").to_pylist(), "1"),
+    ):
+        assert [row["number"] for row in found] == [0, 1, 2]
+        assert [row["gain"] for row in found] == [1.0, 0.5, None]
+        assert [row["error"] for row in found] == [None, 0.1, None]
+        assert [row["mode"] for row in found] == [None, mode, "auto"]
+        assert [row["flag"] for row in found] == [None, None, True]
 
 
-def test_a_run_killed_before_parts_are_deleted_leaves_each_row_once(tmp_path, monkeypatch):
-    folder = CampaignFolder(tmp_path)
-    with folder.claimed(CONTENT):
-        for row in rows(2):
-            folder.add(row)
-        part = (tmp_path / "episodes" / "part-00000001.parquet").read_bytes()
-    (tmp_path / "episodes" / "part-00000001.parquet").write_bytes(part)
-    (tmp_path / "episodes" / ".part-00000002.parquet.tmp").write_bytes(part[:100])
-    assert sorted(CampaignFolder(tmp_path).rows) == [0, 1]
-    with CampaignFolder(tmp_path).claimed(CONTENT):
-        pass
+def test_a_row_that_was_not_finished_is_passed_over_and_cut_off(tmp_path):
+    first, second = rows(2)
+    filled(tmp_path, [first, second])
+    log = tmp_path / "rows.jsonl"
+    log.write_bytes(log.read_bytes()[:-5])
+    assert [*CampaignFolder(tmp_path).rows] == [0]
+    filled(tmp_path, [second])
+    assert [*CampaignFolder(tmp_path).rows.values()] == [first, second]
     assert pq.read_table(tmp_path / "episodes").num_rows == 2
 
 
-def test_who_looks_on_while_many_files_become_one_sees_every_row(tmp_path, monkeypatch):
-    folder, read = CampaignFolder(tmp_path), pq.read_table
-    with folder.claimed(CONTENT):
-        for row in rows(3):
-            folder.add(row)
-
-        def read_late(path):
-            monkeypatch.undo()
-            folder._compact()
-            return read(path)
-
-        monkeypatch.setattr(pq, "read_table", read_late)
-        assert sorted(CampaignFolder(tmp_path).rows) == [0, 1, 2]
-
-
 def test_a_full_disk_costs_the_row_that_is_written_and_no_other(tmp_path, monkeypatch):
-    def full(table, path):
-        path.write_bytes(b"half")
+    def full(_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    folder = CampaignFolder(tmp_path)
-    with folder.claimed(CONTENT):
-        folder.add(rows(1)[0])
-        monkeypatch.setattr(pq, "write_table", full)
+    first, second = rows(2)
+    log = RowLog(tmp_path / "rows.jsonl")
+    log.add(first)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
         with pytest.raises(OSError, match="No space left"):
-            folder.add(rows(2)[1])
-    assert names(tmp_path) == ["part-00000000.parquet"]
-    assert sorted(CampaignFolder(tmp_path).rows) == [0]
+            log.add(second)
+    assert RowLog(tmp_path / "rows.jsonl").rows == log.rows == [first]
+    log.add(second)
+    assert RowLog(tmp_path / "rows.jsonl").rows == [first, second]
+
+
+LIMITED = """
+import resource, sys
+from pathlib import Path
+from poise.apps.campaigns import RowLog
+log = RowLog(Path(sys.argv[1]))
+log.add({"number": 0})
+resource.setrlimit(resource.RLIMIT_FSIZE, (20, 20))
+try:
+    log.add({"number": 1})
+except OSError as error:
+    print(type(error).__name__)
+"""
+
+
+def test_a_row_for_a_part_of_which_there_is_room_is_not_kept(tmp_path):
+    path = tmp_path / "rows.jsonl"
+    done = subprocess.run([sys.executable, "-c", LIMITED, path], capture_output=True, text=True)
+    assert done.stdout == "OSError\n", done.stderr
+    assert path.read_text() == '{"number": 0}\n'
 
 
 @pytest.mark.parametrize(
@@ -130,9 +140,7 @@ def test_a_full_disk_costs_the_row_that_is_written_and_no_other(tmp_path, monkey
     ],
 )
 def test_a_folder_of_another_campaign_is_refused(tmp_path, other, words):
-    folder = CampaignFolder(tmp_path)
-    with folder.claimed(CONTENT):
-        folder.add(rows(1)[0])
+    folder = filled(tmp_path, rows(1))
     with pytest.raises(ConfigurationError) as error, folder.claimed(CONTENT | other):
         pass
     assert all(word in str(error.value) for word in words)
@@ -141,25 +149,14 @@ def test_a_folder_of_another_campaign_is_refused(tmp_path, other, words):
 
 def test_a_campaign_may_be_made_longer(tmp_path):
     longer = CONTENT | {"campaign": {"name": "c", "episodes": 30}}
-    folder = CampaignFolder(tmp_path)
-    with folder.claimed(CONTENT):
-        pass
+    folder = filled(tmp_path, [])
     with folder.claimed(longer):
         assert folder.content() == longer
-
-
-def test_a_folder_of_a_version_that_did_not_look_at_robots_is_gone_on_with(tmp_path):
-    folder = CampaignFolder(tmp_path)
-    with folder.claimed({part: CONTENT[part] for part in ("campaign", "scenario")}):
-        pass
-    with folder.claimed(CONTENT):
-        assert folder.content() == CONTENT
 
 
 RUN = """
 import sys
 from pathlib import Path
-import pyarrow.parquet as pq
 
 from poise.apps.campaigns import CampaignFolder
 with CampaignFolder(Path(sys.argv[1])).claimed({"campaign": {}, "scenario": {}}):
@@ -189,13 +186,26 @@ def test_two_runs_cannot_have_one_folder_until_the_first_is_gone(tmp_path):
         pass
 
 
-def test_a_folder_without_a_campaign_and_damaged_results_are_said(tmp_path):
+def test_folders_without_a_campaign_damaged_ones_and_those_of_earlier_forms_are_said(tmp_path):
     with pytest.raises(ConfigurationError, match="no campaign in this folder"):
         CampaignFolder(tmp_path).content()
-    (tmp_path / "episodes").mkdir()
-    (tmp_path / "episodes" / "part-00000000.parquet").write_bytes(b"no table")
-    with pytest.raises(PoiseError, match="cannot read results"):
+    with pytest.raises(ConfigurationError, match="no campaign in this folder"):
+        read_rows(tmp_path)
+    (tmp_path / "rows.jsonl").write_bytes(b"no row\n")
+    with pytest.raises(PoiseError, match="cannot read results .*rows.jsonl"):
         CampaignFolder(tmp_path)
+    (tmp_path / "rows.jsonl").unlink()
+    (tmp_path / "episodes").mkdir()
+    (tmp_path / "episodes" / "part-00000000.parquet").touch()
+    with pytest.raises(ConfigurationError, match="of an earlier form.*another --out"):
+        CampaignFolder(tmp_path)
+
+
+def test_without_pyarrow_rows_are_kept_all_the_same(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    filled(tmp_path, rows(2))
+    assert read_rows(tmp_path) == rows(2)
+    assert not (tmp_path / "episodes").exists()
 
 
 def test_the_seeds_and_values_of_a_row_make_its_job_again(tmp_path):

@@ -19,14 +19,16 @@ from poise.apps.campaigns import (
     CampaignFolder,
     LocalWorkers,
     Runner,
+    ThisProcess,
     _episode,
     differences,
+    read_rows,
     replay_job,
     row_of,
     run_campaign,
     version,
 )
-from poise.apps.campaigns._episode import Kind, run_episode, same_kind, warm_up
+from poise.apps.campaigns._episode import run_episode, warm_up
 from poise.apps.scenarios import run_scenario, stage_scenario
 from poise.errors import ConfigurationError, PoiseError
 
@@ -59,18 +61,10 @@ def campaign(tmp_path):
     return tmp_path / "campaign.yaml"
 
 
-class InPlace(LocalWorkers):
-    """Does everything at once and here."""
-
-    def each(self, function, items, attempts=3):
-        for item in items:
-            yield item, function(item)
-
-
-class Nobody(LocalWorkers):
+class Nobody(ThisProcess):
     """Workers that are asked for nothing."""
 
-    def submit(self, ticket, function, item):
+    def submit(self, function, item):
         raise AssertionError("ran again")
 
 
@@ -79,8 +73,7 @@ def run(two):
     """Runs stand-ins into a folder, without a warm-up, which is for real episodes."""
 
     def run(folder, jobs, function):
-        runner = Runner(two, folder, function=function)
-        runner._warm = {same_kind(job) for job in jobs}
+        runner = Runner(two, folder, function=function, prepare=None)
         with folder.claimed(CONTENT):
             return runner.run(jobs)
 
@@ -105,7 +98,8 @@ def test_real_episodes_in_two_processes_give_rows_that_replay(campaign, tmp_path
     assert len({row["version"] for row in rows}) == 1
     assert all(row["seconds"] > 0.0 for row in rows)
 
-    assert run_campaign(campaign, tmp_path / "out", Nobody(1)) == rows
+    assert run_campaign(campaign, tmp_path / "out", Nobody()) == rows
+    assert read_rows(tmp_path / "out") == rows
     folder = CampaignFolder(tmp_path / "out")
     job = replay_job(folder, 3)
     again = row_of(job, run_scenario(job.make()))
@@ -139,7 +133,7 @@ def test_what_becomes_of_an_episode_is_its_outcome(monkeypatch):
 
 
 def test_an_episode_that_crashes_the_simulator_is_a_result(monkeypatch):
-    def crash(*_):
+    def crash(*_, **__):
         raise MemoryError("mj_stackAlloc: out of\nmemory")
 
     monkeypatch.setattr(_episode, "run_scenario", crash)
@@ -160,10 +154,10 @@ def test_a_scenario_that_does_not_fit_its_robot_is_found_before_the_first_episod
     (misfit,) = episodes.jobs(1, robot="arm6", stack=STACK)
     misfit = replace(misfit, version=version())
     with pytest.raises(PoiseError, match="a foot.*left_sole"):
-        warm_up([Kind(jobs=[misfit])])
-    warm_up([Kind(jobs=[misfit], begun=True)])
+        warm_up([([misfit], False)])
+    warm_up([([misfit], True)])
     with pytest.raises(PoiseError, match="another version"):
-        warm_up([Kind(jobs=[replace(misfit, version="x")], begun=True)])
+        warm_up([([replace(misfit, version="x")], True)])
 
 
 def test_what_is_compiled_for_is_the_first_job_of_a_kind_that_fits(monkeypatch):
@@ -177,21 +171,23 @@ def test_what_is_compiled_for_is_the_first_job_of_a_kind_that_fits(monkeypatch):
 
     monkeypatch.setattr(_episode, "stage_scenario", stage)
     jobs = [replace(job, version=version()) for job in episodes.jobs(5)]
-    warm_up([Kind(jobs=jobs)])
+    warm_up([(jobs, False)])
     assert tried == [0, 1, 2]
 
 
 def test_jobs_far_from_each_other_are_tried_and_a_kind_with_a_row_is_begun(tmp_path):
     asked = []
 
-    class Asked(InPlace):
-        def warm(self, function, item):
-            asked.append([([job.number for job in kind.jobs], kind.begun) for kind in item])
+    def prepare(kinds):
+        asked.append([([job.number for job in jobs], begun) for jobs, begun in kinds])
+        return False
 
     folder, jobs = CampaignFolder(tmp_path), episodes.jobs(20)
     for count in (17, 20):
         with folder.claimed(CONTENT):
-            Runner(Asked(1), folder, function=episodes.quick).run(jobs[:count])
+            Runner(ThisProcess(), folder, function=episodes.quick, prepare=prepare).run(
+                jobs[:count]
+            )
     assert asked == [[([0, 3, 6, 9, 12, 15], False)], [([17, 18, 19], True)]]
 
 
@@ -206,23 +202,31 @@ def test_what_is_recorded_is_not_run_again_and_rows_come_in_order(run, tmp_path)
     assert ran == dict.fromkeys("012345", 1)
 
 
-def test_rows_of_a_longer_campaign_are_no_progress_of_a_shorter_one(tmp_path):
-    told, folder = [], CampaignFolder(tmp_path)
-    runner = Runner(
-        InPlace(1), folder, function=episodes.quick, progress=lambda *at: told.append(at)
-    )
-    runner._warm = {same_kind(job) for job in episodes.jobs(1)}
-    with folder.claimed(CONTENT):
-        runner.run(episodes.jobs(4))
-        told.clear()
-        runner.run(episodes.jobs(2))
+def test_rows_of_a_longer_campaign_are_no_progress_of_a_shorter_one(campaign, tmp_path):
+    told = []
+    campaign.write_text(CAMPAIGN.replace("episodes: 6", "episodes: 3"))
+    run_campaign(campaign, tmp_path / "out", ThisProcess())
+    campaign.write_text(CAMPAIGN.replace("episodes: 6", "episodes: 2"))
+    rows = run_campaign(campaign, tmp_path / "out", Nobody(), lambda *at: told.append(at))
     assert told == [(2.0, 2.0)]
+    assert [row["number"] for row in rows] == [0, 1]
+
+
+def test_an_episode_that_ctrl_c_ends_is_no_result(campaign, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        os.kill(os.getpid(), signal.SIGINT)
+        return run_scenario(*_, **__)
+
+    monkeypatch.setattr(_episode, "run_scenario", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(campaign, tmp_path / "out", ThisProcess())
+    assert CampaignFolder(tmp_path / "out").rows == {}
 
 
 def test_a_worker_that_dies_every_time_gives_a_row(run, tmp_path):
     rows = run(CampaignFolder(tmp_path), episodes.jobs(5), episodes.ending_third)
     assert [row["outcome"] for row in rows] == ["ok", "ok", "ok", "crashed", "ok"]
-    assert rows[3]["reason"] == "its process was ended by SIGSEGV"
+    assert rows[3]["reason"] == "its process ended by SIGSEGV"
 
 
 KILLED = """
@@ -234,8 +238,7 @@ from poise.apps.campaigns import CampaignFolder, LocalWorkers, Runner
 if __name__ == "__main__":
     folder = CampaignFolder(Path(sys.argv[1]))
     with folder.claimed({"campaign": {}, "scenario": {}}), LocalWorkers(2) as workers:
-        runner = Runner(workers, folder, function=episodes.slow)
-        runner._warm = {'["tiny.yaml", {}]'}
+        runner = Runner(workers, folder, function=episodes.slow, prepare=None)
         runner.run(episodes.jobs(20))
 """
 
@@ -245,7 +248,7 @@ def test_a_killed_parent_loses_nothing_that_was_recorded(run, tmp_path):
     here = os.path.dirname(episodes.__file__)
     with subprocess.Popen([sys.executable, "parent.py", "c", here], cwd=tmp_path) as parent:
         deadline = time.monotonic() + 60.0
-        while len(list(tmp_path.glob("c/episodes/part-*.parquet"))) < 5:
+        while len(CampaignFolder(tmp_path / "c").rows) < 5:
             assert time.monotonic() < deadline
             time.sleep(0.02)
         parent.send_signal(signal.SIGKILL)

@@ -13,12 +13,11 @@ pytest.importorskip("optuna")
 from poise.apps.campaigns import (
     CampaignFolder,
     Design,
-    LocalWorkers,
     Runner,
+    ThisProcess,
     _tune,
     best_trial,
 )
-from poise.apps.campaigns._episode import same_kind
 from poise.apps.campaigns._tune import cost, tune
 from poise.errors import MissingExtraError, PoiseError
 
@@ -40,14 +39,6 @@ CAMPAIGN = {
         },
     },
 }
-
-
-class InPlace(LocalWorkers):
-    """Does everything at once and here."""
-
-    def each(self, function, items, attempts=3):
-        for item in items:
-            yield item, function(item)
 
 
 def valley(job):
@@ -74,9 +65,8 @@ def tuned(path, stop_after=sys.maxsize, **changes):
         return valley(job)
 
     with folder.claimed(design.to_json()):
-        runner = Runner(InPlace(1), folder, function=function)
-        runner._warm = {same_kind(design.trial(0, {})[0])}
-        return design, tune(design, design.campaign.tune, runner, folder.path)
+        runner = Runner(ThisProcess(), folder, function=function, prepare=None)
+        return design, tune(design, design.campaign.tune, runner.run, folder.path)
 
 
 def values(rows):

@@ -4,8 +4,11 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
+from contextlib import contextmanager
+from multiprocessing import active_children
 
 import pytest
 
@@ -14,7 +17,7 @@ pytest.importorskip("pyarrow")
 
 import episodes
 
-from poise.apps.campaigns import LocalWorkers, WorkerLostError
+from poise.apps.campaigns import LocalWorkers, ThisProcess, WorkerLostError
 from poise.errors import ConfigurationError, PoiseError
 
 
@@ -24,17 +27,51 @@ def numbers(found):
 
 def test_each_gives_every_item_with_its_result_once(two):
     assert dict(two.each(abs, [-3, 1, 2, -5])) == {-3: 3, 1: 1, 2: 2, -5: 5}
-    assert len(two.pids) == 2
+
+
+def test_this_process_does_the_same():
+    with ThisProcess() as here:
+        assert dict(here.each(abs, [-3, 1, 2, -5])) == {-3: 3, 1: 1, 2: 2, -5: 5}
+
+
+@contextmanager
+def one_worker():
+    """A single one, and a function that waits for its process to be started."""
+    others = {child.pid for child in active_children()}
+
+    def begun():
+        while not (own := {child.pid for child in active_children()} - others):
+            time.sleep(0.001)
+        return own.pop()
+
+    with LocalWorkers(1) as one:
+        yield one, begun
 
 
 def test_a_worker_that_is_not_up_yet_hears_no_ctrl_c():
-    with LocalWorkers(1) as one:
-        one.submit(7, abs, -3)
+    with one_worker() as (one, begun):
+        answer = one.submit(abs, -3)
         for _ in range(20):
-            os.kill(one.pids[0], signal.SIGINT)
+            os.kill(begun(), signal.SIGINT)
             time.sleep(0.02)
-        assert one.wait() == [(7, 3)]
+        assert answer.result() == (False, 3)
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+@pytest.mark.parametrize("late", [0.0, 0.05, 0.3])
+def test_a_worker_that_is_killed_while_it_starts_loses_nothing(late):
+    with one_worker() as (one, begun):
+
+        def kill():
+            first = begun()
+            time.sleep(late)
+            os.kill(first, signal.SIGKILL)
+
+        killer = threading.Thread(target=kill)
+        killer.start()
+        found = dict(one.each(abs, [-1, -2, -3]))
+        killer.join()
+        assert found == {-1: 1, -2: 2, -3: 3}
 
 
 def test_items_are_asked_for_when_a_worker_is_free(two):
@@ -55,7 +92,7 @@ def test_one_that_takes_its_worker_along_every_time_is_a_result_and_no_end(two):
     found = list(two.each(episodes.ending_third, episodes.jobs(6)))
     assert numbers(found) == [0, 1, 2, 3, 4, 5]
     lost = {job.number: str(r) for job, r in found if isinstance(r, WorkerLostError)}
-    assert lost == {3: "its process was ended by SIGSEGV"}
+    assert lost == {3: "its process ended by SIGSEGV"}
 
 
 def test_a_worker_that_dies_loses_its_own_episode_alone_which_another_runs(two, tmp_path):
@@ -69,9 +106,18 @@ def test_a_worker_that_dies_loses_its_own_episode_alone_which_another_runs(two, 
     assert len({pid for _, pid in ran}) == 3
 
 
-def test_an_idle_worker_that_was_killed_costs_nothing(two):
-    os.kill(two.pids[-1], signal.SIGKILL)
-    assert dict(two.each(abs, [-1, -2])) == {-1: 1, -2: 2}
+def test_an_idle_worker_that_was_killed_costs_nothing():
+    with one_worker() as (one, begun):
+        assert dict(one.each(abs, [-1])) == {-1: 1}
+        os.kill(begun(), signal.SIGKILL)
+        assert dict(one.each(abs, [-1, -2])) == {-1: 1, -2: 2}
+
+
+def test_workers_are_gone_at_the_end_whatever_they_do():
+    with one_worker() as (one, begun):
+        one.submit(time.sleep, 60.0)
+        pid = begun()
+    assert not alive(pid)
 
 
 @pytest.mark.parametrize(
@@ -113,14 +159,15 @@ def alive(pid):
 
 PARENT = """
 import time
+from multiprocessing import active_children
 from poise.apps.campaigns import LocalWorkers
 if __name__ == "__main__":
     with LocalWorkers(2) as workers:
-        for _ in workers.each(abs, range(2)):
+        for _ in workers.each(time.sleep, [0.1, 0.1]):
             pass
-        workers.submit(0, time.sleep, 60.0)
-        print(*workers.pids, flush=True)
-        workers.wait()
+        workers.submit(time.sleep, 60.0)
+        print(*(child.pid for child in active_children()), flush=True)
+        time.sleep(60.0)
 """
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from poise.apps.scenarios import parse_scenario, run_scenario
-from poise.apps.scorecard._episode import run_trial, survived
-from poise.apps.scorecard._mechanism import events_of, lean, mechanism
+from poise.apps.scorecard._mechanism import events_of, lean, mechanism, survived
 from poise.apps.scorecard._plan import QUICK, Case, Plan
+from poise.apps.scorecard._run import run_trial
 from poise.apps.scorecard._trials import TRIALS
 
 STAND = """

@@ -13,21 +13,30 @@ from poise.apps.campaigns._episode import (
     run_episode as run_episode,
     version as version,
 )
-from poise.apps.campaigns._folder import CampaignFolder as CampaignFolder
+from poise.apps.campaigns._folder import (
+    CampaignFolder as CampaignFolder,
+    RowLog,
+    read_rows,
+    replaced as replaced,
+)
 from poise.apps.campaigns._run import (
+    Runner as Runner,
     differences as differences,
     replay_job as replay_job,
     run_campaign,
 )
-from poise.apps.campaigns._runner import Runner as Runner
 from poise.apps.campaigns._tune import best_trial as best_trial
 from poise.apps.campaigns._workers import (
     LocalWorkers,
+    ThisProcess,
     WorkerLostError as WorkerLostError,
     Workers as Workers,
 )
 
 __all__ = [
     "LocalWorkers",
+    "RowLog",
+    "ThisProcess",
+    "read_rows",
     "run_campaign",
 ]

@@ -1,13 +1,10 @@
-"""`Campaign`: many episodes of a scenario, as a file describes them, checked before anything runs.
-
-The classes here are the form of the file: their fields are its keys.
-"""
+"""`Campaign`: the form of a campaign's file. `Design`: the episodes that it describes."""
 
 import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,14 +20,11 @@ from poise.apps.scenarios import Measurement, make_scenario, read_scenario
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.robots import files_digest
 
-_OWN = ("seed", "name")
-"""Fields of a scenario that no campaign varies: each episode has its own seed."""
+_OWN = ("seed", "name")  # fields that no campaign varies: each episode has its own seed
+_SEEDS = 10**9  # seeds of episodes are below this, which scenarios allow
 
+# Names of columns of which there are as many as a run has levels and checks.
 _OF_A_RUN = re.compile(r"residual_max_\d+|check: .*", re.DOTALL)
-"""Names of columns of which there are as many as a run has levels and checks."""
-
-_SEEDS = 10**9
-"""Seeds of episodes are below this, which scenarios allow."""
 
 _Range = Annotated[tuple[float, float], Vector(2)]
 
@@ -38,19 +32,12 @@ _Range = Annotated[tuple[float, float], Vector(2)]
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Draw:
-    """How the values of one field come about; one of four keys says it.
+    """Values of one field; one of these keys is given."""
 
-    Attributes:
-        grid: each of these, in combination with every other grid; a bare list in a file.
-        uniform: drawn between two bounds, each value as likely.
-        log_uniform: drawn between two bounds > 0, each order of magnitude as likely.
-        choice: drawn from these, each as likely.
-    """
-
-    grid: tuple[Any, ...] | None = None
-    uniform: _Range | None = None
-    log_uniform: _Range | None = None
-    choice: tuple[Any, ...] | None = None
+    grid: tuple[Any, ...] | None = None  # each, with every point of the other grids; a bare list
+    uniform: _Range | None = None  # drawn between two bounds, each value as likely
+    log_uniform: _Range | None = None  # between two bounds > 0, each order of magnitude as likely
+    choice: tuple[Any, ...] | None = None  # drawn from these, each as likely
 
     def __post_init__(self) -> None:
         given = {k: v for k, v in vars(self).items() if v is not None}
@@ -75,14 +62,14 @@ class Draw:
 
     @property
     def samples(self) -> tuple[Any, ...]:
-        """What is tried: all values where they can be counted, else the bounds and one between."""
+        """All values where they can be counted, else the bounds and one between."""
         if self.uniform is None and self.log_uniform is None:
             return self.extremes
         # At random, as bounds and the middle of them may be whole numbers where others are not.
         return (*self.extremes, self.draw(np.random.default_rng(0)))
 
     def takes(self, value: Any) -> bool:
-        """Whether a value is one that may come about."""
+        """True for a value that may be drawn."""
         if self.uniform is None and self.log_uniform is None:
             return value in self.extremes
         low, high = self.extremes
@@ -111,29 +98,16 @@ _Draws = dict[Text, Annotated[Draw, BeforeValidator(_as_grid)]]
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class TunePlan:
-    """How fields are tuned.
+    """The section `tune`."""
 
-    Attributes:
-        fields: what is tuned, by path; no grids.
-        figure: what is to get better: a column of the results, its mean over a trial's episodes.
-        goal: which way is better.
-        failure: what an episode counts as in which the robot fell or the simulator gave up, in the
-            figure's unit.
-        trials: how many sets of values are tried.
-        episodes: of one trial; they are drawn alike in all trials.
-        batch: trials that are chosen before the results of the first of them are known, so that
-            many workers have something to do.
-        start: values of the first trial by path; drawn for paths that it leaves out.
-    """
-
-    fields: _Draws
-    figure: Text
+    fields: _Draws  # by path; no grids
+    figure: Text  # a column of the results, its mean over a trial's episodes
     goal: Literal["minimise", "maximise"] = "minimise"
-    failure: Number
-    trials: Count
-    episodes: Count = 1
-    batch: Count = 4
-    start: dict[Text, Any] = field(default_factory=dict[str, Any])
+    failure: Number  # value of an episode that came to no end, in the figure's unit
+    trials: Count  # sets of values that are tried
+    episodes: Count = 1  # of one trial; they are drawn alike in all trials
+    batch: Count = 4  # trials chosen at a time, so that many workers have something to do
+    start: dict[Text, Any] = field(default_factory=dict[str, Any])  # of the first trial, by path
 
     def __post_init__(self) -> None:
         if not self.fields:
@@ -160,25 +134,14 @@ class TunePlan:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """Many episodes of one scenario.
-
-    Attributes:
-        name: what it is called.
-        scenario: a shipped scenario, or a file, from the campaign's folder.
-        seed: of everything that is drawn, and of the episodes' own seeds.
-        episodes: how many; once through the grid when None. A tuning says itself how many.
-        set: fields that have another value than in the scenario's file, by path.
-        vary: fields that have a value of their own in each episode, by path.
-        figures: what is measured beside the figures of every run, by name.
-        tune: how fields are tuned; None for no tuning.
-    """
+    """Many episodes of one scenario: the form of the file."""
 
     name: Text
-    scenario: Text
-    seed: Annotated[int, Bounds(least=0.0, whole=True)] = 0
-    episodes: Count | None = None
-    set: dict[Text, Any] = field(default_factory=dict[str, Any])
-    vary: _Draws = field(default_factory=dict[str, Draw])
+    scenario: Text  # a shipped one, or a file, from the campaign's folder
+    seed: Annotated[int, Bounds(least=0.0, whole=True)] = 0  # of draws and the episodes' seeds
+    episodes: Count | None = None  # once through the grid when None; those of a tuning are its own
+    set: dict[Text, Any] = field(default_factory=dict[str, Any])  # by path, for all episodes
+    vary: _Draws = field(default_factory=dict[str, Draw])  # by path, for each episode
     figures: dict[Text, Measurement] = field(default_factory=dict[str, Measurement])
     tune: TunePlan | None = None
 
@@ -206,7 +169,7 @@ class Campaign:
 
 
 class Design:
-    """A campaign with its scenario: says what each episode is."""
+    """A campaign with its scenario: makes the job of each episode."""
 
     def __init__(
         self, campaign: Mapping[str, Any], scenario: Mapping[str, Any], where: str
@@ -252,24 +215,21 @@ class Design:
     def trial(self, trial: int, values: Mapping[str, Any]) -> list[Job]:
         """The episodes of a trial; seeds and draws are the same for every trial."""
         count = self.campaign.tune.episodes if self.campaign.tune is not None else 0
-        labels = {"trial": trial}
         return [
-            self.job(trial * count + i, draws=i, values=values, labels=labels) for i in range(count)
+            replace(
+                job,
+                number=trial * count + job.number,
+                values=_located({**job.values, **values}),
+                labels={"trial": trial},
+            )
+            for job in map(self.job, range(count))
         ]
 
-    def job(
-        self,
-        number: int,
-        *,
-        draws: int | None = None,
-        values: Mapping[str, Any] | None = None,
-        labels: Mapping[str, Any] | None = None,
-    ) -> Job:
+    def job(self, number: int) -> Job:
         """One episode; it does not depend on how many there are."""
-        index = number if draws is None else draws
-        rng = np.random.default_rng([self.campaign.seed, index])
+        rng = np.random.default_rng([self.campaign.seed, number])
         seed = int(rng.integers(_SEEDS))
-        point = self._point(index)
+        point = self._point(number)
         drawn = {
             path: point[path] if path in point else draw.draw(rng)
             for path, draw in self.campaign.vary.items()
@@ -278,23 +238,23 @@ class Design:
             number=number,
             scenario=self.scenario,
             where=self.campaign.scenario,
-            values=_located(drawn | dict(values or {})),
+            values=_located(drawn),
             seed=seed,
             figures=self.campaign.figures,
-            labels=labels or {},
         )
 
     def to_json(self) -> dict[str, Any]:
         """All that decides what an episode is, as JSON; another `Design` can be made of it."""
-        content = {**self._content, "robots": robot_files(self._robots())}
+        draws = [fields["robot"] for fields in self._sections.values() if "robot" in fields]
+        robots = [self.scenario.get("robot"), *(value for d in draws for value in d.extremes)]
+        content = {**self._content, "robots": robot_files(robots)}
         return json.loads(json.dumps(content, default=str))
 
-    def _robots(self) -> list[Any]:
-        """Whatever is the robot of an episode."""
-        campaign = self.campaign
-        tuned = {} if campaign.tune is None else campaign.tune.fields
-        draws = [fields["robot"] for fields in (campaign.vary, tuned) if "robot" in fields]
-        return [self.scenario.get("robot"), *(value for d in draws for value in d.extremes)]
+    @property
+    def _sections(self) -> dict[str, dict[str, Draw]]:
+        """Fields that differ between episodes, by the section of the file that names them."""
+        tune = self.campaign.tune
+        return {"vary": self.campaign.vary, "tune: fields": {} if tune is None else tune.fields}
 
     def _point(self, index: int) -> dict[str, Any]:
         """The point of the grid of an episode: the last field changes first."""
@@ -305,11 +265,9 @@ class Design:
         return point
 
     def _check(self) -> None:
-        """Tries every value that can be counted, and some of every range, once."""
-        tune = self.campaign.tune
+        """Try every value that can be counted, and some of every range, once."""
         make_scenario(self.scenario, self.campaign.scenario)
-        tuned = {} if tune is None else tune.fields
-        for section, draws in (("vary", self.campaign.vary), ("tune: fields", tuned)):
+        for section, draws in self._sections.items():
             for path, draw in draws.items():
                 if path in _OWN:
                     raise ConfigurationError(
@@ -317,8 +275,8 @@ class Design:
                     )
                 for value in draw.samples:
                     self._try({path: value}, f"{section}: {path!r}")
-        if tune is not None:
-            self._try(tune.start, "tune: start")
+        if self.campaign.tune is not None:
+            self._try(self.campaign.tune.start, "tune: start")
 
     def _try(self, values: Mapping[str, Any], place: str) -> None:
         try:

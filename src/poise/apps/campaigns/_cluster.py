@@ -3,15 +3,15 @@
 import logging
 import shutil
 from collections.abc import Callable
-from contextlib import suppress
+from concurrent.futures import Future
+from contextlib import ExitStack, suppress
 from importlib import metadata
 from pathlib import Path
-from queue import Empty, Queue
 from time import monotonic
 from typing import Any, Literal, TypeVar
 
 from poise.apps.campaigns._episode import version
-from poise.apps.campaigns._workers import WorkerLostError, Workers, portable
+from poise.apps.campaigns._workers import WorkerLostError, Workers, outcome_of
 from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 
 T = TypeVar("T")
@@ -26,26 +26,22 @@ _WITHOUT_WORKER = 3600.0
 _LONGEST_JOB = 24 * 60
 """Limit of a job of Slurm's, where SBATCH_TIMELIMIT says no other [min]."""
 
-_LOOK = 1.0
-"""How often is looked whether the scheduler is still there, while nothing comes [s]."""
-
 
 class DaskWorkers(Workers):
     """The worker processes of a Dask cluster, however many there are at the moment.
 
-    A worker that dies is the scheduler's business: it gives the episode to another one, and says so
-    after three deaths (its setting `allowed-failures`).
+    The scheduler gives the episode of a worker that dies to another one, and gives it up after
+    three deaths (its setting `allowed-failures`).
     """
 
     def __init__(self, address: str) -> None:
         self._address = address
         self._client: Any = None
-        self._tickets: dict[Any, int] = {}
-        self._ended: Queue[Any] = Queue()
+        self._alone = 0.0
 
     def __enter__(self) -> "DaskWorkers":
         distributed = _distributed()
-        # Its own tracebacks of connections that are lost; what they mean is said by an error.
+        # Its own tracebacks of connections that are lost; an error says what they mean.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             self._client = distributed.Client(
@@ -57,15 +53,15 @@ class DaskWorkers(Workers):
                 got=self._address,
                 wanted="the address that `dask scheduler` prints",
             ) from None
-        try:
-            self._client.wait_for_workers(1, timeout=_WITHOUT_WORKER)
+        with ExitStack() as ends_where_this_fails:
+            ends_where_this_fails.callback(self.__exit__)
+            try:
+                self._client.wait_for_workers(1, timeout=_WITHOUT_WORKER)
+            except TimeoutError:
+                raise PoiseError("the cluster has no worker", got=self._address) from None
             self._check_poise()
-        except TimeoutError:
-            self.__exit__()
-            raise PoiseError("the cluster has no worker", got=self._address) from None
-        except BaseException:
-            self.__exit__()
-            raise
+            self._alone = monotonic() + _WITHOUT_WORKER
+            ends_where_this_fails.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -74,81 +70,73 @@ class DaskWorkers(Workers):
             self._client = None
 
     @property
-    def free(self) -> int:
-        """How many more things they take now: what waits at a worker that dies is tried anew."""
-        return max(len(self._workers()), 1) - len(self._tickets)
+    def count(self) -> int:
+        """Number of workers now; one where more may come."""
+        count = len(self._workers())
+        if count > 0:
+            self._alone = monotonic() + _WITHOUT_WORKER
+        elif monotonic() > self._alone:
+            raise PoiseError("the cluster has no worker any more")
+        return max(count, 1)
 
-    def submit(self, ticket: int, function: Callable[[T], R], item: T) -> None:
-        """Has a worker call a function of a module."""
-        future = self._client.submit(_called, function, item, pure=False)
-        self._tickets[future] = ticket
-        future.add_done_callback(self._ended.put)
-
-    def wait(self) -> list[tuple[int, Any]]:
-        """Waits until some calls have come to an end."""
-        alone = monotonic() + _WITHOUT_WORKER
-        while True:
-            try:
-                future = self._ended.get(timeout=_LOOK)
-            except Empty:
-                if self._workers():
-                    alone = monotonic() + _WITHOUT_WORKER
-                elif monotonic() > alone:
-                    raise PoiseError("the cluster has no worker any more") from None
-                continue
-            return [(self._tickets.pop(future), self._result(future))]
+    def submit(self, function: Callable[[T], R], item: T) -> "Future[tuple[bool, Any]]":
+        """Have a worker call a function of a module."""
+        answer: Future[tuple[bool, Any]] = Future()
+        call = self._client.submit(outcome_of, function, item, pure=False)
+        call.add_done_callback(lambda call: self._settle(answer, call))
+        return answer
 
     def warm(self, function: Callable[[T], bool], item: T) -> None:
-        """Calls a function in one worker of each machine: they share what it compiles."""
-        of_hosts = {about["host"]: address for address, about in self._workers().items()}
-        calls = {
-            address: self._client.submit(_called, function, item, pure=False, workers=[address])
-            for address in of_hosts.values()
-        }
-        used_up = {address: self._result(call) for address, call in calls.items()}
-        for found in used_up.values():
-            if isinstance(found, WorkerLostError):
-                raise PoiseError(f"the first episode cannot be begun: {found}")
+        """Call a function in one worker of each machine: they share what it compiles."""
+        one_a_host = {about["host"]: address for address, about in self._workers().items()}
+        # Beside the scheduler: a worker that dies takes nothing along, and the others go on.
+        found = self._client.run(
+            _beside, function, item, workers=[*one_a_host.values()], on_error="return"
+        )
+        outcomes = {worker: found[worker] for worker in found if isinstance(found[worker], tuple)}
+        for raised, result in outcomes.values():
+            if raised:
+                raise result
+        used_up = {worker for worker, (_, compiled) in outcomes.items() if compiled}
         with suppress(ValueError):  # A worker without a nanny cannot be started anew.
             # One that does not come back is gone, and the others do its share.
-            self._client.restart_workers(
-                [a for a, used in used_up.items() if used], raise_for_error=False
-            )
+            self._client.restart_workers([*used_up & {*self._workers()}], raise_for_error=False)
 
-    def _workers(self) -> dict[str, Any]:
-        """What the scheduler says of each worker, by address."""
-        known = self._client.scheduler_info(n_workers=-1)
-        self._check_scheduler()
-        return known["workers"]
-
-    def _result(self, future: Any) -> Any:
+    def _settle(self, answer: "Future[tuple[bool, Any]]", call: Any) -> None:
+        """Pass the result of a call on."""
         from distributed.scheduler import KilledWorker
 
         try:
-            raised, result = future.result()
+            answer.set_result(call.result())
         except KilledWorker as error:
-            return WorkerLostError(f"it ended {error.allowed_failures + 1} workers")
+            lost = WorkerLostError(f"it ended {error.allowed_failures + 1} workers")
+            answer.set_exception(lost)
         except Exception as error:
-            self._check_scheduler()
-            raise PoiseError(f"a worker of the cluster failed ({_reason(error)})") from None
-        if raised:
-            raise result
-        return result
+            failed = PoiseError(f"a worker of the cluster failed ({_reason(error)})")
+            answer.set_exception(self._gone() or failed)
+
+    def _workers(self) -> dict[str, Any]:
+        """Facts of each worker, by address."""
+        known = self._client.scheduler_info(n_workers=-1)
+        if gone := self._gone():
+            raise gone
+        return known["workers"]
+
+    def _gone(self) -> PoiseError | None:
+        if self._client is not None and self._client.status == "running":
+            return None
+        return PoiseError("the scheduler is not there any more", got=self._address)
 
     def _check_poise(self) -> None:
-        """Sees that workers have Poise: one without leaves the cluster when it gets an episode.
+        """Refuse workers without Poise: one leaves the cluster when it gets an episode.
 
-        Whether it is the same Poise each episode sees for itself.
+        Whether it is the same Poise each episode checks for itself.
         """
         # Nothing of Poise is sent for this, only a name of Python's own library.
         found = self._client.run(metadata.version, "poise", on_error="return")
         for worker, answer in found.items():
             if isinstance(answer, metadata.PackageNotFoundError):
                 raise PoiseError(f"worker {worker} has no Poise", wanted=version())
-
-    def _check_scheduler(self) -> None:
-        if self._client.status != "running":
-            raise PoiseError("the scheduler is not there any more", got=self._address)
 
 
 class SlurmWorkers(DaskWorkers):
@@ -165,8 +153,7 @@ class SlurmWorkers(DaskWorkers):
     ) -> None:
         super().__init__("")
         self._count, self._logs, self._executor = count, logs, executor
-        self._cluster: Any = None
-        self._jobs: list[Any] = []
+        self._ends = ExitStack()
 
     def __enter__(self) -> "SlurmWorkers":
         if self._executor == "slurm" and shutil.which("sbatch") is None:
@@ -176,33 +163,27 @@ class SlurmWorkers(DaskWorkers):
             import submitit
         except ImportError:
             raise MissingExtraError("submitit", "campaign", "--slurm") from None
-        self._cluster = distributed.LocalCluster(
-            n_workers=0,
-            host="0.0.0.0" if self._executor == "slurm" else "127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-        )
-        try:
+        with ExitStack() as ends:
+            cluster = distributed.LocalCluster(
+                n_workers=0,
+                host="0.0.0.0" if self._executor == "slurm" else "127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+            )
+            ends.callback(cluster.close)
+            self._address = cluster.scheduler_address
             executor = submitit.AutoExecutor(folder=self._logs, cluster=self._executor)
             executor.update_parameters(
                 name="poise", cpus_per_task=1, tasks_per_node=1, timeout_min=_LONGEST_JOB
             )
-            address = self._cluster.scheduler_address
-            self._address = address
-            self._jobs = executor.map_array(serve, [address] * self._count)
+            for job in executor.map_array(serve, [self._address] * self._count):
+                ends.callback(job.cancel)
             super().__enter__()
-        except BaseException:
-            self.__exit__()
-            raise
+            self._ends = ends.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         super().__exit__()
-        for job in self._jobs:
-            job.cancel()
-        self._jobs = []
-        if self._cluster is not None:
-            self._cluster.close()
-            self._cluster = None
+        self._ends.close()
 
 
 def serve(address: str) -> None:
@@ -217,12 +198,11 @@ def serve(address: str) -> None:
     asyncio.run(work())
 
 
-def _called(function: Callable[[T], R], item: T) -> tuple[bool, Any]:
-    """In a worker: whether the function raised, and what it returned or raised."""
-    try:
-        return False, function(item)
-    except PoiseError as error:
-        return True, portable(error)
+async def _beside(function: Callable[[T], R], item: T) -> tuple[bool, Any]:
+    """In a worker: call a function in a thread, so that the worker still answers."""
+    import asyncio
+
+    return await asyncio.to_thread(outcome_of, function, item)
 
 
 def _distributed() -> Any:

@@ -1,4 +1,4 @@
-"""`Job`: one episode to be run. `run_episode`: runs it, wherever that is, to one row of results."""
+"""`Job`: a scenario with values to be run. `run_episode`: runs it, anywhere, to one row."""
 
 import hashlib
 import json
@@ -18,6 +18,7 @@ from numba.core.event import install_recorder
 
 from poise.apps.campaigns._fields import with_fields
 from poise.apps.scenarios import (
+    INTERRUPTED,
     Measurement,
     Run,
     Scenario,
@@ -29,21 +30,21 @@ from poise.apps.scenarios import (
     validate_checks,
 )
 from poise.errors import PoiseError
+from poise.robots import Robot
 from poise.sim import rollout
 
+# Texts, numbers and truth values by column, None where there is none.
 Row = dict[str, Any]
-"""Results of one episode: texts, numbers and truth values by column, None where there is none."""
 
 OUTCOMES = ("ok", "failed", "fell", "diverged", "error", "refused", "crashed")
-"""What may become of an episode: all checks held, one failed, the robot fell, the simulation
-diverged, the simulator raised, the scenario does not fit its robot, the simulator took its process
-along every time it was tried."""
+"""Outcomes of an episode: all checks held, one failed, the robot fell, the simulation diverged, the
+simulator raised, the scenario does not fit its robot, its process died each time it was tried."""
 
 ABOUT = (
     "number", "seed", "version", "ended", "seconds", "values", "trial", "outcome", "reason",
     "robot", "controller",
 )  # fmt: skip
-"""Columns that say what an episode was and what became of it."""
+"""Columns that say what an episode was and how it ended."""
 
 FIGURES = ("simulated_s", "com_error_max_m", "torque_ratio_max", "missed_ticks")
 """Columns with figures of every run, besides times, residuals (`residual_max_1`, ...) and the
@@ -58,27 +59,16 @@ TIMINGS = ("ended", "seconds", "real_time_factor", "tick_us_p50", "tick_us_p99",
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One episode to be run.
+    """One episode to be run."""
 
-    Attributes:
-        number: names it among those in a folder.
-        scenario: content of the scenario's file.
-        where: what messages call that file.
-        values: values of fields by their paths, in place of the file's.
-        seed: of everything random in it.
-        figures: what is measured beside the figures of every run, by name.
-        labels: further columns of its row.
-        version: of the code that is to run it.
-    """
-
-    number: int
-    scenario: Mapping[str, Any]
-    where: str
-    values: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    number: int  # its name in a folder
+    scenario: Mapping[str, Any]  # content of the scenario's file
+    where: str  # name of that file in messages
+    values: Mapping[str, Any] = field(default_factory=dict[str, Any])  # by path, for the file's
     seed: int = 0
     figures: Mapping[str, Measurement] = field(default_factory=dict[str, Measurement])
-    labels: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    version: str = field(default_factory=lambda: version())
+    labels: Mapping[str, Any] = field(default_factory=dict[str, Any])  # more columns of its row
+    version: str = field(default_factory=lambda: version())  # of the code that is to run it
 
     def make(self) -> Scenario:
         """The scenario with the job's values and seed."""
@@ -96,28 +86,22 @@ def version() -> str:
     return f"{metadata.version('poise')}+{digest.hexdigest()[:8]}"
 
 
-def run_episode(job: Job, describe: Callable[[Job, Run], Row] | None = None) -> Row:
-    """Runs an episode. Whatever goes wrong in it is its result."""
+def run_episode(
+    job: Job, describe: Callable[[Job, Run], Row] | None = None, robot: Robot | None = None
+) -> Row:
+    """Run an episode to its row, also where something goes wrong in it."""
     _check_version(job)
     begin = perf_counter()
     try:
-        row = (describe or row_of)(job, run_scenario(job.make()))
+        run = run_scenario(job.make(), robot=robot)
+        if run.ended_early == INTERRUPTED:
+            raise KeyboardInterrupt
+        row = (describe or row_of)(job, run)
     except PoiseError as error:
-        row = _without_run(job, "refused", str(error))
+        row = without_run(job, "refused", str(error))
     except Exception as error:  # Of MuJoCo or a library: this episode's result, not the campaign's.
-        row = _without_run(job, "error", f"{type(error).__name__}: {error}")
+        row = without_run(job, "error", f"{type(error).__name__}: {error}")
     return {**row, "seconds": perf_counter() - begin}
-
-
-def _check_version(job: Job) -> None:
-    if version() != job.version:
-        where = f"a worker on {gethostname()} has another version of Poise"
-        raise PoiseError(where, got=version(), wanted=job.version)
-
-
-def crashed(job: Job, reason: str) -> Row:
-    """The row of an episode that took its process along every time it was tried."""
-    return _without_run(job, "crashed", reason)
 
 
 def row_of(job: Job, run: Run) -> Row:
@@ -125,9 +109,10 @@ def row_of(job: Job, run: Run) -> Row:
     validate_checks([*job.figures.values()], run.controller.stack, run.robot)
     summary: Any = summarise(run)
     failed = [check.name for check in run.checks if not check.ok]
+    outcome = "fell" if run.fell else "ok" if run.ok else "failed"
     row: Row = {
         **_about(job),
-        "outcome": _outcome(run),
+        "outcome": "diverged" if run.plant.diverged else outcome,
         "reason": run.ended_early or "; ".join(failed),
         "robot": summary["robot"],
         "controller": summary["controller"],
@@ -144,42 +129,38 @@ def row_of(job: Job, run: Run) -> Row:
     return row
 
 
-@dataclass(frozen=True, kw_only=True)
-class Kind:
-    """Jobs for which `warm_up` does the same, see `same_kind`.
-
-    Attributes:
-        jobs: some of them.
-        begun: whether one has a row already: it is known then that not all are beyond hope.
-    """
-
-    jobs: Sequence[Job]
-    begun: bool = False
+def without_run(job: Job, outcome: str, reason: str) -> Row:
+    """The row of a job whose scenario came to no end."""
+    return {**_about(job), "outcome": outcome, "reason": " ".join(reason.split())}
 
 
-def warm_up(kinds: Sequence[Kind]) -> bool:
-    """Compiles what jobs need, and finds scenarios that do not fit their robots.
+def same_kind(job: Job) -> str:
+    """A text that jobs have in common for which the same is compiled."""
+    chosen = {p: v for p, v in job.values.items() if p.startswith(("robot", "controller"))}
+    return json.dumps([job.where, chosen])
 
-    The first job of each kind that can be is set up and run for two ticks: all that is compiled is
-    compiled then, and kept in the folder that all workers of a machine share.
+
+def warm_up(kinds: Sequence[tuple[Sequence[Job], bool]]) -> bool:
+    """Compile what jobs need, and find scenarios that do not fit their robots.
+
+    Of each kind there are some jobs, and whether one of the kind has a row already; without a row
+    it is an error that none fits. The first that does is set up and run for two ticks: all that is
+    compiled is kept in the folder that all workers of a machine share. True if something was.
     """
     with install_recorder("numba:compile") as compiling:
-        for kind in kinds:
-            _begin_one(kind)
+        for jobs, begun in kinds:
+            refused: list[PoiseError] = []
+            for job in jobs:
+                _check_version(job)
+                try:
+                    _begin(job)
+                    break
+                except PoiseError as error:
+                    refused.append(error)
+            else:
+                if not begun:
+                    raise refused[0]
     return bool(compiling.buffer)
-
-
-def _begin_one(kind: Kind) -> None:
-    refused: list[PoiseError] = []
-    for job in kind.jobs:
-        _check_version(job)
-        try:
-            _begin(job)
-            return
-        except PoiseError as error:
-            refused.append(error)
-    if not kind.begun:
-        raise refused[0]
 
 
 def _begin(job: Job) -> None:
@@ -190,18 +171,14 @@ def _begin(job: Job) -> None:
         pass
 
 
-def same_kind(job: Job) -> str:
-    """A text that jobs have in common for which `warm_up` does the same."""
-    chosen = {p: v for p, v in job.values.items() if p.startswith(("robot", "controller"))}
-    return json.dumps([job.where, chosen])
-
-
-def _without_run(job: Job, outcome: str, reason: str) -> Row:
-    return {**_about(job), "outcome": outcome, "reason": " ".join(reason.split())}
+def _check_version(job: Job) -> None:
+    if version() != job.version:
+        where = f"a worker on {gethostname()} has another version of Poise"
+        raise PoiseError(where, got=version(), wanted=job.version)
 
 
 def _about(job: Job) -> Row:
-    """What a row says of its job; as JSON the values are kept to the last bit, lists included."""
+    """Columns of the job itself; as JSON the values are kept to the last bit, lists included."""
     plain = {path: v for path, v in job.values.items() if isinstance(v, str | int | float)}
     return {
         "number": job.number,
@@ -212,11 +189,3 @@ def _about(job: Job) -> Row:
         **job.labels,
         **plain,
     }
-
-
-def _outcome(run: Run) -> str:
-    if run.plant.diverged:
-        return "diverged"
-    if run.fell:
-        return "fell"
-    return "ok" if run.ok else "failed"

@@ -1,14 +1,13 @@
-"""`CampaignFolder`: what a campaign leaves behind, so that nothing recorded is ever lost.
+"""`CampaignFolder`: the rows of a campaign on disk. `RowLog`: the file that they are added to.
 
-`campaign.json` says which campaign it is. `episodes/` is a Parquet dataset with a row an episode. A
-row that has just come is a file of its own, written whole or not at all; from time to time, and at
-the end, all become one file.
+`campaign.json` says which campaign it is, `rows.jsonl` has a line an episode from the moment that
+it ends, and `episodes/` is the same as Parquet, written when a run ends.
 """
 
+import errno
 import fcntl
 import json
 import os
-from collections import defaultdict
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import datetime
@@ -18,35 +17,91 @@ from typing import Any
 from poise.apps.campaigns._episode import Row
 from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 
-MANIFEST, EPISODES, _LOCK = "campaign.json", "episodes", "lock"
-"""File and folder names in a campaign's folder."""
+_MANIFEST, _ROWS, _TABLE, _LOCK = "campaign.json", "rows.jsonl", "episodes/rows.parquet", "lock"
 
 _PARTS = {"campaign": "campaign", "scenario": "scenario", "robots": "robot"}
-"""Parts of what a folder is claimed for, and what messages call one that differs."""
-
-_MOST_PARTS = 256
-"""Rows in files of their own at most: reading so many takes half a second."""
+"""Parts of the content that a folder is claimed for, and their names in messages."""
 
 _ENDLESS = ("episodes", "trials")
 """Keys of a campaign that say how far it goes: a folder may be gone on with for longer."""
+
+
+class RowLog:
+    """A file that rows are added to and never changed in, one JSON object a line.
+
+    A line that a run left unfinished as it died is passed over, and cut off by the next row.
+
+    Args:
+        path: of the file; its folder is made with the first row.
+
+    Raises:
+        PoiseError: a line is no row.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._end = path, 0
+        self.rows: list[dict[str, Any]] = []
+        content = path.read_bytes() if path.exists() else b""
+        self._end = content.rfind(b"\n") + 1
+        try:
+            self.rows += [json.loads(line) for line in content[: self._end].splitlines()]
+        except ValueError as error:
+            raise PoiseError(f"cannot read results ({error})", got=str(path)) from None
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Record a row of what JSON can hold; when this returns it is on the disk."""
+        line = json.dumps(row).encode() + b"\n"
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        with self._path.open("ab", buffering=0) as file:
+            file.truncate(self._end)
+            try:
+                if file.write(line) < len(line):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
+                os.fsync(file.fileno())
+            except BaseException:
+                file.truncate(self._end)
+                raise
+        self._end += len(line)
+        self.rows.append(row)
+
+
+def read_rows(directory: str | Path) -> list[dict[str, object]]:
+    """Read the results in the folder of a campaign or a scorecard, while it runs or later.
+
+    Args:
+        directory: the folder.
+
+    Returns:
+        A row an episode, by number. All have the same columns; None where an episode has no value.
+
+    Raises:
+        PoiseError: the folder has no results that can be read.
+    """
+    folder = CampaignFolder(Path(directory))
+    folder.content()
+    return folder.table()
 
 
 class CampaignFolder:
     """A campaign's results on disk, and in memory as `rows`, by number."""
 
     def __init__(self, path: Path) -> None:
-        _require_pyarrow()
-        self.path, self._dataset = path, path / EPISODES
-        self.rows: dict[int, Row] = {row["number"]: row for row in self._read()}
-        self._parts = len(self._files())
+        self.path = path
+        if not (path / _ROWS).exists() and next(path.glob("episodes/*.parquet"), None):
+            raise ConfigurationError(
+                "the results in this folder are of an earlier form",
+                got=str(path),
+                wanted="another --out, or a tool that reads its Parquet files",
+            )
+        self._read()
 
     def content(self) -> dict[str, Any]:
-        """Hold the result of `claim`."""
+        """The content that the folder was claimed for."""
         try:
-            return json.loads((self.path / MANIFEST).read_text(encoding="utf-8"))
+            return json.loads((self.path / _MANIFEST).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             raise ConfigurationError(
-                "no campaign in this folder", got=str(self.path), wanted=f"one with {MANIFEST}"
+                "no campaign in this folder", got=str(self.path), wanted=f"one with {_MANIFEST}"
             ) from None
 
     def row(self, number: int) -> Row:
@@ -63,10 +118,20 @@ class CampaignFolder:
         """The rows that a campaign of so many episodes has: it may have been longer before."""
         return [row for number, row in self.rows.items() if number < total]
 
+    def table(self) -> list[Row]:
+        """All rows with all columns, by number."""
+        columns = dict.fromkeys(name for row in self.rows.values() for name in row)
+        return [{name: row.get(name) for name in columns} for _, row in sorted(self.rows.items())]
+
+    def add(self, row: Row) -> None:
+        """Record a row; when this returns it is on the disk."""
+        self._log.add(row)
+        self.rows[row["number"]] = row
+
     @contextmanager
     def claimed(self, content: Mapping[str, Any]) -> Generator[None]:
-        """The folder for one campaign and one run of it alone, which may write rows meanwhile."""
-        self._dataset.mkdir(parents=True, exist_ok=True)
+        """The folder for one campaign and one run of it alone, which may add rows meanwhile."""
+        self.path.mkdir(parents=True, exist_ok=True)
         with (self.path / _LOCK).open("a+", encoding="utf-8") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -80,20 +145,26 @@ class CampaignFolder:
             lock.truncate(0)
             lock.write(f"{os.getpid()} on {os.uname().nodename}")
             lock.flush()
-            # What another run has written between reading and locking.
-            self.rows = {row["number"]: row for row in self._read()}
+            # Another run may have written between reading and locking.
+            self._read()
             self._identify(content)
             try:
                 yield
             finally:
-                # Where the disk is full the rows stay in files of their own.
+                # Where the disk is full the rows are in the log.
                 with suppress(OSError):
-                    self._compact()
+                    self._write_table()
 
     def pace(self, total: int) -> dict[str, Any]:
-        """Return activity, rows per second and remaining time [s]."""
-        if not self._is_written():
+        """Activity of a run in this folder, its rows a second, and the time that is left [s]."""
+        try:
+            with (self.path / _LOCK).open("rb") as lock:
+                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
             return {"running": False}
+        except FileNotFoundError:  # A copy of a folder may lack the file that is locked.
+            return {"running": False}
+        except BlockingIOError:
+            pass
         begun = (self.path / _LOCK).stat().st_mtime
         ended = (datetime.fromisoformat(row["ended"]).timestamp() for row in self.rows.values())
         new = sorted(time for time in ended if time > begun)
@@ -101,38 +172,16 @@ class CampaignFolder:
         left = (total - len(self.first(total))) / rate if rate else None
         return {"running": True, "rate_hz": rate, "left_s": left}
 
-    def add(self, row: Row) -> None:
-        """Records a row; when this returns it is on the disk."""
-        import pyarrow as pa
-
-        number = row["number"]
-        _write_whole(pa.Table.from_pylist([row]), self._dataset / f"part-{number:08d}.parquet")
-        self.rows[number] = row
-        self._parts += 1
-        if self._parts >= _MOST_PARTS:
-            self._compact()
-
-    def _is_written(self) -> bool:
-        """Whether a run writes here now; a copy of a folder may lack the file that is locked."""
-        with suppress(FileNotFoundError), (self.path / _LOCK).open("rb") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
-                return True
-        return False
+    def _read(self) -> None:
+        self._log = RowLog(self.path / _ROWS)
+        self.rows: dict[int, Row] = {row["number"]: row for row in self._log.rows}
 
     def _identify(self, content: Mapping[str, Any]) -> None:
-        path = self.path / MANIFEST
-        if not path.exists():
-            if self.rows:
-                self.content()
-            _write_text(json.dumps(content, indent=1) + "\n", path)
-            return
-        here = self.content()
+        """Refuse the folder of another campaign."""
+        path = self.path / _MANIFEST
+        here = self.content() if path.exists() or self.rows else content
         for part, name in _PARTS.items():
-            # Folders of earlier versions do not say what their robots' files were.
-            asked = content.get(part, {})
-            ours, theirs = _endless(asked), _endless(here.get(part, asked))
+            ours, theirs = _endless(content.get(part, {})), _endless(here.get(part, {}))
             for key in sorted({*ours, *theirs}):
                 if ours.get(key) != theirs.get(key):
                     raise ConfigurationError(
@@ -140,90 +189,30 @@ class CampaignFolder:
                         got=ours.get(key),
                         wanted=f"{theirs.get(key)!r} as in the folder, or another --out",
                     )
-        _write_text(json.dumps(content, indent=1) + "\n", path)
+        with replaced(path) as draft:
+            draft.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
-    def _files(self) -> list[Path]:
-        return sorted(self._dataset.glob("*.parquet"))
-
-    def _read(self) -> list[Row]:
-        return [] if not self._files() else self._table().to_pylist()
-
-    def _table(self) -> Any:
-        """All rows, each number once, by number."""
+    def _write_table(self) -> None:
+        """Write all rows as Parquet; scorecards are made without the package as well."""
+        try:
+            require_pyarrow()
+        except MissingExtraError:
+            return
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        tables: list[Any] = []
-        for path in self._files():
-            try:
-                tables.append(pq.read_table(path))
-            except FileNotFoundError:
-                # The run that writes here has made one file of several meanwhile.
-                return self._table()
-            except (pa.ArrowException, OSError) as error:
-                reason = " ".join(str(error).split())
-                raise PoiseError(f"cannot read results ({reason})", got=str(path)) from None
-        table = pa.concat_tables(_alike(tables), promote_options="permissive")
-        first: dict[int, int] = {}
-        for index, number in enumerate(table["number"].to_pylist()):
-            # Between the writing of a large file and the end of its parts rows stand in both.
-            first.setdefault(number, index)
-        return table.take([first[number] for number in sorted(first)])
-
-    def _compact(self) -> None:
-        """Makes one file of all."""
-        old = self._files()
-        if len(old) > 1:
-            last = max((int(p.stem.split("-")[1]) for p in old if p.stem[:4] == "rows"), default=0)
-            _write_whole(self._table(), self._dataset / f"rows-{last + 1:08d}.parquet")
-            for path in old:
-                path.unlink()
-        self._parts = len(self._files())
-
-
-def _alike(tables: list[Any]) -> list[Any]:
-    """Tables whose columns can be joined: one with texts and numbers becomes one of texts."""
-    import pyarrow as pa
-
-    kinds: defaultdict[str, set[str]] = defaultdict(set)
-    for table in tables:
-        for column in table.schema:
-            if not pa.types.is_null(column.type):
-                number = pa.types.is_integer(column.type) or pa.types.is_floating(column.type)
-                kinds[column.name].add("number" if number else str(column.type))
-    mixed = {name for name, found in kinds.items() if len(found) > 1}
-    schemas = [
-        pa.schema([(c.name, pa.string() if c.name in mixed else c.type) for c in table.schema])
-        for table in tables
-    ]
-    return [table.cast(schema) for table, schema in zip(tables, schemas, strict=True)]
-
-
-def _endless(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Content without what says how far a campaign goes."""
-    kept = {key: value for key, value in content.items() if key not in _ENDLESS}
-    if isinstance(kept.get("tune"), dict):
-        kept["tune"] = {key: v for key, v in kept["tune"].items() if key != "trials"}
-    return kept
-
-
-def _write_whole(table: Any, path: Path) -> None:
-    """Writes a file that is there whole or not at all, whatever happens meanwhile."""
-    import pyarrow.parquet as pq
-
-    # Readers of datasets pass over names that begin with a dot.
-    with _replaced(path) as draft:
-        pq.write_table(table, draft)
-
-
-def _write_text(text: str, path: Path) -> None:
-    with _replaced(path) as draft:
-        draft.write_text(text, encoding="utf-8")
+        rows = self.table()
+        if rows:
+            columns = {name: _alike([row[name] for row in rows]) for name in rows[0]}
+            (self.path / _TABLE).parent.mkdir(exist_ok=True)
+            with replaced(self.path / _TABLE) as draft:
+                pq.write_table(pa.table(columns), draft)
 
 
 @contextmanager
-def _replaced(path: Path) -> Generator[Path]:
-    """A file to write, which takes its place when it is on the disk, and is gone if it fails."""
+def replaced(path: Path) -> Generator[Path]:
+    """A file to write, which takes its place whole, or is gone where that fails."""
+    # Readers of datasets pass over names that begin with a dot.
     draft = path.with_name(f".{path.name}.tmp")
     try:
         yield draft
@@ -233,15 +222,23 @@ def _replaced(path: Path) -> Generator[Path]:
     except BaseException:
         draft.unlink(missing_ok=True)
         raise
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
 
 
-def _require_pyarrow() -> None:
+def require_pyarrow() -> None:
+    """Refuse a campaign whose table could not be written."""
     try:
         import pyarrow.parquet  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
         raise MissingExtraError("pyarrow", "campaign", "a campaign's results") from None
+
+
+def _alike(values: list[Any]) -> list[Any]:
+    """A column of one kind: texts where there are several."""
+    kinds = {float if type(v) is int else type(v) for v in values if v is not None}
+    return values if len(kinds) < 2 else [None if v is None else str(v) for v in values]
+
+
+def _endless(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Content without the keys that say how far a campaign goes."""
+    kept = {key: value for key, value in content.items() if key not in _ENDLESS}
+    return kept | ({"tune": _endless(kept["tune"])} if isinstance(kept.get("tune"), dict) else {})

@@ -3,7 +3,7 @@
 import json
 import math
 import warnings
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -12,26 +12,22 @@ from typing import Any
 import numpy as np
 
 from poise.apps.campaigns._campaign import Campaign, Design, Draw, TunePlan
-from poise.apps.campaigns._episode import RAN, Row
-from poise.apps.campaigns._runner import Runner
+from poise.apps.campaigns._episode import RAN, Job, Row
 from poise.errors import MissingExtraError, PoiseError
 
-STORAGE = "tuning.sqlite"
-"""Optuna's storage in the campaign's folder."""
-
+_STORAGE = "tuning.sqlite"
 _PLOTS = {
     "history": "plot_optimization_history",
     "slices": "plot_slice",
     "importances": "plot_param_importances",
 }
-"""Plots of Optuna's, drawn into `tuning-NAME.svg`."""
-
-_FEWEST = 2
-"""Trials that plots need."""
+_FEWEST = 2  # trials that plots need
 
 
-def tune(design: Design, plan: TunePlan, runner: Runner, folder: Path) -> list[Row]:
-    """Tunes the fields that a campaign says.
+def tune(
+    design: Design, plan: TunePlan, run: Callable[[Sequence[Job]], list[Row]], folder: Path
+) -> list[Row]:
+    """Tune the fields that a campaign names.
 
     Trials are chosen a batch at a time. Each is chosen by a sampler with a seed of its own, so that
     a tuning goes on after an interruption as if there had been none.
@@ -43,7 +39,7 @@ def tune(design: Design, plan: TunePlan, runner: Runner, folder: Path) -> list[R
             numbers = range(begin, min(begin + plan.batch, plan.trials))
             values = [_chosen(study, n, plan, design.campaign.seed) for n in numbers]
             jobs = [design.trial(n, v) for n, v in zip(numbers, values, strict=True)]
-            found = runner.run([job for trial in jobs for job in trial])
+            found = run([job for trial in jobs for job in trial])
             for place, number in enumerate(numbers):
                 own = found[place * plan.episodes : (place + 1) * plan.episodes]
                 study.tell(number, cost(own, plan), skip_if_finished=True)
@@ -53,7 +49,7 @@ def tune(design: Design, plan: TunePlan, runner: Runner, folder: Path) -> list[R
 
 
 def cost(rows: list[Row], plan: TunePlan) -> float:
-    """What a trial is worth: the mean of its episodes' figures."""
+    """The worth of a trial: the mean of its episodes' figures."""
     values = [row.get(plan.figure) if row["outcome"] in RAN else None for row in rows]
     return float(np.mean([plan.failure if value is None else value for value in values]))
 
@@ -81,19 +77,20 @@ def _optuna() -> Any:
 
 @contextmanager
 def _stored(folder: Path) -> Generator[None]:
-    """What Optuna, and the SQLAlchemy below it, raise of the storage is said in one line."""
+    """Errors of Optuna, and of the SQLAlchemy below it, in one line."""
     failures = _optuna().exceptions.OptunaError, import_module("sqlalchemy.exc").SQLAlchemyError
     try:
         yield
     except failures as error:
         reason = " ".join(str(error).split())
-        raise PoiseError(f"Optuna's storage failed ({reason})", got=str(folder / STORAGE)) from None
+        place = str(folder / _STORAGE)
+        raise PoiseError(f"Optuna's storage failed ({reason})", got=place) from None
 
 
 def _study(campaign: Campaign, plan: TunePlan, folder: Path) -> Any:
     """The study in its storage; begun with the trial that the campaign asks for first."""
     study = _optuna().create_study(
-        storage=f"sqlite:///{folder / STORAGE}",
+        storage=f"sqlite:///{folder / _STORAGE}",
         study_name=campaign.name,
         direction=plan.goal.replace("ise", "ize"),
         load_if_exists=True,
@@ -106,17 +103,14 @@ def _study(campaign: Campaign, plan: TunePlan, folder: Path) -> Any:
 def _chosen(study: Any, number: int, plan: TunePlan, seed: int) -> dict[str, Any]:
     """Values of the fields in a trial: those that were chosen earlier, where it was."""
     optuna = _optuna()
-    study.sampler = optuna.samplers.TPESampler(seed=_sampler_seed(seed, number))
+    own_seed = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
+    study.sampler = optuna.samplers.TPESampler(seed=own_seed)
     begun = [t for t in study.trials if t.state != optuna.trial.TrialState.WAITING]
     # A frozen trial can choose no value that is missing, and nothing public makes a live one of it.
     trial = (
         optuna.trial.Trial(study, begun[number]._trial_id) if number < len(begun) else study.ask()
     )
     return {path: _value(draw, _suggested(trial, path, draw)) for path, draw in plan.fields.items()}
-
-
-def _sampler_seed(seed: int, number: int) -> int:
-    return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
 
 
 def _suggested(trial: Any, path: str, draw: Draw) -> Any:
@@ -127,7 +121,7 @@ def _suggested(trial: Any, path: str, draw: Draw) -> Any:
 
 
 def _label(value: Any) -> Any:
-    """What Optuna knows a choice by: it takes no lists."""
+    """Optuna's name of a choice: it takes no lists."""
     return value if isinstance(value, str | int | float) else json.dumps(value)
 
 
@@ -154,7 +148,6 @@ def _draw(study: Any, folder: Path) -> None:
         with warnings.catch_warnings(), mpl.rc_context():
             # That the function may change with a version of Optuna.
             warnings.simplefilter("ignore")
-            axes = np.ravel(getattr(plots, function)(study))
-            figure = axes[0].figure
+            figure = np.ravel(getattr(plots, function)(study))[0].figure
             figure.savefig(folder / f"tuning-{name}.svg", bbox_inches="tight")
             plt.close(figure)

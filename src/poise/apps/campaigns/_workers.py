@@ -1,21 +1,23 @@
-"""`LocalWorkers`: processes of this machine that work through jobs; what any workers can do.
+"""Who works through jobs: `LocalWorkers`, processes of this machine, and `ThisProcess`.
 
-`Workers`: processes here, or a cluster. `WorkerLostError`: one of them has gone.
+`Workers`: what they have in common. `WorkerLostError`: one of them died.
 """
 
 import os
 import signal
 import threading
 import traceback
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import contextmanager, suppress
-from itertools import count
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager, suppress
 from multiprocessing import get_context, parent_process
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 from multiprocessing.resource_tracker import ensure_running
 from typing import Any, TypeVar
+from unittest.mock import patch
 
 from poise._compiled import usable_cores
 from poise.errors import ConfigurationError, PoiseError
@@ -25,10 +27,10 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 ATTEMPTS = 3
-"""How often something is tried that takes its worker along: it need not be the culprit."""
+"""Times that an item is tried that takes its worker along: it need not be the culprit."""
 
-_TICKETS = count()
-"""Of all calls of this process, so that none is taken for another."""
+_LOOK = 1.0
+"""Period in which workers are counted anew while nothing comes [s]."""
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Linear algebra in workers must not start threads of its own: there is a worker a core."""
@@ -38,70 +40,80 @@ class WorkerLostError(Exception):
     """A worker ended in the middle of something; the text says how."""
 
 
-class Workers(ABC):
-    """Processes that each do one thing at a time.
-
-    A context manager: they are there inside, and gone behind it whatever happened.
-    """
+class Workers(AbstractContextManager["Workers"]):
+    """Workers are there inside a `with` block, and gone behind it whatever happened."""
 
     @property
     @abstractmethod
-    def free(self) -> int:
-        """How many more things they take now."""
+    def count(self) -> int:
+        """Number of things they do at a time now; an error where none can be expected any more."""
 
     @abstractmethod
-    def submit(self, ticket: int, function: Callable[[T], R], item: T) -> None:
-        """Has a worker call a function of a module."""
+    def submit(self, function: Callable[[T], R], item: T) -> "Future[tuple[bool, Any]]":
+        """Have a worker call `outcome_of`; `WorkerLostError` where it dies meanwhile."""
 
-    @abstractmethod
-    def wait(self) -> list[tuple[int, Any]]:
-        """Waits until some calls have come to an end."""
-
-    @abstractmethod
     def warm(self, function: Callable[[T], bool], item: T) -> None:
-        """Calls a function once on each machine, before anything else is done there."""
+        """Call a function once on each machine; here in this process, which runs no episode.
 
-    @abstractmethod
-    def __enter__(self) -> "Workers": ...
-
-    @abstractmethod
-    def __exit__(self, *_: object) -> None: ...
+        A worker for which it is true is replaced.
+        """
+        function(item)
 
     def each(
         self, function: Callable[[T], R], items: Iterable[T], attempts: int = ATTEMPTS
     ) -> Iterator[tuple[T, R | WorkerLostError]]:
-        """Calls a function with each of many items, as many at a time as there are workers.
+        """Call a function with each of many items, as many at a time as there are workers.
 
-        An item whose worker dies is given to another one, `attempts` times in all.
+        An item whose worker dies goes to another one, `attempts` times in all. Items are taken when
+        a worker is free.
         """
         left, again = iter(items), deque[tuple[T, int]]()
-        running: dict[int, tuple[T, int]] = {}
+        running: dict[Future[tuple[bool, Any]], tuple[T, int]] = {}
         while True:
-            while self.free > 0:
+            while len(running) < self.count:
                 upcoming = again.popleft() if again else next(((i, 1) for i in left), None)
                 if upcoming is None:
                     break
-                ticket = next(_TICKETS)
-                running[ticket] = upcoming
-                self.submit(ticket, function, upcoming[0])
+                running[self.submit(function, upcoming[0])] = upcoming
             if not running:
                 return
-            for done, result in self.wait():
-                if done not in running:
-                    # What is left of calls that an error has ended early.
-                    continue
-                item, tried = running.pop(done)
-                if isinstance(result, WorkerLostError) and tried < attempts:
-                    again.append((item, tried + 1))
-                else:
-                    yield item, result
+            for future in wait(running, timeout=_LOOK, return_when=FIRST_COMPLETED).done:
+                item, tried = running.pop(future)
+                try:
+                    raised, result = future.result()
+                except WorkerLostError as lost:
+                    if tried < attempts:
+                        again.append((item, tried + 1))
+                        continue
+                    raised, result = False, lost
+                if raised:
+                    raise result
+                yield item, result
+
+
+class ThisProcess(Workers):
+    """Everything is done here, one after another, when its turn comes."""
+
+    def __exit__(self, *_: object) -> None:
+        """There is nothing to end."""
+
+    @property
+    def count(self) -> int:
+        """One."""
+        return 1
+
+    def submit(self, function: Callable[[T], R], item: T) -> "Future[tuple[bool, Any]]":
+        """Call it now; errors end the caller, as a debugger needs it."""
+        future: Future[tuple[bool, Any]] = Future()
+        future.set_result((False, function(item)))
+        return future
 
 
 class LocalWorkers(Workers):
     """Spawned processes of this machine, one thread each.
 
     They start when there is something to do, and end with whoever started them, even when that is
-    killed. Ctrl-C is for the parent alone.
+    killed. Ctrl-C is for the parent alone. A process that dies, at any time, is replaced.
 
     Args:
         count: how many; one a core when None.
@@ -112,162 +124,99 @@ class LocalWorkers(Workers):
         if count < 1:
             raise ConfigurationError("too few workers", got=count, wanted="1 or more")
         self._count = count
-        self._idle: list[_Worker] = []
-        self._busy: dict[_Worker, int] = {}
-
-    def __enter__(self) -> "LocalWorkers":
-        return self
+        self._processes: list[SpawnProcess] = []
+        self._lock = threading.Lock()
+        # A thread for each process sends to it, and waits for its answer or its end.
+        self._threads: ThreadPoolExecutor | None = None
+        self._own = threading.local()
 
     def __exit__(self, *_: object) -> None:
-        for worker in (*self._idle, *self._busy):
-            worker.stop()
-        self._idle, self._busy = [], {}
+        """End all processes, whatever they do."""
+        with self._lock:
+            threads, self._threads = self._threads, None
+            for process in self._processes:
+                process.kill()
+        if threads is not None:
+            threads.shutdown(cancel_futures=True)
+        while self._processes:
+            self._processes.pop().join()
 
     @property
-    def free(self) -> int:
-        """How many more things they take now."""
-        return self._count - len(self._busy)
+    def count(self) -> int:
+        """Number of processes."""
+        return self._count
 
-    @property
-    def pids(self) -> tuple[int, ...]:
-        """Ids of the processes that there are now."""
-        return tuple(worker.pid for worker in (*self._idle, *self._busy))
-
-    def submit(self, ticket: int, function: Callable[[T], R], item: T) -> None:
-        """Has a worker call a function of a module."""
-        worker = self._idle.pop() if self._idle else _Worker()
-        self._busy[worker] = ticket
-        worker.ask(function, item)
-
-    def wait(self) -> list[tuple[int, Any]]:
-        """Waits until some calls have come to an end."""
-        by_pipe: dict[Any, _Worker] = {worker.pipe: worker for worker in self._busy}
-        ended: list[tuple[int, Any]] = []
-        for pipe in wait(list(by_pipe)):
-            worker = by_pipe[pipe]
-            ticket = self._busy.pop(worker)
-            self._idle.append(worker)
-            try:
-                ended.append((ticket, worker.answer()))
-            except WorkerLostError as reason:
-                self._idle.remove(worker)
-                ended.append((ticket, reason))
-        return ended
+    def submit(self, function: Callable[[T], R], item: T) -> "Future[tuple[bool, Any]]":
+        """Have a process call a function of a module."""
+        if self._threads is None:
+            self._threads = ThreadPoolExecutor(self._count, initializer=_ignore_ctrl_c)
+        return self._threads.submit(self._call, function, item)
 
     def warm(self, function: Callable[[T], bool], item: T) -> None:
-        """Calls a function in one worker, while the others come up."""
-        while len(self._idle) + len(self._busy) < self._count:
-            self._idle.append(_Worker())
-        ((_, used_up),) = self.each(function, [item], attempts=1)
-        if isinstance(used_up, WorkerLostError):
-            raise PoiseError(f"the first episode cannot be begun: {used_up}")
-        if used_up:
-            self._idle.pop().stop()
+        """Call it here, while the processes come up."""
+        for _ in range(self._count):
+            self.submit(bool, False)
+        super().warm(function, item)
 
+    def _call(self, function: Callable[[T], R], item: T) -> tuple[bool, Any]:
+        if not hasattr(self._own, "process"):
+            self._own.process, self._own.pipe = self._start()
+        with suppress(OSError):  # One that has died shows it in place of an answer.
+            self._own.pipe.send((function, item))
+        try:
+            return self._own.pipe.recv()
+        except (EOFError, OSError):
+            process = self._own.__dict__.pop("process")
+            process.join()
+            code = process.exitcode or 0
+            end = f"by {signal.Signals(-code).name}" if code < 0 else f"with status {code}"
+            raise WorkerLostError(f"its process ended {end}") from None
 
-class _Worker:
-    """One process and the pipe to it."""
-
-    def __init__(self) -> None:
+    def _start(self) -> "tuple[SpawnProcess, Connection]":
         context = get_context("spawn")
-        self.pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        with _one_thread_each(), _deaf_to_ctrl_c():
-            self._process.start()
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        with self._lock, patch.dict(os.environ, dict.fromkeys(_THREADS, "1")):
+            if self._threads is None:
+                raise WorkerLostError("the workers have been ended")
+            process.start()
+            self._processes.append(process)
         # Held here as well, its end would never be noticed.
         theirs.close()
-
-    @property
-    def pid(self) -> int:
-        """Its number."""
-        return self._process.pid or 0
-
-    def ask(self, function: Callable[[Any], Any], item: Any) -> None:
-        """Sends it something to do; one that has died meanwhile says so when it is to answer."""
-        with suppress(OSError):
-            self.pipe.send((function, item))
-
-    def answer(self) -> Any:
-        """Return its answer."""
-        try:
-            raised, result = self.pipe.recv()
-        except (EOFError, OSError):
-            self.pipe.close()
-            self._process.join()
-            raise WorkerLostError(_how(self._process.exitcode)) from None
-        if raised:
-            raise result
-        return result
-
-    def stop(self) -> None:
-        """Ends it at once, whatever it does."""
-        self._process.kill()
-        self._process.join()
-        self.pipe.close()
+        return process, ours
 
 
-def _how(exitcode: int | None) -> str:
-    """How a process ended."""
-    if exitcode is not None and exitcode < 0:
-        return f"its process was ended by {signal.Signals(-exitcode).name}"
-    return f"its process ended with status {exitcode}"
+def outcome_of(function: Callable[[T], R], item: T) -> tuple[bool, Any]:
+    """In a worker: whether the function raised, and what it returned or raised."""
+    try:
+        return False, function(item)
+    except PoiseError as error:
+        # Some kinds cannot be made from their text again, as sending does.
+        return True, PoiseError(str(error))
+    except Exception:
+        return True, PoiseError(f"a worker failed: {traceback.format_exc()}")
 
 
 def _serve(pipe: Connection) -> None:
-    """What a worker does: calls what it is asked for, until nobody asks any more."""
-    # Ctrl-C in a terminal reaches all processes; the parent ends this one when it is to end.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """The loop of a process: call functions until nobody sends any more."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     silence()
-    while True:
-        try:
+    with suppress(EOFError):
+        while True:
             function, item = pipe.recv()
-        except EOFError:
-            return
-        try:
-            said = (False, function(item))
-        except PoiseError as error:
-            said = (True, portable(error))
-        except Exception:
-            said = (True, PoiseError(f"a worker failed: {traceback.format_exc()}"))
-        pipe.send(said)
-
-
-def portable(error: PoiseError) -> PoiseError:
-    """An error that can be sent to another process: some cannot be made from their text again."""
-    return PoiseError(str(error))
+            pipe.send(outcome_of(function, item))
 
 
 def _end_with_parent() -> None:
-    """Ends this process when its parent is gone, in the middle of whatever it does."""
+    """End this process when its parent is gone, in the middle of whatever it does."""
     parent = parent_process()
     if parent is not None:
         parent.join()
     os._exit(1)
 
 
-@contextmanager
-def _deaf_to_ctrl_c() -> Generator[None]:
-    """What starts meanwhile hears no Ctrl-C while it imports, before it can say so by itself."""
-    # It lifts the mask as it starts, which it must not do in between.
+def _ignore_ctrl_c() -> None:
+    """Block it in this thread, and so in the processes it starts, while they import already."""
+    # It lifts the block as it starts, which it must not do later.
     ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _one_thread_each() -> Generator[None]:
-    """Processes inherit the environment."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

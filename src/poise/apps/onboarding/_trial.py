@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from poise.apps.scenarios import make_scenario, run_scenario, summarise
+from poise.apps.campaigns import Job, Row, row_of, run_episode
+from poise.apps.scenarios import Run, summarise
 from poise.errors import RobotError
 from poise.robots import Robot, standing_posture, swings
 
+_DEPTHS = (0.1, 0.075, 0.05, 0.025)  # of a squat by the COM's height: the first that limits allow
 _DEPTHS = (0.1, 0.075, 0.05, 0.025)  # of a squat by the COM's height: the first that limits allow
 _BELOW = 1.2  # depth that limits must allow by that of the squat: the controller brakes before them
 _SWING = 0.5  # [rad] by which one joint leads a reach, which can therefore be done
@@ -66,15 +68,25 @@ def try_out(robot: Robot) -> Trial:
     if robot.soles:
         still = [{"metric": "com_error_max", "at_most": _DRIFT}]
     name = "stand" if robot.soles else "hold"
-    attempts = [_attempt(robot, {"name": name, "duration": 2.0, "checks": still})]
-    if attempts[0].ok:
-        attempts += [_attempt(robot, _squat(robot))] if robot.soles else []
-        attempts += [_attempt(robot, _reach(robot))] if robot.hands else []
+    attempts: list[Attempt] = []
+
+    def described(job: Job, run: Run) -> Row:
+        attempts.append(_attempt(job, run))
+        return row_of(job, run)
+
+    plans = [{"name": name, "duration": 2.0, "checks": still}]
+    while plans:
+        row = run_episode(_job(robot, plans.pop(0)), described, robot)
+        if row["outcome"] in ("refused", "error"):
+            raise RobotError(row["reason"])
+        if len(attempts) == 1 and attempts[0].ok:
+            plans += [_squat(robot)] if robot.soles else []
+            plans += [_reach(robot)] if robot.hands else []
     return Trial(tuple(attempts))
 
 
-def _attempt(robot: Robot, plan: Mapping[str, Any]) -> Attempt:
-    """Run a scenario, given as in a file, with a stack that any robot has."""
+def _job(robot: Robot, plan: Mapping[str, Any]) -> Job:
+    """A scenario, given as in a file, with a stack that any robot has."""
     com = [{"com": {"kp": 60}}] if robot.soles else []
     frame = {"axes": "position", "kp": 60}
     hands = [{"frame": {"frame": hand, "name": hand, **frame}} for hand in robot.hands]
@@ -83,18 +95,21 @@ def _attempt(robot: Robot, plan: Mapping[str, Any]) -> Attempt:
     contacts = [{"surface": {"frame": sole}} for sole in robot.soles]
     levels = [level for level in (com, hands, pelvis, ["posture"]) if level]
     about = {"ground_truth": True, "stack": {"contacts": contacts, "levels": levels}}
-    run = run_scenario(make_scenario({**about, **plan}, plan["name"]), robot=robot)
+    return Job(number=0, scenario={**about, **plan}, where=plan["name"])
+
+
+def _attempt(job: Job, run: Run) -> Attempt:
     words: list[str] = []
     for check in [check for check in run.checks if not check.ok]:
         value = f"{check.value:.3g} {check.unit}, wanted {check.relation} {check.bound:.3g}"
         what = f"after {check.time:.2f} s" if check.metric == "fell" else f"is {value}"
         words.append(": ".join(filter(None, (f"{check.name} {what}", check.mechanism))))
-    ratios = np.max(np.nan_to_num(np.abs(run.signals.torque) / robot.tau_max), axis=0)
+    ratios = np.max(np.nan_to_num(np.abs(run.signals.torque) / run.robot.tau_max), axis=0)
     return Attempt(
-        name=plan["name"],
+        name=job.where,
         ok=run.ok,
         words=tuple(words[:1] if run.fell else words),
-        weakest=robot.joint_names[int(np.argmax(ratios))],
+        weakest=run.robot.joint_names[int(np.argmax(ratios))],
         figures=summarise(run),
     )
 

@@ -19,7 +19,12 @@ from poise.apps.scenarios._reader import (
     shipped_scenarios as shipped_scenarios,
 )
 from poise.apps.scenarios._replay import drawn_shapes as drawn_shapes
-from poise.apps.scenarios._run import Progress as Progress, Run, run_scenario
+from poise.apps.scenarios._run import (
+    INTERRUPTED as INTERRUPTED,
+    Progress as Progress,
+    Run,
+    run_scenario,
+)
 from poise.apps.scenarios._scenario import Measurement as Measurement, Scenario
 from poise.apps.scenarios._signals import RunSignals as RunSignals
 from poise.apps.scenarios._stage import Stage as Stage, stage_scenario

@@ -24,6 +24,9 @@ from poise.control import Controller
 from poise.robots import Robot
 from poise.sim import Plant, Recorder, RunRecord, Tick, Viewer, open_viewer, rollout
 
+INTERRUPTED = "interrupted by the user"
+"""The reason of an early end by Ctrl-C."""
+
 Progress = Callable[[float, float], None]
 """Called with the seconds done and the seconds in all."""
 
@@ -248,7 +251,7 @@ def _until_interrupted() -> Generator[_Interruption]:
         return
 
     def note(_number: int, _frame: FrameType | None) -> None:
-        interruption.reason = "interrupted by the user"
+        interruption.reason = INTERRUPTED
         signal.signal(signal.SIGINT, before)
 
     signal.signal(signal.SIGINT, note)

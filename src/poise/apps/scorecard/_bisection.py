@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-_CONFIRMED = 2
-"""Looks that confirm a guess."""
+_CONFIRMED = 2  # looks that confirm a guess
 
 
 @dataclass
@@ -19,57 +18,47 @@ class Bisection:
     double until they are beyond the edge or at an end, and the room is halved until it is as
     narrow as the other search left it.
 
-    What is looked for need not be monotone: there is a level that held with one that failed just
-    above it either way, and nothing more is claimed.
-
-    Attributes:
-        looks: how many there are without a guess; they leave a room of 1 / 2^looks.
-        guess: a search that is done before this one begins; None without.
-        held: hardest level that held; None for none.
-        failed: easiest level above it that did not; None for none.
-        done: how many looks there have been.
+    Where a property is not monotone there is a level that held with one that failed just above it
+    either way, and nothing more is claimed.
     """
 
-    looks: int
-    guess: "Bisection | None" = None
-    held: float | None = None
-    failed: float | None = None
-    done: int = 0
+    looks: int  # how many there are without a guess; they leave a room of 1 / 2^looks
+    guess: "Bisection | None" = None  # a search that is done before this one begins
+    held: float | None = None  # hardest level that held
+    failed: float | None = None  # easiest level above it that did not
+    done: int = 0  # looks there have been
 
     @property
     def level(self) -> float | None:
-        """Where to look next; None when all looks are done."""
+        """The level of the next look; None when all looks are done."""
         return self._by_middles() if self.guess is None else self._by_guess(self.guess)
 
     @property
     def expected(self) -> int:
-        """How many looks there will have been in the end, as far as one can tell."""
+        """Number of looks in the end, as far as is known now."""
         if self.level is None:
             return self.done
         return max(self.done + 1, self.looks if self.guess is None else _CONFIRMED)
 
     def tell(self, held: bool) -> None:
-        """Says what was seen at `level`."""
+        """Take the outcome of the look at `level`."""
         level = self.level
-        if level is None:
-            return
-        if held:
-            self.held = level
-        else:
-            self.failed = level
-        self.done += 1
+        if level is not None:
+            self.done += 1
+            if held:
+                self.held = level
+            else:
+                self.failed = level
 
     def _by_middles(self) -> float | None:
+        last = self.done == self.looks - 1
         if self.done >= self.looks:
             return None
-        if self.done == self.looks - 1:
-            if self.failed is None:
-                return 1.0
-            if self.held is None:
-                return 0.0
-        low = 0.0 if self.held is None else self.held
-        high = 1.0 if self.failed is None else self.failed
-        return 0.5 * (low + high)
+        if last and self.failed is None:
+            return 1.0
+        if last and self.held is None:
+            return 0.0
+        return 0.5 * ((self.held or 0.0) + (1.0 if self.failed is None else self.failed))
 
     def _by_guess(self, guess: "Bisection") -> float | None:
         below = guess.held or 0.0

@@ -1,13 +1,13 @@
-"""`Card`: what a robot with its controller survives, as a file that cards are compared by."""
+"""`Card`: the results of a scorecard, as a file that cards are compared by."""
 
 import json
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from poise._schema import Bounds, Number, Text, Truth, checked, read
 from poise._yaml import read_text
+from poise.apps.campaigns import replaced
 from poise.errors import ConfigurationError
 
 CARD, PAGE = "scorecard.json", "scorecard.html"
@@ -26,52 +26,32 @@ _Whole = Annotated[int, Bounds(least=0.0, whole=True, most=1e15)]
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class SeedResult:
-    """What one seed survived.
+    """The result of one seed."""
 
-    Attributes:
-        amount: the hardest amount that was survived, the easy end where none was; of a trial that
-            counts seeds, 1 or 0.
-        limit: what is known besides.
-    """
-
-    amount: Number
+    amount: Number  # hardest one survived, the easy end where none was; 1 or 0 of counted seeds
     limit: Limit = ""
 
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class CaseResult:
-    """What was survived in one direction, at one phase.
+    """The result in one direction, at one phase."""
 
-    Attributes:
-        angle: direction, anticlockwise from ahead [deg]; None without.
-        phase: of the step, from lift-off (0) to the next (1); None without.
-        median: of the seeds' amounts; of a trial that counts seeds their share.
-        low: lower end of its interval, in the order of the numbers.
-        high: upper end of it.
-        confidence: of the interval.
-        level: where the median is between the easy end (0) and the hard one (1).
-        limit: of the median.
-        seeds: each seed's result, by seed.
-        episode: number of the failed episode nearest to what was survived; None without.
-        mechanism: what happened in it.
-    """
-
-    angle: Number | None = None
-    phase: _Share | None = None
-    median: Number
-    low: Number
+    angle: Number | None = None  # anticlockwise from ahead [deg]
+    phase: _Share | None = None  # of the step, from lift-off (0) to the next (1)
+    median: Number  # of the seeds' amounts; of a trial that counts seeds their share
+    low: Number  # lower end of its interval, in the order of the numbers
     high: Number
-    confidence: _Share
-    level: _Share
-    limit: Limit
+    confidence: _Share  # of the interval
+    level: _Share  # of the median, between the easy end (0) and the hard one (1)
+    limit: Limit  # of the median
     seeds: tuple[SeedResult, ...]
-    episode: _Whole | None = None
-    mechanism: str = ""
+    episode: _Whole | None = None  # number of the failed one nearest to what was survived
+    mechanism: str = ""  # of that episode
 
     @property
     def label(self) -> str:
-        """What tells it from the other cases of its trial."""
+        """Its name among the cases of its trial."""
         parts = [] if self.phase is None else [f"phase {self.phase:g}"]
         if self.angle is not None:
             parts.append(_SIDES.get(self.angle, f"{self.angle:g}°"))
@@ -81,16 +61,7 @@ class CaseResult:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class TrialResult:
-    """What was survived in a trial.
-
-    Attributes:
-        name: of the trial.
-        title: what it is.
-        unit: of amounts.
-        easy: amount at the easy end.
-        hard: amount at the hard end.
-        cases: by direction and phase.
-    """
+    """The results of a trial."""
 
     name: Text
     title: Text
@@ -103,27 +74,16 @@ class TrialResult:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Card:
-    """A scorecard.
-
-    Attributes:
-        robot: the robot's name.
-        controller: its controller.
-        strategy: how that solves; None for its default.
-        version: of Poise.
-        trials_version: of the table of trials.
-        quick: whether it was made with few seeds and looks.
-        trials: in the table's order.
-        left_out: trials that could not be made, and why, by name.
-    """
+    """A scorecard."""
 
     robot: Text
     controller: Text
-    strategy: Text | None = None
-    version: Text
-    trials_version: _Whole
-    quick: Truth
-    trials: tuple[TrialResult, ...]
-    left_out: dict[Text, str]
+    strategy: Text | None = None  # the controller's default when None
+    version: Text  # of Poise
+    trials_version: _Whole  # of the table of trials
+    quick: Truth  # made with few seeds and looks
+    trials: tuple[TrialResult, ...]  # in the table's order
+    left_out: dict[Text, str]  # reasons by name of the trial
 
     @property
     def how(self) -> str:
@@ -142,12 +102,10 @@ class Card:
         return min(cases, key=lambda pair: pair[1].level, default=None)
 
     def write(self, folder: Path) -> Path:
-        """Writes the card's file into a folder, whole or not at all."""
-        path = folder / CARD
-        draft = path.with_name(f".{CARD}.tmp")
-        draft.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
-        os.replace(draft, path)
-        return path
+        """Write the card's file into a folder, whole or not at all."""
+        with replaced(folder / CARD) as draft:
+            draft.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
+        return folder / CARD
 
 
 def read_card(path: Path) -> Card:
@@ -167,16 +125,10 @@ def read_card(path: Path) -> Card:
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """A case of two cards.
+    """A case of two cards."""
 
-    Attributes:
-        trial: the first card's trial.
-        first: the first card's result; None where it has none.
-        second: the second card's result; None where it has none.
-    """
-
-    trial: TrialResult
-    first: CaseResult | None
+    trial: TrialResult  # of either card
+    first: CaseResult | None  # None where a card has no result
     second: CaseResult | None
 
     @property
@@ -201,25 +153,17 @@ def compare(first: Card, second: Card) -> list[Difference]:
             raise ConfigurationError(
                 f"the cards are of different {what}", got=theirs, wanted=f"{ours!r} as in the first"
             )
-    differences: list[Difference] = []
-    names = list(dict.fromkeys(t.name for card in (first, second) for t in card.trials))
-    for name in names:
-        trials = [_named(card, name) for card in (first, second)]
-        either = trials[0] or trials[1]
-        if either is None:
-            continue
-        for case in either.cases:
-            same = [_like(trial, case) for trial in trials]
-            differences.append(Difference(trial=either, first=same[0], second=same[1]))
-    return differences
-
-
-def _named(card: Card, name: str) -> TrialResult | None:
-    return next((trial for trial in card.trials if trial.name == name), None)
+    own, others = ({trial.name: trial for trial in card.trials} for card in (first, second))
+    trials = own | {name: trial for name, trial in others.items() if name not in own}
+    return [
+        Difference(trial=trial, first=_like(own.get(name), c), second=_like(others.get(name), c))
+        for name, trial in trials.items()
+        for c in trial.cases
+    ]
 
 
 def _like(trial: TrialResult | None, case: CaseResult) -> CaseResult | None:
-    """The case of another card's trial with the same direction and phase."""
+    """The case of a card's trial with the same direction and phase."""
     found = () if trial is None else trial.cases
     key = (case.angle, case.phase)
     return next((other for other in found if (other.angle, other.phase) == key), None)

@@ -1,4 +1,4 @@
-"""What happened first in a run that was not survived, from its signals."""
+"""The first events of a run that was not survived, from its signals."""
 
 from typing import NamedTuple
 
@@ -9,38 +9,31 @@ from poise.apps.scenarios import Run, symptoms_of
 from poise.control import CommandStatus
 
 LEAN_MAX = 0.5
-"""A robot whose base leans further from where it was at home does not stand upright [rad]."""
+"""A robot whose base leans further from its home attitude does not stand upright [rad]."""
 
-_SAID = 3
-"""So many events say how it came."""
+_TOLD = 3  # events that are listed
 
 
 class Event(NamedTuple):
-    """Something that happened in a run.
-
-    Attributes:
-        time: when it began [s].
-        what: in words.
-    """
+    """The time at which something began [s], and its name."""
 
     time: float
     what: str
 
 
-def lean(run: Run) -> float:
-    """Angle of the base's vertical at the end of a run from where it was at home [rad]."""
-    home, now = (
-        pin.Quaternion(q[3:7]).toRotationMatrix()[:, 2]
-        for q in (run.robot.q_home, run.signals.q[-1])
-    )
-    return float(np.arccos(np.clip(home @ now, -1.0, 1.0)))
+def survived(run: Run) -> bool:
+    """True for a robot that came through.
+
+    No fall, no divergence, no tick without an answer; it stands upright at the end, its walk has
+    ended, and what its scene checks holds, which for standing is being at rest.
+    """
+    return not (run.fell or run.ended_early or _unanswered(run) or _end(run))
 
 
 def mechanism(run: Run) -> str:
-    """How it came that a run was not survived: what happened first, and how it ended."""
-    events = sorted(events_of(run))[:_SAID]
-    told = [f"{event.what} ({event.time:.2f} s)" for event in events]
-    return "; then ".join([*told, _end(run)])
+    """The first events of a run that was not survived, and its end."""
+    told = [f"{event.what} ({event.time:.2f} s)" for event in sorted(events_of(run))[:_TOLD]]
+    return "; then ".join([*told, run.ended_early or _end(run) or "it went on to the end"])
 
 
 def events_of(run: Run) -> list[Event]:
@@ -56,14 +49,24 @@ def events_of(run: Run) -> list[Event]:
     return [*first.values(), *lost]
 
 
+def lean(run: Run) -> float:
+    """Angle of the base's vertical at the end of a run from that at home [rad]."""
+    home, now = (
+        pin.Quaternion(q[3:7]).toRotationMatrix()[:, 2]
+        for q in (run.robot.q_home, run.signals.q[-1])
+    )
+    return float(np.arccos(np.clip(home @ now, -1.0, 1.0)))
+
+
+def _unanswered(run: Run) -> bool:
+    return any(status != CommandStatus.OK.value for status in run.signals.status)
+
+
 def _end(run: Run) -> str:
-    if run.ended_early:
-        return run.ended_early
+    """The state at the end that is no survival, or ""."""
     if lean(run) > LEAN_MAX:
         return f"it leaned by {lean(run):.2f} rad at the end"
-    if run.scenario.walk is not None:
+    if run.scenario.walk is not None and run.signals.modes[-1][1] != "walk standing":
         return f"the walk was not finished ({run.signals.modes[-1][1]})"
-    if any(status != CommandStatus.OK.value for status in run.signals.status):
-        return "it went on to the end"
     own = run.checks[len(run.checks) - len(run.scenario.checks) :]
     return "; ".join(f"at the end {c.name} was {c.value:.2g} {c.unit}" for c in own if not c.ok)

@@ -1,14 +1,14 @@
-"""`Plan`: which trials a robot and its controller are put to, and each one's episodes."""
+"""`Plan`: the trials of a robot and its controller, and the job of each episode."""
 
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from poise.apps.campaigns import Job, robot_files, version
+from poise.apps.campaigns import CampaignFolder, Job, robot_files, version
 from poise.apps.scenarios import controller_names, read_scenario, stage_scenario
 from poise.apps.scorecard._card import Card, TrialResult
 from poise.apps.scorecard._trials import TRIALS, VERSION, Place, Trial
@@ -16,48 +16,30 @@ from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.robots import Robot, load_robot
 from poise.sim import Plant
 
-NAME = "scorecard"
-"""What its folder calls a card, where campaigns have their names."""
+_NAME = "scorecard"  # of a card in its folder, where campaigns have their names
 
 BY_HAND = "step_teleoperation"
 """The controller whose robot an operator leads: it stands by resting devices."""
 
 _SCENES = Path(__file__).parent / "scenes"
-_MOST_CASES, _MOST_SEEDS, _MOST_LOOKS = 1000, 1000, 100
-"""Numbers of episodes leave room for so many."""
+_MOST_CASES, _MOST_SEEDS, _MOST_LOOKS = 1000, 1000, 100  # for which numbers of episodes leave room
 
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
-    """How thoroughly a card is made.
+    """The thoroughness of a card."""
 
-    Attributes:
-        quick: what a card calls it.
-        seeds: of each trial.
-        directions: of pushes.
-        phases: of a step at which a walking robot is pushed.
-        looks: of each bisection.
-        operators: seeds of trials that count who survives.
-        operator_time: how long a bad operator goes on [s].
-    """
-
-    quick: bool
-    seeds: int
-    directions: int
-    phases: tuple[float, ...]
-    looks: int
-    operators: int
-    operator_time: float
+    quick: bool  # its name in a card
+    seeds: int  # of each trial
+    directions: int  # of pushes
+    phases: tuple[float, ...]  # of a step at which a walking robot is pushed
+    looks: int  # of each bisection
+    operators: int  # seeds of trials that count who survives
+    operator_time: float  # duration of a bad operator [s]
 
 
 QUICK = Extent(
-    quick=True,
-    seeds=3,
-    directions=4,
-    phases=(0.1, 0.7),
-    looks=5,
-    operators=8,
-    operator_time=10.0,
+    quick=True, seeds=3, directions=4, phases=(0.1, 0.7), looks=5, operators=8, operator_time=10.0
 )
 """Minutes on two cores."""
 
@@ -75,63 +57,58 @@ FULL = Extent(
 
 @dataclass(frozen=True)
 class Case:
-    """A trial in one direction and at one phase, where it has those.
-
-    Attributes:
-        trial: the trial.
-        index: of the case in its trial.
-        angle: direction, anticlockwise from ahead [rad]; None without.
-        phase: of the step; None without.
-    """
+    """A trial in one direction and at one phase, where it has those."""
 
     trial: Trial
-    index: int = 0
-    angle: float | None = None
-    phase: float | None = None
+    index: int = 0  # in the trial
+    angle: float | None = None  # anticlockwise from ahead [rad]
+    phase: float | None = None  # of the step
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """A card that is to be made.
+    """A card that is to be made."""
 
-    Attributes:
-        robot: its name or file.
-        controller: its name.
-        strategy: how it solves; its default when None.
-        extent: how thoroughly.
-        trials: names of the trials; all when empty.
-    """
-
-    robot: str
+    robot: str  # name or file
     controller: str
-    strategy: str | None = None
+    strategy: str | None = None  # the controller's default when None
     extent: Extent = FULL
-    trials: tuple[str, ...] = ()
-    loaded: Robot = field(init=False, repr=False, compare=False)
+    trials: tuple[str, ...] = ()  # by name; all when empty
 
     def __post_init__(self) -> None:
-        known = [trial.name for trial in TRIALS]
-        for name in self.trials:
-            if name not in known:
-                raise UnknownNameError("no such trial", got=name, choices=known)
-        if self.controller not in controller_names():
-            raise UnknownNameError(
-                "no such controller", got=self.controller, choices=controller_names()
-            )
-        robot = load_robot(self.robot)
-        if not robot.floating_base or len(robot.soles) != 2:
+        for what, given, known in (
+            ("trial", self.trials, [trial.name for trial in TRIALS]),
+            ("controller", (self.controller,), controller_names()),
+        ):
+            for name in given:
+                if name not in known:
+                    raise UnknownNameError(f"no such {what}", got=name, choices=known)
+        if not self.loaded.floating_base or len(self.loaded.soles) != 2:
             raise ConfigurationError(
                 "a scorecard is of robots that stand on two feet",
-                got=robot.name,
+                got=self.loaded.name,
                 wanted="a floating base and two soles",
             )
-        object.__setattr__(self, "loaded", robot)
+
+    @classmethod
+    def of(cls, folder: CampaignFolder) -> "Plan":
+        """The plan of the card in a folder."""
+        about = folder.content()["campaign"]
+        if about.get("name") != _NAME:
+            raise ConfigurationError("no scorecard in this folder", got=str(folder.path))
+        kept = {key: about[key] for key in ("robot", "controller", "strategy")}
+        return cls(**kept, extent=QUICK if about["quick"] else FULL)
+
+    @cached_property
+    def loaded(self) -> Robot:
+        """The robot."""
+        return load_robot(self.robot)
 
     @property
     def content(self) -> dict[str, Any]:
-        """What makes two runs the same card, as JSON."""
+        """All that makes two runs the same card, as JSON."""
         about = {
-            "name": NAME,
+            "name": _NAME,
             "robot": self.robot,
             "controller": self.controller,
             "strategy": self.strategy,
@@ -158,28 +135,27 @@ class Plan:
         """All cases that can be tried, and why each of the other trials cannot, by its name."""
         cases: list[Case] = []
         left_out: dict[str, str] = {}
-        refused: dict[str, str] = {}
+        scenes: dict[str, str] = {}
         for trial in TRIALS:
             if self.trials and trial.name not in self.trials:
                 continue
-            reason = refused.get(trial.scene) or self._unfit(trial)
-            if reason:
-                left_out[trial.name] = reason
-                if trial.scene not in refused and self._scene_unfit(trial):
-                    refused[trial.scene] = reason
-            else:
+            # Even at its easy end.
+            job = self.job(self.spread(trial)[0], 0, 0, 0.0)
+            reason = scenes.get(trial.scene) or _unfit(job)
+            if not reason:
                 cases += self.spread(trial)
+                continue
+            left_out[trial.name] = reason
+            if trial.scene not in scenes:
+                bare = Job(number=0, scenario=job.scenario, where=job.where)
+                scenes[trial.scene] = reason if _unfit(bare) else ""
         return cases, left_out
 
     def spread(self, trial: Trial) -> list[Case]:
         """The cases of a trial."""
-        angles: Sequence[float | None] = (None,)
-        phases: Sequence[float | None] = (None,)
-        if trial.spread != "once":
-            count = 4 if trial.spread == "quarters" else self.extent.directions
-            angles = [math.tau * i / count for i in range(count)]
-        if trial.spread == "phases":
-            phases = self.extent.phases
+        count = {"once": 0, "quarters": 4}.get(trial.spread, self.extent.directions)
+        angles = [math.tau * i / count for i in range(count)] or [None]
+        phases = self.extent.phases if trial.spread == "phases" else (None,)
         pairs = [(phase, angle) for phase in phases for angle in angles]
         return [Case(trial, i, angle, phase) for i, (phase, angle) in enumerate(pairs)]
 
@@ -210,7 +186,7 @@ class Plan:
 
     @cached_property
     def _links(self) -> tuple[str, ...]:
-        """What the plant calls the links: a description may have other names for some."""
+        """The plant's names of the links: a description may have other names for some."""
         model = Plant(self.loaded).model
         masses = zip(range(model.nbody), model.body_mass.tolist(), strict=True)
         return tuple(model.body(i).name for i, mass in masses if mass > 0.0)
@@ -218,29 +194,19 @@ class Plan:
     def _scene(self, trial: Trial) -> dict[str, Any]:
         by_hand = self.controller == BY_HAND and trial.scene == "stand"
         scene, _ = read_scenario(_SCENES / f"{trial.scene}{'_by_hand' if by_hand else ''}.yaml")
-        controller: dict[str, Any] = {"name": self.controller}
-        if self.strategy is not None:
-            controller["strategy"] = self.strategy
+        strategy = {} if self.strategy is None else {"strategy": self.strategy}
         robot = str(Path(self.robot).resolve()) if Path(self.robot).is_file() else self.robot
-        scene |= {"robot": robot, "controller": controller}
+        scene |= {"robot": robot, "controller": {"name": self.controller, **strategy}}
         if trial.scene == "bad_operator":
             scene["duration"] = self.extent.operator_time
         # Plain data, without the lines of the file that its reader keeps.
         return json.loads(json.dumps(scene))
 
-    def _unfit(self, trial: Trial) -> str:
-        """Why a trial cannot be begun even at its easy end; "" where it can."""
-        try:
-            stage_scenario(self.job(self.spread(trial)[0], 0, 0, 0.0).make())
-        except PoiseError as error:
-            return str(error)
-        return ""
 
-    def _scene_unfit(self, trial: Trial) -> bool:
-        """Whether it is the scene that cannot be begun."""
-        try:
-            job = self.job(self.spread(trial)[0], 0, 0, 0.0)
-            stage_scenario(Job(number=0, scenario=job.scenario, where=job.where).make())
-        except PoiseError:
-            return True
-        return False
+def _unfit(job: Job) -> str:
+    """Why an episode cannot be begun; "" where it can."""
+    try:
+        stage_scenario(job.make())
+    except PoiseError as error:
+        return str(error)
+    return ""

@@ -1,8 +1,7 @@
-"""`TRIALS`: the table of what a robot and its controller are tried on.
+"""`TRIALS`: the table of trials, each of which makes one thing harder in one scene.
 
-A trial makes one thing harder in one scene, from an easy end that anybody should survive to a hard
-end that hardly anybody does. How an amount becomes values of the scene's fields, by their paths, is
-said by a small function for each field.
+The easy end is survived by any robot that works, the hard end by hardly any. Each field of the
+scene that an amount goes into has a small function from the amount to the field's value.
 """
 
 import math
@@ -20,12 +19,11 @@ VERSION = 2
 """Of the table and the scenes: cards of different ones cannot be compared. Goes up with any change
 of either."""
 
+# A scenario in the folder `scenes`
 Scene = Literal["stand", "walk", "lead", "bad_operator"]
-"""A scenario in the folder `scenes`."""
 
+# What a trial is repeated for: four directions, those of the card, or those at all phases of a step
 Spread = Literal["once", "quarters", "directions", "phases"]
-"""What a trial is repeated for: four directions, all that the card has, or those at all phases of a
-step."""
 
 STEP_BEGIN, STEP_TIME = 1.8, 0.8
 """Lift-off of the second step of the scene `walk`, and from there to the next lift-off [s]."""
@@ -33,23 +31,14 @@ STEP_BEGIN, STEP_TIME = 1.8, 0.8
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """What an amount is turned into fields for.
-
-    Attributes:
-        robot: the robot.
-        links: names of its links that have a mass.
-        control_dt: control period of the scene [s].
-        angle: direction, anticlockwise from ahead [rad].
-        phase: of the step, from one lift-off (0) to the next (1).
-        seed: of the episode.
-    """
+    """The circumstances in which an amount becomes values of fields."""
 
     robot: Robot
-    links: tuple[str, ...]
-    control_dt: float
-    angle: float = 0.0
-    phase: float = 0.0
-    seed: int = 0
+    links: tuple[str, ...]  # that have a mass
+    control_dt: float  # of the scene [s]
+    angle: float = 0.0  # direction, anticlockwise from ahead [rad]
+    phase: float = 0.0  # of the step, from one lift-off (0) to the next (1)
+    seed: int = 0  # of the episode
 
     @property
     def direction(self) -> tuple[float, float]:
@@ -57,8 +46,8 @@ class Place:
         return round(math.cos(self.angle), 12), round(math.sin(self.angle), 12)
 
 
+# From an amount to the value of a field
 Formula = Callable[[float, Place], Any]
-"""From an amount to the value of a field."""
 
 
 def _itself(amount: float, _: Place) -> float:
@@ -86,14 +75,10 @@ def _bumps(amount: float, place: Place) -> list[dict[str, Any]]:
     """Boxes at random places that the walk does not know of, the highest of this height."""
     blocks = terrain_blocks("bumps", place.robot, seed=place.seed)
     highest = max(block.size[2] for block in blocks)
+    sizes = ([*block.size[:2], block.size[2] * amount / highest] for block in blocks)
     return [
-        {
-            "center": [*block.center],
-            "size": [block.size[0], block.size[1], block.size[2] * amount / highest],
-            "yaw": block.yaw,
-            "told": False,
-        }
-        for block in blocks
+        {"center": [*block.center], "size": size, "yaw": block.yaw, "told": False}
+        for block, size in zip(blocks, sizes, strict=True)
     ]
 
 
@@ -111,34 +96,21 @@ def _payload(frame: str, share: float, robot: Robot) -> list[dict[str, Any]]:
     return [{"frame": frame, "mass": share * robot.mass}] if share > 0.0 else []
 
 
-def _mass_errors(amount: float, place: Place) -> list[dict[str, Any]]:
-    """Each link heavier or lighter by up to this share."""
-    return [
-        {"link": name, "mass_scale": 1.0 + amount * float(sign)}
-        for name, sign in _drawn(place, ()).items()
-    ]
+def _error_of_links(field: str, scaled: Callable[[float, Any], Any], size: int = 0) -> Formula:
+    """Each link has an error of its own, of up to an amount: by numbers drawn in [-1, 1]."""
 
+    def errors(amount: float, place: Place) -> list[dict[str, Any]]:
+        shape = (size,) if size else ()
+        rng = np.random.default_rng([place.seed, *shape])
+        return [
+            {
+                "link": link,
+                field: np.asarray(scaled(amount, rng.uniform(-1.0, 1.0, shape))).tolist(),
+            }
+            for link in place.links
+        ]
 
-def _inertia_errors(amount: float, place: Place) -> list[dict[str, Any]]:
-    """The inertia of each link larger or smaller by up to this factor."""
-    return [
-        {"link": name, "inertia_scale": amount ** float(sign)}
-        for name, sign in _drawn(place, ()).items()
-    ]
-
-
-def _com_errors(amount: float, place: Place) -> list[dict[str, Any]]:
-    """The COM of each link elsewhere by up to this, in each of three directions."""
-    return [
-        {"link": name, "com_offset": (amount * signs).tolist()}
-        for name, signs in _drawn(place, (3,)).items()
-    ]
-
-
-def _drawn(place: Place, shape: tuple[int, ...]) -> dict[str, Any]:
-    """Numbers in [-1, 1] for each link, by the seed."""
-    rng = np.random.default_rng([place.seed, *shape])
-    return {name: rng.uniform(-1.0, 1.0, shape) for name in place.links}
+    return errors
 
 
 def _ticks(amount: float, place: Place) -> float:
@@ -150,38 +122,20 @@ def _times(typical: float) -> Formula:
     return lambda amount, _: amount * typical
 
 
-def _stride(amount: float, _: Place) -> float:
-    """Length of a step that gives a speed [m]."""
-    return amount * STEP_TIME
-
-
 @dataclass(frozen=True)
 class Trial:
-    """A row of the table.
-
-    Attributes:
-        name: what the command line calls it.
-        title: what it is, in words.
-        unit: of the amount.
-        scene: which scenario.
-        easy: amount at the easy end.
-        hard: amount at the hard end.
-        fields: formulas of the fields that the amount goes into, by path.
-        spread: what it is repeated for.
-        log: whether amounts between the ends are halved by their ratio.
-        share: whether nothing is bisected: every seed is one episode, and counts.
-    """
+    """A row of the table."""
 
     name: str
     title: str
-    unit: str
+    unit: str  # of the amount
     scene: Scene
-    easy: float
+    easy: float  # amount at the easy end
     hard: float
-    fields: Mapping[str, Formula]
+    fields: Mapping[str, Formula]  # that the amount goes into, by path
     spread: Spread = "once"
-    log: bool = False
-    share: bool = False
+    log: bool = False  # amounts between the ends are halved by their ratio
+    share: bool = False  # nothing is bisected: every seed is one episode, and counts
 
     def amount(self, level: float) -> float:
         """The amount at a level, 0 at the easy end and 1 at the hard one."""
@@ -195,26 +149,27 @@ class Trial:
         return {path: formula(amount, place) for path, formula in self.fields.items()}
 
 
-_SENSORS = "plant.sensors"
-_PUSH = {"pushes[0].velocity_change": _push}
-_WALK_PUSH = {"pushes": _push_in_step}
 _ENCODERS: dict[str, Formula] = {
-    f"{_SENSORS}.encoder_resolution": _times(4.8e-5),
-    f"{_SENSORS}.joint_velocity_noise": _times(0.01),
+    "plant.sensors.encoder_resolution": _times(4.8e-5),
+    "plant.sensors.joint_velocity_noise": _times(0.01),
 }
 _IMU: dict[str, Formula] = {
-    f"{_SENSORS}.base_orientation_noise": _times(1e-3),
-    f"{_SENSORS}.gyro_noise": _times(5e-3),
+    "plant.sensors.base_orientation_noise": _times(1e-3),
+    "plant.sensors.gyro_noise": _times(5e-3),
 }
+_PUSH = {"pushes[0].velocity_change": _push}
+_WALK_PUSH = {"pushes": _push_in_step}
 _SLOPE = {"plant.floor_slope": _slope}
 _BUMPS = {"plant.blocks": _bumps}
 _FRICTION = {"plant.friction": _itself}
 _HAND, _TORSO = {"plant.payloads": _in_one_hand}, {"plant.payloads": _on_the_torso}
-_MASSES, _COMS = {"plant.link_errors": _mass_errors}, {"plant.link_errors": _com_errors}
-_TENSORS = {"plant.link_errors": _inertia_errors}
+_ERRORS = "plant.link_errors"
+_MASSES = {_ERRORS: _error_of_links("mass_scale", lambda most, drawn: 1.0 + most * drawn)}
+_TENSORS = {_ERRORS: _error_of_links("inertia_scale", lambda most, drawn: most ** float(drawn))}
+_COMS = {_ERRORS: _error_of_links("com_offset", lambda most, drawn: most * drawn, size=3)}
 _MOTORS = {"plant.torque_bandwidth": _itself}
-_DELAY = {f"{_SENSORS}.delay": _ticks}
-_STRIDE = {"walk.strides[0].length": _stride}
+_DELAY = {"plant.sensors.delay": _ticks}
+_STRIDE = {"walk.strides[0].length": _times(STEP_TIME)}
 _LOSS, _LATENCY = {"devices.loss": _itself}, {"devices.latency": _itself}
 
 TRIALS: tuple[Trial, ...] = (
