@@ -150,11 +150,9 @@ def test_campaigns_page_names_every_key_of_the_file_and_every_outcome():
 
 def test_scenarios_page_names_every_metric_with_its_unit():
     text = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
-    for metric in METRICS.values():
-        row = re.search(
-            rf"^\| `{metric.name}` \|[^|]*\| ([^|]*?) ?\| ([^|]*?) ?\|$", text, re.MULTILINE
-        )
-        assert row is not None, metric.name
+    for name, metric in METRICS.items():
+        row = re.search(rf"^\| `{name}` \|[^|]*\| ([^|]*?) ?\| ([^|]*?) ?\|$", text, re.MULTILINE)
+        assert row is not None, name
         unit, subject = row.groups()
         if metric.subject == "task":
             assert unit == "the task's"

@@ -9,12 +9,12 @@ import yaml
 from dry_run import forbid_ticks, loaded, prepare
 
 from poise.apps.scenarios import (
-    _reader as reader,
+    _scenario as reader,
     _stage as stage_module,
     parse_scenario,
     shipped_scenarios,
 )
-from poise.apps.scenarios._reader import SHIPPED
+from poise.apps.scenarios._scenario import SHIPPED
 from poise.errors import PoiseError
 from poise.sim import Plant
 

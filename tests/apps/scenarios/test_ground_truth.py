@@ -8,10 +8,8 @@ import pytest
 
 from poise.apps.report._plots._tracking import draw_estimate
 from poise.apps.scenarios import load_scenario, run_scenario
-from poise.apps.scenarios._estimate import BaseKnowledge
 from poise.apps.scenarios._metrics import METRICS
-from poise.apps.scenarios._outputs import make_view
-from poise.apps.scenarios._signals import collect_signals
+from poise.apps.scenarios._signals import BaseKnowledge, collect_signals
 from poise.apps.scenarios._stage import stage_scenario
 from poise.estimation import StateEstimator
 from poise.sim import RunRecord, SensorConfig
@@ -55,7 +53,7 @@ def record():
 
 
 def test_errors_of_the_base_are_those_of_its_level_place_its_vertical_and_its_velocity(record):
-    errors = BaseKnowledge(record, 3).errors
+    errors = BaseKnowledge(record).errors
     assert errors is not None
     np.testing.assert_allclose(errors.drift, [0.0, 0.03, 0.0], atol=1e-12)
     np.testing.assert_allclose(errors.speed, [0.0, 0.01, 0.02], atol=1e-12)
@@ -74,19 +72,19 @@ def test_a_tilted_estimate_is_off_by_the_angle():
             "velocity_estimate": np.zeros(6),
         },
     )
-    errors = BaseKnowledge(record, 1).errors
+    errors = BaseKnowledge(record).errors
     assert errors is not None
     np.testing.assert_allclose(errors.tilt, 0.02, rtol=1e-9)
 
 
 def test_points_that_the_robot_knows_stay_where_they_are_about_its_base(record):
     asked = np.tile([1.5, 2.0, 0.0], (3, 1))
-    seen = BaseKnowledge(record, 3).in_world(asked)
+    seen = BaseKnowledge(record).in_world(asked)
     np.testing.assert_allclose(seen[0], asked[0], atol=1e-12)
     np.testing.assert_allclose(seen[1], [1.47, 2.0, 0.0], atol=1e-12)
     # Half a metre ahead of the base it knows; the true one is turned back by a right angle.
     np.testing.assert_allclose(seen[2], [1.0, 1.5, 0.0], atol=1e-12)
-    level = BaseKnowledge(record, 3).in_world(asked[:, :2])
+    level = BaseKnowledge(record).in_world(asked[:, :2])
     np.testing.assert_allclose(level, seen[:, :2], atol=1e-12)
 
 
@@ -108,7 +106,7 @@ def test_a_run_records_both_and_measures_by_both():
     assert drift.value == errors.drift.max()
     tilt = METRICS["tilt_error_rms"].measure(run.signals, "", None, rows)
     assert tilt.value == pytest.approx(np.sqrt(np.mean(errors.tilt**2)))
-    view = make_view(record, run.robot)
+    view = collect_signals(record, run.robot)
     assert view.base_errors is not None
     assert not view.payload.any()
 
@@ -119,7 +117,7 @@ def test_a_robot_heavier_than_described_is_found_so_and_the_report_shows_it():
     plant = replace(scenario.plant, mass_scale=1.1)
     run = run_scenario(replace(scenario, plant=plant, duration=4.0, checks=(), motions=()))
     assert run.record["payload_estimate"][-1, 0] == pytest.approx(0.1 * run.robot.mass, rel=0.1)
-    (figure,) = draw_estimate(make_view(run.record, run.robot))
+    (figure,) = draw_estimate(collect_signals(run.record, run.robot))
     assert "payload [kg]" in figure.svg
 
 

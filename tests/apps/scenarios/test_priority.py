@@ -5,7 +5,7 @@ import pytest
 import yaml
 from conftest import poise_run
 
-from poise.apps.scenarios._reader import SHIPPED
+from poise.apps.scenarios._scenario import SHIPPED
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
 from poise.sim import read_log

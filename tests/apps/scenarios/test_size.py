@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("mujoco")
 
 from poise.apps.scenarios import load_scenario, parse_scenario, stage_scenario
-from poise.apps.scenarios._size import _block, size_ratio, without_hands
+from poise.apps.scenarios._size import size_ratio, sized, without_hands
 from poise.errors import ConfigurationError
 from poise.sim import Block
 
@@ -145,5 +145,5 @@ def test_a_robot_without_hands_walks_without_them(get_robot):
 
 def test_a_block_that_is_sunk_in_is_sunk_in_as_far_for_its_size():
     sunk = Block(center=(0.6, 0.2), size=(0.5, 1.2, 0.1), top=0.05, told=False)
-    assert _block(sunk, 0.5).top == pytest.approx(0.025)
-    assert _block(replace(sunk, top=None), 0.5).top is None
+    assert sized(sunk, 0.5).top == pytest.approx(0.025)
+    assert sized(replace(sunk, top=None), 0.5).top is None

@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from poise.apps.report import BaseErrors, SupportPhase
-from poise.apps.scenarios._ground_height import ground_heights
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._scenario import PushPlan
-from poise.apps.scenarios._signals import RunSignals, support_phases, zmp_margins
+from poise.apps.scenarios._signals import (
+    RunSignals,
+    ground_heights,
+    support_phases,
+    zmp_margins,
+)
 from poise.sim import Block, PlantConfig
 
 NAN = float("nan")
@@ -93,8 +97,8 @@ def signals():
     residuals = np.zeros((n, 3))
     residuals[6] = [1e-9, 2e-3, NAN]
     return RunSignals(
-        tasks=(),
-        level_names=(),
+        robot="r", controller="c", scenario="s", joint_names=("a", "b"),
+        position=np.zeros((n, 2)), position_min=-np.ones(2), position_max=np.ones(2),
         time=time, q=np.zeros((n, 9)), torque=torque, torque_max=np.array([60.0, 50.0]),
         com=com, com_reference=reference, zmp=np.zeros((n, 2)),
         zmp_reference=np.linspace([0.0, 0.0], [0.3, 0.4], n),

@@ -19,7 +19,7 @@ from poise.apps.teleoperation import (
     run_teleop,
     terrain_blocks,
 )
-from poise.apps.teleoperation._terrain import TERRAINS
+from poise.apps.teleoperation._scripts import TERRAINS
 from poise.errors import UnknownNameError
 from poise.locomotion import ScriptedDevice, WayPoint
 

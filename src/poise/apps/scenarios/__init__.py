@@ -1,7 +1,6 @@
-"""Scenarios: a file that says robot, controller, references, disturbances and checks; its run."""
+"""Scenarios: files of robot, controller, references, disturbances and checks, and their runs."""
 
 from poise.apps.scenarios._checks import measure as measure, validate_checks as validate_checks
-from poise.apps.scenarios._controllers import controller_names as controller_names
 from poise.apps.scenarios._outputs import (
     LOG as LOG,
     discard_video as discard_video,
@@ -11,13 +10,6 @@ from poise.apps.scenarios._outputs import (
     write_summary as write_summary,
     write_video as write_video,
 )
-from poise.apps.scenarios._reader import (
-    load_scenario,
-    make_scenario as make_scenario,
-    parse_scenario as parse_scenario,
-    read_scenario as read_scenario,
-    shipped_scenarios as shipped_scenarios,
-)
 from poise.apps.scenarios._replay import drawn_shapes as drawn_shapes
 from poise.apps.scenarios._run import (
     INTERRUPTED as INTERRUPTED,
@@ -25,9 +17,21 @@ from poise.apps.scenarios._run import (
     Run,
     run_scenario,
 )
-from poise.apps.scenarios._scenario import Measurement as Measurement, Scenario
+from poise.apps.scenarios._scenario import (
+    Measurement as Measurement,
+    Scenario,
+    load_scenario,
+    make_scenario as make_scenario,
+    parse_scenario as parse_scenario,
+    read_scenario as read_scenario,
+    shipped_scenarios as shipped_scenarios,
+)
 from poise.apps.scenarios._signals import RunSignals as RunSignals
-from poise.apps.scenarios._stage import Stage as Stage, stage_scenario
+from poise.apps.scenarios._stage import (
+    Stage as Stage,
+    controller_names as controller_names,
+    stage_scenario,
+)
 from poise.apps.scenarios._symptoms import symptoms_of as symptoms_of
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Checks: what a scenario demands of its run, and what every run must hold."""
+"""Checks: bounds that a scenario sets on its run, and those of every run."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,18 +10,17 @@ from poise.apps.report import Check
 from poise.apps.scenarios._metrics import METRICS, Reading
 from poise.apps.scenarios._scenario import CheckPlan, Measurement, Scenario
 from poise.apps.scenarios._signals import RunSignals
-from poise.apps.scenarios._symptoms import Symptom, symptoms_of, tell, tell_before
+from poise.apps.scenarios._symptoms import PHYSICS_RESIDUAL, explain, symptoms_of
 from poise.control import PHYSICS_LEVELS, CommandStatus
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack import ComTask, Stack
 
-PHYSICS_RESIDUAL = 1e-6
-"""Relative residual that dynamics, contacts and limits may have in any run."""
+_PHYSICS = ("dynamics and torque limits", "contacts and joint limits")
 
 
 def validate_checks(checks: Sequence[Measurement], stack: Stack, robot: Robot) -> None:
-    """Finds checks on tasks, soles or levels that do not exist."""
+    """Refuse checks on tasks, soles or levels that do not exist."""
     levels = PHYSICS_LEVELS + len(stack.levels)
     tasks = [task.name for _, task in stack.tasks()]
     for check in checks:
@@ -44,60 +43,44 @@ def validate_checks(checks: Sequence[Measurement], stack: Stack, robot: Robot) -
 
 
 def evaluate_checks(
-    scenario: Scenario,
-    run: RunSignals,
-    robot: Robot,
-    fell: bool,
-    ended_early: str,
+    scenario: Scenario, run: RunSignals, robot: Robot, fell: bool, ended_early: str
 ) -> tuple[Check, ...]:
-    """Measures everything that must hold of a run."""
-    results = _of_every_run(run, fell, ended_early)
-    names = ("dynamics and torque limits", "contacts and joint limits")
-    for level, name in enumerate(names if run.level_names else (), 1):
+    """Measure everything that must hold of a run."""
+    last = len(run.time) - 1
+    first = next((i for i, s in enumerate(run.status) if s != CommandStatus.OK.value), None)
+    early = bool(ended_early)
+    results = [
+        _result("robot fell", "fell", Reading(float(fell), last if fell else None), run),
+        _result(
+            "run ended early", "ended_early", Reading(float(early), last if early else None), run
+        ),
+        _result("missed ticks", "missed_ticks", Reading(float(missed_ticks(run)), first), run),
+    ]
+    for level, name in enumerate(_PHYSICS if run.level_names else (), 1):
         plan = CheckPlan(metric="residual_max", at_most=PHYSICS_RESIDUAL, level=level)
         results.append(_measured(plan, run, f"residual of level {level}, {name}"))
     results += [_measured(plan, run, _describe(plan)) for plan in scenario.checks]
     if all(result.ok for result in results):
         return tuple(results)
     symptoms = symptoms_of(run, robot, scenario)
-    return tuple(_explained(result, run, symptoms) for result in results)
 
+    def explained(result: Check) -> Check:
+        if result.ok or result.time is None:
+            return result
+        # A fall takes its time: its causes come first.
+        whole = result.metric in ("fell", "ended_early")
+        return replace(result, mechanism=explain(symptoms, run.time, result.time, whole=whole))
 
-def _of_every_run(run: RunSignals, fell: bool, ended_early: str) -> list[Check]:
-    missed = missed_ticks(run)
-    first = next((i for i, s in enumerate(run.status) if s != CommandStatus.OK.value), None)
-    last = len(run.time) - 1
-    return [
-        _result("robot fell", "fell", Reading(float(fell), last if fell else None), run),
-        _result(
-            "run ended early",
-            "ended_early",
-            Reading(float(bool(ended_early)), last if ended_early else None),
-            run,
-        ),
-        _result("missed ticks", "missed_ticks", Reading(float(missed), first), run),
-    ]
-
-
-def _explained(result: Check, run: RunSignals, symptoms: list[Symptom]) -> Check:
-    """A check that failed with what is known of how that came."""
-    if result.ok or result.time is None:
-        return result
-    if result.metric in ("fell", "ended_early"):
-        # A fall takes its time: what came first is how it came.
-        said = tell(symptoms, run.time, float(run.time[0]), result.time)
-    else:
-        said = tell_before(symptoms, run.time, result.time)
-    return replace(result, mechanism=said)
+    return tuple(map(explained, results))
 
 
 def missed_ticks(run: RunSignals) -> int:
-    """Ticks that fell back to a safe command, whatever the clock said."""
+    """Ticks that fell back to a safe command, whatever the clock showed."""
     return sum(status != CommandStatus.OK.value for status in run.status)
 
 
 def measure(plan: Measurement, run: RunSignals) -> float:
-    """Measures something on a run, in its metric's unit; NaN where that cannot be done."""
+    """Measure a run, in the metric's unit; NaN where that cannot be done."""
     return _read(plan, run).value
 
 
@@ -133,16 +116,13 @@ def _result(
         unit=unit,
         ok=bool(np.isfinite(value) and holds),
         time=None if row is None else float(run.time[row]),
-        mechanism="",
     )
 
 
 def _describe(plan: CheckPlan) -> str:
-    parts = [METRICS[plan.metric].describe]
+    metric, parts = METRICS[plan.metric], [METRICS[plan.metric].describe]
     if plan.subject:
-        parts.append(
-            f"of {plan.subject!r}" if METRICS[plan.metric].subject != "level" else plan.subject
-        )
+        parts.append(plan.subject if metric.subject == "level" else f"of {plan.subject!r}")
     if plan.axis is not None:
         parts.append(f"along {plan.axis}")
     if plan.begin > 0.0 or np.isfinite(plan.end):

@@ -1,23 +1,18 @@
-"""What can be measured on a run: each metric is a function of the recorded signals."""
+"""Metrics of a run: each reduces one figure a tick to one of the run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float64, Shaped
 
 from poise.apps.report import BaseErrors
 from poise.apps.scenarios._signals import RunSignals
 
 
 class Reading(NamedTuple):
-    """What was measured.
-
-    Attributes:
-        value: the figure, NaN where there was nothing to measure.
-        row: the tick that decided it; None where no single one did.
-    """
+    """A figure, NaN where there was nothing to measure, and the only tick that decided it."""
 
     value: float
     row: int | None
@@ -25,361 +20,214 @@ class Reading(NamedTuple):
 
 NOTHING = Reading(float("nan"), None)
 
-Measure = Callable[[RunSignals, str, int | None, Bool[np.ndarray, " T"]], Reading]
-"""From signals, subject, axis and the ticks that count to a figure."""
-
-Track = Callable[[RunSignals, str, int | None], Float64[np.ndarray, " T"]]
-"""From signals, subject and axis to a figure a tick, NaN where there is none."""
+Rows = Bool[np.ndarray, " T"]
+Values = Shaped[np.ndarray, "T ..."]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Metric:
-    """A figure of a run.
+    """A figure of a run."""
 
-    Attributes:
-        name: what scenario files call it.
-        unit: its unit; "" for a number, and for a task's error the task's own.
-        subject: what it is measured on: "", "task", "sole" or "level".
-        takes_axis: whether an axis is given with it.
-        describe: one line for people.
-        measure: how.
-    """
+    unit: str  # "" for a number, and for a task's error the task's own
+    describe: str  # one line for people
+    track: Callable[[RunSignals, str, int | None], Values]  # of signals, subject and axis
+    reduce: Callable[[Values, Rows], Reading]  # of the track and the ticks that count
+    subject: str = ""  # "", "task", "sole" or "level"
+    takes_axis: bool = False
 
-    name: str
-    unit: str
-    subject: str
-    takes_axis: bool
-    describe: str
-    measure: Measure
+    def measure(self, run: RunSignals, subject: str, axis: int | None, rows: Rows) -> Reading:
+        """Measure a subject along an axis in the ticks that count."""
+        return self.reduce(self.track(run, subject, axis), rows) if rows.any() else NOTHING
 
 
-def _largest(track: Track) -> Measure:
-    """The largest figure of all ticks."""
-
-    def measure(
-        run: RunSignals, subject: str, axis: int | None, rows: Bool[np.ndarray, " T"]
-    ) -> Reading:
-        values = np.where(rows, track(run, subject, axis), np.nan)
-        if not np.isfinite(values).any():
-            return NOTHING
-        row = int(np.nanargmax(np.where(np.isfinite(values), values, np.nan)))
-        return Reading(float(values[row]), row)
-
-    return measure
+def _largest(values: Values, rows: Rows) -> Reading:
+    counted = np.where(rows & np.isfinite(values), values, -np.inf)
+    row = int(np.argmax(counted))
+    return Reading(float(values[row]), row) if counted[row] > -np.inf else NOTHING
 
 
-def _least(track: Track) -> Measure:
-    """The least figure of all ticks."""
-    most = _largest(lambda run, subject, axis: -track(run, subject, axis))
-
-    def measure(
-        run: RunSignals, subject: str, axis: int | None, rows: Bool[np.ndarray, " T"]
-    ) -> Reading:
-        reading = most(run, subject, axis, rows)
-        return Reading(-reading.value, reading.row)
-
-    return measure
+def _least(values: Values, rows: Rows) -> Reading:
+    value, row = _largest(-values, rows)
+    return Reading(-value, row)
 
 
-def _last(track: Track) -> Measure:
-    """The figure of the last tick."""
-
-    def measure(
-        run: RunSignals, subject: str, axis: int | None, rows: Bool[np.ndarray, " T"]
-    ) -> Reading:
-        if not rows.any():
-            return NOTHING
-        row = int(np.flatnonzero(rows)[-1])
-        return Reading(float(track(run, subject, axis)[row]), row)
-
-    return measure
+def _last(values: Values, rows: Rows) -> Reading:
+    row = int(np.flatnonzero(rows)[-1])
+    return Reading(float(values[row]), row)
 
 
-def _root_mean_square(track: Track) -> Measure:
-    """The root mean square of all ticks."""
-
-    def measure(
-        run: RunSignals, subject: str, axis: int | None, rows: Bool[np.ndarray, " T"]
-    ) -> Reading:
-        values = track(run, subject, axis)[rows]
-        finite = values[np.isfinite(values)]
-        return Reading(float(np.sqrt(np.mean(finite**2))), None) if finite.size else NOTHING
-
-    return measure
+def _root_mean_square(values: Values, rows: Rows) -> Reading:
+    finite = values[rows & np.isfinite(values)]
+    return Reading(float(np.sqrt(np.mean(finite**2))), None) if finite.size else NOTHING
 
 
-def _com_error(run: RunSignals, _: str, axis: int | None) -> Float64[np.ndarray, " T"]:
+def _extent(places: Values, rows: Rows) -> Reading:
+    return Reading(float(np.linalg.norm(np.ptp(places[rows], axis=0))), None)
+
+
+def _end_speed(timed: Values, rows: Rows) -> Reading:
+    """Mean speed over the last 0.1 s of places behind their times."""
+    time, places = timed[rows, 0], timed[rows, 1:]
+    if len(time) < 2:
+        return NOTHING
+    last = max(1, int(np.searchsorted(time[-1] - time[::-1], 0.1)))
+    first = max(0, len(time) - 1 - last)
+    distance = np.linalg.norm(places[-1] - places[first])
+    speed = float(distance / max(time[-1] - time[first], 1e-9))
+    return Reading(speed, int(np.flatnonzero(rows)[-1]))
+
+
+def _rises(on: Values, rows: Rows) -> Reading:
+    counted = on[rows]
+    return Reading(float(np.count_nonzero(counted[1:] & ~counted[:-1])), None)
+
+
+def _com_error(run: RunSignals, _: str, axis: int | None) -> Values:
     error = run.com_reference - run.com
     return np.linalg.norm(error, axis=1) if axis is None else np.abs(error[:, axis])
 
 
-def _com_travel(run: RunSignals, _: str, axis: int | None, rows: Bool[np.ndarray, " T"]) -> Reading:
-    com = run.com[rows]
-    if not len(com):
-        return NOTHING
-    reach = com.max(axis=0) - com.min(axis=0)
-    return Reading(float(np.linalg.norm(reach) if axis is None else reach[axis]), None)
-
-
-def _com_speed_end(
-    run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]
-) -> Reading:
-    com, time = run.com[rows], run.time[rows]
-    if len(com) < 2:
-        return NOTHING
-    last = max(1, int(np.searchsorted(time[-1] - time[::-1], 0.1)))
-    span = slice(max(0, len(com) - 1 - last), None)
-    distance = np.linalg.norm(com[span][-1] - com[span][0])
-    speed = float(distance / max(time[span][-1] - time[span][0], 1e-9))
-    return Reading(speed, int(np.flatnonzero(rows)[-1]))
-
-
-def _task_error(run: RunSignals, task: str, _: int | None) -> Float64[np.ndarray, " T"]:
+def _task_error(run: RunSignals, task: str, _: int | None) -> Values:
     return run.task_errors[task]
 
 
-def _torque_ratio(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
-    # The joint that is nearest to its limit; a tick without a torque has none.
-    ratios = np.abs(run.torque) / run.torque_max
+def _most(ratios: Float64[np.ndarray, "T nj"]) -> Float64[np.ndarray, " T"]:
+    """Ratio of the joint that is nearest to its limit; minus infinity in a tick without torques."""
     return np.max(ratios, axis=1, initial=-np.inf, where=np.isfinite(ratios))
 
 
-def _torque_step(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
+def _torque_step(run: RunSignals, _: str, __: int | None) -> Values:
     # From the tick before; the first has none.
-    steps = np.abs(np.diff(run.torque, axis=0, prepend=np.nan)) / run.torque_max
-    return np.max(steps, axis=1, initial=-np.inf, where=np.isfinite(steps))
+    return _most(np.abs(np.diff(run.torque, axis=0, prepend=np.nan)) / run.torque_max)
 
 
-def _sole_force(run: RunSignals, sole: str, _: int | None) -> Float64[np.ndarray, " T"]:
-    return run.sole_forces[sole]
+def _planned(run: RunSignals, _: str, __: int | None) -> Values:
+    planned = [planned > 0.5 for planned in run.sole_planned.values()]
+    return np.reshape(planned, (-1, len(run.time))).astype(np.bool_).T
 
 
-def _sole_height(run: RunSignals, sole: str, _: int | None) -> Float64[np.ndarray, " T"]:
-    return run.sole_heights[sole]
+def _zmp_error(run: RunSignals, _: str, __: int | None) -> Values:
+    error = np.nan if run.zmp_reference is None else run.zmp_reference - run.zmp
+    return np.linalg.norm(np.broadcast_to(error, run.zmp.shape), axis=1)
 
 
-def _residual(run: RunSignals, level: str, _: int | None) -> Float64[np.ndarray, " T"]:
-    return run.residuals[:, int(level) - 1]
-
-
-def _zmp_margin(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
-    return run.zmp_margin
-
-
-def _clearance(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
-    return run.clearance
-
-
-def _self_contact(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
-    return run.self_contact
-
-
-def _beyond_blocks(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
-    return run.beyond
-
-
-def _zmp_error(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
-    return np.linalg.norm(run.zmp_reference - run.zmp, axis=1)
-
-
-def _known(run: RunSignals) -> BaseErrors:
-    """Errors of the base's estimate; none where the truth is told."""
+def _base_errors(run: RunSignals) -> BaseErrors:
+    """Errors of the base's estimate; zeros where the controller has the truth."""
     if run.base_errors is not None:
         return run.base_errors
     nothing = np.zeros(len(run.time))
     return BaseErrors(drift=nothing, tilt=nothing, speed=nothing)
 
 
-def _drift(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
-    return _known(run).drift
-
-
-def _tilt_error(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
-    return _known(run).tilt
-
-
-def _velocity_error(run: RunSignals, _: str, __: int | None) -> Float64[np.ndarray, " T"]:
-    return _known(run).speed
-
-
-def _steps_made(run: RunSignals, _: str, __: int | None, rows: Bool[np.ndarray, " T"]) -> Reading:
-    if not rows.any():
-        return NOTHING
-    standing = [planned[rows] > 0.5 for planned in run.sole_planned.values()]
-    return Reading(float(sum(np.count_nonzero(on[1:] & ~on[:-1]) for on in standing)), None)
-
-
 METRICS = {
-    m.name: m
-    for m in (
-        Metric(
-            name="com_error_max",
-            unit="m",
-            subject="",
-            takes_axis=True,
-            describe="largest distance of the COM from its reference",
-            measure=_largest(_com_error),
-        ),
-        Metric(
-            name="com_error_rms",
-            unit="m",
-            subject="",
-            takes_axis=True,
-            describe="root mean square distance of the COM from its reference",
-            measure=_root_mean_square(_com_error),
-        ),
-        Metric(
-            name="com_travel",
-            unit="m",
-            subject="",
-            takes_axis=True,
-            describe="how far the COM moved, from least to most",
-            measure=_com_travel,
-        ),
-        Metric(
-            name="com_speed_end",
-            unit="m/s",
-            subject="",
-            takes_axis=False,
-            describe="mean speed of the COM over the last 0.1 s",
-            measure=_com_speed_end,
-        ),
-        Metric(
-            name="task_error_max",
-            unit="",
-            subject="task",
-            takes_axis=False,
-            describe="largest error of a task",
-            measure=_largest(_task_error),
-        ),
-        Metric(
-            name="task_error_rms",
-            unit="",
-            subject="task",
-            takes_axis=False,
-            describe="root mean square error of a task",
-            measure=_root_mean_square(_task_error),
-        ),
-        Metric(
-            name="task_error_end",
-            unit="",
-            subject="task",
-            takes_axis=False,
-            describe="error of a task at the end of the window",
-            measure=_last(_task_error),
-        ),
-        Metric(
-            name="torque_ratio_max",
-            unit="",
-            subject="",
-            takes_axis=False,
-            describe="largest torque over its limit",
-            measure=_largest(_torque_ratio),
-        ),
-        Metric(
-            name="torque_step_max",
-            unit="",
-            subject="",
-            takes_axis=False,
-            describe="largest change of a torque from tick to tick over its limit",
-            measure=_largest(_torque_step),
-        ),
-        Metric(
-            name="sole_force_max",
-            unit="N",
-            subject="sole",
-            takes_axis=False,
-            describe="largest normal force of a sole",
-            measure=_largest(_sole_force),
-        ),
-        Metric(
-            name="sole_height_min",
-            unit="m",
-            subject="sole",
-            takes_axis=False,
-            describe="least height of a sole's centre above the floor or the block under it",
-            measure=_least(_sole_height),
-        ),
-        Metric(
-            name="residual_max",
-            unit="",
-            subject="level",
-            takes_axis=False,
-            describe="largest relative residual of a level, 1 is the physics",
-            measure=_largest(_residual),
-        ),
-        Metric(
-            name="zmp_margin_min",
-            unit="m",
-            subject="",
-            takes_axis=False,
-            describe="least distance of the ZMP from the edge of the support polygon",
-            measure=_least(_zmp_margin),
-        ),
-        Metric(
-            name="zmp_error_max",
-            unit="m",
-            subject="",
-            takes_axis=False,
-            describe="largest distance of the ZMP from its reference",
-            measure=_largest(_zmp_error),
-        ),
-        Metric(
-            name="steps_made",
-            unit="",
-            subject="",
-            takes_axis=False,
-            describe="how often a sole was put down and counted on",
-            measure=_steps_made,
-        ),
-        Metric(
-            name="clearance_min",
-            unit="m",
-            subject="",
-            takes_axis=False,
-            describe="least distance of the robot from a block, 0.2 m at most",
-            measure=_least(_clearance),
-        ),
-        Metric(
-            name="self_contact_max",
-            unit="N",
-            subject="",
-            takes_axis=False,
-            describe="largest force of one link of the robot on another; needs plant.self_contact",
-            measure=_largest(_self_contact),
-        ),
-        Metric(
-            name="beyond_blocks_end",
-            unit="m",
-            subject="",
-            takes_axis=False,
-            describe="how far the hindmost heel ends ahead of the last block",
-            measure=_last(_beyond_blocks),
-        ),
-        Metric(
-            name="drift_max",
-            unit="m",
-            subject="",
-            takes_axis=False,
-            describe="largest level distance of the estimated base from the true one",
-            measure=_largest(_drift),
-        ),
-        Metric(
-            name="tilt_error_rms",
-            unit="rad",
-            subject="",
-            takes_axis=False,
-            describe="root mean square angle of the estimated vertical to the true one",
-            measure=_root_mean_square(_tilt_error),
-        ),
-        Metric(
-            name="velocity_error_rms",
-            unit="m/s",
-            subject="",
-            takes_axis=False,
-            describe="root mean square error of the estimated base velocity",
-            measure=_root_mean_square(_velocity_error),
-        ),
-    )
+    "com_error_max": Metric(
+        "m", "largest distance of the COM from its reference", _com_error, _largest, takes_axis=True
+    ),
+    "com_error_rms": Metric(
+        "m",
+        "root mean square distance of the COM from its reference",
+        _com_error,
+        _root_mean_square,
+        takes_axis=True,
+    ),
+    "com_travel": Metric(
+        "m",
+        "how far the COM moved, from least to most",
+        lambda run, _, axis: run.com if axis is None else run.com[:, axis],
+        _extent,
+        takes_axis=True,
+    ),
+    "com_speed_end": Metric(
+        "m/s",
+        "mean speed of the COM over the last 0.1 s",
+        lambda run, *_: np.column_stack([run.time, run.com]),
+        _end_speed,
+    ),
+    "task_error_max": Metric("", "largest error of a task", _task_error, _largest, "task"),
+    "task_error_rms": Metric(
+        "", "root mean square error of a task", _task_error, _root_mean_square, "task"
+    ),
+    "task_error_end": Metric(
+        "", "error of a task at the end of the window", _task_error, _last, "task"
+    ),
+    "torque_ratio_max": Metric(
+        "",
+        "largest torque over its limit",
+        lambda run, *_: _most(np.abs(run.torque) / run.torque_max),
+        _largest,
+    ),
+    "torque_step_max": Metric(
+        "", "largest change of a torque from tick to tick over its limit", _torque_step, _largest
+    ),
+    "sole_force_max": Metric(
+        "N",
+        "largest normal force of a sole",
+        lambda run, sole, _: run.sole_forces[sole],
+        _largest,
+        "sole",
+    ),
+    "sole_height_min": Metric(
+        "m",
+        "least height of a sole's centre above the floor or the block under it",
+        lambda run, sole, _: run.sole_heights[sole],
+        _least,
+        "sole",
+    ),
+    "residual_max": Metric(
+        "",
+        "largest relative residual of a level, 1 is the physics",
+        lambda run, level, _: run.residuals[:, int(level) - 1],
+        _largest,
+        "level",
+    ),
+    "zmp_margin_min": Metric(
+        "m",
+        "least distance of the ZMP from the edge of the support polygon",
+        lambda run, *_: run.zmp_margin,
+        _least,
+    ),
+    "zmp_error_max": Metric(
+        "m",
+        "largest distance of the ZMP from its reference",
+        _zmp_error,
+        _largest,
+    ),
+    "steps_made": Metric("", "how often a sole was put down and counted on", _planned, _rises),
+    "clearance_min": Metric(
+        "m",
+        "least distance of the robot from a block, 0.2 m at most",
+        lambda run, *_: run.clearance,
+        _least,
+    ),
+    "self_contact_max": Metric(
+        "N",
+        "largest force of one link of the robot on another; needs plant.self_contact",
+        lambda run, *_: run.self_contact,
+        _largest,
+    ),
+    "beyond_blocks_end": Metric(
+        "m",
+        "how far the hindmost heel ends ahead of the last block",
+        lambda run, *_: run.beyond,
+        _last,
+    ),
+    "drift_max": Metric(
+        "m",
+        "largest level distance of the estimated base from the true one",
+        lambda run, *_: _base_errors(run).drift,
+        _largest,
+    ),
+    "tilt_error_rms": Metric(
+        "rad",
+        "root mean square angle of the estimated vertical to the true one",
+        lambda run, *_: _base_errors(run).tilt,
+        _root_mean_square,
+    ),
+    "velocity_error_rms": Metric(
+        "m/s",
+        "root mean square error of the estimated base velocity",
+        lambda run, *_: _base_errors(run).speed,
+        _root_mean_square,
+    ),
 }
 """The metrics by name."""

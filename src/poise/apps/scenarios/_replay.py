@@ -1,4 +1,4 @@
-"""From a run to the motion that the report's 3D replay shows."""
+"""Motion of a run for the 3D replay of its report."""
 
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -19,78 +19,60 @@ a hand, and a robot of 30 meshes fits into a page."""
 
 _Primitive = Literal["box", "sphere", "ellipsoid", "cylinder", "capsule"]
 
-_PRIMITIVES: dict[int, _Primitive] = {
-    int(mujoco.mjtGeom.mjGEOM_BOX): "box",
-    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
-    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
-    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
-    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+_PRIMITIVES: dict[int, tuple[_Primitive, int]] = {
+    int(mujoco.mjtGeom.mjGEOM_BOX): ("box", 3),
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): ("sphere", 1),
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): ("ellipsoid", 3),
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): ("cylinder", 2),
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): ("capsule", 2),
 }
-_SIZES: dict[_Primitive, int] = {"box": 3, "sphere": 1, "ellipsoid": 3, "cylinder": 2, "capsule": 2}
+"""Names of shapes and how many sizes they have."""
 
 
 def make_replay(plant: Plant, run: RunSignals, pushes: Sequence[Push] = ()) -> Replay:
     """Body poses at 30 frames a second, with shapes, contact forces, pushes and targets."""
-    rows = _frame_rows(run.time)
-    model, data = plant.model, mujoco.MjData(plant.model)
-    position = np.empty((len(rows), model.nbody, 3))
-    quaternion = np.empty((len(rows), model.nbody, 4))
+    rows, model, data = _frame_rows(run.time), plant.model, mujoco.MjData(plant.model)
+    time, count = run.time[rows], len(rows)
+    position, quaternion = np.empty((count, model.nbody, 3)), np.empty((count, model.nbody, 4))
+    contacts = [_force_track(name, "contact", count) for name in run.wrenches]
+    acting = [_force_track(f"push {push.body}", "push", count) for push in pushes]
     for i, row in enumerate(rows):
         data.qpos[:] = plant.map.qpos(run.q[row])
         mujoco.mj_kinematics(model, data)
         position[i] = data.xpos
         quaternion[i] = data.xquat[:, [1, 2, 3, 0]]
+        for track in contacts:
+            site = data.site(track.name)
+            track.point[i] = site.xpos
+            track.force[i] = site.xmat.reshape(3, 3) @ run.wrenches[track.name][row, :3]
+        for push, track in zip(pushes, acting, strict=True):
+            if push.start <= time[i] < push.start + push.duration:
+                # A frame with a part to play is a site, where the plant lets the push act.
+                role = push.body in plant.robot.roles
+                track.point[i] = data.site(push.body).xpos if role else data.body(push.body).xipos
+                track.force[i] = push.force
     return Replay(
-        time=run.time[rows],
+        time=time,
         body_names=tuple(model.body(i).name for i in range(model.nbody)),
         position=position,
         quaternion=quaternion,
         geometries=tuple(drawn_shapes(plant.drawn_model())),
-        forces=(
-            *_contact_forces(plant, run, rows),
-            *(_push_force(plant, run, rows, push) for push in pushes),
-        ),
+        forces=(*contacts, *acting),
         markers=tuple(
             MarkerTrack(name=name, position=target[rows]) for name, target in run.targets.items()
         ),
     )
 
 
+def _force_track(name: str, kind: Literal["contact", "push"], count: int) -> ForceTrack:
+    """A force that never acts, to be filled."""
+    points, forces = np.full((count, 3), np.nan), np.zeros((count, 3))
+    return ForceTrack(name=name, kind=kind, point=points, force=forces)
+
+
 def _frame_rows(time: Float64[np.ndarray, " T"]) -> Int[np.ndarray, " F"]:
     moments = np.arange(time[0], time[-1] + 0.5 / FRAMES_PER_SECOND, 1.0 / FRAMES_PER_SECOND)
     return np.unique(np.clip(np.searchsorted(time, moments), 0, len(time) - 1))
-
-
-def _contact_forces(plant: Plant, run: RunSignals, rows: Int[np.ndarray, " F"]) -> list[ForceTrack]:
-    data = mujoco.MjData(plant.model)
-    tracks = {name: (np.empty((len(rows), 3)), np.empty((len(rows), 3))) for name in run.wrenches}
-    for i, row in enumerate(rows):
-        data.qpos[:] = plant.map.qpos(run.q[row])
-        mujoco.mj_kinematics(plant.model, data)
-        for name, (points, forces) in tracks.items():
-            site = data.site(name)
-            points[i] = site.xpos
-            forces[i] = site.xmat.reshape(3, 3) @ run.wrenches[name][row, :3]
-    return [
-        ForceTrack(name=name, point=points, force=forces)
-        for name, (points, forces) in tracks.items()
-    ]
-
-
-def _push_force(
-    plant: Plant, run: RunSignals, rows: Int[np.ndarray, " F"], push: Push
-) -> ForceTrack:
-    """A push while it acts, at the point where the plant lets it act."""
-    data = mujoco.MjData(plant.model)
-    points, forces = np.full((len(rows), 3), np.nan), np.zeros((len(rows), 3))
-    time = run.time[rows]
-    for i in np.flatnonzero((time >= push.start) & (time < push.start + push.duration)):
-        data.qpos[:] = plant.map.qpos(run.q[rows[i]])
-        mujoco.mj_kinematics(plant.model, data)
-        role = push.body in plant.robot.roles
-        points[i] = data.site(push.body).xpos if role else data.body(push.body).xipos
-        forces[i] = push.force
-    return ForceTrack(name=f"push {push.body}", kind="push", point=points, force=forces)
 
 
 def drawn_shapes(model: mujoco.MjModel) -> list[Geometry]:
@@ -108,8 +90,8 @@ def drawn_shapes(model: mujoco.MjModel) -> list[Geometry]:
             "rgba": (red, green, blue, alpha),
         }
         if kind in _PRIMITIVES:
-            shape = _PRIMITIVES[kind]
-            size = tuple(float(s) for s in model.geom_size[geom][: _SIZES[shape]])
+            shape, count = _PRIMITIVES[kind]
+            size = tuple(float(s) for s in model.geom_size[geom][:count])
             shapes.append(Geometry(shape=shape, size=size, **common))
         elif kind == int(mujoco.mjtGeom.mjGEOM_MESH):
             vertices, faces = _mesh(model, int(model.geom_dataid[geom]))
@@ -135,7 +117,5 @@ def _mesh(
     size = np.bincount(cell).astype(np.float64)
     merged = np.column_stack([np.bincount(cell, vertices[:, k]) / size for k in range(3)])
     faces = cell[faces]
-    whole = (
-        (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    )
+    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     return merged, np.unique(faces[whole], axis=0)

@@ -1,10 +1,13 @@
-"""`Scenario`: one run, as its file describes it, checked before anything moves.
+"""`Scenario`: one run as its file describes it, checked before anything moves.
 
-The classes here are the form of the file: their fields are its keys.
+Fields of the classes are keys of the file. `load_scenario` reads one.
 """
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 import numpy as np
@@ -23,24 +26,30 @@ from poise._schema import (
     Truth,
     Vector,
     checked,
+    read,
 )
-from poise.apps.scenarios._by_hand import DevicePlan
-from poise.apps.scenarios._drive_plan import DrivePlan
+from poise._yaml import read_text, read_yaml
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._stack_plan import StackPlan
+from poise.apps.teleoperation import SCRIPTS
 from poise.control import ControllerPlan
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import (
     Gait,
     Ground,
     Stride,
+    VelocityLimits,
     Walker,
     WalkSettings,
+    WayPoint,
     plan_footsteps,
 )
 from poise.robots import Robot
 from poise.sim import PlantConfig
 from poise.stack import Stack
+
+SHIPPED = Path(__file__).parent / "shipped"
+"""Folder of the scenarios that come with Poise."""
 
 _LARGEST = 1e3
 """No point, shift or angle of a motion is larger than this [m, rad]."""
@@ -49,39 +58,40 @@ _MOST_STEPS = 200
 """No walk of a file has more steps: its references are computed before the first tick."""
 
 _NAME = re.compile(r"[\w .+()-]*\w[\w .+()-]*")
-"""A scenario's name becomes the name of a folder."""
+"""Names of scenarios, which become names of folders."""
 
 _Goal = Annotated[
     Float64[np.ndarray, "3"], Vector(3, Bounds(most=_LARGEST, unit="m, or rad for a turn"))
 ]
+_Seed = Annotated[int, Bounds(least=0.0, whole=True)]
+
+MotionKind = Literal["to", "by", "above", "reach", "turn", "joints"]
+_GOALS: tuple[MotionKind, ...] = ("to", "by", "above", "reach", "turn", "joints")
 
 
-def _given(plan: object, keys: tuple[str, ...]) -> str:
-    """Which one of several keys is there."""
+def _given(plan: object, keys: Sequence[str]) -> str:
+    """Name of the only key of several that is there."""
     found = [key for key in keys if getattr(plan, key) is not None]
     if len(found) != 1:
         raise ConfigurationError("there must be one of these keys", got=found, choices=keys)
     return found[0]
 
 
-MotionKind = Literal["to", "by", "above", "reach", "turn", "joints"]
-"""How a motion gives its goal, see `Motion`."""
+def _listed(value: object) -> object:
+    return [value] if isinstance(value, str) else value
 
-_GOALS: tuple[MotionKind, ...] = ("to", "by", "above", "reach", "turn", "joints")
+
+def _named(value: object) -> object:
+    return {"name": value} if isinstance(value, str) else value
 
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Reach:
-    """A goal for a hand, as far as its arm goes.
+    """A goal for a hand by the length of its arm."""
 
-    Attributes:
-        direction: from the shoulder, in the world; of any length but zero.
-        ratio: distance from the shoulder over the arm's length, such as 0.9.
-    """
-
-    direction: _Goal
-    ratio: Annotated[float, Bounds(positive=True, most=_LARGEST)]
+    direction: _Goal  # from the shoulder, in the world; of any length but zero
+    ratio: Annotated[float, Bounds(positive=True, most=_LARGEST)]  # over the arm's length
 
     def __post_init__(self) -> None:
         if not np.any(self.direction):
@@ -91,32 +101,18 @@ class Reach:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A task's target moves from where it is to a goal, which one of six keys gives.
-
-    Attributes:
-        task: name of the task in the stack.
-        at: when it begins [s].
-        over: how long it takes [s].
-        to: a point in the world [m].
-        by: a shift from the target as it is at `at` [m].
-        above: a sole or several, over whose middle the target goes (x and y only).
-        reach: a fraction of the arm's length in a direction from the shoulder.
-        turn: a rotation vector in the world from the orientation as it is at `at` [rad].
-        joints: angles by joint name [rad].
-    """
+    """A motion of a task's target from where it is to a goal, given by one of six keys."""
 
     task: Text
-    at: Seconds
-    over: Seconds
-    to: _Goal | None = None
-    by: _Goal | None = None
-    above: (
-        Annotated[tuple[Text, ...], BeforeValidator(lambda v: [v] if isinstance(v, str) else v)]
-        | None
-    ) = None
+    at: Seconds  # beginning [s]
+    over: Seconds  # length [s]
+    to: _Goal | None = None  # a point in the world [m]
+    by: _Goal | None = None  # a shift from the target as it is at `at` [m]
+    # Soles over whose middle the target goes, in x and y
+    above: Annotated[tuple[Text, ...], BeforeValidator(_listed)] | None = None
     reach: Reach | None = None
-    turn: _Goal | None = None
-    joints: dict[Text, Number] | None = None
+    turn: _Goal | None = None  # a rotation vector in the world, from the orientation at `at` [rad]
+    joints: dict[Text, Number] | None = None  # angles by joint name [rad]
 
     def __post_init__(self) -> None:
         _given(self, _GOALS)
@@ -125,7 +121,7 @@ class Motion:
 
     @property
     def kind(self) -> MotionKind:
-        """How the goal is given."""
+        """Key by which the goal is given."""
         return cast("MotionKind", _given(self, _GOALS))
 
     @property
@@ -139,21 +135,13 @@ class Motion:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class ContactChange:
-    """A contact is loaded or unloaded.
-
-    Attributes:
-        load: name of the contact that is loaded, or None.
-        unload: name of the contact that is unloaded, or None.
-        at: when [s].
-        over: length of the load ramp [s].
-        touchdown: loading waits until the sole measures this force [N], for at most a second;
-            zero for at once.
-    """
+    """Loading or unloading of a contact."""
 
     load: Text | None = None
     unload: Text | None = None
     at: Seconds
-    over: Seconds = 0.2
+    over: Seconds = 0.2  # length of the load ramp [s]
+    # Loading waits until the sole measures this force [N], for at most `TOUCHDOWN_PATIENCE`
     touchdown: Annotated[float, Bounds(least=0.0, unit="N")] = 0.0
 
     def __post_init__(self) -> None:
@@ -170,27 +158,19 @@ class ContactChange:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class PushPlan:
-    """A push, as a force or as the change of speed it would give the whole robot.
+    """A push, as a force or as the change of speed that it would give the whole robot."""
 
-    Attributes:
-        body: a frame with a part to play, or a link.
-        at: when it begins [s].
-        duration: how long it lasts [s].
-        force: in the world [N], None where `velocity_change` is given.
-        velocity_change: force x duration / mass [m/s], None where `force` is given.
-    """
-
-    body: Text
+    body: Text  # a frame with a part to play, or a link
     at: Seconds
     duration: Duration
-    force: Triple | None = None
-    velocity_change: Triple | None = None
+    force: Triple | None = None  # in the world [N]
+    velocity_change: Triple | None = None  # force x duration / mass [m/s]
 
     def __post_init__(self) -> None:
         _given(self, ("force", "velocity_change"))
 
     def force_on(self, mass: float) -> tuple[float, float, float]:
-        """The force on a robot of a mass [kg], in the world [N]."""
+        """Force in the world [N] on a robot of a mass [kg]."""
         if self.force is not None:
             return self.force
         x, y, z = self.velocity_change or (0.0, 0.0, 0.0)
@@ -201,19 +181,9 @@ class PushPlan:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Measurement:
-    """Something that is measured on a run.
+    """A metric of a run, on its subject, in a window of time."""
 
-    Attributes:
-        metric: what is measured, a key of `METRICS`.
-        task: the task it is measured on, for a metric of tasks.
-        sole: the sole it is measured on, for a metric of soles.
-        level: the level it is measured on, for a metric of levels.
-        axis: the axis, for a metric that takes one.
-        begin: start of the window, `from` in a file [s].
-        end: end of the window, `until` in a file; infinite for the end of the run [s].
-    """
-
-    metric: Text
+    metric: Text  # a key of `METRICS`
     task: Text | None = None
     sole: Text | None = None
     level: Annotated[int, Bounds(least=0.0, whole=True)] | None = None
@@ -241,7 +211,7 @@ class Measurement:
 
     @property
     def subject(self) -> str:
-        """The task, sole or level it is measured on, "" where the metric needs none."""
+        """The task, sole or level, "" where the metric needs none."""
         return self.task or self.sole or ("" if self.level is None else str(self.level))
 
     @property
@@ -253,12 +223,7 @@ class Measurement:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class CheckPlan(Measurement):
-    """Something that must hold of the run.
-
-    Attributes:
-        at_most: upper bound in the metric's unit, or None.
-        at_least: lower bound in the metric's unit, or None.
-    """
+    """A bound on a metric, in its unit."""
 
     at_most: Number | None = None
     at_least: Number | None = None
@@ -269,7 +234,7 @@ class CheckPlan(Measurement):
 
     @property
     def relation(self) -> Literal["<=", ">="]:
-        """How a good value stands to the bound."""
+        """Relation of a good value to the bound."""
         return "<=" if self.at_most is not None else ">="
 
     @property
@@ -281,19 +246,12 @@ class CheckPlan(Measurement):
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class WalkPlan:
-    """Where a robot walks, and how; the steps depend on the robot.
-
-    Attributes:
-        strides: one after the other.
-        gait: timing and shape of the steps.
-        feedback: how the balance is kept and the ground felt.
-        carry: frame tasks that go along with the body; all that are on no sole when None.
-    """
+    """A walk by footsteps, which depend on the robot."""
 
     strides: tuple[Stride, ...]
     gait: Gait = field(default_factory=Gait)
     feedback: WalkSettings = field(default_factory=WalkSettings)
-    carry: tuple[Text, ...] | None = None
+    carry: tuple[Text, ...] | None = None  # tasks that go along; all that are on no sole when None
 
     def __post_init__(self) -> None:
         steps = sum(stride.steps for stride in self.strides)
@@ -305,14 +263,70 @@ class WalkPlan:
             )
 
     def walker(self, robot: Robot, stack: Stack, ground: Ground) -> Walker:
-        """The walker of a robot from its home posture."""
+        """Make the walker of a robot in its home posture."""
         plan = plan_footsteps(robot, self.strides, self.gait, ground=ground)
         return Walker(robot, stack, settings=self.feedback, plan=plan, carry=self.carry)
 
 
-def _named(value: Any) -> Any:
-    """A controller may be given by its name alone."""
-    return {"name": value} if isinstance(value, str) else value
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class VelocityCommand:
+    """A velocity of a walk from a time on, cut at the limits."""
+
+    at: Seconds
+    # Ahead [m/s], to the left [m/s], and turning to the left [rad/s]
+    velocity: Annotated[tuple[float, float, float], Vector(3, Bounds(most=10.0, unit="m/s, rad/s"))]
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class DrivePlan:
+    """A walk by velocities, whose steps are made on the way."""
+
+    velocities: tuple[VelocityCommand, ...]  # the robot stands until the first
+    gait: Gait | None = None  # by the robot's size when None
+    feedback: WalkSettings = field(default_factory=WalkSettings)
+    limits: VelocityLimits = field(default_factory=VelocityLimits)
+    carry: tuple[Text, ...] | None = None  # tasks that go along; all that are on no sole when None
+
+    def __post_init__(self) -> None:
+        times = [command.at for command in self.velocities]
+        if not times or any(a >= b for a, b in pairwise(times)):
+            raise ConfigurationError(
+                "velocities of a drive are not one after the other",
+                got=times,
+                wanted="one or more, at times that grow",
+            )
+
+    def walker(self, robot: Robot, stack: Stack, ground: Ground) -> Walker:
+        """Make the walker of a robot in its home posture."""
+        return Walker(
+            robot, stack, self.gait, self.feedback, self.limits, ground=ground, carry=self.carry
+        )
+
+
+@checked()
+@dataclass(frozen=True, kw_only=True)
+class DevicePlan:
+    """Motion of the foot devices in one of four ways, and the link from them to the robot."""
+
+    script: str = ""  # one of `SCRIPTS`, with its blocks and its posture at the start
+    points: tuple[WayPoint, ...] = ()  # offsets from where each foot stood at the start
+    bad_operator: Truth = False  # random motion
+    recording: AnyText = ""  # file of a recorded run of any robot
+    latency: Seconds = 0.0
+    # Probability that the sample of a tick does not arrive
+    loss: Annotated[float, Bounds(least=0.0, most=1.0)] = 0.0
+
+    def __post_init__(self) -> None:
+        if self.script and self.script not in SCRIPTS:
+            raise UnknownNameError("no such script of devices", got=self.script, choices=SCRIPTS)
+        ways = ("script", "points", "bad_operator", "recording")
+        given = [way for way in ways if getattr(self, way)]
+        if len(given) != 1:
+            raise ConfigurationError(
+                "devices are led in one way", got=given, wanted="one key", choices=ways
+            )
 
 
 @checked()
@@ -321,30 +335,29 @@ class Scenario:
     """One run: robot, controller, stack, references over time, disturbances and checks.
 
     Attributes:
-        name: what it is called.
-        description: what it is about, in a sentence or two.
+        name: of the scenario and of folders of its runs.
+        description: a sentence or two.
         robot: name or path of the robot.
-        controller: which controller.
-        reference_com_height: height of the centre of mass at home of the robot that the lengths in
-            the file are for; those of another robot are scaled by the ratio of their heights, and
-            so are bounds of checks [m]. Lengths are what they are when None.
-        duration: how long it lasts [s].
+        controller: name, strategy and settings of the controller.
+        reference_com_height: height of the centre of mass at home of the robot for which lengths
+            and bounds in the file are written; for another robot they are scaled by the ratio of
+            their heights [m]. Lengths are absolute when None.
+        duration: length of the run [s].
         seed: seed of everything random.
         plant: the plant.
-        ground_truth: whether controller and leader are told the base's pose and velocity as the
-            plant measures them, which no robot can; else they are estimated. A robot that is walked
-            by hand has an estimator of its own either way, and a fixed base needs none.
-        actuation_given: whether the plant's actuation was asked for by name; where it was not, the
-            controller's own is taken.
+        ground_truth: feed controller and leader the base's pose and velocity as the plant measures
+            them, which no robot can, in place of an estimate. A robot that is walked by hand has an
+            estimator of its own either way, and a fixed base needs none.
+        actuation_given: the plant's actuation was given by name; otherwise the controller's own is
+            taken.
         stack: contacts, limits and tasks; None for the default stack of the robot.
-        devices: how the operator of a robot that is walked by hand moves its foot devices; None for
-            other robots.
-        walk: where the robot walks; None for one that stays.
-        drive: with which velocities it walks, in place of `walk`.
-        motions: how targets move, by time.
+        devices: motion of the foot devices of a robot that is walked by hand; None for others.
+        walk: footsteps of a robot that walks; None for one that does not walk by steps.
+        drive: velocities of a robot that walks, in place of `walk`.
+        motions: motions of targets, by time.
         contact_changes: contacts loaded and unloaded, by time.
         pushes: pushes, by time.
-        checks: what must hold besides: no fall, no missed tick, physics levels met.
+        checks: bounds that must hold besides: no fall, no missed tick, physics levels met.
     """
 
     name: Text
@@ -357,7 +370,7 @@ class Scenario:
         Annotated[float, Bounds(positive=True, most=_LARGEST, unit="m")] | None
     ) = None
     duration: Duration
-    seed: Annotated[int, Bounds(least=0.0, whole=True)] = 0
+    seed: _Seed = 0
     plant: PlantConfig = field(default_factory=PlantConfig)
     ground_truth: Truth = False
     actuation_given: bool = field(default=True, metadata=NOT_IN_FILES)
@@ -405,18 +418,18 @@ class Scenario:
 
     @property
     def walks(self) -> bool:
-        """Whether the robot walks by itself."""
+        """True for a robot that walks by itself."""
         return self.walk is not None or self.drive is not None
 
     def walker(self, robot: Robot, stack: Stack) -> Walker | None:
-        """Who leads the feet of a robot that walks; None for one that stays.
+        """Make the leader of a robot that walks; None for one that stays.
 
         Args:
             robot: the robot.
             stack: its controller's.
 
         Raises:
-            PoiseError: the robot cannot walk like this, or its stack cannot be led.
+            PoiseError: the robot cannot walk so, or its stack cannot be used for it.
         """
         plan = self.walk or self.drive
         if plan is None:
@@ -424,3 +437,45 @@ class Scenario:
         told = [b for b in self.plant.blocks if b.told]
         platforms = [Ground.Platform(center=b.center, size=b.size, yaw=b.yaw) for b in told]
         return plan.walker(robot, stack, Ground(platforms=tuple(platforms)))
+
+
+def shipped_scenarios() -> tuple[str, ...]:
+    """Names of the scenarios that come with Poise."""
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.yaml")))
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """Read a scenario by its shipped name or from a file.
+
+    Args:
+        name_or_path: one of `shipped_scenarios()`, or the path of a YAML file.
+
+    Raises:
+        UnknownNameError: neither a shipped scenario nor a file.
+        ConfigurationError: an unknown key, a missing key, or a value of the wrong kind.
+        ConfigurationError: values that cannot be right.
+    """
+    return make_scenario(*read_scenario(name_or_path))
+
+
+def parse_scenario(text: str, where: str) -> Scenario:
+    """Read a scenario from YAML text."""
+    return make_scenario(read_yaml(text, where, error=ConfigurationError), where)
+
+
+def read_scenario(name_or_path: str | Path) -> tuple[dict[Any, Any], str]:
+    """Read the content of a scenario's file as written, and the file's name for messages."""
+    path, shipped = Path(name_or_path), shipped_scenarios()
+    if str(name_or_path) in shipped:
+        path = SHIPPED / f"{name_or_path}.yaml"
+    if not path.is_file():
+        what = "neither a shipped scenario nor a file"
+        raise UnknownNameError(what, got=str(name_or_path), choices=shipped)
+    text = read_text(path, error=ConfigurationError)
+    return read_yaml(text, path.name, error=ConfigurationError), path.name
+
+
+def make_scenario(data: Mapping[Any, Any], where: str) -> Scenario:
+    """Make a scenario from the content of a file."""
+    scenario = read(Scenario, data, where, error=ConfigurationError)
+    return replace(scenario, actuation_given="actuation" in (data.get("plant", {})))

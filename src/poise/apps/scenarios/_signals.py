@@ -1,104 +1,43 @@
-"""`RunSignals`: the record of a run as arrays with one row a tick, from which it is judged.
-
-Support polygons: where the soles that carry load stand, and how far inside the ZMP is.
-"""
+"""`RunSignals`: the record of a run as arrays with one row a tick, from which it is judged."""
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.apps.report import BaseErrors, SupportPhase
-from poise.apps.scenarios._estimate import BaseKnowledge
-from poise.apps.scenarios._ground_height import ground_heights
+from poise.apps.report import BaseErrors, Event, RunView, SoleTrack, SupportPhase, TaskTrack
 from poise.apps.teleoperation import plant_from_json
+from poise.control import PHYSICS_LEVELS
 from poise.locomotion import signed_margin, soles_outline
 from poise.robots import Robot
-from poise.sim import Block, RunRecord
+from poise.sim import Block, PlantConfig, RunRecord
 
 
-class TaskEntry(NamedTuple):
-    """A task of a recorded run.
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class RunSignals(RunView):
+    """Recorded signals of a run of T ticks, NaN where there is none, of which a report is made.
 
-    Attributes:
-        name: of the task.
-        level: of the stack, from zero.
-        unit: of its error.
+    References and targets, which the robot follows by its estimate, are shifted to where they lie
+    for the true robot as they do for the estimated one.
     """
 
-    name: str
-    level: int
-    unit: str
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RunSignals:
-    """Recorded signals of one run, T ticks: a record with a value of everything at each tick.
-
-    Attributes:
-        tasks: of the stack.
-        level_names: names of the levels of the residuals.
-        time: time of each tick [s].
-        q: true configuration [m, rad].
-        torque: torque as applied [N m].
-        torque_max: torque limits [N m].
-        com: true centre of mass [m].
-        com_reference: where it should be, NaN where nothing asks [m]. This and what else the
-            robot was to do in the world is taken to where it sees it, by what its estimate is off.
-        zmp: zero moment point [m].
-        zmp_reference: where it should be, NaN where nothing asks [m].
-        zmp_margin: distance of the ZMP from the edge of the support polygon, negative outside [m].
-        support: support polygons over time.
-        sole_forces: normal force of each sole [N].
-        sole_positions: each sole's centre [m].
-        sole_heights: of each sole's centre above the floor or the block under it [m].
-        sole_planned: whether the controller counted on the sole, 0 or 1.
-        wrenches: measured wrench of each sole, in the sole's frame [N, N m].
-        targets: where each point that a task moves should be, NaN where nothing asks [m].
-        task_errors: norm of each task's error, NaN while it did not act [unit].
-        residuals: relative residual of each level.
-        status: status of each tick.
-        tick_us: time of each tick by phase [us].
-        base_errors: how far off what the robot knows of its base is; None where it is told.
-        clearance: distance of the robot from the nearest block, NaN without blocks [m].
-        self_contact: how hard links of the robot press on each other, NaN where they cannot [N].
-        beyond: how far the hindmost heel is ahead of the last block, NaN without blocks [m].
-        modes: when a robot that is walked by hand changed its mode [s], or a walk its status, and
-            to which.
-    """
-
-    tasks: tuple[TaskEntry, ...]
-    level_names: tuple[str, ...]
-    time: Float64[np.ndarray, " T"]
-    q: Float64[np.ndarray, "T nq"] = field(repr=False)
-    torque: Float64[np.ndarray, "T nj"] = field(repr=False)
-    torque_max: Float64[np.ndarray, " nj"] = field(repr=False)
-    com: Float64[np.ndarray, "T 3"] = field(repr=False)
-    com_reference: Float64[np.ndarray, "T 3"] = field(repr=False)
-    zmp: Float64[np.ndarray, "T 2"] = field(repr=False)
-    zmp_reference: Float64[np.ndarray, "T 2"] = field(repr=False)
-    zmp_margin: Float64[np.ndarray, " T"] = field(repr=False)
-    support: tuple[SupportPhase, ...] = field(repr=False)
-    sole_forces: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
-    sole_positions: dict[str, Float64[np.ndarray, "T 3"]] = field(repr=False)
-    sole_heights: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
-    sole_planned: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
-    wrenches: dict[str, Float64[np.ndarray, "T 6"]] = field(repr=False)
-    targets: dict[str, Float64[np.ndarray, "T 3"]] = field(repr=False)
-    task_errors: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
-    residuals: Float64[np.ndarray, "T nl"] = field(repr=False)
-    status: tuple[str, ...] = field(repr=False)
-    tick_us: dict[str, Float64[np.ndarray, " T"]] = field(repr=False)
-    base_errors: BaseErrors | None = field(repr=False)
-    clearance: Float64[np.ndarray, " T"] = field(repr=False)
-    self_contact: Float64[np.ndarray, " T"] = field(repr=False)
-    beyond: Float64[np.ndarray, " T"] = field(repr=False)
-    modes: tuple[tuple[float, str], ...] = field(repr=False)
+    q: Float64[np.ndarray, "T nq"]  # true configuration [m, rad]
+    zmp_margin: Float64[np.ndarray, " T"]  # from the support polygon's edge, negative outside [m]
+    sole_forces: dict[str, Float64[np.ndarray, " T"]]  # normal force [N]
+    sole_positions: dict[str, Float64[np.ndarray, "T 3"]]  # of the centre [m]
+    sole_heights: dict[str, Float64[np.ndarray, " T"]]  # of the centre over floor or block [m]
+    sole_planned: dict[str, Float64[np.ndarray, " T"]]  # 1 where the controller counted on it
+    wrenches: dict[str, Float64[np.ndarray, "T 6"]]  # measured, in the sole's frame [N, N m]
+    targets: dict[str, Float64[np.ndarray, "T 3"]]  # of the points that tasks move [m]
+    task_errors: dict[str, Float64[np.ndarray, " T"]]  # norms [unit]
+    clearance: Float64[np.ndarray, " T"]  # distance of the robot from the nearest block [m]
+    self_contact: Float64[np.ndarray, " T"]  # force of links on each other [N]
+    beyond: Float64[np.ndarray, " T"]  # hindmost heel ahead of the last block [m]
+    modes: tuple[tuple[float, str], ...]  # mode walked by hand or status of a walk, from a time [s]
 
 
 def support_phases(
@@ -131,91 +70,178 @@ def support_phases(
 
 
 def zmp_margins(
-    time: Float64[np.ndarray, " T"],
-    zmp: Float64[np.ndarray, "T 2"],
-    phases: Sequence[SupportPhase],
+    time: Float64[np.ndarray, " T"], zmp: Float64[np.ndarray, "T 2"], phases: Sequence[SupportPhase]
 ) -> Float64[np.ndarray, " T"]:
     """Distance of the ZMP from the nearest edge of its phase's polygon, negative outside [m]."""
     margins = np.full(len(time), np.nan)
     for phase in phases:
         rows = (time >= phase.start) & (time < phase.end)
-        if len(phase.vertices) < 3 or not rows.any():
-            continue
-        margins[rows] = signed_margin(zmp[rows], phase.vertices)
+        if len(phase.vertices) >= 3 and rows.any():
+            margins[rows] = signed_margin(zmp[rows], phase.vertices)
     return margins
 
 
-_TICK = "tick_us/"
-"""Signals of this name are times of a tick's phases."""
+def ground_heights(
+    config: PlantConfig, points: Float64[np.ndarray, "n 2"]
+) -> Float64[np.ndarray, " n"]:
+    """Height of the floor in the world, or of a block's top that is above it, under points."""
+    floor = pin.SE3(pin.exp3(np.array([*config.floor_slope, 0.0])), np.zeros(3))
+    heights = _plane_heights(floor, points)
+    for block in config.blocks:
+        length, width, height = block.size
+        top = block.pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5 * height]))
+        own = _plane_heights(top, points)
+        local = (np.column_stack([points, own]) - top.translation) @ top.rotation
+        over = (np.abs(local[:, :2]) <= 0.5 * np.array([length, width])).all(axis=1)
+        heights = np.where(over, np.maximum(heights, own), heights)
+    return heights
+
+
+def _plane_heights(plane: pin.SE3, points: Float64[np.ndarray, "n 2"]) -> Float64[np.ndarray, " n"]:
+    normal = plane.rotation[:, 2]
+    return plane.translation[2] - (points - plane.translation[:2]) @ normal[:2] / normal[2]
+
+
+class BaseKnowledge:
+    """Estimated and true base over a run; equal where the record has no estimate."""
+
+    def __init__(self, record: RunRecord) -> None:
+        self._estimated = "base_estimate" in record
+        if self._estimated:
+            self._map, self._world = record["base_estimate"], record["base_truth"]
+            self._speeds = record["velocity_estimate"], record["velocity_truth"]
+            # SciPy takes long to import, and a mere import of the package needs none of it.
+            from scipy.spatial.transform import Rotation
+
+            world, known = (Rotation.from_quat(p[:, 3:]) for p in (self._world, self._map))
+            self._world_R_map = world * known.inv()
+
+    @property
+    def errors(self) -> BaseErrors | None:
+        """Errors of the estimate; None where there is none."""
+        if not self._estimated:
+            return None
+        estimated, true = self._speeds
+        upright = self._world_R_map.apply(np.array([0.0, 0.0, 1.0]))
+        return BaseErrors(
+            drift=np.linalg.norm((self._map - self._world)[:, :2], axis=1),
+            tilt=np.arctan2(np.linalg.norm(upright[:, :2], axis=1), upright[:, 2]),
+            speed=np.linalg.norm((estimated - true)[:, :3], axis=1),
+        )
+
+    def in_world(self, points: Float64[np.ndarray, "T k"]) -> Float64[np.ndarray, "T k"]:
+        """Points that lie about the true base as the given ones do about the estimated base."""
+        if not self._estimated:
+            return points
+        known = np.zeros((len(points), 3))
+        known[:, : points.shape[1]] = points
+        turned = self._world_R_map.apply(known - self._map[:, :3]) + self._world[:, :3]
+        return turned[:, : points.shape[1]]
+
+
+_TICK, _TARGET = "tick_us/", "target/"
+"""Beginnings of the names of signals: times of a tick's phases, and targets."""
 
 TOUCHING = 1.0
 """A sole that carries more than this counts as standing [N]."""
 
 
 def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
-    """Arrays with one row a tick, from the record of a run."""
-    tasks = tuple(TaskEntry(*entry) for entry in json.loads(record.metadata["tasks"]))
-    level_names = tuple(json.loads(record.metadata["levels"]))
-    plant = plant_from_json(json.loads(record.metadata["plant"]))
+    """Make arrays with one row a tick from the record of a run."""
+    about = record.metadata
+    level_names = tuple(json.loads(about["levels"]))
+    plant = plant_from_json(json.loads(about["plant"]))
     time, q = record.times("q"), record["q"]
+
+    def aligned(name: str, *shape: int) -> Float64[np.ndarray, "T ..."]:
+        """A signal on every tick, NaN where it was not recorded."""
+        values = np.full((len(time), *shape), np.nan)
+        if name in record:
+            values[np.searchsorted(time, record.times(name))] = record[name]
+        return values
+
+    def named(beginning: str) -> dict[str, str]:
+        return {n: n.removeprefix(beginning) for n in record.names if n.startswith(beginning)}
+
+    base = BaseKnowledge(record)
     poses = {name: _sole_poses(robot, name, q) for name in robot.soles}
-    planned = {
-        name: record[f"planned/{name}"] if f"planned/{name}" in record else np.zeros(len(time))
-        for name in robot.soles
-    }
+    places = {name: position for name, (position, _) in poses.items()}
+    planned = {name: np.nan_to_num(aligned(f"planned/{name}")) for name in robot.soles}
     wrenches = {name: record[f"wrench/{name}"] for name in robot.soles}
+    forces = {name: wrench[:, 2].copy() for name, wrench in wrenches.items()}
     # A foot that touches down early carries load before the controller counts on it.
-    standing = {
-        name: np.maximum(planned[name], wrenches[name][:, 2] > TOUCHING) for name in robot.soles
-    }
+    standing = {n: np.maximum(planned[n], forces[n] > TOUCHING) for n in robot.soles}
     support = support_phases(robot, time, standing, poses)
-    zmp = record["zmp"]
-    soles = {name: position for name, (position, _) in poses.items()}
-    base = BaseKnowledge(record, len(time))
-    timed = [name for name in record.names if name.startswith(_TICK)]
+    tasks = tuple(
+        TaskTrack(
+            name=name, level=PHYSICS_LEVELS + level, unit=unit, error=aligned(f"error/{name}")
+        )
+        for name, level, unit in json.loads(about["tasks"])
+    )
     return RunSignals(
-        tasks=tasks,
-        level_names=level_names,
+        robot=robot.name,
+        controller=about.get("controller", "")
+        + (f" ({about['strategy']})" if "strategy" in about else ""),
+        scenario=about.get("scenario", "a run"),
+        description=about.get("description", ""),
+        seed=int(about.get("seed", 0)),
         time=time,
-        q=q,
+        joint_names=robot.joint_names,
         torque=record["torque"],
         torque_max=robot.tau_max,
+        position=q[:, robot.nq - robot.nj :],
+        position_min=robot.q_min,
+        position_max=robot.q_max,
+        q=q,
+        tasks=tasks,
+        task_errors={task.name: task.error for task in tasks},
         com=record["com"],
-        com_reference=base.in_world(_aligned(record, "com_reference", time, (3,))),
-        zmp=zmp,
-        zmp_reference=base.in_world(_aligned(record, "zmp_reference", time, (2,))),
-        zmp_margin=zmp_margins(time, zmp, support),
+        com_reference=base.in_world(aligned("com_reference", 3)),
+        zmp=record["zmp"],
+        zmp_reference=base.in_world(aligned("zmp_reference", 2)),
+        zmp_margin=zmp_margins(time, record["zmp"], support),
         support=support,
-        sole_forces={name: wrench[:, 2].copy() for name, wrench in wrenches.items()},
-        sole_positions=soles,
-        sole_heights={n: p[:, 2] - ground_heights(plant, p[:, :2]) for n, p in soles.items()},
+        soles=tuple(
+            SoleTrack(name=name, normal_force=forces[name], planned=planned[name] > 0.5)
+            for name in robot.soles
+        ),
+        sole_forces=forces,
+        sole_positions=places,
+        sole_heights={n: p[:, 2] - ground_heights(plant, p[:, :2]) for n, p in places.items()},
         sole_planned=planned,
         wrenches=wrenches,
-        targets={
-            name.removeprefix("target/"): base.in_world(_aligned(record, name, time, (3,)))
-            for name in record.names
-            if name.startswith("target/")
-        },
-        task_errors={task.name: _aligned(record, f"error/{task.name}", time, ()) for task in tasks},
-        residuals=_aligned(record, "residuals", time, (len(level_names),)),
+        targets={name: base.in_world(aligned(n, 3)) for n, name in named(_TARGET).items()},
+        residuals=aligned("residuals", len(level_names)),
+        level_names=level_names,
         status=_statuses(record, time),
-        tick_us={n.removeprefix(_TICK): _aligned(record, n, time, ()) for n in timed},
+        tick_us={name: aligned(n) for n, name in named(_TICK).items()},
+        tick_budget_us=1e6 * plant.control_dt,
         base_errors=base.errors,
-        clearance=_aligned(record, "clearance", time, ()),
-        self_contact=_aligned(record, "self_contact", time, ()),
-        beyond=_beyond(robot, soles, plant.blocks, len(time)),
+        payload=_payload(record),
+        clearance=aligned("clearance"),
+        self_contact=aligned("self_contact"),
+        beyond=_beyond(robot, places, plant.blocks, len(time)),
         modes=record.notes("mode"),
+        events=_events(record, float(time[-1])),
     )
 
 
-def _aligned(
-    record: RunRecord, name: str, time: Float64[np.ndarray, " T"], shape: tuple[int, ...]
-) -> Float64[np.ndarray, "T ..."]:
-    """A signal on every tick, NaN where it was not recorded."""
-    values = np.full((len(time), *shape), np.nan)
-    if name in record:
-        values[np.searchsorted(time, record.times(name))] = record[name]
-    return values
+def _payload(record: RunRecord) -> Float64[np.ndarray, "T 4"] | None:
+    """Mass [kg] and offset [m] of the payload with what hands hold, where they are estimated."""
+    if "payload_estimate" not in record:
+        return None
+    payload = record["payload_estimate"].copy()
+    if "held_estimate" in record:
+        payload[:, 0] += record["held_estimate"].sum(axis=1)
+    return payload
+
+
+def _events(record: RunRecord, end: float) -> tuple[Event, ...]:
+    known = json.loads(record.metadata.get("events", "[]"))
+    # The first mode is where the run begins, no event.
+    known += [(time, mode, 0.0) for time, mode in record.notes("mode")[1:]]
+    events = [Event(time=time, label=label, duration=seconds) for time, label, seconds in known]
+    return tuple(sorted((e for e in events if e.time <= end), key=lambda e: e.time))
 
 
 def _sole_poses(
@@ -237,7 +263,7 @@ def _beyond(
     blocks: Sequence[Block],
     ticks: int,
 ) -> Float64[np.ndarray, " T"]:
-    """How far the hindmost heel is ahead of the last block; soles and blocks lie along x."""
+    """Distance of the hindmost heel ahead of the last block; soles and blocks lie along x."""
     if not blocks or not soles:
         return np.full(ticks, np.nan)
     end = max(block.center[0] + 0.5 * block.size[0] for block in blocks)

@@ -1,23 +1,14 @@
 """`StackPlan`: the stack of a scenario file, from which each run builds its own."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 from inspect import Parameter, signature
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, ClassVar, get_type_hints
 
-from pydantic import GetCoreSchemaHandler
-from pydantic_core import CoreSchema, core_schema
+from pydantic import AfterValidator, BeforeValidator, GetPydanticSchema
 
 from poise._checks import Numbers
-from poise._schema import (
-    Bounds,
-    Number,
-    Text,
-    Truth,
-    Wanting,
-    checked,
-    keyed,
-)
+from poise._schema import Bounds, Number, Text, Truth, Wanting, checked
 from poise.errors import ConfigurationError
 from poise.stack import (
     SMOOTH_RATE,
@@ -48,6 +39,7 @@ _TASKS: Mapping[str, Callable[..., Any]] = {
 _CONTACTS: Mapping[str, Callable[..., Any]] = {"surface": SurfaceContact, "point": PointContact}
 
 _Gain = Annotated[Number | list[Number], Wanting("a number, or a list of numbers")]
+_Names = Annotated[list[Text], Wanting("a list of texts")]
 _IN_FILES: Mapping[Any, Any] = {
     str: Text,
     str | None: Text,
@@ -56,115 +48,83 @@ _IN_FILES: Mapping[Any, Any] = {
     float | None: Number,
     Numbers: _Gain,
     Numbers | None: _Gain,
-    Sequence[str] | None: list[Text],
+    Sequence[str] | None: _Names,
 }
-"""What stands in a file for an argument, by the argument's annotation."""
+"""Annotation in a file of an argument, by the argument's own."""
 
 
-@dataclass(frozen=True)
 class Recipe:
-    """A class and the arguments to make one with: tasks belong to one robot's run.
+    """Arguments of a class: tasks belong to one robot's run, so that each makes its own."""
 
-    Attributes:
-        maker: the class.
-        arguments: by name.
-    """
-
-    maker: Callable[..., Any]
-    arguments: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    maker: ClassVar[Callable[..., Any]]
 
     def make(self) -> Any:
-        """A new one."""
-        return self.maker(**self.arguments)
+        """Make an object of the class."""
+        return type(self).maker(**vars(self))
 
 
-@dataclass(frozen=True)
-class _ArgumentsOf:
-    """In a file a mapping, whose keys are the arguments of a class."""
-
-    maker: Callable[..., Any]
-
-    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        hints = get_type_hints(self.maker.__init__)
-        kinds = {
-            name: core_schema.typed_dict_field(
-                handler.generate_schema(_IN_FILES[hints[name]]),
-                required=p.default is Parameter.empty,
-            )
-            for name, p in signature(self.maker).parameters.items()
-            if hints[name] in _IN_FILES
-        }
-        arguments = core_schema.typed_dict_schema(kinds)
-        made = core_schema.no_info_after_validator_function(self._recipe, arguments)
-        return keyed(kinds, made)
-
-    def _recipe(self, arguments: dict[str, Any]) -> Recipe:
-        recipe = Recipe(self.maker, arguments)
-        # Made once on trial, so that what a class refuses is said with its line of the file.
-        recipe.make()
-        return recipe
+def _arguments(maker: Callable[..., Any]) -> Any:
+    """Make a dataclass of the arguments of a class that files may give."""
+    hints = get_type_hints(maker.__init__)
+    rows = [
+        (name, _IN_FILES[hints[name]], field() if p.default is Parameter.empty else p.default)
+        for name, p in signature(maker).parameters.items()
+        if hints[name] in _IN_FILES
+    ]
+    # Made once on trial, so that an error of the class has its line of the file.
+    members = {"maker": staticmethod(maker), "__post_init__": lambda self: self.make() and None}
+    kind = make_dataclass(
+        maker.__name__, rows, bases=(Recipe,), namespace=members, frozen=True, kw_only=True
+    )
+    return checked()(kind)
 
 
-@dataclass(frozen=True)
-class _OneOf:
-    """In a file `{kind: {arguments}}`, or the bare word `kind`."""
+def _in_files(annotation: Any) -> GetPydanticSchema:
+    return GetPydanticSchema(lambda _, handler: handler.generate_schema(annotation))
 
-    makers: Mapping[str, Callable[..., Any]]
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        kinds = {
-            name: core_schema.typed_dict_field(
-                core_schema.no_info_before_validator_function(
-                    lambda given: {} if given is None else given,
-                    _ArgumentsOf(maker).__get_pydantic_core_schema__(source, handler),
-                ),
-                required=False,
-            )
-            for name, maker in self.makers.items()
-        }
-        return core_schema.no_info_before_validator_function(
-            lambda entry: {entry: {}} if isinstance(entry, str) else entry,
-            keyed(
-                kinds,
-                core_schema.no_info_after_validator_function(
-                    self._only, core_schema.typed_dict_schema(kinds)
-                ),
-            ),
-        )
+def _one_of(makers: Mapping[str, Callable[..., Any]]) -> GetPydanticSchema:
+    """In a file `{kind: {arguments}}`, or the word `kind` alone."""
+    defaults = BeforeValidator(lambda given: {} if given is None else given)
+    rows = [(kind, Annotated[_arguments(made), defaults], None) for kind, made in makers.items()]
 
-    def _only(self, found: dict[str, Recipe]) -> Recipe:
-        if len(found) != 1:
-            what = "there must be one kind"
-            raise ConfigurationError(what, got=list(found), choices=self.makers)
-        return next(iter(found.values()))
+    def only(self: Any) -> None:
+        given = [kind for kind in makers if getattr(self, kind) is not None]
+        if len(given) != 1:
+            raise ConfigurationError("there must be one kind", got=given, choices=makers)
+
+    kinds = make_dataclass("Kinds", rows, namespace={"__post_init__": only}, frozen=True)
+    return _in_files(
+        Annotated[
+            checked()(kinds),
+            BeforeValidator(lambda entry: {entry: {}} if isinstance(entry, str) else entry),
+            AfterValidator(lambda found: next(made for made in vars(found).values() if made)),
+        ]
+    )
+
+
+_TORQUE_LIMIT, _JOINT_LIMIT, _BALANCE_LIMIT, _SELF_COLLISION_LIMIT = map(
+    _arguments, (TorqueLimit, JointLimit, BalanceLimit, SelfCollisionLimit)
+)
 
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class StackPlan:
-    """A recipe for a `Stack`.
+    """A recipe for a `Stack`, with one for each of its parts."""
 
-    Attributes:
-        contacts: the contacts.
-        levels: the tasks of each level, most important level first.
-        torque_limit: bounds of the torques.
-        joint_limit: limits of the joints' positions, velocities and accelerations.
-        balance_limit: what keeps tasks from toppling the robot.
-        self_collision_limit: what keeps the robot's links off each other.
-        softening: s of the weights of the softening terms [m, rad].
-    """
-
-    contacts: tuple[Annotated[Recipe, _OneOf(_CONTACTS)], ...] = ()
-    levels: tuple[tuple[Annotated[Recipe, _OneOf(_TASKS)], ...], ...] = ()
-    torque_limit: Annotated[Recipe, _ArgumentsOf(TorqueLimit)] = Recipe(
-        TorqueLimit, {"rate": SMOOTH_RATE}
+    contacts: tuple[Annotated[Recipe, _one_of(_CONTACTS)], ...] = ()
+    # Tasks of each level, most important level first
+    levels: tuple[tuple[Annotated[Recipe, _one_of(_TASKS)], ...], ...] = ()
+    torque_limit: Annotated[Recipe, _in_files(_TORQUE_LIMIT)] = field(
+        default_factory=lambda: _TORQUE_LIMIT(rate=SMOOTH_RATE)
     )
-    joint_limit: Annotated[Recipe, _ArgumentsOf(JointLimit)] = Recipe(JointLimit)
-    balance_limit: Annotated[Recipe, _ArgumentsOf(BalanceLimit)] = Recipe(BalanceLimit)
-    self_collision_limit: Annotated[Recipe, _ArgumentsOf(SelfCollisionLimit)] = Recipe(
-        SelfCollisionLimit, {"enabled": False}
+    joint_limit: Annotated[Recipe, _in_files(_JOINT_LIMIT)] = field(default_factory=_JOINT_LIMIT)
+    balance_limit: Annotated[Recipe, _in_files(_BALANCE_LIMIT)] = field(
+        default_factory=_BALANCE_LIMIT
+    )
+    self_collision_limit: Annotated[Recipe, _in_files(_SELF_COLLISION_LIMIT)] = field(
+        default_factory=lambda: _SELF_COLLISION_LIMIT(enabled=False)
     )
     softening: Annotated[float, Bounds(least=0.0, unit="m, rad")] = SOFTENING
 
@@ -172,7 +132,7 @@ class StackPlan:
         self.build()
 
     def build(self) -> Stack:
-        """A new stack, not yet bound to a robot."""
+        """Make a new stack, not yet bound to a robot."""
         return Stack(
             [contact.make() for contact in self.contacts],
             [[task.make() for task in level] for level in self.levels],

@@ -4,74 +4,85 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 
+import numpy as np
+from jaxtyping import Float64
+
 from poise.apps.scenarios._checks import validate_checks
-from poise.apps.scenarios._controllers import cast_of, strategy_of, with_actuation
-from poise.apps.scenarios._scenario import Scenario
-from poise.apps.scenarios._size import (
-    size_ratio,
-    sized,
-    sized_checks,
-    without_hands,
+from poise.apps.scenarios._director import Director
+from poise.apps.scenarios._scenario import DevicePlan, Scenario
+from poise.apps.scenarios._size import size_ratio, sized, sized_checks, without_hands
+from poise.apps.teleoperation import SCRIPTS, BadOperator, PoorLink, Script, read_recording
+from poise.control import (
+    CONTROLLERS,
+    Controller,
+    ControllerKind,
+    ControllerPlan,
+    check_plan,
+    make_controller,
+    refuse_solver_settings,
 )
-from poise.control import Controller
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, UnknownNameError
 from poise.estimation import PayloadEstimator, StateEstimator
+from poise.locomotion import Device, ScriptedDevice, StepTeleoperator, two_soles, walking_stack
 from poise.robots import Robot, load_robot
 from poise.sim import Estimator, Plant, Push
 from poise.stack import Leader
 
+_BY_HAND, _STRATEGY = "step_teleoperation", "com_shifter"
+"""Controller of a robot that an operator walks, in scenario files, and its only strategy."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stage:
-    """Who takes part in a scenario before its first tick: what `rollout` asks for.
+    """Everything that `rollout` needs for a scenario, before its first tick."""
 
-    Attributes:
-        scenario: with its lengths scaled to the robot, and the actuation and the blocks that its
-            controller brings.
-        robot: the robot.
-        plant: the simulated robot, its pushes to come.
-        controller: the scenario's.
-        leader: moves targets and contacts along the scenario.
-        estimator: says them where the robot is; nobody does when None.
-        pushes: that the plant will be given.
-    """
-
-    scenario: Scenario
+    scenario: Scenario  # scaled to the robot, with actuation and blocks of its controller
     robot: Robot
-    plant: Plant
+    plant: Plant  # pushes included
     controller: Controller
     leader: Leader
-    estimator: Estimator | None
+    estimator: Estimator | None  # None where controller and leader have the plant's own state
     pushes: tuple[Push, ...]
 
 
+def controller_names() -> tuple[str, ...]:
+    """Names of controllers in scenario files."""
+    return (*CONTROLLERS, _BY_HAND)
+
+
 def stage_scenario(scenario: Scenario, robot: Robot | None = None) -> Stage:
-    """Sets up a scenario: everything but the rollout and who looks at it.
+    """Set up a scenario: everything but the rollout and its observers.
 
     Args:
-        scenario: what to set up.
-        robot: what to set it up for; the scenario's own when None.
+        scenario: the scenario.
+        robot: the robot; the scenario's own when None.
 
     Raises:
-        PoiseError: the scenario does not fit its robot, or is walked by hand.
+        PoiseError: the scenario does not fit its robot.
     """
-    scenario = with_actuation(scenario)
+    scenario = _with_actuation(scenario)
     robot = load_robot(scenario.robot) if robot is None else robot
     ratio = size_ratio(scenario, robot)
     scenario = without_hands(sized(scenario, ratio), robot)
     _check_limbs(scenario, robot)
-    cast = cast_of(scenario, robot)
-    validate_checks(scenario.checks, cast.leader.stack, robot)
-    checks = sized_checks(scenario.checks, cast.leader.stack, ratio)
+    q_start, estimator = None, None
+    if scenario.devices is not None:
+        scenario, leader, q_start = _by_hand(scenario, scenario.devices, robot)
+        controller, estimator = leader.controller(), leader.estimator
+    else:
+        stack = scenario.stack.build() if scenario.stack is not None else None
+        if stack is None and scenario.walks:
+            stack = walking_stack(robot)
+        plan = replace(scenario.controller, dt=scenario.plant.control_dt)
+        controller = make_controller(robot, stack, plan)
+        leader = Director(scenario, controller.stack, robot)
+        if robot.floating_base and not scenario.ground_truth:
+            estimator = StateEstimator(robot, payload=PayloadEstimator(robot))
+    validate_checks(scenario.checks, leader.stack, robot)
+    checks = sized_checks(scenario.checks, leader.stack, ratio)
     scenario = replace(scenario, checks=checks)
-    estimator = cast.estimator
-    if estimator is None and robot.floating_base and not scenario.ground_truth:
-        payload = PayloadEstimator(robot)
-        estimator = StateEstimator(robot, q_start=cast.q_start, payload=payload)
-    blocks = scenario.plant.blocks + cast.blocks
-    scenario = replace(scenario, plant=replace(scenario.plant, blocks=blocks))
     plant = Plant(robot, scenario.plant, seed=scenario.seed)
-    plant.reset(cast.q_start)
+    plant.reset(q_start)
     pushes = tuple(
         plant.push(push.body, push.force_on(robot.mass), push.duration, push.at)
         for push in scenario.pushes
@@ -80,11 +91,111 @@ def stage_scenario(scenario: Scenario, robot: Robot | None = None) -> Stage:
         scenario=scenario,
         robot=robot,
         plant=plant,
-        controller=cast.controller,
-        leader=cast.leader,
+        controller=controller,
+        leader=leader,
         estimator=estimator,
         pushes=pushes,
     )
+
+
+def _by_hand(
+    scenario: Scenario, devices: DevicePlan, robot: Robot
+) -> tuple[Scenario, StepTeleoperator, Float64[np.ndarray, " nq"]]:
+    """The scenario with the blocks of its script, the leader of the feet, and where it begins."""
+    # Before a script is made for feet that are not there.
+    two_soles(robot)
+    script = SCRIPTS[devices.script](robot) if devices.script else None
+    q_start = robot.q_home if script is None else script.posture(robot)
+    plant = scenario.plant
+    teleoperator = StepTeleoperator(robot, q_start=q_start, actuation=plant.commanded)
+    if plant.control_dt != teleoperator.parameters.dt:
+        raise ConfigurationError(
+            f"controller {_BY_HAND} has another control period than the plant",
+            got=f"plant: control_dt: {plant.control_dt:g}",
+            wanted=f"control_dt: {teleoperator.parameters.dt:g}",
+        )
+    teleoperator.device = _device(devices, teleoperator, script, scenario.seed)
+    if script is not None:
+        scenario = replace(scenario, plant=replace(plant, blocks=plant.blocks + script.blocks))
+    return scenario, teleoperator, q_start
+
+
+def _device(
+    plan: DevicePlan, teleoperator: StepTeleoperator, script: Script | None, seed: int
+) -> Device:
+    if plan.recording:
+        device: Device = read_recording(plan.recording).device(teleoperator)
+    elif plan.bad_operator:
+        device = BadOperator(teleoperator, seed)
+    else:
+        points = plan.points if script is None else script.points
+        device = ScriptedDevice(points, *teleoperator.estimator.anchors)
+    if plan.latency or plan.loss:
+        device = PoorLink(device, latency=plan.latency, loss=plan.loss, seed=seed)
+    return device
+
+
+def _kind(plan: ControllerPlan) -> ControllerKind:
+    if plan.name not in CONTROLLERS:
+        raise UnknownNameError("no such controller", got=plan.name, choices=controller_names())
+    return check_plan(plan)
+
+
+def _with_actuation(scenario: Scenario) -> Scenario:
+    """The scenario on a plant that takes the commands of its controller."""
+    plan, plant = scenario.controller, scenario.plant
+    by_hand = plan.name == _BY_HAND
+    actuation = "velocity" if by_hand else _kind(plan).actuation
+    # A walk is kept up by forces, which a controller that commands velocities does not know.
+    if scenario.walks and actuation != "torque":
+        raise ConfigurationError(
+            f"controller {plan.name!r} cannot follow the walk of scenario {scenario.name!r}",
+            got=plan.name,
+            choices=[n for n, k in CONTROLLERS.items() if k.actuation == "torque"],
+        )
+    if by_hand:
+        _check_by_hand(scenario)
+    elif scenario.devices is not None:
+        raise ConfigurationError(
+            f"controller {plan.name!r} does not heed the devices of scenario {scenario.name!r}",
+            got=plan.name,
+            wanted=f"controller {_BY_HAND}",
+        )
+    if not scenario.actuation_given:
+        return replace(scenario, plant=replace(plant, actuation=actuation))
+    if not by_hand and plant.commanded != actuation:
+        fitting = [n for n, k in CONTROLLERS.items() if k.actuation == plant.commanded]
+        raise ConfigurationError(
+            f"controller {plan.name!r} wants another actuation of the plant",
+            got=plant.actuation,
+            wanted=f"actuation {actuation}, or a controller that commands {plant.commanded}",
+            choices=fitting,
+        )
+    return scenario
+
+
+def _check_by_hand(scenario: Scenario) -> None:
+    """Refuse what a robot that an operator walks has no use for."""
+    plan = scenario.controller
+    if scenario.devices is None:
+        raise ConfigurationError(
+            f"controller {_BY_HAND} needs devices, and scenario {scenario.name!r} has none",
+            wanted="the section devices in the scenario's file",
+        )
+    if plan.strategy not in (None, _STRATEGY):
+        raise UnknownNameError(
+            f"no such strategy of controller {_BY_HAND}", got=plan.strategy, choices=(_STRATEGY,)
+        )
+    refuse_solver_settings(plan)
+    given = {
+        "stack": scenario.stack is not None,
+        "motions": bool(scenario.motions),
+        "contacts": bool(scenario.contact_changes),
+    }
+    for what in (name for name, there in given.items() if there):
+        raise ConfigurationError(
+            f"controller {_BY_HAND} takes no {what}: it follows the devices", wanted=f"no {what}"
+        )
 
 
 def _check_limbs(scenario: Scenario, robot: Robot) -> None:
@@ -93,7 +204,7 @@ def _check_limbs(scenario: Scenario, robot: Robot) -> None:
     if plan is None:
         return
     recipes = [*plan.contacts, *(task for level in plan.levels for task in level)]
-    named = [frame for r in recipes if isinstance(frame := r.arguments.get("frame"), str)]
+    named = [frame for r in recipes if isinstance(frame := getattr(r, "frame", None), str)]
     there = robot.frame_names()
     soles, hands = ([n for n in dict.fromkeys(named) if part in n] for part in ("sole", "hand"))
     # Where some are there, others are misspelt, and the list of names helps.
@@ -110,23 +221,21 @@ def _check_limbs(scenario: Scenario, robot: Robot) -> None:
 
 
 def describe(scenario: Scenario, pushes: Sequence[Push]) -> dict[str, str]:
-    """What a record says of the scenario, so that a report can be made of the record alone.
-
-    Args:
-        scenario: that is run.
-        pushes: that its plant is given.
-    """
+    """Metadata of a record, so that a report can be made of the record alone."""
+    plan = scenario.controller
     events = [(push.at, f"push {push.body}", push.duration) for push in scenario.pushes]
     events += [
         (change.at, f"{'load' if change.load else 'unload'} {change.contact}", change.over)
         for change in scenario.contact_changes
     ]
     events += [(motion.at, f"{motion.task} moves", motion.over) for motion in scenario.motions]
+    by_hand = plan.name == _BY_HAND
+    strategy = _STRATEGY if by_hand else plan.strategy or check_plan(plan).strategies[0]
     return {
         "scenario": scenario.name,
         "description": scenario.description,
-        "controller": scenario.controller.name,
-        "strategy": strategy_of(scenario.controller),
+        "controller": plan.name,
+        "strategy": strategy,
         "seed": str(scenario.seed),
         "events": json.dumps(events),
         "pushes": json.dumps([asdict(push) for push in pushes]),

@@ -1,4 +1,4 @@
-"""What goes wrong in a run, tick by tick, and which of it stands behind a failed check."""
+"""Symptoms: what goes wrong in a run, tick by tick, and which of it explains a failed check."""
 
 from typing import NamedTuple
 
@@ -10,51 +10,27 @@ from poise.apps.scenarios._signals import RunSignals
 from poise.control import CommandStatus
 from poise.robots import Robot
 
-_SETTLED = 0.05
-"""What happens before this is the robot being put down [s]."""
+PHYSICS_RESIDUAL = 1e-6
+"""Relative residual that dynamics, contacts and limits may have in any run."""
 
-_LASTING = 0.01
-"""What lasts shorter than this did not bring anybody down [s]."""
-
-_EDGE = 7e-3
-"""A ZMP nearer to the edge of the feet than this is at it: contacts leave 5 mm [m]."""
-
-_STOP = 5e-3
-"""A joint nearer to its limit than this is at it [rad]."""
-
-_FULL = 0.999
-"""A torque over its limit from which it is at it."""
-
-_SLIP = 0.1
-"""A sole that carries load and goes faster along the ground than this slips [m/s]."""
-
-_CARRIES = 0.2
-"""A sole with this share of the robot's weight carries load."""
-
-_RESIDUAL = 1e-6
-"""A level with a larger relative residual is unmet."""
-
-_BEFORE = 0.25
-"""What happened this long before the worst moment of a check may have brought it about [s]."""
-
-_SAID = 3
-"""So many symptoms are told of a check."""
+_SETTLED = 0.05  # the robot is put down before this [s]
+_LASTING = 0.01  # shorter events bring no robot down [s]
+_EDGE = 7e-3  # a ZMP nearer to the edge of the feet is at it: contacts leave 5 mm [m]
+_STOP = 5e-3  # a joint nearer to its limit is at it [rad]
+_FULL = 0.999  # torque over its limit from which it is at it
+_SLIP = 0.1  # a loaded sole slips along the ground above this speed [m/s]
+_CARRIES = 0.2  # share of the robot's weight from which a sole carries load
+_BEFORE = 0.25  # causes come so shortly before the worst moment of a check [s]
+_SAID = 3  # symptoms named of a check
 
 
 class Symptom(NamedTuple):
-    """Something that goes wrong now and then.
+    """Something that goes wrong now and then."""
 
-    Attributes:
-        kind: one word for all of its kind, such as those of one joint and another.
-        what: in words.
-        there: in which ticks.
-        lasting: least duration within twice that time, for rocking feet come and go [s].
-    """
-
-    kind: str
-    what: str
-    there: Bool[np.ndarray, " T"]
-    lasting: float = _LASTING
+    kind: str  # one word for all of its kind, such as those of one joint and another
+    what: str  # in words
+    there: Bool[np.ndarray, " T"]  # ticks that have it
+    lasting: float = _LASTING  # least duration within twice that, for rocking feet come and go [s]
 
     def begin(self, time: Float64[np.ndarray, " T"]) -> float | None:
         """Return when it begins for `lasting` of the time that follows [s]; None for never."""
@@ -64,52 +40,43 @@ class Symptom(NamedTuple):
         begins = self.there & (total[ends] - total[:-1] >= count)
         return float(time[int(np.argmax(begins))]) if begins.any() else None
 
-    def between(self, time: Float64[np.ndarray, " T"], begin: float, end: float) -> "Symptom":
-        """The same in a window of time alone [s]."""
-        return self._replace(there=self.there & (time >= begin) & (time <= end))
-
 
 def symptoms_of(signals: RunSignals, robot: Robot, scenario: Scenario) -> list[Symptom]:
-    """Everything that can go wrong, after the first push where there is one."""
-    pushes = [push.at for push in scenario.pushes]
-    since = max(_SETTLED, min(pushes, default=0.0))
-    joints = robot.joint_names
+    """Everything that goes wrong after the first push, or where there is none, in the run."""
+    since = max(_SETTLED, min((push.at for push in scenario.pushes), default=0.0))
+    joints, soles = robot.joint_names, tuple(signals.sole_positions)
+    missed = np.array([s != CommandStatus.OK.value for s in signals.status])
+    full = np.abs(signals.torque) >= _FULL * signals.torque_max
     found = [
-        *_each("torque", "torque of {} at its limit", joints, _at_limit(signals)),
+        *_each("torque", "torque of {} at its limit", joints, full),
         *_each("stop", "{} at its stop", joints, _at_stop(signals, robot, since)),
-        *_each("slip", "{} slips", tuple(signals.sole_positions), _slipping(signals, robot)),
+        *_each("slip", "{} slips", soles, _slipping(signals, robot)),
         Symptom("zmp", "ZMP at the edge of the feet", signals.zmp_margin < _EDGE),
-        Symptom(
-            "tick",
-            "a tick without an answer",
-            np.array([s != CommandStatus.OK.value for s in signals.status]),
-            lasting=0.0,
-        ),
+        Symptom("tick", "a tick without an answer", missed, lasting=0.0),
     ]
     if scenario.plant.commanded == "torque" and signals.residuals.shape[1] >= 2:
         words = ("dynamics unmet (level 1)", "contacts or joint limits unmet (level 2)")
         for level, what in enumerate(words):
-            unmet = signals.residuals[:, level] > _RESIDUAL
+            unmet = signals.residuals[:, level] > PHYSICS_RESIDUAL
             found.append(Symptom(f"level {level + 1}", what, unmet))
     late = signals.time >= since
     found = [symptom._replace(there=symptom.there & late) for symptom in found]
     return [symptom for symptom in found if symptom.there.any()]
 
 
-def tell(symptoms: list[Symptom], time: Float64[np.ndarray, " T"], begin: float, end: float) -> str:
-    """The first symptoms of a window of time, one of a kind, in words; "" for none."""
+def explain(
+    symptoms: list[Symptom], time: Float64[np.ndarray, " T"], worst: float, *, whole: bool
+) -> str:
+    """The first symptoms, one of a kind, in words: of the whole run, or shortly before a moment."""
+    # A symptom that begins at that very moment lasts beyond it.
+    begin, end = (float(time[0]), worst) if whole else (worst - _BEFORE, worst + _LASTING)
+    window = (time >= begin) & (time <= end)
     first: dict[str, tuple[float, str]] = {}
     for symptom in symptoms:
-        at = symptom.between(time, begin, end).begin(time)
+        at = symptom._replace(there=symptom.there & window).begin(time)
         if at is not None:
             first[symptom.kind] = min(first.get(symptom.kind, (np.inf, "")), (at, symptom.what))
     return "; then ".join(f"{what} ({at:.2f} s)" for at, what in sorted(first.values())[:_SAID])
-
-
-def tell_before(symptoms: list[Symptom], time: Float64[np.ndarray, " T"], worst: float) -> str:
-    """What went wrong shortly before a moment [s], in words; "" where nothing is known."""
-    # What begins at that very moment lasts beyond it.
-    return tell(symptoms, time, worst - _BEFORE, worst + _LASTING)
 
 
 def _each(
@@ -122,12 +89,8 @@ def _each(
     ]
 
 
-def _at_limit(signals: RunSignals) -> Bool[np.ndarray, "T nj"]:
-    return np.abs(signals.torque) >= _FULL * signals.torque_max
-
-
 def _at_stop(signals: RunSignals, robot: Robot, since: float) -> Bool[np.ndarray, "T nj"]:
-    """Which joints are at a limit that they were not at before."""
+    """Joints at a limit that they were not at before."""
     joints = signals.q[:, robot.nq - robot.nj :]
     near = (joints < robot.q_min + _STOP) | (joints > robot.q_max - _STOP)
     before = near[max(int(np.searchsorted(signals.time, since)) - 1, 0)]

@@ -72,10 +72,9 @@ class SimulatedArm:
         stiffness: float = 250.0,
         damping: float = 12.0,
     ) -> None:
-        self._dt = checked_number(dt, "period of the arm [s]", above=0.0)
-        self._mass = checked_number(mass, "mass of the arm [kg]", above=0.0)
-        self._stiffness = checked_number(stiffness, "stiffness of the hand [N/m]", above=0.0)
-        self._damping = checked_number(damping, "damping of the hand [N s/m]", above=0.0)
+        self._dt, self._mass, self._stiffness, self._damping = _positive(
+            "the arm", dt=dt, mass=mass, stiffness=stiffness, damping=damping
+        )
         self._hand, self._periods = hand, 0
         self._position = hand(0.0)[0].copy()
         self._velocity = np.zeros(3)
@@ -99,6 +98,11 @@ class SimulatedArm:
 
 Readings = tuple[Reading | None, Reading | None]
 
+
+def _positive(owner: str, **numbers: float) -> list[float]:
+    return [checked_number(x, f"{name} of {owner}", above=0.0) for name, x in numbers.items()]
+
+
 # A foot with less than this part of both feet's load for so long [s] is in the air: as the
 # weight begins to shift to it, the load of one that stands may be gone for a moment
 _UNLOADED, _LIFTED = 0.05, 0.05
@@ -114,8 +118,8 @@ class _Hand:
     """A hand at an arm that may fail, and the force of its foot on it, none in stance."""
 
     def __init__(
-        self, arm: HapticArm, side: str, *, dt: float, gain: float, most: float,
-        smoothing: float, washout: float,
+        self, arm: HapticArm, side: str, dt: float, gain: float, most: float, smoothing: float,
+        washout: float,
     ) -> None:  # fmt: skip
         self._arm, self._side, self._dt, self._gain, self._most = arm, side, dt, gain, most
         self._smoothing, self._washout = smoothing, washout
@@ -126,8 +130,12 @@ class _Hand:
 
     def tick(self, foot: Float64[np.ndarray, "3"], total: float, *, heard: bool) -> Reading | None:
         """Read and drive the arm, with forces on the foot and on both [N]; None where it fails."""
-        self.error = None
-        reading, touch = self._read(), self._touch(foot, total)
+        self.error, reading = None, None
+        touch = self._touch(foot, total)
+        try:
+            reading = self._read()
+        except Exception as error:
+            self._fail(error)
         holds = reading is not None and reading[1] and heard
         goal = saturate(self._most, self._gain * touch) if holds else np.zeros(3)
         left = (goal - self._force) * self._smoothing / (self._smoothing + self._dt)
@@ -142,15 +150,10 @@ class _Hand:
         return reading
 
     def _read(self) -> Reading | None:
-        try:
-            reading = checked_reading(f"{self._side} arm", self._arm.read())
-        except Exception as error:
-            self._fail(error)
+        reading = checked_reading(f"{self._side} arm", self._arm.read())
+        if reading is None or reading.position is None or not np.isfinite(reading.position).all():
             return None
-        if reading is None or reading.position is None:
-            return None
-        place = np.array(reading.position)
-        return (place, bool(reading.clutch)) if np.isfinite(place).all() else None
+        return np.array(reading.position), bool(reading.clutch)
 
     def _fail(self, error: Exception) -> None:
         # The first one: what fails after it often does so because of it.
@@ -210,16 +213,14 @@ class HapticDriver:
         washout: float = 0.4,
         silence: float = 0.1,
     ) -> None:
-        self.dt = checked_number(dt, "period of the arms [s]", above=0.0)
-        self._silence = checked_number(silence, "silence of the robot [s]", above=0.0)
-        numbers = {
-            "dt": self.dt,
-            "gain": checked_number(gain, "gain of the forces", above=0.0),
-            "most": checked_number(force_max, "force_max of the arms [N]", above=0.0),
-            "smoothing": checked_number(smoothing, "smoothing of the forces [s]", above=0.0),
-            "washout": checked_number(washout, "washout of the forces [s]", above=0.0),
-        }
-        self._hands = (_Hand(left, "left", **numbers), _Hand(right, "right", **numbers))
+        self._silence, self.dt, *numbers = _positive(
+            "the arms", silence=silence, dt=dt, gain=gain, force_max=force_max,
+            smoothing=smoothing, washout=washout,
+        )  # fmt: skip
+        self._hands = (
+            _Hand(left, "left", self.dt, *numbers),
+            _Hand(right, "right", self.dt, *numbers),
+        )
         # In one object, which another thread replaces as a whole.
         self._news: tuple[float, Float64[np.ndarray, "2 3"]] = (-math.inf, np.zeros((2, 3)))
         self._known, self._unheard = self._news, 0

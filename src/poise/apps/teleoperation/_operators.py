@@ -31,9 +31,8 @@ class BadOperator:
     def __init__(self, controller: StepTeleoperator, seed: int) -> None:
         self._controller, self._rng = controller, np.random.default_rng(seed)
         self._hands = [anchor.copy() for anchor in controller.estimator.anchors]
-        self._from = [hand.copy() for hand in self._hands]
-        self._to = [hand.copy() for hand in self._hands]
-        self._begin, self._end = [0.0, 0.0], [0.0, 0.0]
+        # From, to, begin and end of the last motion of each
+        self._moves = [(hand, hand, 0.0, 0.0) for hand in self._hands]
         self._time, self._next, self._jitter_until, self._jitter = 0.0, 0.5, 0.0, 0.0
         self._silent_until, self._rubbish = 0.0, 0
         self._whims: tuple[Callable[[int], None], ...] = (
@@ -49,10 +48,9 @@ class BadOperator:
             whim = self._whims[int(self._rng.integers(len(self._whims)))]
             whim(int(self._rng.integers(2)))
             self._next = time + self._draw(*_PAUSE)
-        for foot in (0, 1):
-            begin, end = self._begin[foot], self._end[foot]
+        for foot, (start, goal, begin, end) in enumerate(self._moves):
             share = 1.0 if time >= end else (time - begin) / (end - begin)
-            self._hands[foot] = self._from[foot] + share * (self._to[foot] - self._from[foot])
+            self._hands[foot] = start + share * (goal - start)
         shake = self._rng.uniform(-1.0, 1.0, (2, 3))
         if time < self._silent_until:
             return None
@@ -77,8 +75,7 @@ class BadOperator:
         if height is not None:
             place[2] = self._draw(*height)
         seconds = self._draw(0.1, 0.6) if seconds is None else seconds
-        self._from[foot], self._to[foot] = self._hands[foot].copy(), place
-        self._begin[foot], self._end[foot] = self._time, self._time + seconds
+        self._moves[foot] = (self._hands[foot].copy(), place, self._time, self._time + seconds)
 
     def _sole(self, foot: int) -> Float64[np.ndarray, "3"]:
         status = self._controller.status
@@ -93,7 +90,7 @@ class BadOperator:
     def _lower_early(self, foot: int) -> None:
         """Up, and down again before the foot can have left the ground."""
         self._lift(foot)
-        self._hands[foot] = self._to[foot].copy()
+        self._hands[foot] = self._moves[foot][1].copy()
         self._lower(foot)
 
     def _step(self, foot: int) -> None:
@@ -165,8 +162,9 @@ class PoorLink:
         self._latency = checked_number(latency, "latency of the link [s]")
         self._loss = checked_number(loss, "probability of the link's losses")
         if loss > 1.0:
-            what = "the link's losses have no probability"
-            raise ConfigurationError(what, got=loss, wanted="0 to 1")
+            raise ConfigurationError(
+                "the link's losses have no probability", got=loss, wanted="0 to 1"
+            )
         self._jitter = checked_number(jitter, "jitter of the link [s]")
         self._cut = cut if cut == math.inf else checked_number(cut, "cut of the link [s]")
         self._rng = np.random.default_rng(checked_count(seed, "seed of the link"))

@@ -7,23 +7,34 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64, Int8
 
 from poise._checks import checked_count, checked_kind, checked_number
-from poise.apps.teleoperation._log import TeleopLog
 from poise.apps.teleoperation._recording import (
     RecordedDevice,
     RecordedPush,
     Recording,
+    RecordingError,
     TeleopRecorder,
+    TeleopSetup,
     read_recording,
+    recorded_robot,
     recording_of,
 )
-from poise.apps.teleoperation._setup import RecordingError, TeleopSetup, recorded_robot
 from poise.errors import ConfigurationError
-from poise.locomotion import ComDriver, ComShifter, Device, StepTeleoperator, TeleopParameters
+from poise.locomotion import (
+    ComDriver,
+    ComShifter,
+    Device,
+    DeviceStatus,
+    Mode,
+    StepTeleoperator,
+    TeleopParameters,
+)
 from poise.robots import Robot
 from poise.sim import Plant, PlantConfig, RunRecord, check_period, rollout
+
+MODES = tuple(Mode)  # The number of a mode in a log is its place here
 
 VELOCITY_TELEOP_PLANT = PlantConfig(
     actuation="velocity",
@@ -46,29 +57,86 @@ MakeDevice = Callable[[StepTeleoperator], Device]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TeleopRun:
-    """A finished run.
+class TeleopLog:
+    """A teleoperated run seen by the operator: columns of its record, T ticks.
 
-    Attributes:
-        record: of the run.
-        log: columns of the operator's side, a row a tick.
-        plant: as it was at the end.
-        teleoperator: as it was at the end.
-        fell: the robot fell, which ends a run.
-        clearance: smallest distance of any solid part of the robot from a block, up to 0.2 m [m];
-            None without blocks.
-        tick_us: median time of one control step [us].
-        real_time_factor: simulated over elapsed time.
+    Positions are in the world as the teleoperator estimates it; sides are left and right.
     """
 
+    time: Float64[np.ndarray, " T"]  # before the tick [s]
+    mode: Int8[np.ndarray, " T"]  # place in `tuple(Mode)`
+    device: Int8[np.ndarray, " T"]  # place in `tuple(DeviceStatus)`
+    devices: Float64[np.ndarray, "T 2 3"]  # sides, NaN where no sample came [m]
+    zmp: Float64[np.ndarray, "T 2"]  # measured, smoothed [m]
+    zmp_reference: Float64[np.ndarray, "T 2"]  # [m]
+    cart_table_zmp: Float64[np.ndarray, "T 2"]  # CT-ZMP [m]
+    com: Float64[np.ndarray, "T 3"]  # [m]
+    soles: Float64[np.ndarray, "T 2 3"]  # sides [m]
+    target: Float64[np.ndarray, "T 3"]  # of the swing foot, NaN with both on the ground [m]
+    loads: Float64[np.ndarray, "T 2"]  # sides [N]
+    tilt: Float64[np.ndarray, " T"]  # of the torso [rad]
+    command: Float64[np.ndarray, "T nj"]  # velocity [rad/s] or torque [N m] of each joint
+    q: Float64[np.ndarray, "T nq"]  # true configuration after the tick [m, rad]
+    touched: Bool[np.ndarray, " T"]  # a solid part of the robot touched a block after the tick
+
+    @classmethod
+    def of(cls, record: RunRecord, dt: float) -> "TeleopLog":
+        """Make the log of the record of a rollout with ticks of `dt` [s]."""
+        # A state that the teleoperator cannot use before it began leaves no status: no row.
+        end = record.times("zmp_reference")
+        rows = np.isin(record.times("q"), end)
+        touched = record["touched"][rows] if "touched" in record else np.zeros(len(end), np.bool_)
+        command = record["command_torque" if "command_torque" in record else "command_velocity"]
+        devices = [record[f"target/{side} device"][rows] for side in ("left", "right")]
+        known = ("zmp", "cart_table_zmp", "com", "soles", "loads", "tilt")
+        return cls(
+            time=dt * (np.round(end / dt) - 1.0),
+            mode=_places(record.notes("mode"), [mode.name for mode in MODES], end),
+            device=_places(record.notes("device"), [status.name for status in DeviceStatus], end),
+            devices=np.stack(devices, axis=1),
+            zmp_reference=record["zmp_reference"],
+            target=record["foot_target"],
+            command=command[rows],
+            q=record["q"][rows],
+            touched=touched,
+            **{name: record[f"estimate/{name}"] for name in known},
+        )
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def when(self, mode: Mode) -> Bool[np.ndarray, " T"]:
+        """Ticks in a mode."""
+        return self.mode == MODES.index(mode)
+
+    def entries(self, mode: Mode) -> Float64[np.ndarray, " n"]:
+        """Times at which a mode was entered [s]."""
+        now = self.when(mode)
+        return self.time[now & ~np.concatenate(([False], now[:-1]))]
+
+
+def _places(
+    notes: Sequence[tuple[float, str]], names: Sequence[str], times: Float64[np.ndarray, " T"]
+) -> Int8[np.ndarray, " T"]:
+    """The place of the note that holds at each time."""
+    starts = np.array([time for time, _ in notes])
+    places = np.array([names.index(text) for _, text in notes], dtype=np.int8)
+    return places[np.searchsorted(starts, times, side="right") - 1]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TeleopRun:
+    """A finished run; plant and teleoperator are as they were at its end."""
+
     record: RunRecord = field(repr=False)
-    log: TeleopLog
+    log: TeleopLog  # columns of the operator's side, a row a tick
     plant: Plant = field(repr=False)
     teleoperator: StepTeleoperator = field(repr=False)
-    fell: bool
+    fell: bool  # the robot fell, which ends a run
+    # Least distance of any solid part of the robot from a block, up to 0.2 m; None without blocks
     clearance: float | None
-    tick_us: float
-    real_time_factor: float
+    tick_us: float  # median time of one control step [us]
+    real_time_factor: float  # simulated over elapsed time
 
 
 def run_teleop(

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from poise.apps.teleoperation._recording import RecordedPush, write_recording
-from poise.apps.teleoperation._setup import RecordingError
+from poise.apps.teleoperation._recording import RecordedPush, RecordingError, write_recording
 from poise.locomotion import BodyCommand, OperatorSample, TrackedPose
 
 _FORMAT = {"format": "poise teleoperation", "version": 1}
