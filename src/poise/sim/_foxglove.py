@@ -13,9 +13,12 @@ from jaxtyping import Float64
 
 from poise.robots import Robot
 from poise.sim._mapping import StateMap
-from poise.sim._table import NUMBERS, Signal, Table, time_of
+from poise.sim._record import Signal, Table, time_of
 
-NOTES, MESSAGES = "notes", "messages"  # Content of topics that are no rows of signals
+NOTES, MESSAGES = "notes", "messages"  # content of topics that are no rows of signals
+
+# Kinds of number that ROS 1 has
+_ROS = {"float32", "float64", "bool", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64))}
 
 
 class Topic(NamedTuple):
@@ -41,13 +44,14 @@ def rows_topic(name: str, signals: tuple[Signal, ...]) -> Topic:
     lines = {"order": "int64 order", "time": "float64 time  # [s]"}
     for signal in signals:
         field, count = re.sub(r"\W", "_", signal.name), math.prod(signal.shape)
-        kind = NUMBERS.get(signal.dtype.str[1:], ("", ""))[1]
-        # Numbers that ROS does not have are shown as their bytes.
-        size = f"[{count if kind else signal.size}]" if signal.shape or not kind else ""
+        kind = signal.dtype.name
+        if kind not in _ROS:  # shown as their bytes
+            kind, count = "uint8", count * signal.dtype.itemsize
+        size = f"[{count}]" if signal.shape or kind != signal.dtype.name else ""
         while field in lines:
             field += "_"
         unit = f"  # [{signal.unit}]" if signal.unit else ""
-        lines[field] = f"{kind or 'uint8'}{size} {field}{unit}"
+        lines[field] = f"{kind}{size} {field}{unit}"
     holds = json.dumps([(s.name, s.unit, s.dtype.str, s.shape) for s in signals])
     return Topic(f"/{name}", f"poise/{name}", "\n".join(lines.values()), holds)
 

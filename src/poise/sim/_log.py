@@ -27,8 +27,7 @@ from poise.sim._foxglove import (
     ros_text,
     rows_topic,
 )
-from poise.sim._record import Counts, Part, RunRecord
-from poise.sim._table import Signal, Table, time_of
+from poise.sim._record import Counts, Part, RunRecord, Signal, Table, time_of
 
 _LIBRARY = "poise log 3"  # of the header; the number is the version of the layout
 _METADATA = "poise"  # name of the texts that say what the log is of

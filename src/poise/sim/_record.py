@@ -1,6 +1,7 @@
 """`RunRecord`: the record of one run, from which everything about it is made."""
 
 import json
+import struct
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any, NamedTuple, SupportsBytes
@@ -8,13 +9,12 @@ from typing import Any, NamedTuple, SupportsBytes
 import numpy as np
 
 from poise._show import new_figure
-from poise.errors import MissingExtraError, UnknownNameError
-from poise.sim._table import Names, Signal, Table, Value, time_of
+from poise.errors import MissingExtraError, TargetError, UnknownNameError
 
-# Notes (texts) and messages (what becomes bytes) by topic, with their times [s]
-Events = dict[str, list[tuple[float, str | SupportsBytes]]]
-
-Counts = dict[Names | str, int]  # Number of rows of each table and of events of each topic
+Value = float | int | np.generic | np.ndarray  # a sample of a signal
+Names = tuple[str, ...]  # signals that are sampled together, in the order in which they are given
+Events = dict[str, list[tuple[float, str | SupportsBytes]]]  # notes and messages by topic [s]
+Counts = dict[Names | str, int]  # number of rows of each table and of events of each topic
 
 _MEASURED = {
     "m, rad": "q",
@@ -31,9 +31,62 @@ _MEASURED = {
 }
 # Units of the signals that a recorder records by itself, by the part of a name before its "/"
 UNITS = {name: unit for unit, names in _MEASURED.items() for name in names.split()}
-_HEAD = np.dtype([("order", "<i8"), ("time", "<f8")])  # begin of a row of a `Table`
+_TIME = struct.Struct("<d")
+# Begin of a row: the number of rows of the whole record before it, and its time [s]
+_HEAD = np.dtype([("order", "<i8"), ("time", "<f8")])
 # Signals whose last numbers are one a joint, before them those of the base
 _JOINTWISE = ("q", "v", "torque", "command_torque", "command_velocity")
+
+
+class Signal(NamedTuple):
+    """One quantity over time."""
+
+    name: str
+    unit: str  # of its numbers, "" for a pure number or a flag
+    dtype: np.dtype[Any]  # kind of number of its samples
+    shape: tuple[int, ...]  # of a sample
+
+
+class Table:
+    """Rows of signals that are sampled together, each packed as a log holds it."""
+
+    def __init__(self, signals: tuple[Signal, ...]) -> None:
+        self.signals, self.rows = signals, list[bytes]()
+        kinds = np.dtype([*_HEAD.descr, *(("", s.dtype, s.shape) for s in signals)])
+        fields = [(kinds.fields or {})[name] for name in (kinds.names or ())]
+        self.places = {
+            s.name: slice(place, place + kind.itemsize)
+            for s, (kind, place, *_) in zip(signals, fields[2:], strict=True)
+        }
+        self._row = np.zeros((), kinds)
+        self._parts = [self._row[name] for name in kinds.names or ()]
+        self._shapes = [part.shape for part in self._parts]
+
+    def append(self, row: tuple[Value, ...]) -> None:
+        """Append one row, copied: order, time, and the samples."""
+        for part, shape, value in zip(self._parts, self._shapes, row, strict=True):
+            if getattr(value, "shape", ()) != shape:
+                self._refuse(row)
+            part[...] = value
+        self.rows.append(self._row.tobytes())
+
+    def extend(self, rows: list[bytes]) -> None:
+        """Append packed rows."""
+        size = self._row.dtype.itemsize
+        if self._row.dtype.hasobject or any(len(row) != size for row in rows):
+            raise ValueError("rows that are not of the signals")
+        self.rows += rows
+
+    def _refuse(self, row: tuple[Value, ...]) -> None:
+        for signal, value in zip(self.signals, row[2:], strict=True):
+            if (shape := np.shape(value)) != signal.shape:
+                what = f"signal {signal.name!r} changed its shape"
+                raise TargetError(what, got=shape, wanted=str(signal.shape))
+
+
+def time_of(row: bytes) -> float:
+    """Time of a packed row [s]."""
+    return _TIME.unpack_from(row, 8)[0]
 
 
 class Part(NamedTuple):
@@ -48,7 +101,7 @@ class RunRecord:
 
     Signals that are sampled together share a table, a row an instant; a signal may be in several.
     A note is a text under a topic, kept when it differs from the one before: a mode, a status. A
-    message is bytes under a topic. Looking up a signal that is not there is an `UnknownNameError`.
+    message is bytes under a topic. Unknown signals raise an `UnknownNameError`.
 
     Args:
         metadata: texts that say what the record is of: robot, controller, scenario, seed.
