@@ -81,7 +81,7 @@ class MujocoBridge:
         self.map = StateMap(robot, model, prefix=prefix, body_T_base=place)
         own = self.map.dof_order
         couplings = find_couplings(model, own)
-        acting = couplings.equalities[:, own].any(axis=1)
+        acting = np.flatnonzero(couplings.equalities[:, own].any(axis=1))
         accepted = check_equalities(robot, model, acting, accept_equalities)
         tendons = pulling_tendons(model, np.flatnonzero(couplings.tendons[:, own].any(axis=1)))
         self._drives = Drives(robot, model, self.map.joints, couplings.outputs)

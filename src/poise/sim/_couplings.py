@@ -61,7 +61,7 @@ def find_couplings(model: mujoco.MjModel, own: Int[np.ndarray, " n"]) -> Couplin
 def check_equalities(
     robot: Robot,
     model: mujoco.MjModel,
-    acting: Bool[np.ndarray, " neq"],
+    acting: Int[np.ndarray, " k"],
     accepted: Collection[str],
 ) -> list[str]:
     """Refuse equalities that act on the robot, but for those accepted by name; describe these."""
@@ -69,7 +69,7 @@ def check_equalities(
     for name in accepted:
         if name not in names:
             raise UnknownNameError("unknown equality of the model", got=name, choices=names)
-    found = {names[k]: _describe(model, k, names[k]) for k in np.flatnonzero(acting).tolist()}
+    found = {names[k]: _describe(model, k, names[k]) for k in acting.tolist()}
     refused = [text for name, text in found.items() if name not in accepted]
     if refused:
         raise RobotError(

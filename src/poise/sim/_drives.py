@@ -213,11 +213,11 @@ def _why_not(model: mujoco.MjModel, i: int) -> str:
     dynamics = mujoco.mjtDyn(int(model.actuator_dyntype[i]))
     gain = mujoco.mjtGain(int(model.actuator_gaintype[i]))
     bias = mujoco.mjtBias(int(model.actuator_biastype[i]))
+    known = mujoco.mjtDyn.mjDYN_NONE, _INTEGRATOR, *_FILTERS
     reasons = {
         "a plugin": model.actuator_plugin[i] >= 0,
         f"{int(model.actuator_ctrlnum[i])} controls": model.actuator_ctrlnum[i] != 1,
-        f"dynamics {dynamics.name}": dynamics
-        not in (mujoco.mjtDyn.mjDYN_NONE, _INTEGRATOR, *_FILTERS),
+        f"dynamics {dynamics.name}": dynamics not in known,
         f"gain {gain.name}": gain not in _GAINS,
         f"bias {bias.name}": bias not in _BIASES,
         "gear zero": abs(model.actuator_gear[model.actuator_outadr[i], 0]) < _TOO_LITTLE,

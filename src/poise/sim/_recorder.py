@@ -50,7 +50,8 @@ class HasSignals(Protocol):
     """A leader with something to tell a recorder."""
 
     def signals(self) -> Mapping[str, Value | str]:
-        """After a tick: samples of signals by name, and notes by topic."""
+        """Samples of signals by name, and notes by topic, after a tick."""
+        ...
 
 
 class Recorder:

@@ -24,20 +24,25 @@ class Body(Protocol):
     @property
     def control_dt(self) -> float:
         """Control period [s]."""
+        ...
 
     @property
     def time(self) -> float:
         """Its clock [s]."""
+        ...
 
     @property
     def fallen(self) -> bool:
         """True where there is nothing left to control: it fell, or a simulation diverged."""
+        ...
 
     def state(self) -> RobotState:
         """Return the measured state."""
+        ...
 
     def true_state(self) -> RobotState:
         """Return the true state; on hardware, where it is unknown, the measured one."""
+        ...
 
     def step(self, command: Command) -> None:
         """Advance one control period under a command."""
@@ -49,6 +54,7 @@ class AnyController(Protocol):
 
     def step(self, state: RobotState) -> Command:
         """Return the command for a state."""
+        ...
 
 
 @runtime_checkable
@@ -57,6 +63,7 @@ class Estimator(Protocol):
 
     def update(self, state: RobotState) -> RobotState:
         """Take a measured state in, once a tick; return the estimated one."""
+        ...
 
 
 @runtime_checkable
@@ -127,6 +134,7 @@ class PeriodicLeader(Leader, Protocol):
     @property
     def dt(self) -> float:
         """That period [s]."""
+        ...
 
 
 _SAME_PERIOD = 1e-9  # periods that differ by less are the same [s]

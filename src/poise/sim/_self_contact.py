@@ -1,7 +1,4 @@
-"""The robot's own links as things that touch each other, and how hard they do.
-
-Without it links pass through one another.
-"""
+"""The robot's own links as things that touch each other, and how hard they do."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -34,10 +31,7 @@ Pair = tuple[str, str]
 
 
 def covers(spec: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
-    """The geometry with which links meet each other.
-
-    It is a link's collision geometry; of a link that has none, the convex hulls of its pictures.
-    """
+    """Collision geometry of the links; of a link that has none, the hulls of its pictures."""
     found: list[mujoco.MjsGeom] = []
     for body in spec.bodies[1:]:
         solid = [g for g in body.geoms if g.contype or g.conaffinity]
