@@ -84,7 +84,7 @@ def differences(
     tendons: Sequence[str],
     prefix: str,
 ) -> tuple[str, ...]:
-    """What the controller does not know of a MuJoCo model, a sentence each."""
+    """Properties of a MuJoCo model that the controller does not know, a sentence each."""
     joints, none = list(mapping.joints), np.zeros(robot.nj)
     dofs = model.jnt_dofadr[joints]
     # Ranges may be wider than the controller knows: it keeps to what it knows.

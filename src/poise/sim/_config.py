@@ -117,8 +117,8 @@ class Block:
         tilt: its rotation about its own x and y axes, before yaw, about the centre of its top
             [rad].
         top: height of the centre of its top over the floor [m]; its own height when None.
-        told: whether a planner of footsteps is told of it; never of one that is tilted or sunk in,
-            since platforms are boxes that lie on the floor.
+        told: whether a planner of footsteps knows it; never one that is tilted or sunk in, since
+            platforms are boxes that lie on the floor.
     """
 
     center: Annotated[tuple[float, float], Vector(2, Bounds(most=_FARTHEST, unit="m"))]
@@ -171,10 +171,10 @@ class SensorConfig:
         force_bias: constant error of the sole forces, drawn once a sole and axis with this
             deviation [N].
         moment_noise: noise of the sole moments [N m].
-        moment_bias: constant error of the sole moments, drawn likewise [N m].
+        moment_bias: constant error of the sole moments, drawn alike [N m].
         accelerometer_noise: noise of the specific force that an estimator reads [m/s^2].
-        accelerometer_bias: its constant error, drawn likewise once an axis [m/s^2].
-        gyro_bias: constant error of the angular velocity that an estimator reads, drawn likewise;
+        accelerometer_bias: its constant error, drawn alike once an axis [m/s^2].
+        gyro_bias: constant error of the angular velocity that an estimator reads, drawn alike;
             `v` is without it, as a unit that knows its own bias gives it [rad/s].
         torque_noise: noise of the motors' torques that an estimator reads [N m].
         delay: age of everything measured [s], a multiple of the control period.
@@ -219,7 +219,7 @@ class SensorConfig:
 
     @property
     def ideal(self) -> bool:
-        """Whether the measured state is the true one."""
+        """True where the measured state is the true one."""
         return all(not np.any(getattr(self, f.name)) for f in fields(self))
 
 

@@ -182,8 +182,8 @@ def rollout(
 
     A tick is: measure, estimate, lead, control, step the plant, call the observers. Nothing
     happens between two iterations, so the caller sets the pace, and may push the robot or set
-    targets there. The rollout ends after `duration`, when the plant has fallen, or when no further
-    tick is asked for. Whatever ends it, an error included, every observer that began is ended, the
+    targets there. The rollout ends after `duration`, when the plant has fallen, or when the
+    caller stops. Whatever ends it, an error included, every observer that began is ended, the
     last one first. Until then Python's garbage is frozen (`gc.freeze`).
 
     Args:
