@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64
 
+from poise._compiled import compiled
 from poise.control import Command
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
@@ -44,6 +45,7 @@ class Actuators:
         self.constant = self._actuation != "velocity" and not self._lags  # in a control period
         self.rejected = 0
         self.reset(np.zeros(robot.nj), np.zeros(robot.nj))
+        self.controls()  # what is compiled is compiled now
 
     def reset(self, joints: Joints, load: Joints) -> Joints:
         """Stand still where the joints are."""
@@ -99,7 +101,7 @@ class Actuators:
 
     def controls(self) -> Float64[np.ndarray, "substeps nj"]:
         """Motor controls of a control period, a row a physics step; the next call overwrites it."""
-        command, target = self._command, self._target
+        command = self._command
         if self.constant:
             self._controls[:] = command
         elif self._lags:
@@ -109,13 +111,25 @@ class Actuators:
                 self._motor += self._follow * (command - self._motor)
                 control[:] = self._motor
         else:
-            moved, lead = self._dt * command, self._lead * command
-            for control in self._controls:
-                target += moved
-                np.maximum(target, self._q_min, out=target)
-                np.minimum(target, self._q_max, out=target)
-                np.add(target, lead, out=control)
+            limits = self._q_min, self._q_max
+            _move(self._target, command, limits, (self._dt, self._lead), self._controls)
         return self._controls
+
+
+@compiled
+def _move(
+    target: Joints,
+    velocity: Joints,
+    limits: tuple[Joints, Joints],
+    times: tuple[float, float],
+    controls: Float64[np.ndarray, "substeps nj"],
+) -> None:
+    """Move targets of servos along with a velocity, within limits, step by step."""
+    (q_min, q_max), (dt, lead) = limits, times
+    for step in range(len(controls)):
+        for i in range(len(target)):
+            target[i] = min(max(target[i] + dt * velocity[i], q_min[i]), q_max[i])
+            controls[step, i] = target[i] + lead * velocity[i]
 
 
 class ServoSteps:

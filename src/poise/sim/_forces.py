@@ -11,6 +11,7 @@ from poise.errors import UnknownNameError
 from poise.robots import Robot
 from poise.sim._config import Push
 
+_FORCE_FIRST = np.array([3, 4, 5, 0, 1, 2])  # order of a wrench, in that of MuJoCo
 _MIN_LOAD = 1.0  # with less vertical force [N] there is no zero-moment point
 
 
@@ -75,7 +76,13 @@ class SoleForces:
 
     def __init__(self, model: mujoco.MjModel, soles: Mapping[str, tuple[int, pin.SE3]]) -> None:
         self._soles = [
-            (name, body, _touching_beside(model, body), place.translation, place.rotation)
+            (
+                name,
+                body,
+                _touching_beside(model, body),
+                place.translation,
+                None if np.array_equal(place.rotation, np.eye(3)) else place.rotation,
+            )
             for name, (body, place) in soles.items()
         ]
         self._root = int(model.body_rootid[self._soles[0][1]]) if self._soles else 0
@@ -100,9 +107,11 @@ class SoleForces:
             world_R_body = data.xmat[body]
             mujoco.mju_mulMatVec3(center, world_R_body, offset)
             center += data.xpos[body]
-            world_R_sole = (world_R_body.reshape(3, 3) @ body_R_sole).ravel()
+            world_R_sole = world_R_body
+            if body_R_sole is not None:
+                world_R_sole = (world_R_body.reshape(3, 3) @ body_R_sole).ravel()
             mujoco.mju_transformSpatial(turned, wrench, 1, center, self._origin, world_R_sole)
-            in_soles[name] = np.concatenate((turned[3:], turned[:3]))
+            in_soles[name] = turned.take(_FORCE_FIRST)
         return in_soles
 
     def zmp(self, height: float) -> Float64[np.ndarray, "2"]:
