@@ -11,12 +11,17 @@ if (_refusal := refusal()) is not None:
 from poise.sim._blocks import BlockWatch as BlockWatch
 from poise.sim._bridge import MujocoBridge
 from poise.sim._camera import Camera, Marker, find_opengl as find_opengl
-from poise.sim._config import Actuation as Actuation, PlantConfig
-from poise.sim._disturbances import Block, Push as Push
+from poise.sim._config import (
+    Actuation as Actuation,
+    Block,
+    PlantConfig,
+    Push as Push,
+    SensorConfig,
+)
 from poise.sim._log import finish_log as finish_log, read_log, write_log as write_log
 from poise.sim._mapping import StateMap as StateMap
 from poise.sim._plant import Plant
-from poise.sim._record import RunRecord
+from poise.sim._record import RunRecord, Value as Value
 from poise.sim._recorder import HasSignals as HasSignals, Recorder, RecorderConfig as RecorderConfig
 from poise.sim._rollout import (
     AnyController as AnyController,
@@ -28,8 +33,6 @@ from poise.sim._rollout import (
     check_period as check_period,
     rollout,
 )
-from poise.sim._sensors import SensorConfig
-from poise.sim._table import Value as Value
 from poise.sim._video import VideoConfig as VideoConfig, render_video, run_markers as run_markers
 from poise.sim._viewer import (
     NoDisplayError as NoDisplayError,

@@ -1,8 +1,9 @@
-"""Actuators: from a command to the controls of MuJoCo's motors."""
+"""Actuators: from a command to the controls of MuJoCo's motors, and through a physics step."""
 
 import math
 from collections.abc import Callable
 
+import mujoco
 import numpy as np
 from jaxtyping import Float64
 
@@ -13,13 +14,17 @@ from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.sim._config import PlantConfig
 
+Joints = Float64[np.ndarray, " nj"]
+
+_MOST_PARTS = 32  # a physics step is divided into no more
+
 
 class Actuators:
     """Turns commands into motor controls, in the actuation that the plant was made for.
 
     Torque: the control is the torque, or follows it with the plant's bandwidth f, in a physics step
-    by the fraction 1 - exp(-2 pi f dt) of what is missing; the first command after a reset is there
-    at once, as if the robot had stood before. Position and velocity: each motor is a PD servo,
+    by the fraction 1 - exp(-2 pi f dt) of what is missing; the first command after a reset acts
+    fully, as if the robot had stood before. Position and velocity: each motor is a PD servo,
     tau = kp (q_d - q) + kd (v_d - v), saturated at the torque limit, where a velocity command moves
     q_d along with it, so that no position error builds up. A servo of positions, with v_d = 0, is
     sent a torque as q_d = q + (tau + kd v) / kp at the joints' measured q and v: that torque, and
@@ -32,33 +37,22 @@ class Actuators:
         self._lead = config.servo.damping / config.servo.stiffness
         self._stiffness = config.servo.stiffness * robot.tau_max
         self._damping = config.servo.damping * robot.tau_max
-        self._nj = robot.nj
         self._q_min, self._q_max = robot.q_min, robot.q_max
         bandwidth = config.torque_bandwidth
-        self._follow = 1.0 if bandwidth is None else -math.expm1(-math.tau * bandwidth * self._dt)
         self._lags = bandwidth is not None
-        self._torque = np.zeros(robot.nj)
-        self._motor: Float64[np.ndarray, " nj"] | None = None
-        self._target = np.zeros(robot.nj)
-        self._velocity = np.zeros(robot.nj)
+        self._follow = 1.0 if bandwidth is None else -math.expm1(-math.tau * bandwidth * self._dt)
         self._controls = np.zeros((config.substeps, robot.nj))
+        self.constant = self._actuation != "velocity" and not self._lags  # in a control period
         self.rejected = 0
-        if self._actuation == "velocity":
-            self.controls()  # what is compiled is compiled now
+        self.reset(np.zeros(robot.nj), np.zeros(robot.nj))
+        self.controls()  # what is compiled is compiled now
 
-    @property
-    def constant(self) -> bool:
-        """Whether the control stays the same through a control period."""
-        return self._actuation != "velocity" and not self._lags
-
-    def reset(
-        self, joints: Float64[np.ndarray, " nj"], load: Float64[np.ndarray, " nj"]
-    ) -> Float64[np.ndarray, " nj"]:
+    def reset(self, joints: Joints, load: Joints) -> Joints:
         """Stand still where the joints are."""
-        self._torque[:] = 0.0
-        self._motor = None
-        self._target[:] = joints + load / self._stiffness
-        self._velocity[:] = 0.0
+        self._target = joints + load / self._stiffness
+        # What the joints are commanded: torques, velocities or positions.
+        self._command = self._target if self._actuation == "position" else np.zeros(len(joints))
+        self._motor: Joints | None = None
         self.rejected = 0
         return load if self._actuation == "torque" else self._target
 
@@ -71,88 +65,113 @@ class Actuators:
         """Take the command for the next control period; `measure` returns the state before it.
 
         Values that are not finite are taken as zero torque, zero velocity or the last position, and
-        counted in `rejected`: nothing raises inside the loop on account of a value.
+        counted in `rejected`.
         """
         offered = {
             "torque": None if command is None else command.torque,
             "velocity": None if command is None else command.velocity,
             "position": position,
         }
+        size = len(self._target)
         value = offered.pop(self._actuation)
         if self._actuation == "position" and value is None:
-            value = self._pull(offered.pop("torque"), measure)
+            value = offered.pop("torque")
+            if value is not None and value.shape == (size,):
+                state = measure()
+                q, v = state.q[-size:], state.v[-size:]
+                value = q + (value + self._damping * v) / self._stiffness
         if value is None and any(v is not None for v in offered.values()):
             raise ConfigurationError(
                 "the command is of another kind than the plant's actuation",
                 got=[kind for kind, v in offered.items() if v is not None],
                 wanted=self._actuation,
             )
-        taken = self._checked(value)
-        if self._actuation == "torque":
-            self._torque = np.zeros(self._nj) if taken is None else taken
-        elif self._actuation == "velocity":
-            self._velocity = np.zeros(self._nj) if taken is None else taken
-        elif taken is not None:
-            self._target = taken
-
-    def controls(self) -> Float64[np.ndarray, "substeps nj"]:
-        """Motor controls of a control period, a row a physics step; the next call overwrites it."""
-        if self._actuation == "velocity":
-            limits = self._q_min, self._q_max
-            _move(self._target, self._velocity, limits, (self._dt, self._lead), self._controls)
-        elif self._lags:
-            for step in self._controls:
-                step[:] = self._followed()
-        else:
-            constant = self._torque if self._actuation == "torque" else self._target
-            self._controls[:] = constant
-        return self._controls
-
-    def _pull(
-        self, torque: Float64[np.ndarray, "..."] | None, measure: Callable[[], RobotState]
-    ) -> Float64[np.ndarray, "..."] | None:
-        """Return the positions at which servos of positions pull with a torque."""
-        if torque is None or torque.shape != (self._nj,):
-            return torque
-        state = measure()
-        q, v = state.q[-self._nj :], state.v[-self._nj :]
-        return q + (torque + self._damping * v) / self._stiffness
-
-    def _followed(self) -> Float64[np.ndarray, " nj"]:
-        """What motors of a limited bandwidth give in the next physics step."""
-        if self._motor is None:
-            self._motor = self._torque.copy()
-        self._motor += self._follow * (self._torque - self._motor)
-        return self._motor
-
-    def _checked(
-        self, value: Float64[np.ndarray, "..."] | None
-    ) -> Float64[np.ndarray, " nj"] | None:
-        if value is None:
-            return None
-        if value.shape != (self._nj,):
+        if value is not None and value.shape != (size,):
             raise ConfigurationError(
                 f"the {self._actuation} command has the wrong shape",
                 got=value.shape,
-                wanted=f"({self._nj},)",
+                wanted=f"({size},)",
             )
-        if not np.isfinite(value.sum()):
-            self.rejected += 1
-            return None
-        return value.copy()
+        if value is not None and np.isfinite(value.sum()):
+            self._command = value.copy()
+            return
+        self.rejected += value is not None
+        if self._actuation != "position":
+            self._command = np.zeros(size)
+
+    def controls(self) -> Float64[np.ndarray, "substeps nj"]:
+        """Motor controls of a control period, a row a physics step; the next call overwrites it."""
+        command = self._command
+        if self.constant:
+            self._controls[:] = command
+        elif self._lags:
+            if self._motor is None:
+                self._motor = command.copy()
+            for control in self._controls:
+                self._motor += self._follow * (command - self._motor)
+                control[:] = self._motor
+        else:
+            limits = self._q_min, self._q_max
+            _move(self._target, command, limits, (self._dt, self._lead), self._controls)
+        return self._controls
 
 
 @compiled
 def _move(
-    target: Float64[np.ndarray, " nj"],
-    velocity: Float64[np.ndarray, " nj"],
-    limits: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
+    target: Joints,
+    velocity: Joints,
+    limits: tuple[Joints, Joints],
     times: tuple[float, float],
     controls: Float64[np.ndarray, "substeps nj"],
 ) -> None:
-    """Moves targets of servos along with a velocity, within limits, step by step."""
+    """Move targets of servos along with a velocity, within limits, step by step."""
     (q_min, q_max), (dt, lead) = limits, times
     for step in range(len(controls)):
         for i in range(len(target)):
             target[i] = min(max(target[i] + dt * velocity[i], q_min[i]), q_max[i])
             controls[step, i] = target[i] + lead * velocity[i]
+
+
+class ServoSteps:
+    """Divides a physics step while a servo is at its torque limit.
+
+    MuJoCo takes a servo's damping at the end of the step, so that a stiff one is stable in steps of
+    any length; at the limit of its torque it cannot. There the torque is that at the beginning of
+    the step, and a joint that is light beside its servo's damping is thrown through the band
+    within which the servo is not at its limit, to the other side of it, and back in the next step,
+    for ever: with a millisecond G1's hips rattled so from the first hard landing on.
+
+    So steps are divided that begin with a servo at its limit, until that is short for the fastest
+    joints: dt times the largest eigenvalue of D M^-1 is 1 or less, with the servos' damping D [N m
+    s/rad] and the joint space inertia M.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self._model, self._dt = model, float(model.opt.timestep)
+        joints = model.actuator_trnid[:, 0]
+        self._at_q, self._at_v = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        self._stiffness, self._damping = model.actuator_gainprm[:, 0], -model.actuator_biasprm[:, 2]
+        self._limit = np.where(model.actuator_forcelimited, model.actuator_forcerange[:, 1], np.inf)
+        self.parts = self._parts(data)
+
+    def advance(self, data: mujoco.MjData) -> None:
+        """One physics step, in one or in `parts`."""
+        error = data.ctrl - data.qpos[self._at_q]
+        torque = self._stiffness * error - self._damping * data.qvel[self._at_v]
+        if self.parts == 1 or not (np.abs(torque) >= self._limit).any():
+            mujoco.mj_step(self._model, data)
+            return
+        self._model.opt.timestep = self._dt / self.parts
+        mujoco.mj_step(self._model, data, self.parts)
+        self._model.opt.timestep = self._dt
+
+    def _parts(self, data: mujoco.MjData) -> int:
+        if not np.isfinite(self._damping).all():
+            return 1
+        mujoco.mj_forward(self._model, data)
+        inertia = np.zeros((self._model.nv, self._model.nv))
+        mujoco.mj_fullM(self._model, data, inertia)
+        inverse = np.linalg.inv(inertia)[np.ix_(self._at_v, self._at_v)]
+        root = np.sqrt(self._damping)
+        fastest = float(np.linalg.eigvalsh(root[:, None] * inverse * root).max())
+        return min(_MOST_PARTS, max(1, math.ceil(self._dt * fastest)))

@@ -6,19 +6,18 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64
 
+from poise.sim._build import FLOOR_ONLY
 from poise.sim._plant import Plant
-from poise.sim._world import FLOOR_ONLY
 
 
 class BlockWatch:
-    """Looks at the blocks of a plant; made once, asked as often as wanted."""
+    """Touch of a plant's blocks and the distance from them."""
 
     def __init__(self, plant: Plant, *, distance_max: float = 0.2) -> None:
         self._plant, self._far = plant, distance_max
         model = plant.model
         blocks = [int(model.geom(f"block{i}").id) for i in range(len(plant.config.blocks))]
-        _, to_ground = FLOOR_ONLY
-        solid = (model.geom_conaffinity & to_ground) != 0
+        solid = (model.geom_conaffinity & FLOOR_ONLY["conaffinity"]) != 0
         self._blocks, self._touching = np.array(blocks, dtype=np.int64), set(blocks)
         self._limbs = np.flatnonzero(solid & (model.geom_bodyid > 0))
         self._radii = model.geom_rbound[self._limbs]
@@ -34,7 +33,7 @@ class BlockWatch:
         return not self._touching.isdisjoint(self._plant.data.contact.geom.ravel().tolist())
 
     def clearance(self) -> float:
-        """Distance of what is solid of the robot from blocks, at most `distance_max` [m]."""
+        """Distance of the robot's solid parts from the blocks, at most `distance_max` [m]."""
         model, data, nearest = self._plant.model, self._plant.data, self._far
         places = data.geom_xpos[self._limbs]
         # Most of a robot is far above all blocks.
@@ -46,26 +45,14 @@ class BlockWatch:
             if least[i] >= nearest:
                 break
             block, limb = divmod(i, len(low))
-            nearest = min(
-                nearest,
-                mujoco.mj_geomDistance(
-                    model,
-                    data,
-                    int(self._blocks[block]),
-                    int(self._limbs[low[limb]]),
-                    nearest,
-                    None,
-                ),
-            )
+            pair = int(self._blocks[block]), int(self._limbs[low[limb]])
+            nearest = min(nearest, mujoco.mj_geomDistance(model, data, *pair, nearest, None))
         return float(nearest)
 
     def _least_distances(
         self, places: Float64[np.ndarray, "limbs 3"], radii: Float64[np.ndarray, " limbs"]
     ) -> Float64[np.ndarray, " pairs"]:
-        """What each block is at least away from each limb, limb by limb of the first block first.
-
-        The sphere around a limb lies that far from the box.
-        """
+        """Distances of spheres around the limbs from the blocks, all limbs of the first first."""
         # Along the axes of each box, and beyond its sides.
         beyond = np.abs((places - self._centers[:, None]) @ self._axes) - self._halves
         distance = np.sqrt((np.maximum(beyond, 0.0) ** 2).sum(axis=-1))

@@ -1,4 +1,4 @@
-"""`MujocoBridge`: a controller in a MuJoCo loop of one's own."""
+"""`MujocoBridge`: a controller in a MuJoCo loop that a user wrote."""
 
 import math
 import warnings
@@ -16,8 +16,8 @@ from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, RobotError
 from poise.robots import Robot
 from poise.sim._comparison import differences, find_base
-from poise.sim._drives import Drives
-from poise.sim._equalities import check_equalities
+from poise.sim._couplings import check_equalities, find_couplings, pulling_tendons
+from poise.sim._drives import Drives, Joints
 from poise.sim._forces import SoleForces
 from poise.sim._mapping import StateMap
 from poise.sim._rest import find_rest
@@ -33,12 +33,11 @@ class MujocoBridge:
             mujoco.mj_step(model, data)
 
     Joints are found by their names. The model may have them in any order, the base's free joint
-    anywhere, other bodies, joints and actuators besides, and actuators of any linear kind, see
-    `Drives`: a servo is sent the position at which it gives the commanded torque. What cannot be
-    right is refused when the bridge is made, before anything moves; what the controller does not
-    know of the model, such as a heavier link or a weaker motor, is told by one warning and stands
-    in `differences`, and so does an option with which MuJoCo's solver may go wrong. Nothing in the
-    model is changed: it is the user's, and so is what else moves in it.
+    anywhere, other bodies, joints and actuators besides, and actuators of any linear kind: a servo
+    is sent the position at which it gives the commanded torque. What cannot be right is refused
+    when the bridge is made, before anything moves; what the controller does not know of the model,
+    such as a heavier link or a weaker motor, stands in `differences` and in one warning, and so
+    does an option with which MuJoCo's solver may go wrong. Nothing in the model is changed.
 
     A robot has no loops and no coupled joints. An active equality of the model that acts on the
     robot (connect, weld, joint, tendon, flex) is refused unless it is accepted by name; one between
@@ -80,18 +79,21 @@ class MujocoBridge:
         place = find_base(robot, model, prefix)
         self.robot, self.model = robot, model
         self.map = StateMap(robot, model, prefix=prefix, body_T_base=place)
-        accepted = check_equalities(robot, model, self.map, accept_equalities)
-        self._drives = Drives(robot, model, self.map.joints)
+        own = self.map.dof_order
+        couplings = find_couplings(model, own)
+        acting = np.flatnonzero(couplings.equalities[:, own].any(axis=1))
+        accepted = check_equalities(robot, model, acting, accept_equalities)
+        tendons = pulling_tendons(model, np.flatnonzero(couplings.tendons[:, own].any(axis=1)))
+        self._drives = Drives(robot, model, self.map.joints, couplings.outputs)
         self._soles = SoleForces(model, _sole_places(robot, model, self.map))
-        self._base_q, self._base_v = robot.nq - robot.nj, robot.nv - robot.nj
         self._refused = {kind: self._drives.refused(kind) for kind in ("torque", "velocity")}
         self._no_torque = np.zeros(robot.nj)
         self.rejected = 0
         # Where servos that follow velocities are, how fast they go, and since when.
-        self._target: Float64[np.ndarray, " nj"] | None = None
+        self._target: Joints | None = None
         self._velocity, self._since = np.zeros(robot.nj), math.nan
         self.differences = (
-            *differences(robot, model, self.map, self._drives, prefix),
+            *differences(robot, model, self.map, self._drives, tendons, prefix),
             *(f"an equality that was accepted: {text}" for text in accepted),
         )
         if self.differences:
@@ -102,7 +104,7 @@ class MujocoBridge:
             )
 
     def state(self, data: mujoco.MjData) -> RobotState:
-        """The true state, with the wrenches that the last step put on the soles.
+        """Return the true state, with the wrenches that the last step put on the soles.
 
         Args:
             data: after `mj_forward` or `mj_step`.
@@ -110,14 +112,11 @@ class MujocoBridge:
         self._check_data(data)
         if self.robot.soles and not data.flg_rnepost:
             mujoco.mj_rnePostConstraint(self.model, data)
-        self._soles.update(data)
-        qpos, qvel = data.qpos, data.qvel
-        return RobotState(
-            self.map.q(qpos), self.map.v(qpos, qvel), self._soles.in_soles, float(data.time)
-        )
+        q, v = self.map.q(data.qpos), self.map.v(data.qpos, data.qvel)
+        return RobotState(q, v, self._soles.update(data), float(data.time))
 
     def apply(self, command: Command, data: mujoco.MjData) -> Float64[np.ndarray, " nj"]:
-        """Sends a command to the actuators; best before every physics step.
+        """Send a command to the actuators; best before every physics step.
 
         A velocity moves the targets of servos along, from where the joints are at the first such
         command or what `place` let hold the robot, by the time that `data` says has passed. Values
@@ -137,14 +136,12 @@ class MujocoBridge:
         """
         self._check_data(data)
         wanted, kind = self._read(command)
-        q = self.map.q(data.qpos)[self._base_q :]
-        v = self.map.v(data.qpos, data.qvel)[self._base_v :]
-        drives = self._drives
+        joints = slice(-self.robot.nj, None)
+        q, v = self.map.q(data.qpos)[joints], self.map.v(data.qpos, data.qvel)[joints]
+        drives, acceleration = self._drives, command.acceleration
         with np.errstate(all="ignore"):
             if kind == "torque":
-                acceleration = command.acceleration
-                joints = None if acceleration is None else acceleration[self._base_v :]
-                v = drives.end_of_step(v, joints)
+                v = drives.end_of_step(v, None if acceleration is None else acceleration[joints])
                 controls = drives.for_torque(wanted, q, v)
             else:
                 target = self._move_target(wanted, q, float(data.time))
@@ -164,7 +161,7 @@ class MujocoBridge:
         q: Float64[np.ndarray, " nq"] | None = None,
         v: Float64[np.ndarray, " nv"] | None = None,
     ) -> None:
-        """Puts the robot somewhere, and leaves everything else where it is.
+        """Put the robot somewhere, and leave everything else where it is.
 
         As by `Plant.reset`, one that is put on the ground at rest stands there loaded: its base is
         moved by some hundredths of a millimetre, and its actuators hold it.
@@ -179,14 +176,12 @@ class MujocoBridge:
         v = np.zeros(self.robot.nv) if v is None else v
         self.map.write(q, v, data.qpos, data.qvel)
         self._target = None
-        free = self.map.free_joint
-        forces = None if free is None or v.any() else find_rest(self.model, data, free)
-        if forces is not None:
-            load = forces[self.map.dof_order[self._base_v :]]
+        load = None if v.any() else find_rest(self.model, data, self.map)
+        if load is not None:
             if not self._refused["torque"]:
                 self.apply(Command(CommandStatus.OK, load), data)
-            # Servos that are told velocities next begin with what holds the robot.
-            self._target = q[self._base_q :] + self._drives.lead(load)
+            # Servos that are sent velocities next begin with what holds the robot.
+            self._target = q[-self.robot.nj :] + self._drives.lead(load)
             self._velocity, self._since = np.zeros(self.robot.nj), float(data.time)
         mujoco.mj_forward(self.model, data)
 
@@ -194,7 +189,7 @@ class MujocoBridge:
         if (data.qpos.size, data.ctrl.size) != (self.model.nq, self.model.nu):
             raise ConfigurationError("data of another model than the bridge was made with")
 
-    def _read(self, command: Command) -> tuple[Float64[np.ndarray, " nj"], str]:
+    def _read(self, command: Command) -> tuple[Joints, str]:
         """The command's values, and of which kind they are."""
         kind = "velocity" if command.torque is None else "torque"
         value = command.velocity if command.torque is None else command.torque
@@ -216,10 +211,8 @@ class MujocoBridge:
             return self._no_torque, kind
         return value, kind
 
-    def _move_target(
-        self, velocity: Float64[np.ndarray, " nj"], q: Float64[np.ndarray, " nj"], now: float
-    ) -> Float64[np.ndarray, " nj"]:
-        """Where servos should be at the end of the next physics step [rad]."""
+    def _move_target(self, velocity: Joints, q: Joints, now: float) -> Joints:
+        """Targets of servos at the end of the next physics step [rad]."""
         if self._target is None or not now >= self._since:
             self._target = q.copy()
         else:
@@ -231,14 +224,11 @@ class MujocoBridge:
 
 
 def _find_prefix(robot: Robot, model: mujoco.MjModel) -> str:
-    """Return the prefix of the names of the robot's joints, if there is just one."""
+    """The prefix of the names of the robot's joints, if there is just one."""
     there = {model.joint(j).name for j in range(model.njnt)}
     first = robot.joint_names[0]
-    fitting = sorted(
-        prefix
-        for prefix in (name[: len(name) - len(first)] for name in there if name.endswith(first))
-        if all(prefix + name in there for name in robot.joint_names)
-    )
+    prefixes = (name.removesuffix(first) for name in sorted(there) if name.endswith(first))
+    fitting = [p for p in prefixes if there.issuperset(p + name for name in robot.joint_names)]
     if len(fitting) > 1:
         raise RobotError(
             f"the MuJoCo model has several robots with the joints of {robot.name!r}",
@@ -246,26 +236,20 @@ def _find_prefix(robot: Robot, model: mujoco.MjModel) -> str:
             wanted="one of them as prefix",
             choices=fitting,
         )
-    # Without any, the joints that are missing are told by their own names.
+    # Without any, the joints that are missing are named as the robot has them.
     return fitting[0] if fitting else ""
 
 
 def _sole_places(
     robot: Robot, model: mujoco.MjModel, mapping: StateMap
 ) -> dict[str, tuple[int, pin.SE3]]:
-    """Of each sole, the body that its last joint moves, and its place in that body.
-
-    Found from where things are at home, so that names and frames of links do not matter.
-    """
-    data, ours = mujoco.MjData(model), robot.model.createData()
-    data.qpos[:] = mapping.qpos(robot.q_home)
-    mujoco.mj_kinematics(model, data)
+    """Of each sole the body that its last joint moves, and its place there, from both at home."""
+    data, ours = mapping.at(robot.q_home), robot.model.createData()
     pin.framesForwardKinematics(robot.model, ours, robot.q_home)
-    first = robot.model.njoints - robot.nj
     places: dict[str, tuple[int, pin.SE3]] = {}
     for name in robot.soles:
         frame = robot.frame_id(name)
-        joint = int(robot.model.frames[frame].parentJoint) - first
+        joint = int(robot.model.frames[frame].parentJoint) - robot.model.njoints + robot.nj
         body = int(model.jnt_bodyid[mapping.joints[joint] if joint >= 0 else mapping.free_joint])
         world_T_body = pin.SE3(data.xmat[body].reshape(3, 3).copy(), data.xpos[body].copy())
         places[name] = (body, world_T_body.actInv(ours.oMf[frame]))

@@ -1,11 +1,9 @@
 """A MuJoCo model built from a `Robot`: its own document, a floor, soles, motors, sensors.
 
 The model is a second, independent one: it is parsed from the document, not made from Pinocchio's.
-
-The plant made different from its description, which the controller keeps.
 """
 
-from collections.abc import Generator, Iterable
+from collections.abc import Generator
 from contextlib import contextmanager
 
 import mujoco
@@ -14,53 +12,20 @@ from jaxtyping import Float64
 
 from poise.errors import RobotError, UnknownNameError
 from poise.robots import FrameRole, Robot, drop_meshes, free_name
-from poise.sim._config import PlantConfig
-from poise.sim._disturbances import LinkError, Payload
-from poise.sim._document import add_sticks, convert_meshes, parse_document
+from poise.sim._config import Payload, PlantConfig
+from poise.sim._document import add_sticks, convert_meshes, parse_document, weld_joints
 from poise.sim._self_contact import covers, exclude_lasting_contacts, let_touch
-from poise.sim._weld import weld_joints
-from poise.sim._world import FLOOR_ONLY, add_world
 
+FLOOR_ONLY = {"contype": 0, "conaffinity": 1}
+"""Collision bits of the robot's geometry: it meets the ground, never itself."""
 
-def apply_model_error(model: mujoco.MjModel, robot: Robot, config: PlantConfig) -> None:
-    """Scale masses and inertias and shift centres of mass in a compiled model.
+_SOLE_THICKNESS = 0.02  # the box under a foot reaches so far up [m]; only its lower face matters
+_FRICTION_IMPEDANCE = 10.0  # friction is so much stiffer than normals: a standing foot stays
+_HIDDEN_GROUP = 3  # MuJoCo's viewers do not draw geometry of this group unless asked to
+_TURNING = (0.005, 0.0001)  # torsional and rolling friction, MuJoCo's defaults
 
-    Payloads and geometry of our own keep their mass.
-    """
-    names = [model.body(i).name for i in range(model.nbody)]
-    links = [i for i, name in enumerate(names) if name and name != "world"]
-    model.body_mass[links] *= config.mass_scale
-    model.body_inertia[links] *= config.mass_scale * config.inertia_scale
-    for error in config.link_errors:
-        if error.link not in names:
-            raise UnknownNameError(
-                f"unknown link of robot {robot.name!r}",
-                got=error.link,
-                choices=[names[i] for i in links],
-            )
-        _apply_to_link(model, names.index(error.link), error)
-    # Quantities derived from the masses (subtree masses, inverse weights) must follow.
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-
-
-def _apply_to_link(model: mujoco.MjModel, body: int, error: LinkError) -> None:
-    model.body_mass[body] *= error.mass_scale
-    model.body_inertia[body] *= error.mass_scale * error.inertia_scale
-    model.body_ipos[body] += np.array(error.com_offset)
-    # MuJoCo skips the offset of the inertial frame where a body says it has none.
-    model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
-    model.body_simple[body] = 0
-
-
-_SOLE_THICKNESS = 0.02
-"""The box under a foot reaches this far up from the sole [m]; only its lower face matters."""
-
-_FRICTION_IMPEDANCE = 10.0
-"""Friction is this much stiffer than the normal direction, so a standing foot does not creep."""
-
-_BASE_JOINT = "floating_base"
-_HIDDEN_GROUP = 3
-"""MuJoCo's viewers do not draw geometry of this group unless asked to."""
+# Stiff from the first touch, MuJoCo's solimp: a 100 kg robot sinks in by about 0.01 mm.
+_CONTACT_IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
 
 
 def build_model(robot: Robot, config: PlantConfig, *, pictures: bool = False) -> mujoco.MjModel:
@@ -79,9 +44,18 @@ def build_model(robot: Robot, config: PlantConfig, *, pictures: bool = False) ->
         add_sticks(spec)
     feet = [body for role in soles for body in _rigid_with(_body(spec, role.link, robot))]
     touching = covers(spec) if config.self_contact else []
-    _bare_feet(feet)
-    _make_solid(geom for geom in touching if geom.parent not in feet)
-    _sort_geometry(spec)
+    for geom in (geom for body in feet for geom in body.geoms if _is_solid(geom)):
+        # A sole takes its place, whose plane the ground meets. Not deleted: mass may come from it.
+        geom.contype, geom.conaffinity, geom.group = 0, 0, _HIDDEN_GROUP
+    for geom in touching:
+        if geom.parent not in feet:
+            geom.contype, geom.conaffinity = FLOOR_ONLY.values()
+    for body in spec.bodies:
+        solid = [geom for geom in body.geoms if _is_solid(geom)]
+        hidden = len(body.geoms) > len(solid)  # behind pictures
+        for geom in solid:
+            geom.contype, geom.conaffinity = FLOOR_ONLY.values()
+            geom.group = _HIDDEN_GROUP if hidden else geom.group
     for role in robot.roles.values():
         _body(spec, role.link, robot).add_site(
             name=role.name, pos=role.position, quat=_quaternion(role.rotation), group=5
@@ -93,18 +67,26 @@ def build_model(robot: Robot, config: PlantConfig, *, pictures: bool = False) ->
         _add_payload(spec, robot, payload)
     _add_motors(spec, robot, config)
     if robot.floating_base:
-        _add_imu(spec, robot)
-    add_world(spec, robot, config)
+        for name in ("gyro", "accelerometer"):
+            kind = getattr(mujoco.mjtSensor, f"mjSENS_{name.upper()}")
+            site = mujoco.mjtObj.mjOBJ_SITE
+            spec.add_sensor(name=name, type=kind, objtype=site, objname=robot.pelvis)
+    _add_ground(spec, robot, config)
+    _add_looks(spec)
     if not pictures:
-        drop_meshes(mujoco, spec, lambda geom: bool(geom.contype or geom.conaffinity))
+        drop_meshes(mujoco, spec, _is_solid)
     if robot.source.kind == "urdf":
         convert_meshes(spec)
     model = _compile(spec, robot)
     if config.self_contact:
         exclude_lasting_contacts(spec, model, robot)
         model = _compile(spec, robot)
-    apply_model_error(model, robot, config)
+    _apply_model_error(model, robot, config)
     return model
+
+
+def _is_solid(geom: mujoco.MjsGeom) -> bool:
+    return bool(geom.contype or geom.conaffinity)
 
 
 @contextmanager
@@ -148,27 +130,22 @@ def _set_options(spec: mujoco.MjSpec, config: PlantConfig) -> None:
 
 def _place_base(spec: mujoco.MjSpec, robot: Robot) -> None:
     """Give a floating base its free joint: without one MuJoCo welds the root to the world."""
-    free = [j for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE]
-    for joint in free:
+    for joint in [j for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE]:
         spec.delete(joint)
     if robot.floating_base:
         root = spec.worldbody.first_body()
-        root.add_freejoint(name=free_name(_BASE_JOINT, [joint.name for joint in spec.joints]))
+        root.add_freejoint(name=free_name("floating_base", [joint.name for joint in spec.joints]))
         root.pos, root.quat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
 def _set_joints(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
     """Weld the locked joints, and give the others the robot's rotor inertias."""
     weld_joints(spec, robot.source.locked_joints)
-    armature = {
-        name: float(robot.model.armature[joint.idx_v])
-        for name, joint in zip(robot.model.names, robot.model.joints, strict=True)
-        if joint.nv == 1
-    }
+    armature = dict(zip(robot.joint_names, robot.model.armature[robot.base_dofs :], strict=True))
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             continue
-        joint.armature = armature.get(joint.name, 0.0)
+        joint.armature = float(armature.get(joint.name, 0.0))
         joint.damping = (config.joint_damping, 0.0, 0.0)
         joint.frictionloss = config.joint_friction
         # The motors saturate at the robot's own limits; a second clamp could only contradict them.
@@ -187,63 +164,29 @@ def _rigid_with(body: mujoco.MjsBody) -> list[mujoco.MjsBody]:
     return rigid
 
 
-def _make_solid(geoms: Iterable[mujoco.MjsGeom]) -> None:
-    """Let geometry that was made to look at be met by the ground, too."""
-    for geom in geoms:
-        geom.contype, geom.conaffinity = FLOOR_ONLY
-
-
-def _bare_feet(feet: Iterable[mujoco.MjsBody]) -> None:
-    """Switch off the document's own collision geometry on everything rigidly one with a sole.
-
-    Contact geometry of our own takes its place, so that the ground meets the foot exactly on the
-    plane of the sole.
-    """
-    for body in feet:
-        for geom in [g for g in body.geoms if g.contype or g.conaffinity]:
-            # Not deleted: in an MJCF the body's mass may come from it.
-            geom.contype, geom.conaffinity = 0, 0
-            geom.group = _HIDDEN_GROUP
-
-
-def _sort_geometry(spec: mujoco.MjSpec) -> None:
-    """Let the robot's geometry touch the ground only, and hide it behind pictures if there are."""
-    for body in spec.bodies:
-        solid = [g for g in body.geoms if g.contype or g.conaffinity]
-        pictures = len(body.geoms) > len(solid)
-        for geom in solid:
-            geom.contype, geom.conaffinity = FLOOR_ONLY
-            if pictures:
-                geom.group = _HIDDEN_GROUP
-
-
 def _add_sole(spec: mujoco.MjSpec, robot: Robot, role: FrameRole) -> mujoco.MjsGeom:
     """Put a thin box on the foot whose lower face is the sole: contact points are its corners."""
     sole = robot.soles[role.name]
     half = np.array([sole.length / 2, sole.width / 2, _SOLE_THICKNESS / 2])
-    center = role.position + role.rotation @ np.array([0.0, 0.0, half[2]])
     body = _body(spec, role.link, robot)
     return body.add_geom(
         name=f"{role.name}_contact",
         group=_HIDDEN_GROUP if body.geoms else 0,
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=half,
-        pos=center,
+        pos=role.position + role.rotation @ np.array([0.0, 0.0, half[2]]),
         quat=_quaternion(role.rotation),
-        contype=FLOOR_ONLY[0],
-        conaffinity=FLOOR_ONLY[1],
         rgba=(0.25, 0.27, 0.3, 1.0),
         mass=0.0,
+        **FLOOR_ONLY,
     )
 
 
 def _add_payload(spec: mujoco.MjSpec, robot: Robot, payload: Payload) -> None:
     offset = np.array(payload.offset, dtype=np.float64)
     role = robot.roles.get(payload.frame)
-    body = _body(spec, role.link if role else payload.frame, robot)
-    position = role.position + role.rotation @ offset if role else offset
-    ball = body.add_body(
-        pos=position,
+    ball = _body(spec, role.link if role else payload.frame, robot).add_body(
+        pos=role.position + role.rotation @ offset if role else offset,
         mass=payload.mass,
         inertia=(payload.inertia,) * 3,
         # Left out, MuJoCo puts the centre of mass as far off again as the body itself.
@@ -272,20 +215,98 @@ def _add_motors(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
             motor.set_to_motor()
         else:
             kp, kd = config.servo.stiffness * limit, config.servo.damping * limit
-            motor.gaintype = mujoco.mjtGain.mjGAIN_FIXED
-            motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-            motor.gainprm[0] = kp
-            motor.biasprm[1:3] = (-kp, -kd)
+            motor.set_to_position(kp=kp, kv=kd)
 
 
-def _add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:
-    for name, kind in (
-        ("gyro", mujoco.mjtSensor.mjSENS_GYRO),
-        ("accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER),
-    ):
-        spec.add_sensor(
-            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=robot.pelvis
+def _add_ground(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
+    """Add floor and blocks; a fixed-base robot has a floor to look at that it cannot touch."""
+    surface = {
+        "contype": int(robot.floating_base),
+        "conaffinity": 0,
+        "condim": 3,  # Sliding only: a sole's yaw moment comes from its corners, as it should.
+        "friction": (config.friction, *_TURNING),
+        "solref": (config.contact_time_constant, 1.0),
+        "solimp": _CONTACT_IMPEDANCE,
+        "priority": 1,  # The ground decides on contacts, whatever the robot's document says.
+    }
+    slope = np.array([1.0, 0.0, 0.0, 0.0])
+    mujoco.mju_quatIntegrate(slope, np.array([*config.floor_slope, 0.0]), 1.0)
+    spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=(0.0, 0.0, 0.05),
+        quat=slope,
+        material="plant_floor",
+        **surface,
+    )
+    for i, block in enumerate(config.blocks):
+        spec.worldbody.add_geom(
+            name=f"block{i}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=0.5 * np.array(block.size),
+            pos=block.pose.translation,
+            quat=_quaternion(block.pose.rotation),
+            rgba=(0.55, 0.6, 0.65, 1.0),
+            **surface,
         )
+
+
+def _add_looks(spec: mujoco.MjSpec) -> None:
+    """Light colours, no shadows and no reflections: software rendering is slow enough."""
+    spec.add_texture(
+        name="plant_sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=(0.93, 0.95, 0.98),
+        rgb2=(0.70, 0.78, 0.88),
+        width=128,
+        height=128,
+    )
+    spec.add_texture(
+        name="plant_checker",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=(0.86, 0.88, 0.90),
+        rgb2=(0.76, 0.79, 0.82),
+        width=256,
+        height=256,
+    )
+    floor = spec.add_material(name="plant_floor", texrepeat=(2.0, 2.0), texuniform=True)
+    floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "plant_checker"
+    spec.worldbody.add_light(
+        name="plant_sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=(0.0, 0.0, 4.0),
+        dir=(-0.4, 0.3, -1.0),
+        diffuse=(0.5, 0.5, 0.5),
+        specular=(0.1, 0.1, 0.1),
+        castshadow=False,
+    )
+    light, quality = spec.visual.headlight, spec.visual.quality
+    light.ambient, light.diffuse, light.specular = (np.full(3, x) for x in (0.34, 0.3, 0.05))
+    # Balls and cylinders of fewer facets than MuJoCo's default: a third off the time of a picture.
+    quality.numslices, quality.numstacks = 20, 10
+
+
+def _apply_model_error(model: mujoco.MjModel, robot: Robot, config: PlantConfig) -> None:
+    """Scale masses and inertias of links, and shift centres of mass; payloads stay."""
+    links = {name: i for i in range(1, model.nbody) if (name := model.body(i).name)}
+    bodies = [*links.values()]
+    model.body_mass[bodies] *= config.mass_scale
+    model.body_inertia[bodies] *= config.mass_scale * config.inertia_scale
+    for error in config.link_errors:
+        if error.link not in links:
+            wrong = f"unknown link of robot {robot.name!r}"
+            raise UnknownNameError(wrong, got=error.link, choices=[*links])
+        body = links[error.link]
+        model.body_mass[body] *= error.mass_scale
+        model.body_inertia[body] *= error.mass_scale * error.inertia_scale
+        model.body_ipos[body] += np.array(error.com_offset)
+        # MuJoCo skips the offset of the inertial frame where a body says it has none.
+        model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        model.body_simple[body] = 0
+    # Quantities derived from the masses (subtree masses, inverse weights) must follow.
+    mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def _body(spec: mujoco.MjSpec, name: str, robot: Robot) -> mujoco.MjsBody:

@@ -1,10 +1,10 @@
 """The robot's own document, made ready for MuJoCo: meshes found, compiler options set.
 
-A stick figure for a robot whose document has no pictures.
-Meshes in a format that MuJoCo reads.
+A stick figure for a robot whose document has no pictures; locked joints welded.
 """
 
 import xml.etree.ElementTree as ET
+from collections.abc import Collection
 from pathlib import Path
 
 import mujoco
@@ -13,11 +13,8 @@ import numpy as np
 from poise.errors import RobotError
 from poise.robots import ModelSource, anchor_assets, load_mesh, make_spec, mesh_path
 
-_THICKNESS = 0.12
-"""Radius of a stick, as a part of its length."""
-
-_SHORTEST = 0.01
-"""Shorter links [m] are not drawn."""
+_THICKNESS = 0.12  # radius of a stick, as a part of its length
+_SHORTEST = 0.01  # shorter links [m] are not drawn
 
 
 def add_sticks(spec: mujoco.MjSpec) -> None:
@@ -39,33 +36,7 @@ def add_sticks(spec: mujoco.MjSpec) -> None:
             )
 
 
-_BINARY_STL_HEADER = 84
-"""Bytes before the first triangle: a text of 80, and the number of triangles."""
-
-_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-
-
-def _is_binary_stl(path: Path) -> bool:
-    with path.open("rb") as file:
-        header = file.read(_BINARY_STL_HEADER)
-    triangles = int.from_bytes(header[80:], "little")
-    return path.stat().st_size == _BINARY_STL_HEADER + triangles * _STL_TRIANGLE.itemsize
-
-
-def _binary_stl(path: Path) -> bytes:
-    """A mesh in another format (COLLADA, text STL), as MuJoCo reads it."""
-    vertices, corners = load_mesh(path)
-    faces = vertices[corners]
-    volume = np.einsum("ti,ti->", faces[:, 0], np.cross(faces[:, 1], faces[:, 2]))
-    if volume < 0.0:
-        # Inside out, as a mirrored part is: it would be drawn unlit.
-        faces = faces[:, ::-1]
-    triangles = np.zeros(len(corners), dtype=_STL_TRIANGLE)
-    triangles["corners"] = faces
-    count = len(corners).to_bytes(4, "little")
-    return b"\0" * 80 + count + triangles.tobytes()
-
-
+# Keep what the document says: its inertias, its links one by one, its pictures.
 _COMPILER = {
     "autolimits": "true",
     "balanceinertia": "false",
@@ -74,10 +45,11 @@ _COMPILER = {
     "inertiafromgeom": "false",
     "strippath": "false",
 }
-"""Keep what the document says: its inertias, its links one by one, its pictures."""
 
+# MuJoCo wants some mass on every moving body; the document's massless links get this little.
 _MASSLESS = {"boundmass": "1e-12", "boundinertia": "1e-14"}
-"""MuJoCo wants some mass on every moving body; the document's massless links get this little."""
+
+_TEXT_STL = b"solid"  # begin of the file; of some in binary, too
 
 
 def parse_document(source: ModelSource) -> mujoco.MjSpec:
@@ -115,15 +87,61 @@ def _parse_urdf(source: ModelSource) -> mujoco.MjSpec:
 
 
 def convert_meshes(spec: mujoco.MjSpec) -> None:
-    """Convert the meshes of a URDF's specification that MuJoCo cannot read."""
-    assets: dict[str, bytes] = {}
+    """Read those meshes of a URDF's specification that MuJoCo cannot (COLLADA, text STL)."""
     for mesh in spec.meshes:
         path = Path(mesh.file)
-        if path.suffix == ".obj" or (path.suffix.lower() == ".stl" and _is_binary_stl(path)):
+        kind = path.suffix.lower()
+        with path.open("rb") as file:
+            text = file.read(len(_TEXT_STL)) == _TEXT_STL
+        if path.suffix == ".obj" or (kind == ".stl" and not text):
             continue
-        mesh.file = f"{mesh.name}.stl"
-        assets[mesh.file] = _binary_stl(path)
-    spec.assets = assets
+        vertices, faces = load_mesh(path)
+        corners = vertices[faces]
+        if np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) < 0.0:
+            # Inside out, as a mirrored part is: it would be drawn unlit.
+            faces = faces[:, ::-1]
+        mesh.file, mesh.uservert, mesh.userface = "", vertices.ravel(), faces.ravel()
+
+
+def weld_joints(spec: mujoco.MjSpec, locked: Collection[str]) -> None:
+    """Take joints out of a specification that are to stand at zero.
+
+    MuJoCo leaves a body whose joint is taken out where it is at the joint's `ref`, so bodies are
+    placed first. Places are taken from the compiled model: a document may say them in many ways,
+    and from within frames.
+    """
+    joints = [joint for joint in spec.joints if joint.name in locked]
+    if any(joint.ref != 0.0 for joint in joints):
+        try:
+            model = spec.compile()
+        except ValueError as error:
+            raise RobotError(f"MuJoCo cannot build the robot's document: {error}") from error
+        data = mujoco.MjData(model)
+        for joint in joints:
+            data.joint(joint.name).qpos[:] = 0.0
+        mujoco.mj_kinematics(model, data)
+        for body in spec.bodies[1:]:
+            if any(joint.name in locked for joint in body.joints):
+                _place(body, model, data)
+    for joint in joints:
+        spec.delete(joint)
+
+
+def _place(body: mujoco.MjsBody, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Fix a body to its parent, and its joints to it, where they are."""
+    own, parent = data.body(body.name), data.body(body.parent.name)
+    away, turn, unturn = np.empty(3), np.empty(4), np.empty(4)
+    mujoco.mju_negQuat(unturn, parent.xquat)
+    mujoco.mju_mulQuat(turn, unturn, own.xquat)
+    mujoco.mju_rotVecQuat(away, own.xpos - parent.xpos, unturn)
+    body.set_frame(body.parent.add_frame())
+    body.pos, body.quat = away, turn
+    body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    for joint in body.joints:
+        k = model.joint(joint.name).id
+        joint.set_frame(body.add_frame())
+        joint.pos = own.xmat.reshape(3, 3).T @ (data.xanchor[k] - own.xpos)
+        joint.axis = own.xmat.reshape(3, 3).T @ data.xaxis[k]
 
 
 def _parse_mjcf(source: ModelSource) -> mujoco.MjSpec:

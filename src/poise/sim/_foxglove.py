@@ -13,9 +13,12 @@ from jaxtyping import Float64
 
 from poise.robots import Robot
 from poise.sim._mapping import StateMap
-from poise.sim._table import NUMBERS, Signal, Table, time_of
+from poise.sim._record import Signal, Table, time_of
 
-NOTES, MESSAGES = "notes", "messages"  # Content of topics that are no rows of signals
+NOTES, MESSAGES = "notes", "messages"  # content of topics that are no rows of signals
+
+# Kinds of number that ROS 1 has
+_ROS = {"float32", "float64", "bool", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64))}
 
 
 class Topic(NamedTuple):
@@ -41,13 +44,14 @@ def rows_topic(name: str, signals: tuple[Signal, ...]) -> Topic:
     lines = {"order": "int64 order", "time": "float64 time  # [s]"}
     for signal in signals:
         field, count = re.sub(r"\W", "_", signal.name), math.prod(signal.shape)
-        kind = NUMBERS.get(signal.dtype.str[1:], ("", ""))[1]
-        # Numbers that ROS does not have are shown as their bytes.
-        size = f"[{count if kind else signal.size}]" if signal.shape or not kind else ""
+        kind = signal.dtype.name
+        if kind not in _ROS:  # shown as their bytes
+            kind, count = "uint8", count * signal.dtype.itemsize
+        size = f"[{count}]" if signal.shape or kind != signal.dtype.name else ""
         while field in lines:
             field += "_"
         unit = f"  # [{signal.unit}]" if signal.unit else ""
-        lines[field] = f"{kind or 'uint8'}{size} {field}{unit}"
+        lines[field] = f"{kind}{size} {field}{unit}"
     holds = json.dumps([(s.name, s.unit, s.dtype.str, s.shape) for s in signals])
     return Topic(f"/{name}", f"poise/{name}", "\n".join(lines.values()), holds)
 
@@ -80,6 +84,7 @@ _SCENE = Topic(
     encoding="json",
 )
 
+_DRAWN = {"q", "v", "torque"}  # signals of the rows that are drawn
 _SLACK = 5e-10  # of a rate [s]: one that the control period divides stays exact
 _XYZW = [1, 2, 3, 0]  # order of ROS in a quaternion of MuJoCo
 _FLAT = 1e-3  # boxes are at least this thick [m], so that they can be seen
@@ -117,21 +122,18 @@ class RobotTopics:
         self._joint_count = struct.pack("<I", robot.nj)
         self._joint_names = b"".join(map(ros_text, robot.joint_names))
 
-    def messages(self, table: Table, rows: list[bytes]) -> Iterator[tuple[Topic, float, bytes]]:
-        """Topic, time [s] and content of the messages of some rows."""
-        names = ("q", "v", "torque")
-        if not table.places.keys() >= {*names}:
+    def messages(self, table: Table, row: bytes) -> Iterator[tuple[Topic, float, bytes]]:
+        """Topic, time [s] and content of the messages of a row."""
+        time = time_of(row)
+        if not (table.places.keys() >= _DRAWN and self._pace.is_due(time)):
             return
-        for row in rows:
-            time = time_of(row)
-            if self._pace.is_due(time):
-                stamp = divmod(round(time * 1e9), 10**9)
-                if not self._begun:
-                    self._begun = True
-                    yield _SCENE, time, self._boxes(stamp)
-                numbers = [row[table.places[name]] for name in names]
-                yield _JOINTS, time, self._joints(time, numbers)
-                yield _TRANSFORMS, time, self._transforms(stamp, np.frombuffer(numbers[0]))
+        stamp = divmod(round(time * 1e9), 10**9)
+        if not self._begun:
+            self._begun = True
+            yield _SCENE, time, self._boxes(stamp)
+        q, v, torque = (row[table.places[name]] for name in ("q", "v", "torque"))
+        yield _JOINTS, time, self._joints(time, [q, v, torque])
+        yield _TRANSFORMS, time, self._transforms(stamp, np.frombuffer(q))
 
     def _joints(self, time: float, numbers: list[bytes]) -> bytes:
         """The last numbers of q, v and torque are those of the joints."""
@@ -157,24 +159,21 @@ class RobotTopics:
         for body, name in self._bodies:
             geoms = np.flatnonzero(model.geom_bodyid == body)
             pictures = geoms[model.geom_group[geoms] < 3]
-            cubes = [_box(model, geom) for geom in (pictures if len(pictures) else geoms).tolist()]
+            cubes = [_box(model, k) for k in (pictures if len(pictures) else geoms).tolist()]
             if cubes:
                 entities.append({"frame_id": name, "id": name, "cubes": cubes, **about})
         return json.dumps({"deletions": [], "entities": entities}).encode()
 
 
-def _box(model: mujoco.MjModel, geom: int) -> dict[str, Any]:
+def _box(model: mujoco.MjModel, k: int) -> dict[str, Any]:
     """The bounding box of a geometry, as a cube in its body's frame [m]."""
-    center, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
-    turned = np.empty(3)
-    mujoco.mju_rotVecQuat(turned, center, model.geom_quat[geom])
+    turned, geom, box = np.empty(3), model.geom(k), model.geom_aabb[k]
+    mujoco.mju_rotVecQuat(turned, box[:3], geom.quat)
+    position, orientation = _named("xyz", geom.pos + turned), _named("wxyz", geom.quat)
     return {
-        "pose": {
-            "position": _named("xyz", model.geom_pos[geom] + turned),
-            "orientation": _named("xyzw", model.geom_quat[geom][_XYZW]),
-        },
-        "size": _named("xyz", np.maximum(2.0 * half, _FLAT)),
-        "color": _named("rgba", model.geom_rgba[geom]),
+        "pose": {"position": position, "orientation": orientation},
+        "size": _named("xyz", np.maximum(2.0 * box[3:], _FLAT)),
+        "color": _named("rgba", geom.rgba),
     }
 
 

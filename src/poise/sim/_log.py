@@ -27,8 +27,7 @@ from poise.sim._foxglove import (
     ros_text,
     rows_topic,
 )
-from poise.sim._record import Counts, Part, RunRecord
-from poise.sim._table import Signal, Table, time_of
+from poise.sim._record import RunRecord, Signal, Table, time_of
 
 _LIBRARY = "poise log 3"  # of the header; the number is the version of the layout
 _METADATA = "poise"  # name of the texts that say what the log is of
@@ -46,11 +45,11 @@ class McapLog:
         # Before the file is made.
         writer = _mcap_writer("Writing a log")
         self.path = path
-        self._record, self._topics, self._keep = record, topics, keep
-        self._metadata, self._taken = dict(record.metadata), Counts()
-        self._channels = dict[Topic, int]()
-        self._tables = dict[tuple[Signal, ...], Topic]()
-        self._queue = queue.SimpleQueue[Part | None]()
+        self._record, self._topics, self._metadata = record, topics, dict(record.metadata)
+        self._channels, self._tables = dict[Topic, int](), dict[tuple[Signal, ...], Topic]()
+        self._queue = queue.SimpleQueue[list[Any] | None]()
+        self.put()
+        record.keeps = keep
         self.failure: Exception | None = None
         try:
             if path.is_file() and not path.is_symlink():
@@ -74,10 +73,7 @@ class McapLog:
 
     def put(self) -> None:
         """Hand over what came to the record since the last time."""
-        self._queue.put(self._record.part(self._taken))
-        if not self._keep:
-            self._record.forget()
-        self._taken = self._record.counts()
+        self._queue.put(self._record.take_fresh())
 
     def close(self) -> None:
         """Write all that waits and what is new in the record, finish the file and close it."""
@@ -96,11 +92,12 @@ class McapLog:
         return PoiseError(f"the log {str(self.path)!r} cannot be written: {cause}")
 
     def _run(self) -> None:
-        part: Part | None = None
+        part: list[Any] | None = None
         try:
             while (part := self._queue.get()) is not None:
-                for topic, time, content in self._messages(part):
-                    self._add(topic, time, content)
+                for place, item in part:
+                    for topic, time, content in self._messages(place, item):
+                        self._add(topic, time, content)
                 self._writer.flush()
             metadata = self._record.metadata.items()
             added = {key: text for key, text in metadata if self._metadata.get(key) != text}
@@ -108,28 +105,27 @@ class McapLog:
                 self._writer.add_metadata(_METADATA, added)
             self._writer.finish()
             self._stream.flush()
-        except Exception as error:  # Whatever it is, `close` says so; the run goes on until then.
+        except Exception as error:  # Whatever it is, `close` raises it; the run goes on until then.
             self.failure = error
             # Nothing of what comes piles up in memory.
             while part is not None:
                 part = self._queue.get()
 
-    def _messages(self, part: Part) -> Iterator[tuple[Topic, float, bytes]]:
-        for table, rows in part.rows:
-            topic = self._tables.get(table.signals)
-            if topic is None:
-                topic = rows_topic(f"signals{len(self._tables) or ''}", table.signals)
-                self._tables[table.signals] = topic
-            for row in rows:
-                yield topic, time_of(row), row
-            if self._topics is not None:
-                yield from self._topics.messages(table, rows)
-        for name, found in part.events.items():
-            for time, content in found:
-                noted = isinstance(content, str)
-                packed = ros_text(content) if noted else bytes(content)
-                topic = events_topic(name, NOTES if noted else MESSAGES)
-                yield topic, time, struct.pack("<d", time) + packed
+    def _messages(self, place: Table | str, item: Any) -> Iterator[tuple[Topic, float, bytes]]:
+        if isinstance(place, str):
+            time, content = item
+            noted = isinstance(content, str)
+            packed = ros_text(content) if noted else bytes(content)
+            topic = events_topic(place, NOTES if noted else MESSAGES)
+            yield topic, time, struct.pack("<d", time) + packed
+            return
+        topic = self._tables.get(place.signals)
+        if topic is None:
+            topic = rows_topic(f"signals{len(self._tables) or ''}", place.signals)
+            self._tables[place.signals] = topic
+        yield topic, time_of(item), item
+        if self._topics is not None:
+            yield from self._topics.messages(place, item)
 
     def _add(self, topic: Topic, time: float, content: bytes) -> None:
         channel = self._channels.get(topic)
@@ -213,22 +209,21 @@ def read_log(path: Path | str, topics: tuple[str, ...] | None = None) -> RunReco
         if contents:
             topic = channel.topic[1:]
             try:
-                record.take_in(_part(topic, channel.metadata[_HOLDS], contents))
+                record.take_in(*_part(topic, channel.metadata[_HOLDS], contents))
             except (ValueError, TypeError, struct.error) as error:
                 raise PoiseError(f"{topic} in {str(path)!r} cannot be read: {error}") from error
     return record
 
 
-def _part(topic: str, holds: str, contents: list[bytes]) -> Part:
-    """Rows or events of a channel's messages."""
+def _part(topic: str, holds: str, contents: list[bytes]) -> tuple[Table | str, list[Any]]:
+    """Rows or events of a channel's messages, and their table or topic."""
     if holds not in (NOTES, MESSAGES):
         found = json.loads(holds)
-        table = Table(tuple(Signal(n, u, np.dtype(d), tuple(s)) for n, u, d, s in found))
-        return Part([(table, contents)], {})
+        return Table(tuple(Signal(n, u, np.dtype(d), tuple(s)) for n, u, d, s in found)), contents
     times = [struct.unpack_from("<d", content)[0] for content in contents]
     # A text has its length before it.
     found = [c[12:].decode() if holds == NOTES else c[8:] for c in contents]
-    return Part([], {topic: list(zip(times, found, strict=True))})
+    return topic, list(zip(times, found, strict=True))
 
 
 def _mcap_writer(doing: str) -> ModuleType:

@@ -47,13 +47,12 @@ class StateMap:
         self._qpos_of_q = _scatter(robot.nq, [*range(len(base_q)), *q_pin], [*base_q, *q_mj])
         self._qvel_of_v = _scatter(robot.nv, [*range(len(base_v)), *v_pin], [*base_v, *v_mj])
         self._quaternion = slice(base_q[6], base_q[6] + 4) if base_q else slice(0)
-        self._home: Float64[np.ndarray, " nq"] = np.array(model.qpos0)
-        self._nv = int(model.nv)
+        self._model = model
         self._unturn, self._linear = np.empty(4), np.empty(3)
 
     @property
     def dof_order(self) -> Int[np.ndarray, " nv"]:
-        """For each of Pinocchio's velocities, its index in MuJoCo's (base frames still differ)."""
+        """Index in MuJoCo's velocity of each of Pinocchio's (base frames still differ)."""
         return self._qvel_of_v.copy()
 
     def q(self, qpos: Float64[np.ndarray, " nqpos"]) -> Float64[np.ndarray, " nq"]:
@@ -96,23 +95,30 @@ class StateMap:
 
     def qpos(self, q: Float64[np.ndarray, " nq"]) -> Float64[np.ndarray, " nqpos"]:
         """MuJoCo's configuration from Pinocchio's, what is not the robot's as in the model."""
-        qpos = self._home.copy()
-        self.write(q, np.zeros(len(self._qvel_of_v)), qpos, np.zeros(self._nv))
+        qpos = self._model.qpos0.copy()
+        self.write(q, np.zeros(len(self._qvel_of_v)), qpos, np.zeros(self._model.nv))
         return qpos
 
     def qvel(
         self, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]
     ) -> Float64[np.ndarray, " nqvel"]:
         """MuJoCo's velocity from Pinocchio's, base linear in the world, others at rest."""
-        qvel = np.zeros(self._nv)
-        self.write(q, v, self._home.copy(), qvel)
+        qvel = np.zeros(self._model.nv)
+        self.write(q, v, self._model.qpos0.copy(), qvel)
         return qvel
+
+    def at(self, q: Float64[np.ndarray, " nq"]) -> mujoco.MjData:
+        """New data of the model with the kinematics of a configuration."""
+        data = mujoco.MjData(self._model)
+        data.qpos[:] = self.qpos(q)
+        mujoco.mj_kinematics(self._model, data)
+        return data
 
 
 def _pinocchio_joints(robot: Robot) -> tuple[list[str], list[int], list[int]]:
     """Names of the hinges and slides, with their places in q and v."""
-    joints = list(robot.model.joints)[2 if robot.floating_base else 1 :]
-    names = list(robot.model.names)[2 if robot.floating_base else 1 :]
+    joints = list(robot.model.joints)[-robot.nj :]
+    names = list(robot.model.names)[-robot.nj :]
     for name, joint in zip(names, joints, strict=True):
         if (joint.nq, joint.nv) != (1, 1):
             raise RobotError(
@@ -124,12 +130,8 @@ def _pinocchio_joints(robot: Robot) -> tuple[list[str], list[int], list[int]]:
     return names, [j.idx_q for j in joints], [j.idx_v for j in joints]
 
 
-_HINGES = {
-    int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
-    int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
-}
-_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
-"""MuJoCo's kinds of joints, as numbers: its arrays hold such."""
+_KINDS = {mujoco.mjtJoint.mjJNT_HINGE: "revolute", mujoco.mjtJoint.mjJNT_SLIDE: "prismatic"}
+_FREE = mujoco.mjtJoint.mjJNT_FREE
 
 
 def _check_joints(robot: Robot, model: mujoco.MjModel, names: list[str], ids: list[int]) -> None:
@@ -140,44 +142,44 @@ def _check_joints(robot: Robot, model: mujoco.MjModel, names: list[str], ids: li
             got=missing,
             choices=[model.joint(i).name for i in range(model.njnt)],
         )
-    ours = [joint_kind(robot.model.joints[robot.model.getJointId(n)]) for n in names]
-    kinds = [_HINGES.get(int(model.jnt_type[i]), "") for i in ids]
-    if ours != kinds:
+    other = [
+        name
+        for name, i in zip(names, ids, strict=True)
+        if joint_kind(robot.model.joints[robot.model.getJointId(name)])
+        != _KINDS.get(mujoco.mjtJoint(int(model.jnt_type[i])))
+    ]
+    if other:
         raise RobotError(
             f"joints of robot {robot.name!r} are of another kind in the MuJoCo model",
-            got=[n for n, one, other in zip(names, ours, kinds, strict=True) if one != other],
+            got=other,
             wanted="a hinge or a slide each, as in the robot",
         )
 
 
 def _free_joint(robot: Robot, model: mujoco.MjModel, ids: list[int]) -> int | None:
     """The free joint that carries all of the robot's joints; None for a fixed base."""
-    roots = sorted({int(model.body_rootid[model.jnt_bodyid[i]]) for i in ids})
-    if len(roots) != 1:
+    bodies = [model.body(i).name for i in range(model.nbody)]
+    root, *others = np.unique(model.body_rootid[model.jnt_bodyid[ids]]).tolist()
+    if others:
         raise RobotError(
             f"the joints of robot {robot.name!r} hang on several bodies in the MuJoCo model",
-            got=[model.body(i).name for i in roots],
+            got=[bodies[i] for i in (root, *others)],
             wanted="one tree of bodies",
         )
-    root = roots[0]
     first = int(model.body_jntadr[root])
-    free = first >= 0 and int(model.jnt_type[first]) == _FREE
+    free = first >= 0 and model.jnt_type[first] == _FREE
     if free == robot.floating_base:
         return first if free else None
-    joints = [j for j in range(model.njnt) if model.jnt_type[j] == _FREE]
+    joints = np.flatnonzero(model.jnt_type == _FREE).tolist()
     raise RobotError(
         f"robot {robot.name!r} has a {'floating' if robot.floating_base else 'fixed'} base, but "
-        f"in the MuJoCo model body {model.body(root).name!r}, which carries it, has "
+        f"in the MuJoCo model body {bodies[root]!r}, which carries it, has "
         f"{'a' if free else 'no'} free joint",
-        got=[f"{model.joint(j).name!r} of body {_carrier(model, j)!r}" for j in joints],
+        got=[f"{model.joint(j).name!r} of body {bodies[model.jnt_bodyid[j]]!r}" for j in joints],
         wanted="a <freejoint/> in that body"
         if robot.floating_base
         else "no free joint in that body, or a description with base: floating",
     )
-
-
-def _carrier(model: mujoco.MjModel, joint: int) -> str:
-    return str(model.body(int(model.jnt_bodyid[joint])).name)
 
 
 def _scatter(size: int, places: list[int], values: list[int]) -> Int[np.ndarray, " n"]:

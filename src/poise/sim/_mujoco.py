@@ -11,8 +11,6 @@ from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 PACKAGES = {"egl": "libegl1", "osmesa": "libosmesa6", "glfw": "libglfw3"}
 """Debian's package with the library of each back end."""
 
-_VARIABLES = ("PYOPENGL_PLATFORM", "MUJOCO_GL")
-
 
 def refusal() -> PoiseError | None:
     """Import MuJoCo; the error to raise where it or its back end is not there, else None."""
@@ -22,15 +20,22 @@ def refusal() -> PoiseError | None:
         if isinstance(error, ModuleNotFoundError) and error.name == "mujoco":
             return MissingExtraError("mujoco", "sim", "Simulation")
         # Each back end fails in its own way: PyOpenGL by an AttributeError, for one.
-        if not os.environ.get("MUJOCO_GL"):
+        asked = os.environ.get("MUJOCO_GL", "").lower().strip()
+        if not asked:
             raise
-        return _wrong_back_end()
+        if asked in PACKAGES:
+            return _missing("MUJOCO_GL", asked)
+        return ConfigurationError(
+            "MUJOCO_GL is no OpenGL back end of MuJoCo's",
+            got=asked,
+            wanted="egl (Debian's libegl1), osmesa (Debian's libosmesa6), glfw, or no MUJOCO_GL",
+        )
     return None
 
 
 def asked_platform() -> tuple[str, str] | None:
     """The variable that names a platform to draw on without a screen, and the platform."""
-    for variable in _VARIABLES:
+    for variable in ("PYOPENGL_PLATFORM", "MUJOCO_GL"):
         asked = os.environ.get(variable, "").lower().strip()
         if asked in ("egl", "osmesa"):
             return variable, asked
@@ -40,15 +45,10 @@ def asked_platform() -> tuple[str, str] | None:
 def missing_library() -> MissingExtraError:
     """The error of a machine that cannot draw without a screen."""
     asked = asked_platform()
-    if asked is None:
-        return MissingExtraError(
-            "libegl1",
-            "",
-            "Drawing without a screen",
-            install="apt install libegl1, or apt install libosmesa6 (Debian, Ubuntu)",
-        )
-    variable, platform = asked
-    return _missing(variable, platform)
+    if asked is not None:
+        return _missing(*asked)
+    install = "apt install libegl1, or apt install libosmesa6 (Debian, Ubuntu)"
+    return MissingExtraError("libegl1", "", "Drawing without a screen", install=install)
 
 
 def silence() -> None:
@@ -58,22 +58,7 @@ def silence() -> None:
     config.set()
 
 
-def _wrong_back_end() -> PoiseError:
-    asked = os.environ["MUJOCO_GL"].lower().strip()
-    if asked in PACKAGES:
-        return _missing("MUJOCO_GL", asked)
-    return ConfigurationError(
-        "MUJOCO_GL is no OpenGL back end of MuJoCo's",
-        got=asked,
-        wanted="egl (Debian's libegl1), osmesa (Debian's libosmesa6), glfw, or no MUJOCO_GL",
-    )
-
-
 def _missing(variable: str, platform: str) -> MissingExtraError:
-    package = PACKAGES[platform]
-    return MissingExtraError(
-        package,
-        "",
-        f"Drawing with {variable}={platform}",
-        install=f"apt install {package} (Debian, Ubuntu); or unset {variable}",
-    )
+    package, doing = PACKAGES[platform], f"Drawing with {variable}={platform}"
+    install = f"apt install {package} (Debian, Ubuntu); or unset {variable}"
+    return MissingExtraError(package, "", doing, install=install)

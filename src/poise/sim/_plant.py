@@ -1,4 +1,4 @@
-"""`Plant`: the simulated robot in its world, told what to do once a control period."""
+"""`Plant`: the simulated robot in its world, which takes a command a control period."""
 
 import math
 import warnings
@@ -9,46 +9,30 @@ import pinocchio as pin
 from jaxtyping import Bool, Float64
 
 from poise._checks import checked_count, checked_kind
-from poise._show import html_table
+from poise._show import few, html_table
 from poise.control import Command
 from poise.dynamics import RobotState, SensorReadings
 from poise.errors import RobotError, TargetError
 from poise.robots import Robot
-from poise.sim._actuators import Actuators
+from poise.sim._actuators import Actuators, ServoSteps
 from poise.sim._build import build_model
-from poise.sim._config import PlantConfig
-from poise.sim._disturbances import Push
+from poise.sim._config import PlantConfig, Push
 from poise.sim._forces import PushSchedule, SoleForces
-from poise.sim._imu import InertialUnit
 from poise.sim._mapping import StateMap
 from poise.sim._rest import find_rest
 from poise.sim._self_contact import SelfContacts
-from poise.sim._sensors import Sensors
-from poise.sim._servo_steps import ServoSteps
+from poise.sim._sensors import InertialUnit, Sensors
 
-_TOUCHING = 1.0
-"""A sole that carries more than this [N] counts as in contact."""
+_TOUCHING = 1.0  # a sole that carries more than this [N] counts as in contact
+_QUATERNION_TOLERANCE = 1e-6  # rounding of a quaternion written down with seven digits or more
 
-_QUATERNION_TOLERANCE = 1e-6
-"""Rounding of a quaternion that was written down with seven digits or more."""
-
-_SHOWN = 5
-"""Joints that a warning names."""
-
-_FATAL = [
-    int(w)
-    for w in (
-        mujoco.mjtWarning.mjWARN_INERTIA,
-        mujoco.mjtWarning.mjWARN_BADQPOS,
-        mujoco.mjtWarning.mjWARN_BADQVEL,
-        mujoco.mjtWarning.mjWARN_BADQACC,
-    )
-]
-"""MuJoCo's warnings after which a run means nothing."""
+# MuJoCo's warnings after which a run means nothing.
+_WARNINGS = "INERTIA", "BADQPOS", "BADQVEL", "BADQACC"
+_FATAL = [int(getattr(mujoco.mjtWarning, f"mjWARN_{name}")) for name in _WARNINGS]
 
 
 class Plant:
-    """A robot in MuJoCo: give it a command, get back a state.
+    """A robot in MuJoCo that takes commands and is measured.
 
     The MuJoCo model is built from the robot's own document and is independent of the Pinocchio
     model that a controller uses. Runs with equal robot, configuration, seed, pushes and commands
@@ -75,25 +59,36 @@ class Plant:
 
     def __init__(self, robot: Robot, config: PlantConfig | None = None, *, seed: int = 0) -> None:
         self.robot = checked_kind(robot, Robot, "robot of the plant")
-        self.config = checked_kind(
-            PlantConfig() if config is None else config, PlantConfig, "configuration of the plant"
-        )
-        self.model = build_model(robot, self.config)
+        config = PlantConfig() if config is None else config
+        self.config = checked_kind(config, PlantConfig, "configuration of the plant")
+        self.model = build_model(robot, config)
         self.data = mujoco.MjData(self.model)
         # A view: how often MuJoCo has warned of what.
         self._warned = self.data.warning.number
         self.map = StateMap(robot, self.model)
-        _check_freedom(robot, self.model)
-        if self.config.actuation == "torque":
+        if (self.model.nq, self.model.nv) != (robot.nq, robot.nv):
+            raise RobotError(
+                f"the document of robot {robot.name!r} has other degrees of freedom than its model",
+                got=f"nq = {self.model.nq}, nv = {self.model.nv}",
+                wanted=f"nq = {robot.nq}, nv = {robot.nv}",
+            )
+        if config.actuation == "torque":
             _warn_of_no_armature(robot)
-        self._substeps = self.config.substeps
-        self._soles = SoleForces(self.model, self._sole_places())
-        self._self_contacts = SelfContacts(self.model) if self.config.self_contact else None
+        soles: dict[str, tuple[int, pin.SE3]] = {}
+        for name in robot.soles:
+            role = robot.roles[name]
+            soles[name] = self.model.body(role.link).id, pin.SE3(role.rotation, role.position)
+        self._soles = SoleForces(self.model, soles)
+        self._self_contacts = SelfContacts(self.model) if config.self_contact else None
         self._pushes = PushSchedule(robot, self.model)
-        self._actuators = Actuators(robot, self.config)
-        servos = self.config.actuation != "torque"
+        self._actuators = Actuators(robot, config)
+        servos = config.actuation != "torque"
         self._servos = ServoSteps(self.model, self.data) if servos else None
-        self._sensors = self._make_sensors(checked_count(seed, "seed of the plant"))
+        checked_count(seed, "seed of the plant")
+        self._sensors = None
+        if not config.sensors.ideal:
+            ticks, base = config.delay_ticks, robot.base_dofs
+            self._sensors = Sensors(config.sensors, base_dofs=base, delay_ticks=ticks, seed=seed)
         self._unit = InertialUnit()
         self._pelvis = self.model.site(robot.pelvis).id
         self.reset()
@@ -128,18 +123,18 @@ class Plant:
         v = _checked("v", np.zeros(self.robot.nv) if v is None else v, self.robot.nv)
         mujoco.mj_resetData(self.model, self.data)
         self._pushes.clear(self.data)
-        self._tick, self._diverged = 0, False
-        self._warnings: list[str] = []
+        self._tick, self._diverged, self._warnings = 0, False, list[str]()
         self.data.qpos[:] = self.map.qpos(q)
         self.data.qvel[:] = self.map.qvel(q, v)
-        self.data.ctrl[:] = self._actuators.reset(q[-self.robot.nj :], self._settle(v))
+        load = None if v.any() else find_rest(self.model, self.data, self.map)
+        load = np.zeros(self.robot.nj) if load is None else load
+        self.data.ctrl[:] = self._actuators.reset(q[-self.robot.nj :], load)
         self._unit.reset()
         mujoco.mj_forward(self.model, self.data)
         if self._self_contacts is not None:
-            self._self_contacts.begin()
+            self._self_contacts.forces = {}
             self._self_contacts.look(self.data)
         self._truth: RobotState | None = None
-        self._forces_known = False
         state = self.true_state()
         state = state if self._sensors is None else self._sensors.reset(state)
         self._state: RobotState | None = state
@@ -164,28 +159,17 @@ class Plant:
     def __repr__(self) -> str:
         how = "diverged" if self.diverged else "fallen" if self.fallen else "up"
         config = self.config
-        said = f"{config.actuation} every {1e3 * config.control_dt:g} ms, t = {self.time:.3f} s"
-        return f"Plant of {self.robot.name}: {said}, {how}"
+        about = f"{config.actuation} every {1e3 * config.control_dt:g} ms, t = {self.time:.3f} s"
+        return f"Plant of {self.robot.name}: {about}, {how}"
 
     def _repr_html_(self) -> str:
-        loads = {name: wrench[2] for name, wrench in self.sole_wrenches().items()}
+        share = np.max(np.abs(self.applied_torque) / self.robot.tau_max)
         rows = [
-            *((f"load of {name}", f"{load:.1f} N") for name, load in loads.items()),
+            *((f"load of {name}", f"{w[2]:.1f} N") for name, w in self.sole_wrenches().items()),
             ("COM", f"{np.round(self.com, 3).tolist()} m"),
-            (
-                "torque",
-                f"{np.max(np.abs(self.applied_torque) / self.robot.tau_max):.0%} of a limit",
-            ),
+            ("torque", f"{share:.0%} of a limit"),
         ]
         return html_table(repr(self), ("quantity", "now"), rows)
-
-    def _settle(self, v: Float64[np.ndarray, " nv"]) -> Float64[np.ndarray, " nj"]:
-        """Puts a robot at rest on the ground that carries it; returns the torques that hold it."""
-        free, nothing = self.map.free_joint, np.zeros(self.robot.nj)
-        if free is None or v.any():
-            return nothing
-        forces = find_rest(self.model, self.data, free)
-        return nothing if forces is None else forces[self.map.dof_order[self.robot.base_dofs :]]
 
     @property
     def control_dt(self) -> float:
@@ -198,19 +182,17 @@ class Plant:
         return self._tick * self.config.control_dt
 
     def state(self) -> RobotState:
-        """What the sensors say now; the true state with ideal sensors.
+        """Return the measured state; the true one with ideal sensors.
 
-        Sole wrenches are those of the last physics step. Asking twice gives the same answer.
+        Sole wrenches are those of the last physics step. A second call returns the same.
         """
         if self._state is None:
             self._state = self.true_state()
         return self._state
 
     def true_state(self) -> RobotState:
-        """The true state, whatever the sensors say; the caller's own copy."""
-        if self._truth is None:
-            self._truth = self._read_state()
-        truth = self._truth
+        """Return the true state; a copy."""
+        truth = self._true
         contacts = {name: wrench.copy() for name, wrench in truth.contacts.items()}
         readings = truth.readings
         if readings is not None:
@@ -237,42 +219,38 @@ class Plant:
         begin = self.time
         self._tick += 1
         if not self._diverged:
-            self._advance_quietly(begin)
-            self._diverged = self._has_diverged()
-        self._truth, self._forces_known = None, False
+            self._advance(begin)
+        self._truth = None
         self._state = None if self._sensors is None else self._sensors.measure(self.true_state())
 
-    def _advance_quietly(self, begin: float) -> None:
+    def _advance(self, begin: float) -> None:
         """Advance, keeping MuJoCo's warnings off the terminal and out of the user's folder."""
         before = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(self._note_warning)
         try:
-            self._advance(begin)
+            self._simulate(begin)
         finally:
             mujoco.set_mju_user_warning(before)
+        qpos, qvel = self.data.qpos, self.data.qvel
+        finite = math.isfinite(float(qpos.dot(qpos)) + float(qvel.dot(qvel)))
+        warned = self._warned.tolist()
+        self._diverged = not finite or any(warned[kind] for kind in _FATAL)
 
     def _note_warning(self, message: str) -> None:
         if message not in self._warnings:
             self._warnings.append(message)
 
-    def _has_diverged(self) -> bool:
-        qpos, qvel = self.data.qpos, self.data.qvel
-        finite = math.isfinite(float(qpos.dot(qpos)) + float(qvel.dot(qvel)))
-        warned = self._warned.tolist()
-        return not finite or any(warned[kind] for kind in _FATAL)
-
-    def _advance(self, begin: float) -> None:
+    def _simulate(self, begin: float) -> None:
         data, dt, pushes = self.data, self.config.physics_dt, self._pushes
-        controls, now, touching = self._actuators.controls(), data.ctrl, self._self_contacts
-        servos = self._servos
+        controls, touching, servos = self._actuators.controls(), self._self_contacts, self._servos
         if self._actuators.constant and not pushes and touching is None and servos is None:
-            now[:] = controls[0]
-            mujoco.mj_step(self.model, data, self._substeps)
+            data.ctrl[:] = controls[0]
+            mujoco.mj_step(self.model, data, len(controls))
             return
         if touching is not None:
-            touching.begin()
+            touching.forces = {}
         for k, control in enumerate(controls):
-            now[:] = control
+            data.ctrl[:] = control
             if pushes:
                 pushes.apply(data, begin + k * dt, begin + (k + 1) * dt)
             if servos is None:
@@ -316,11 +294,11 @@ class Plant:
         With `PlantConfig.self_contact` it holds what the robot's own links do to the foot, too, as
         that of a force sensor in the ankle would.
         """
-        return {name: wrench.copy() for name, wrench in self._forces().in_soles.items()}
+        return {name: wrench.copy() for name, wrench in self._true.contacts.items()}
 
     def contacts(self) -> dict[str, bool]:
-        """Whether each sole carries load."""
-        wrenches = self.sole_wrenches()
+        """Return for each sole whether it carries load."""
+        wrenches = self._true.contacts
         return {n: bool(np.linalg.norm(w[:3]) > _TOUCHING) for n, w in wrenches.items()}
 
     def zmp(self, height: float = 0.0) -> Float64[np.ndarray, "2"]:
@@ -329,14 +307,14 @@ class Plant:
         x = -n_y / f_z and y = n_x / f_z, where f and n are the total force and the total moment
         about (0, 0, height). NaN where no sole carries load.
         """
-        return self._forces().zmp(height)
+        _ = self._true  # the forces are those of the last physics step
+        return self._soles.zmp(height)
 
     @property
     def self_contacts(self) -> dict[tuple[str, str], float]:
-        """Which links of the robot touched each other in the last control period, and how hard.
+        """Largest normal force between links in the last control period by their names [N].
 
-        The largest normal force by the names of the two links [N]; empty without
-        `PlantConfig.self_contact`.
+        Empty without `PlantConfig.self_contact`.
         """
         return {} if self._self_contacts is None else dict(self._self_contacts.forces)
 
@@ -352,7 +330,7 @@ class Plant:
 
     @property
     def saturated(self) -> Bool[np.ndarray, " nj"]:
-        """Which motors gave all they have in the last physics step."""
+        """Motors that were at their limit in the last physics step."""
         return np.abs(self.data.actuator_force) >= self.robot.tau_max * (1.0 - 1e-12)
 
     @property
@@ -380,7 +358,7 @@ class Plant:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What MuJoCo warned of since the last reset, each message once."""
+        """MuJoCo's warnings since the last reset, each message once."""
         return tuple(self._warnings)
 
     @property
@@ -396,44 +374,17 @@ class Plant:
         """Commands since the last reset that held NaN or infinity, and were not carried out."""
         return self._actuators.rejected
 
-    def _read_state(self) -> RobotState:
-        qpos, qvel = self.data.qpos, self.data.qvel
-        q, v, readings = self.map.q(qpos), self.map.v(qpos, qvel), None
-        if self.robot.floating_base:
-            unit = self._unit.read(qpos, qvel, self.time)
-            readings = SensorReadings(*unit, torque=self.applied_torque)
-        return RobotState(q, v, self._forces().in_soles, self.time, readings)
-
-    def _forces(self) -> SoleForces:
-        """The forces of the last physics step, looked at once."""
-        if not self._forces_known:
-            self._soles.update(self.data)
-            self._forces_known = True
-        return self._soles
-
-    def _sole_places(self) -> dict[str, tuple[int, pin.SE3]]:
-        """Of each sole, the body that carries it and its place there."""
-        roles = [self.robot.roles[name] for name in self.robot.soles]
-        return {
-            role.name: (self.model.body(role.link).id, pin.SE3(role.rotation, role.position))
-            for role in roles
-        }
-
-    def _make_sensors(self, seed: int) -> Sensors | None:
-        config = self.config.sensors
-        if config.ideal:
-            return None
-        ticks = self.config.delay_ticks
-        return Sensors(config, base_dofs=self.robot.base_dofs, delay_ticks=ticks, seed=seed)
-
-
-def _check_freedom(robot: Robot, model: mujoco.MjModel) -> None:
-    if (model.nq, model.nv) != (robot.nq, robot.nv):
-        raise RobotError(
-            f"the document of robot {robot.name!r} has other degrees of freedom than its model",
-            got=f"nq = {model.nq}, nv = {model.nv}",
-            wanted=f"nq = {robot.nq}, nv = {robot.nv}",
-        )
+    @property
+    def _true(self) -> RobotState:
+        """The true state, read once."""
+        if self._truth is None:
+            qpos, qvel = self.data.qpos, self.data.qvel
+            q, v, readings = self.map.q(qpos), self.map.v(qpos, qvel), None
+            if self.robot.floating_base:
+                unit = self._unit.read(qpos, qvel, self.time)
+                readings = SensorReadings(*unit, torque=self.applied_torque)
+            self._truth = RobotState(q, v, self._soles.update(self.data), self.time, readings)
+        return self._truth
 
 
 def _warn_of_no_armature(robot: Robot) -> None:
@@ -442,7 +393,7 @@ def _warn_of_no_armature(robot: Robot) -> None:
     if without:
         warnings.warn(
             f"{len(without)} joints of robot {robot.name!r} have no reflected rotor inertia "
-            f"({', '.join(without[:_SHOWN])}{', ...' if len(without) > _SHOWN else ''}); under "
+            f"({few(without)}); under "
             "torque control light links then shake, or the robot falls. Put the rotors' inertia, "
             "gear ratio squared times that of the rotor, into its description, one for all joints "
             "or by pattern, such as `armature: 0.01` [kg m^2]",

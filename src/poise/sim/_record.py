@@ -1,20 +1,20 @@
 """`RunRecord`: the record of one run, from which everything about it is made."""
 
 import json
+import struct
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from itertools import accumulate
 from typing import Any, NamedTuple, SupportsBytes
 
 import numpy as np
 
 from poise._show import new_figure
-from poise.errors import MissingExtraError, UnknownNameError
-from poise.sim._table import Names, Signal, Table, Value, time_of
+from poise.errors import MissingExtraError, TargetError, UnknownNameError
 
-# Notes (texts) and messages (what becomes bytes) by topic, with their times [s]
-Events = dict[str, list[tuple[float, str | SupportsBytes]]]
-
-Counts = dict[Names | str, int]  # Number of rows of each table and of events of each topic
+Value = float | int | np.generic | np.ndarray  # a sample of a signal
+Names = tuple[str, ...]  # signals that are sampled together, in the order in which they are given
+Event = tuple[float, str | SupportsBytes]  # time [s] and text of a note, or content of a message
 
 _MEASURED = {
     "m, rad": "q",
@@ -31,16 +31,60 @@ _MEASURED = {
 }
 # Units of the signals that a recorder records by itself, by the part of a name before its "/"
 UNITS = {name: unit for unit, names in _MEASURED.items() for name in names.split()}
-_HEAD = np.dtype([("order", "<i8"), ("time", "<f8")])  # begin of a row of a `Table`
+_TIME = struct.Struct("<d")
+# Begin of a row: the number of rows of the whole record before it, and its time [s]
+_HEAD = np.dtype([("order", "<i8"), ("time", "<f8")])
 # Signals whose last numbers are one a joint, before them those of the base
 _JOINTWISE = ("q", "v", "torque", "command_torque", "command_velocity")
 
 
-class Part(NamedTuple):
-    """Rows and events of a record between two moments."""
+class Signal(NamedTuple):
+    """One quantity over time."""
 
-    rows: list[tuple[Table, list[bytes]]]  # packed, of each table
-    events: Events  # by topic
+    name: str
+    unit: str  # of its numbers, "" for a pure number or a flag
+    dtype: np.dtype[Any]  # kind of number of its samples
+    shape: tuple[int, ...]  # of a sample
+
+
+class Table:
+    """Rows of signals that are sampled together, each packed as a log holds it."""
+
+    def __init__(self, signals: tuple[Signal, ...]) -> None:
+        self.signals, self.rows = signals, list[bytes]()
+        self._row = np.zeros((), [*_HEAD.descr, *(("", s.dtype, s.shape) for s in signals)])
+        self._parts = [self._row[name] for name in self._row.dtype.names or ()]
+        self._shapes = [part.shape for part in self._parts]
+        *begins, _ = accumulate((part.nbytes for part in self._parts[2:]), initial=_HEAD.itemsize)
+        self.places = {
+            s.name: slice(begin, begin + part.nbytes)
+            for s, begin, part in zip(signals, begins, self._parts[2:], strict=True)
+        }
+
+    def pack(self, row: tuple[Value, ...]) -> bytes:
+        """One row: order, time, and the samples."""
+        for part, shape, value in zip(self._parts, self._shapes, row, strict=True):
+            if getattr(value, "shape", ()) != shape:
+                self._refuse(row)
+            part[...] = value
+        return self._row.tobytes()
+
+    def check(self, rows: list[bytes]) -> None:
+        """Raise a `ValueError` for packed rows of other signals."""
+        size = self._row.dtype.itemsize
+        if self._row.dtype.hasobject or any(len(row) != size for row in rows):
+            raise ValueError("rows that are not of the signals")
+
+    def _refuse(self, row: tuple[Value, ...]) -> None:
+        for signal, value in zip(self.signals, row[2:], strict=True):
+            if (shape := np.shape(value)) != signal.shape:
+                what = f"signal {signal.name!r} changed its shape"
+                raise TargetError(what, got=shape, wanted=str(signal.shape))
+
+
+def time_of(row: bytes) -> float:
+    """Time of a packed row [s]."""
+    return _TIME.unpack_from(row, 8)[0]
 
 
 class RunRecord:
@@ -48,7 +92,7 @@ class RunRecord:
 
     Signals that are sampled together share a table, a row an instant; a signal may be in several.
     A note is a text under a topic, kept when it differs from the one before: a mode, a status. A
-    message is bytes under a topic. Looking up a signal that is not there is an `UnknownNameError`.
+    message is bytes under a topic. Unknown signals raise an `UnknownNameError`.
 
     Args:
         metadata: texts that say what the record is of: robot, controller, scenario, seed.
@@ -58,6 +102,7 @@ class RunRecord:
     Attributes:
         metadata: those texts, the joints' names among them.
         complete: False for a record read back from a log that broke off.
+        keeps: whether samples and events stay in memory.
     """
 
     def __init__(
@@ -66,12 +111,13 @@ class RunRecord:
         self.metadata = dict(metadata or {})
         if joints:
             self.metadata["joints"] = json.dumps(list(joints))
-        self.complete = True
+        self.complete = self.keeps = True
         self._signals: dict[str, Signal] = {}
         self._tables: dict[Names, Table] = {}
-        self._rows = 0
-        self._events: Events = {}
+        self._count = 0
+        self._events: dict[str, list[Event]] = {}
         self._said: dict[str, str] = {}
+        self._fresh: list[tuple[Table | str, bytes | Event]] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -215,15 +261,15 @@ class RunRecord:
         table = self._tables.get(tuple(values))
         if table is None:
             table = self._new_table(values, units or {})
-        table.append((self._rows, time, *values.values()))
-        self._rows += 1
+        self.store(table, table.pack((self._count, time, *values.values())))
+        self._count += 1
 
     def note(self, time: float, topic: str, text: str) -> bool:
         """Keep a text that differs from the last of its topic; return whether it does."""
         if self._said.get(topic) == text:
             return False
         self._said[topic] = text
-        self._events.setdefault(topic, []).append((time, text))
+        self.store(topic, (time, text))
         return True
 
     def message(self, time: float, topic: str, content: SupportsBytes) -> None:
@@ -234,33 +280,34 @@ class RunRecord:
             topic: its topic.
             content: bytes, or something constant that becomes bytes when they are needed.
         """
-        self._events.setdefault(topic, []).append((time, content))
+        self.store(topic, (time, content))
 
-    def forget(self) -> None:
-        """Drop all samples, and events but the last of each topic; signals keep shape and unit."""
-        for table in self._tables.values():
-            table.rows.clear()
-        self._events = {topic: found[-1:] for topic, found in self._events.items()}
+    def store(self, place: Table | str, item: bytes | Event) -> None:
+        """Keep a packed row of a table, or an event of a topic."""
+        if self.keeps:
+            self._rows_of(place).append(item)
+        if self._fresh is not None:
+            self._fresh.append((place, item))
 
-    def counts(self) -> Counts:
-        """Number of rows and events so far."""
-        counts: Counts = {names: len(table.rows) for names, table in self._tables.items()}
-        return counts | {topic: len(found) for topic, found in self._events.items()}
+    def take_fresh(self) -> list[tuple[Table | str, bytes | Event]]:
+        """Return what was stored since the last call; everything at the first one."""
+        fresh, self._fresh = self._fresh, []
+        if fresh is not None:
+            return fresh
+        places = [*self._tables.values(), *self._events]
+        return [(place, item) for place in places for item in self._rows_of(place)]
 
-    def part(self, since: Counts) -> Part:
-        """Rows and events after an earlier `counts`."""
-        rows = [(table, table.rows[since.get(n, 0) :]) for n, table in self._tables.items()]
-        events = {topic: found[since.get(topic, 0) :] for topic, found in self._events.items()}
-        return Part(rows, events)
-
-    def take_in(self, part: Part) -> None:
-        """Append a `part` of another record."""
-        for table, rows in part.rows:
-            if any(self._signals.setdefault(s.name, s) != s for s in table.signals):
+    def take_in(self, place: Table | str, items: list[Any]) -> None:
+        """Append rows or events that were read."""
+        if isinstance(place, Table):
+            if any(self._signals.setdefault(s.name, s) != s for s in place.signals):
                 raise ValueError("a signal of two kinds")
-            self._tables.setdefault(tuple(table.places), Table(table.signals)).extend(rows)
-        for topic, found in part.events.items():
-            self._events.setdefault(topic, []).extend(found)
+            place.check(items)
+            place = self._tables.setdefault(tuple(place.places), place)
+        self._rows_of(place).extend(items)
+
+    def _rows_of(self, place: Table | str) -> list[Any]:
+        return place.rows if isinstance(place, Table) else self._events.setdefault(place, [])
 
     def _new_table(self, values: Mapping[str, Value], units: Mapping[str, str]) -> Table:
         for name, value in values.items():

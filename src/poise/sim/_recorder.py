@@ -17,9 +17,8 @@ from poise.sim._blocks import BlockWatch
 from poise.sim._foxglove import Pace, RobotTopics
 from poise.sim._log import McapLog
 from poise.sim._plant import Plant
-from poise.sim._record import RunRecord
+from poise.sim._record import RunRecord, Value
 from poise.sim._rollout import AnyController, LeadFunction, Tick
-from poise.sim._table import Value
 from poise.stack import ComTask, FrameTask, Leader, Stack, Task
 
 # The levels of every controller of a stack above those of the stack
@@ -51,7 +50,7 @@ class HasSignals(Protocol):
     """A leader with something to tell a recorder."""
 
     def signals(self) -> Mapping[str, Value | str]:
-        """After a tick: samples of signals by name, and notes by topic."""
+        """Samples of signals by name, and notes by topic, after a tick."""
         ...
 
 

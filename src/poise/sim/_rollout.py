@@ -1,9 +1,4 @@
-"""`rollout`: the loop between a plant and a controller, and what belongs to one pass of it.
-
-`garbage_frozen`: what keeps Python's search for garbage short inside any loop.
-`Tick`: what happened in one control period.
-`Body`, `AnyController`, `Estimator`, `Observer`: what the loop needs of those who take part.
-"""
+"""`rollout`: the loop between a plant and a controller, and what takes part in it."""
 
 import gc
 import math
@@ -24,7 +19,7 @@ from poise.stack import Leader
 
 @runtime_checkable
 class Body(Protocol):
-    """What is controlled: a `Plant`, a plant of one's own, or the link to a robot."""
+    """A controlled robot: a `Plant`, another simulation, or the link to a robot."""
 
     @property
     def control_dt(self) -> float:
@@ -38,52 +33,50 @@ class Body(Protocol):
 
     @property
     def fallen(self) -> bool:
-        """Whether there is nothing left to control: it fell, or a simulation diverged."""
+        """True where there is nothing left to control: it fell, or a simulation diverged."""
         ...
 
     def state(self) -> RobotState:
-        """What the sensors say."""
+        """Return the measured state."""
         ...
 
     def true_state(self) -> RobotState:
-        """What is; on hardware, where nobody knows, what the sensors say."""
+        """Return the true state; on hardware, where it is unknown, the measured one."""
         ...
 
     def step(self, command: Command) -> None:
-        """Lets one control period pass under a command."""
-        ...
+        """Advance one control period under a command."""
 
 
 @runtime_checkable
 class AnyController(Protocol):
-    """What a rollout needs of a controller; one that never raises on numbers."""
+    """A controller; it never raises on numbers."""
 
     def step(self, state: RobotState) -> Command:
-        """The command for a state."""
+        """Return the command for a state."""
         ...
 
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Makes of what the sensors say what leader and controller are given."""
+    """Estimates the state that leader and controller are given from the measured one."""
 
     def update(self, state: RobotState) -> RobotState:
-        """Takes a measured state in, once a tick; returns the estimated one."""
+        """Take a measured state in, once a tick; return the estimated one."""
         ...
 
 
 @runtime_checkable
 class CommandedEstimator(Estimator, Protocol):
-    """One that has to know what the robot is commanded, as who makes up for late sensors does."""
+    """One that has to know the commands, such as one that makes up for late sensors."""
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
-        """Takes in what the robot was commanded, once a tick."""
-        ...
+        """Take in the commanded acceleration, once a tick."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tick:
-    """One control period: what was measured, what was commanded, what then was.
+    """One control period: the measured state, the command, and the true state at its end.
 
     Attributes:
         index: how many ticks of the rollout came before.
@@ -120,26 +113,23 @@ EstimateFunction = Callable[[RobotState], RobotState]
 
 @runtime_checkable
 class Observer(Protocol[B_contra]):
-    """Looks on: records, logs, shows, films, counts. It changes nothing that takes part."""
+    """Records, logs, shows, films or counts; it changes nothing that takes part."""
 
     def begin(
         self, plant: B_contra, controller: AnyController, leader: Leader | LeadFunction | None
     ) -> None:
         """Before the first tick."""
-        ...
 
     def observe(self, tick: Tick) -> None:
-        """After each tick, before the one who iterates gets it."""
-        ...
+        """After each tick, before it is yielded."""
 
     def end(self) -> None:
         """Once after the last tick, however the rollout ended."""
-        ...
 
 
 @runtime_checkable
 class PeriodicLeader(Leader, Protocol):
-    """A leader that has to be asked at a period of its own."""
+    """A leader that has to be called at its own period."""
 
     @property
     def dt(self) -> float:
@@ -147,12 +137,11 @@ class PeriodicLeader(Leader, Protocol):
         ...
 
 
-_SAME_PERIOD = 1e-9
-"""Periods that differ by less are the same [s]."""
+_SAME_PERIOD = 1e-9  # periods that differ by less are the same [s]
 
 
 def check_period(leader: object, dt: float) -> None:
-    """Refuses a leader that has to be asked at another period than it will be."""
+    """Refuse a leader that has to be called at another period than `dt` [s]."""
     if isinstance(leader, PeriodicLeader) and abs(leader.dt - dt) > _SAME_PERIOD:
         raise ConfigurationError(
             f"{type(leader).__name__} and plant have different control periods",
@@ -163,14 +152,12 @@ def check_period(leader: object, dt: float) -> None:
 
 @contextmanager
 def garbage_frozen() -> Generator[None]:
-    """Keeps Python's search for garbage short inside a loop.
+    """Keep Python's search for garbage short inside a loop.
 
     Everything made so far, some hundred thousand objects of robots, solvers and packages, is set
-    aside (`gc.freeze`): a full collection, which otherwise stops the loop for a tenth of a second,
-    then looks at what the loop has made, and takes a fraction of a millisecond.
-
-    What is garbage already when it begins is collected first. At the end everything is as before,
-    unless somebody else had frozen objects earlier: then these stay so, with those made since.
+    aside (`gc.freeze`) after a collection: a full one, which otherwise stops the loop for a tenth
+    of a second, then looks at what the loop has made, and takes a fraction of a millisecond. At the
+    end everything is as before; objects that were frozen earlier stay so, with those made since.
     """
     gc.collect()
     ours = gc.get_freeze_count() == 0
@@ -191,22 +178,21 @@ def rollout(
     estimator: Estimator | EstimateFunction | None = None,
     duration: float | None = None,
 ) -> Generator[Tick]:
-    """Runs a plant under a controller, one tick an iteration.
+    """Run a plant under a controller, one tick an iteration.
 
-    A tick is: measure, estimate, lead, control, step the plant, tell the observers. Nothing
-    happens between two iterations, so whoever iterates sets the pace, and may push the robot or
-    set targets there. The rollout ends after `duration`, when the plant has fallen, or when nobody
-    asks for a further tick. Whatever ends it, an error included, every observer that began is
-    ended, the last one first. Until then Python's garbage is frozen, see `garbage_frozen`.
+    A tick is: measure, estimate, lead, control, step the plant, call the observers. Nothing
+    happens between two iterations, so the caller sets the pace, and may push the robot or set
+    targets there. The rollout ends after `duration`, when the plant has fallen, or when the
+    caller stops. Whatever ends it, an error included, every observer that began is ended, the
+    last one first. Until then Python's garbage is frozen (`gc.freeze`).
 
     Args:
         plant: what is controlled; it goes on from where it is.
         controller: gives the commands.
-        leader: sets what the controller's stack asks for; nobody does when None. A function of the
-            state does for `lead`.
-        observers: look on.
-        estimator: between the sensors and those who get a state; none when None. A function from
-            state to state does for `update`. One with `command` is told what was commanded.
+        leader: sets the targets of the controller's stack; a `Leader` or a function of the state.
+        observers: called before the first tick, after each, and after the last.
+        estimator: makes the state for leader and controller of the measured one; an object with
+            `update`, or a function. One with `command` gets the commanded accelerations.
         duration: how long [s], to the nearest tick; without end when None.
 
     Yields:
@@ -219,55 +205,47 @@ def rollout(
     if duration is not None and not duration >= 0.0:
         raise ConfigurationError("wrong duration of a rollout", got=duration, wanted=">= 0 s")
     check_period(leader, plant.control_dt)
-    # A generator would say so at the first tick only, far from the line that is wrong.
-    return _ticks(plant, controller, leader, observers, estimator, duration)
-
-
-def _ticks(
-    plant: B,
-    controller: AnyController,
-    leader: Leader | LeadFunction | None,
-    observers: Sequence[Observer[B]],
-    estimator: Estimator | EstimateFunction | None,
-    duration: float | None,
-) -> Generator[Tick]:
     lead = leader.lead if isinstance(leader, Leader) else leader
     estimate = estimator if estimator is None or callable(estimator) else estimator.update
     tell = estimator.command if isinstance(estimator, CommandedEstimator) else None
-    ticks = math.inf if duration is None else duration / plant.control_dt - 0.5
-    count = ticks if math.isinf(ticks) else math.ceil(ticks)
-    index = 0
-    with ExitStack() as watched:
-        for observer in observers:
-            observer.begin(plant, controller, leader)
-            watched.callback(observer.end)
-        watched.enter_context(garbage_frozen())
-        while index < count and not plant.fallen:
-            time = plant.time
-            measured = plant.state()
-            asked = perf_counter()
-            state = measured if estimate is None else estimate(measured)
-            begin = perf_counter()
-            if lead is not None:
-                lead(state)
-            led = perf_counter()
-            command = controller.step(state)
-            controlled = perf_counter()
-            plant.step(command)
-            if tell is not None:
-                tell(command.acceleration, time)
-            tick = Tick(
-                index=index,
-                time=time,
-                state=measured,
-                estimate=state,
-                command=command,
-                truth=plant.true_state(),
-                estimator_seconds=0.0 if estimate is None else begin - asked,
-                leader_seconds=led - begin,
-                controller_seconds=controlled - led,
-            )
+    count = math.inf if duration is None else duration / plant.control_dt - 0.5
+
+    # A generator of its own, so that what is wrong is raised by the call of `rollout`.
+    def ticks() -> Generator[Tick]:
+        index = 0
+        with ExitStack() as watched:
             for observer in observers:
-                observer.observe(tick)
-            yield tick
-            index += 1
+                observer.begin(plant, controller, leader)
+                watched.callback(observer.end)
+            watched.enter_context(garbage_frozen())
+            while index < count and not plant.fallen:
+                time = plant.time
+                measured = plant.state()
+                asked = perf_counter()
+                state = measured if estimate is None else estimate(measured)
+                begin = perf_counter()
+                if lead is not None:
+                    lead(state)
+                led = perf_counter()
+                command = controller.step(state)
+                controlled = perf_counter()
+                plant.step(command)
+                if tell is not None:
+                    tell(command.acceleration, time)
+                tick = Tick(
+                    index=index,
+                    time=time,
+                    state=measured,
+                    estimate=state,
+                    command=command,
+                    truth=plant.true_state(),
+                    estimator_seconds=0.0 if estimate is None else begin - asked,
+                    leader_seconds=led - begin,
+                    controller_seconds=controlled - led,
+                )
+                for observer in observers:
+                    observer.observe(tick)
+                yield tick
+                index += 1
+
+    return ticks()

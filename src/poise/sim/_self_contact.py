@@ -1,7 +1,4 @@
-"""The robot's own links as things that touch each other, and how hard they do.
-
-Without it links pass through one another.
-"""
+"""The robot's own links as things that touch each other, and how hard they do."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -14,33 +11,27 @@ from jaxtyping import Float64
 from poise.robots import Robot
 from poise.sim._mapping import StateMap
 
-_OWN = 2
-"""Collision bit of geometry that meets other links of the robot; the ground has bit 1."""
+_OWN = 2  # collision bit of geometry that meets other links of the robot; the ground has bit 1
 
+# Links with so many joints between them or fewer, or joints no further apart than this [m], do not
+# meet: housings of compound joints run into each other in most models, and joint limits are what
+# keeps such links apart.
 _NEIGHBOURS, _COMPOUND = 2, 0.1
-"""Links with so many joints between them or fewer, or joints no further apart than this [m], do not
-meet: housings of compound joints run into each other in most models, and joint limits are what
-keeps such links apart."""
 
-_NEAR_AT_HOME = 1e-3
-"""Links that are no further apart than this in the home posture do not meet [m]."""
+_NEAR_AT_HOME = 1e-3  # links no further apart than this in the home posture do not meet [m]
 
+# Random postures, half way at most from home to the joints' limits, in the larger part of which
+# links that touch are taken to be drawn into each other.
 _POSTURES, _REACH, _MOST = 100, 0.5, 0.5
-"""Random postures, half way at most from home to the joints' limits, in the larger part of which
-links that touch are taken to be drawn into each other."""
 
-_FRICTION = 0.5
-"""Of covers on covers."""
+_FRICTION = 0.5  # of covers on covers
 
 Pair = tuple[str, str]
 """Names of two links."""
 
 
 def covers(spec: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
-    """The geometry with which links meet each other.
-
-    It is a link's collision geometry; of a link that has none, the convex hulls of its pictures.
-    """
+    """Collision geometry of the links; of a link that has none, the hulls of its pictures."""
     found: list[mujoco.MjsGeom] = []
     for body in spec.bodies[1:]:
         solid = [g for g in body.geoms if g.contype or g.conaffinity]
@@ -129,12 +120,8 @@ class SelfContacts:
         self._wrench: Float64[np.ndarray, "6"] = np.zeros(6)
         self.forces: dict[Pair, float] = {}
 
-    def begin(self) -> None:
-        """A control period begins."""
-        self.forces = {}
-
     def look(self, data: mujoco.MjData) -> None:
-        """Takes in the contacts of a physics step."""
+        """Take in the contacts of a physics step."""
         now: dict[Pair, float] = {}
         for i, (one, other) in enumerate(data.contact.geom[: data.ncon].tolist()):
             a, b = sorted((self._bodies[one], self._bodies[other]))

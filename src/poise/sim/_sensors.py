@@ -1,102 +1,55 @@
-"""Sensors: from the true state to what a controller is told."""
+"""Measurements made of the true state; the inertial unit's true readings."""
 
 import math
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from jaxtyping import Float64
 
-from poise._schema import Bounds, Seconds, Vector, checked
 from poise.dynamics import RobotState, SensorReadings
-
-Deviation = Annotated[float, Bounds(least=0.0, most=1e6)]
-"""A standard deviation or a resolution, in the unit of what is measured."""
-
-_MAX_TILT = 0.5
-"""A unit that is mounted more askew is in its description [rad]."""
+from poise.robots import GRAVITY
+from poise.sim._config import SensorConfig
 
 
-@checked()
-@dataclass(frozen=True, kw_only=True)
-class SensorConfig:
-    """Resolution, noise and delay of the measurements; all zero means the true state.
+class InertialUnit:
+    """An ideal unit at the base's origin: angular velocity, mean specific force since last read.
 
-    Noise is white and normal; each value is its standard deviation. A bias is drawn from a normal
-    distribution, once a run.
-
-    Attributes:
-        encoder_resolution: smallest step of the joint encoders [rad].
-        joint_position_noise: noise of the joint positions, before quantisation [rad].
-        joint_position_bias: constant error of the joint positions, as of joints that were zeroed
-            badly, drawn once a joint with this deviation [rad].
-        joint_velocity_noise: noise of the joint velocities [rad/s].
-        base_position_noise: noise of the base position [m].
-        base_orientation_noise: noise of the base orientation, as a rotation vector [rad].
-        base_orientation_error: constant error of the base orientation, as a rotation about the
-            base's own x and y axes, which a unit mounted askew has [rad].
-        base_velocity_noise: noise of the base linear velocity [m/s].
-        gyro_noise: noise of the base angular velocity [rad/s].
-        force_noise: noise of the sole forces [N].
-        force_bias: constant error of the sole forces, drawn once a sole and axis with this
-            deviation [N].
-        moment_noise: noise of the sole moments [N m].
-        moment_bias: constant error of the sole moments, drawn likewise [N m].
-        accelerometer_noise: noise of the specific force that an estimator reads [m/s^2].
-        accelerometer_bias: its constant error, drawn likewise once an axis [m/s^2].
-        gyro_bias: constant error of the angular velocity that an estimator reads, drawn likewise;
-            `v` is without it, as a unit that knows its own bias gives it [rad/s].
-        torque_noise: noise of the motors' torques that an estimator reads [N m].
-        delay: age of everything measured [s], a multiple of the control period.
+    Units integrate at many kHz inside and give increments of velocity, so an impact between two
+    readings is in the later one.
     """
 
-    encoder_resolution: Deviation = 0.0
-    joint_position_noise: Deviation = 0.0
-    joint_position_bias: Deviation = 0.0
-    joint_velocity_noise: Deviation = 0.0
-    base_position_noise: Deviation = 0.0
-    base_orientation_noise: Deviation = 0.0
-    base_orientation_error: Annotated[tuple[float, float], Vector(2, Bounds(most=_MAX_TILT))] = (
-        0.0,
-        0.0,
-    )
-    base_velocity_noise: Deviation = 0.0
-    gyro_noise: Deviation = 0.0
-    force_noise: Deviation = 0.0
-    force_bias: Deviation = 0.0
-    moment_noise: Deviation = 0.0
-    moment_bias: Deviation = 0.0
-    accelerometer_noise: Deviation = 0.0
-    accelerometer_bias: Deviation = 0.0
-    gyro_bias: Deviation = 0.0
-    torque_noise: Deviation = 0.0
-    delay: Seconds = 0.0
+    def __init__(self) -> None:
+        self._velocity, self._turn = np.zeros(3), np.zeros(4)
+        self.reset()
 
-    @classmethod
-    def typical(cls) -> "SensorConfig":
-        """Encoders of 17 bits, an inertial unit and load cells as one buys them."""
-        return cls(
-            encoder_resolution=2.0 * math.pi / 2**17,
-            joint_velocity_noise=0.01,
-            base_orientation_noise=1e-3,
-            gyro_noise=5e-3,
-            force_noise=2.0,
-            moment_noise=0.3,
-            accelerometer_noise=0.05,
-            accelerometer_bias=0.03,
-            gyro_bias=2e-3,
-        )
+    def reset(self) -> None:
+        """Forget the motion so far."""
+        self._time = math.nan
 
-    @property
-    def ideal(self) -> bool:
-        """Whether the measured state is the true one."""
-        return all(not np.any(getattr(self, f.name)) for f in fields(self))
+    def read(
+        self, qpos: Float64[np.ndarray, " nq"], qvel: Float64[np.ndarray, " nv"], time: float
+    ) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
+        """Angular velocity [rad/s] and specific force [m/s^2] in the base's frame."""
+        spin, force, turn = qvel[3:6].copy(), np.array([0.0, 0.0, GRAVITY]), self._turn
+        turn[:] = qpos[3:7]
+        elapsed = time - self._time
+        if elapsed > 0.0:
+            force += (qvel[:3] - self._velocity) / elapsed
+            # Along the axes that the base had in the middle of the time that has passed.
+            mujoco.mju_quatIntegrate(turn, spin, -0.5 * elapsed)
+        self._time = time
+        self._velocity[:] = qvel[:3]
+        mujoco.mju_negQuat(turn, turn)
+        specific_force = np.empty(3)
+        mujoco.mju_rotVecQuat(specific_force, force, turn)
+        return spin, specific_force
 
 
 class _Errors(NamedTuple):
-    """What joints [rad] and soles [N, N m] are off by all the time."""
+    """Constant errors of joints [rad] and soles [N, N m]."""
 
     joints: Float64[np.ndarray, " nj"]
     soles: dict[str, Float64[np.ndarray, "6"]]
@@ -105,8 +58,7 @@ class _Errors(NamedTuple):
 class Sensors:
     """Turns one true state a control period into one measurement, with memory for the delay.
 
-    The random numbers are drawn once a period in a fixed order, so a run depends on its seed and
-    not on how often anybody looks.
+    Random numbers are drawn once a period in a fixed order: a run depends on its seed alone.
     """
 
     def __init__(
@@ -128,8 +80,7 @@ class Sensors:
 
     def _restart(self) -> None:
         self._rng = np.random.default_rng(self._seed)
-        # Numbers of their own: what a controller is told does not depend on what only an
-        # estimator reads.
+        # A generator apart: the state does not depend on what only an estimator reads.
         self._unit_rng = np.random.default_rng((self._seed, 1))
         self._gyro_bias = self._config.gyro_bias * self._unit_rng.standard_normal(3)
         self._specific_force_bias = (
@@ -169,7 +120,7 @@ class Sensors:
         return RobotState(q=q, v=v, contacts=contacts, time=state.time, readings=readings)
 
     def _draw_errors(self, joints: int, soles: Iterable[str]) -> _Errors:
-        """From numbers of their own: what else is drawn does not depend on them."""
+        """From a generator apart: what else is drawn does not depend on them."""
         c, rng = self._config, np.random.default_rng((self._seed, 2))
         return _Errors(
             c.joint_position_bias * rng.standard_normal(joints),

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any
 
 import mujoco
@@ -14,7 +15,6 @@ from poise.errors import PoiseError
 from poise.sim._plant import Plant
 
 _FRAME_SECONDS = 1.0 / 60.0
-
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 
@@ -23,62 +23,57 @@ class NoDisplayError(PoiseError):
 
 
 class Viewer:
-    """A window that shows the plant as it goes, in real time."""
+    """A window that shows the plant in real time."""
 
-    def __init__(
-        self, plant: Plant, handle: Any, model: mujoco.MjModel, data: mujoco.MjData
-    ) -> None:
-        self._plant, self._handle = plant, handle
-        self._model, self._data = model, data
-        self._began = time.monotonic() - plant.time
-        self._next = 0.0
+    def __init__(self, plant: Plant) -> None:
+        self._plant, self._model = plant, plant.drawn_model()
+        self._data = mujoco.MjData(self._model)
+        self._began, self._next = time.monotonic() - plant.time, 0.0
+        self._show()
+        launch = import_module("mujoco.viewer").launch_passive
+        try:
+            self.handle: Any = launch(
+                self._model, self._data, show_left_ui=False, show_right_ui=False
+            )
+        except RuntimeError as error:
+            raise NoDisplayError(f"the viewer's window cannot be opened: {error}") from error
 
     @property
     def open(self) -> bool:
-        """Whether the user has not closed the window."""
-        return bool(self._handle.is_running())
+        """False once the user has closed the window."""
+        return bool(self.handle.is_running())
 
     def sync(self) -> None:
-        """Show the plant; waits if the plant is ahead of the clock. Call it once a control tick."""
+        """Show the plant, and wait if it is ahead of the clock; call it once a control tick."""
         ahead = self._plant.time - (time.monotonic() - self._began)
         if ahead > 0.0:
             time.sleep(ahead)
         if time.monotonic() >= self._next:
             self._next = time.monotonic() + _FRAME_SECONDS
-            _show(self._plant, self._model, self._data)
-            self._handle.sync()
+            self._show()
+            self.handle.sync()
             # Pulled with the mouse.
             self._plant.data.xfrc_applied[:] = self._data.xfrc_applied
 
-
-def _show(plant: Plant, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Bring data of the drawn model to the plant's state."""
-    state = np.empty(mujoco.mj_stateSize(model, _STATE))
-    mujoco.mj_getState(plant.model, plant.data, state, _STATE)
-    mujoco.mj_setState(model, data, state, _STATE)
-    mujoco.mj_forward(model, data)
+    def _show(self) -> None:
+        """Bring the data of the drawn model to the plant's state."""
+        state = np.empty(mujoco.mj_stateSize(self._model, _STATE))
+        mujoco.mj_getState(self._plant.model, self._plant.data, state, _STATE)
+        mujoco.mj_setState(self._model, self._data, state, _STATE)
+        mujoco.mj_forward(self._model, self._data)
 
 
 @contextmanager
 def open_viewer(plant: Plant) -> Generator[Viewer]:
     """Open a window on a plant for a `with` block."""
-    if sys.platform == "linux" and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
+    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if sys.platform == "linux" and not screen:
         raise NoDisplayError(
             "the viewer needs a screen: neither DISPLAY nor WAYLAND_DISPLAY is set; "
             "run without --view and look at the video of the report instead"
         )
-    import mujoco.viewer
-
-    model = plant.drawn_model()
-    data = mujoco.MjData(model)
-    _show(plant, model, data)
+    viewer = Viewer(plant)
     try:
-        handle = mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
-    except RuntimeError as error:
-        raise NoDisplayError(f"the viewer's window cannot be opened: {error}") from error
-    try:
-        yield Viewer(plant, handle, model, data)
+        yield viewer
     finally:
-        handle.close()
+        viewer.handle.close()
