@@ -22,7 +22,7 @@ def difference_section(options: StudyOptions, progress: Progress) -> Section:
             full, own = (getattr(run.subjects[c, solver], kind) for c in ("whole_body", "reduced"))
             largest = float(np.nanmax(np.abs(full)))
             ticks = [run.answered(solver, stance) for stance in STANCES]
-            gaps = [np.abs(full[tick] - own[tick]).max(axis=1) for tick in ticks]
+            gaps = [np.abs(full - own)[tick].max(axis=1) for tick in ticks]
             most = [float(gap.max()) for gap in gaps]
             rows.append((solver, kind, unit, largest, *(float(np.median(g)) for g in gaps), *most))
             if solver == "direct":
