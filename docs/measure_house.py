@@ -35,8 +35,8 @@ PACKAGES = {
 LABORATORY = ("studies", "benchmarks", "bundled_robots")
 """Folders of Python beside the library that are counted with the studies."""
 
-ONBOARDING = ("apps/onboarding", "cli/_describe.py")
-"""Folders and files below `src/poise` that propose, try and show descriptions of new robots."""
+ONBOARDING = ("apps/onboarding",)
+"""Folders below `src/poise` that propose, try and show descriptions of new robots."""
 
 OPENINGS = frozenset({"What", "Whether", "Where", "How"})
 """First words of docstrings that describe a question in place of a thing or an action."""

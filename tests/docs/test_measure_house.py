@@ -97,7 +97,6 @@ FILES = {
     "src/poise/apps/live/page.js": "//\n",
     "src/poise/apps/live/three.bundle.min.js": "//\n" * 1000,
     "src/poise/apps/live/scene.yaml": "a: 1\n",
-    "src/poise/cli/_describe.py": "\n",
     "src/poise/cli/_run.py": "\n",
     "docs/page.md": "# Page\n\nText.\n",
     "docs/script.py": "\n",
@@ -138,8 +137,8 @@ def test_rows_and_files_are_counted_under_the_package_that_has_them(figures):
         "root and _compiled": {"rows": 3, "files": 2},
         "hqp": {"rows": 2 + search, "files": 3},
         "sim": {"rows": constants, "files": 1},
-        # The robots' own file, onboarding with its style sheet, and its command.
-        "robots and onboarding": {"rows": 2 + 1 + 3 + 1, "files": 4},
+        # The robots' own file, and onboarding with its style sheet.
+        "robots and onboarding": {"rows": 2 + 1 + 3, "files": 3},
         # Templates and scripts, neither the bundled one nor the scene.
         "apps and cli": {"rows": 2 + 1 + 1, "files": 3},
         "docs": {"rows": 4, "files": 2},
@@ -154,9 +153,9 @@ def test_totals_are_those_of_python_alone(figures):
     templates = 3 + 2 + 1
     rows = sum(size["rows"] for size in list(sizes.values())[:-3])
     assert figures["library: lines"] == rows - templates
-    assert figures["library: files"] == 10
+    assert figures["library: files"] == 9
     assert figures["library and laboratory: lines"] == rows - templates + 5
-    assert figures["library and laboratory: files"] == 13
+    assert figures["library and laboratory: files"] == 12
     assert figures["public names"] == 2
 
 

@@ -265,7 +265,8 @@ def _swung(robot: Robot) -> Float64[np.ndarray, " nq"]:
 
 def _lines_in_pinocchio(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Lines:
     model, data = robot.model, robot.model.createData()
-    columns = pin.computeJointJacobians(model, data, q)[:, -robot.nj :]
+    # Pinocchio gives that of a single joint as a vector.
+    columns = pin.computeJointJacobians(model, data, q).reshape(6, -1)[:, -robot.nj :]
     # A hinge turns about its axis, a slide moves along it.
     axes = np.where(columns[3:].any(axis=0), columns[3:], columns[:3])
     origins = [data.oMi[i].translation for i in range(model.njoints - robot.nj, model.njoints)]

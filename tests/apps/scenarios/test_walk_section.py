@@ -54,7 +54,7 @@ def test_hands_move_beside_a_walk():
         (
             "dcm_gain: 5.0",
             "early: 0.5",
-            r"yaml:9: walk.feedback has an unknown key; got 'early'; choices: .*dcm_gain",
+            r"yaml:9: walk.feedback .*removed; got 'early'; wanted none: it is the",
         ),
         ("length: 0.1", "length: 0.7", "out of reach"),
         ("feedback: {dcm_gain: 5.0}", "carry: [nose]", "no frame task to carry.*nose"),

@@ -186,11 +186,13 @@ def test_further_than_the_neck_goes_it_says_so_and_without_one_the_torso_turns(g
         GazeLeader(get_robot("g1"), dt=DT, speed_max=0.0)
 
 
-def test_a_neck_stands_below_the_balance_of_a_walk(get_robot):
+def test_a_neck_weighs_less_than_the_balance_of_a_walk(get_robot):
     robot = get_robot("talos")
     leader = GazeLeader(robot, dt=DT)
-    levels = walking_stack(robot, neck=leader.task).levels
-    assert [leader.task in level for level in levels] == [False, True, False]
+    stack = walking_stack(robot, neck=leader.task)
+    stack.bind(robot)
+    assert [leader.task in level for level in stack.levels] == [True, False]
+    assert 30.0 * leader.task.weight.max() < stack.task("com").weight.min()
 
 
 @pytest.mark.parametrize(("name", "frame"), [("humanoid33", "head_link"), slow("g1", "torso")])

@@ -355,7 +355,9 @@ def test_hands_stand_below_the_balance(get_robot):
     assert com.weight[2] > 30.0 * arms.weight.max()
     leader = HandLeader(teleoperator.robot, dt=DT)
     stack = walking_stack(teleoperator.robot, leader.task)
-    assert [leader.task in level for level in stack.levels] == [False, True, False]
+    stack.bind(teleoperator.robot)
+    assert [leader.task in level for level in stack.levels] == [True, False]
+    assert 30.0 * leader.task.weight.max() < stack.task("com").weight.min()
     assert not {task.name for _, task in stack.tasks()} & set(teleoperator.robot.hands)
 
 

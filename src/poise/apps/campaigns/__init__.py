@@ -15,7 +15,7 @@ from poise.apps.campaigns._episode import (
 )
 from poise.apps.campaigns._folder import (
     CampaignFolder as CampaignFolder,
-    RowLog,
+    RowLog as RowLog,
     read_rows,
     replaced as replaced,
 )
@@ -28,15 +28,13 @@ from poise.apps.campaigns._run import (
 from poise.apps.campaigns._tune import best_trial as best_trial
 from poise.apps.campaigns._workers import (
     LocalWorkers,
-    ThisProcess,
+    ThisProcess as ThisProcess,
     WorkerLostError as WorkerLostError,
     Workers as Workers,
 )
 
 __all__ = [
     "LocalWorkers",
-    "RowLog",
-    "ThisProcess",
     "read_rows",
     "run_campaign",
 ]

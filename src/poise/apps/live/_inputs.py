@@ -45,7 +45,7 @@ class OperatorInputs:
         self.stages: deque[StageTimes] = deque(maxlen=_STAGES)
         self._sampled: tuple[float, float, float] | None = None
 
-    def take(self, sample: OperatorSample) -> dict[str, float]:
+    def take(self, sample: OperatorSample) -> dict[str, float | bool]:
         """Take a state of keys, sticks, handles and trackers.
 
         Returns why it does not count [s], or `again` where a lever has to be let go first.
