@@ -28,8 +28,7 @@ HEADROOM = 1.1
 """Three times the scatter of single runs about these means, and half of a slowdown by 20%."""
 
 
-def test_a_tick_costs_no_more_of_fixed_work_than_it_did(get_robot):
-    get_robot("g1")
+def slower_parts():
     # A process of its own: the tests' type checks take several times what they check.
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.speed_ratios"],
@@ -41,9 +40,18 @@ def test_a_tick_costs_no_more_of_fixed_work_than_it_did(get_robot):
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found.keys() == RATIOS.keys()
-    slower = [
-        f"{name}: {times}, more than {HEADROOM} times {RATIOS[name]}"
+    return {
+        name: f"{name}: {times}, more than {HEADROOM} times {RATIOS[name]}"
         for name, times in found.items()
         if times["guarded"] > HEADROOM * RATIOS[name]
-    ]
-    assert not slower, "\n".join(slower)
+    }
+
+
+def test_a_tick_costs_no_more_of_fixed_work_than_it_did(get_robot):
+    get_robot("g1")
+    slower = slower_parts()
+    if slower:
+        # Other work on the machine only ever slows a run: code that is slower is so twice.
+        again = slower_parts()
+        slower = {name: text for name, text in again.items() if name in slower}
+    assert not slower, "\n".join(slower.values())

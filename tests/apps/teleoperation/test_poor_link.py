@@ -149,7 +149,7 @@ class Strays:
 
 
 @pytest.mark.fast_cases(1)
-@pytest.mark.parametrize("offset", [(0.5, 0.0, 0.0), (0.0, -2.0, 0.3), (0.0, 0.0, 0.4)], ids=str)
+@pytest.mark.parametrize("offset", [(0.5, 0.0, 0.0), (0.0, -2.0, 0.3), (0.0, 0.0, 0.5)], ids=str)
 def test_hands_that_are_found_elsewhere_move_no_foot(get_robot, offset):
     run = run_teleop(
         get_robot("biped20"),
