@@ -61,6 +61,10 @@ def _same_state(_tare: object, state: object, *_: object) -> object:
     return state
 
 
+def _usual_weight(*_: object) -> float:
+    return 1.0
+
+
 def _asked_height(_body: object, _feet: object, height: float, *_: object) -> float:
     return height
 
@@ -123,6 +127,12 @@ MECHANISMS = (
         },
         watched=f"{_TASKS}.TorqueTasks.lead",
         acts=lambda call, _: call[1].region.narrow and call[1].mode.single,
+    ),
+    Mechanism(
+        name="thrown foot",
+        off={f"{_TASKS}._foot_weight": _usual_weight},
+        watched=f"{_TASKS}._foot_weight",
+        acts=lambda _, weight: weight > 1.0,
     ),
     Mechanism(
         name="capture constants",
@@ -200,7 +210,9 @@ MECHANISMS = (
 """Mechanisms that runs switch.
 
 - `narrow sole`: the ZMP in single support rests as far inwards as before, and nothing else is done
-  for a narrow sole: no room beyond its edges, no announced step, and usual step lengths.
+  for a narrow sole: no room beyond its edges, no announced step, usual step lengths, and no weight
+  of a thrown foot either.
+- `thrown foot`: a swing foot far from where it is sent weighs as much as any.
 - `capture constants`: margin of the ZMP, clearance, bounce time and swing height of a walk, and no
   time-outs; one margin of the pressure, no bound of the trunk's way, the usual weight of feet in
   capture steps, and of the balance right after them.

@@ -141,7 +141,7 @@ class TorqueLevel(Level):
         self.footing = footing
         if not self._overruled:
             upright = command is not None and command.upright
-            self._tasks.lead(footing, body.torso, upright=upright)
+            self._tasks.lead(footing, body.torso, devices.sent, upright=upright)
             return False
         guard.let_go(DeviceStatus.WALKING if self._driven else DeviceStatus.OVERRULED)
         self._tasks.accompany(footing, walks=self._driven)

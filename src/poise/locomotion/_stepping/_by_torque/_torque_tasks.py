@@ -11,7 +11,7 @@ from poise.locomotion._stepping._by_torque._departures import (
     waist_ranges,
 )
 from poise.locomotion._stepping._stance import UPRIGHT, Biped, Footing, TrunkPose
-from poise.locomotion._support import Rotation
+from poise.locomotion._support import Rotation, Vector3
 from poise.locomotion._walking import mean_angle, stepping_stack
 from poise.stack import LINEAR_SPEED, ComTask, FrameTask, JointTask, SurfaceContact
 
@@ -31,6 +31,10 @@ while the robot steps by itself. Height is no balance: a leg may fold no deeper.
 
 _RIGHTED = 0.2
 """Farthest target of a thrown trunk from where it is: farther, it costs the CoM [rad]."""
+
+_THROWN, _AWAY, _HIGH = 1e3, 0.15, 0.1
+"""Weight of a swing foot that is twice so far from its target [m], beside a narrow sole; so far
+above the ground [m] it is not too high for landing. Lighter, a push throws it up by 0.5 m."""
 
 _CAUGHT_FOOT = (1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
 """Weight of the feet meanwhile: a foot that is late, or stumbles, costs the balance, too."""
@@ -110,6 +114,7 @@ class TorqueTasks:
         self,
         footing: Footing,
         torso: tuple[float, float, float],
+        sent: Vector3,
         *,
         upright: bool,
     ) -> None:
@@ -117,7 +122,7 @@ class TorqueTasks:
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
         com = tuple(_CATCHING * (most / _CATCHING) ** self._eased for most in _BALANCE)
         trunk = _URGENT_TRUNK if upright else _TRUNK
-        self._weigh((com, 1.0, trunk), caught=False)
+        self._weigh((com, _foot_weight(footing, sent), trunk), caught=False)
         self._turn_trunk(footing, UPRIGHT if upright else torso, learns=True)
 
     def accompany(self, footing: Footing, *, walks: bool) -> None:
@@ -164,6 +169,16 @@ class TorqueTasks:
             if most < math.inf:
                 left = most - math.hypot(*target[21:].tolist()) / _KP_TRUNK
                 target[3:12] = _towards(goals[k], here, max(left, 0.0)).ravel()
+
+
+def _foot_weight(footing: Footing, sent: Vector3) -> float:
+    """Weight of the swing foot, by how far it has been thrown from where it is sent."""
+    if not (footing.region.narrow and footing.mode.single):
+        return 1.0
+    (x, y, z), (to_x, to_y, to_z) = footing.sole(footing.other).tolist(), sent.tolist()
+    up = max(z - max(to_z, footing.highest_ground + _HIGH), 0.0)
+    away = math.hypot(x - to_x, y - to_y, up) / _AWAY
+    return _THROWN ** min(max(away - 1.0, 0.0), 1.0)
 
 
 def _towards(goal: Rotation, here: Rotation, most: float) -> Rotation:
