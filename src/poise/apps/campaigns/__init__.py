@@ -15,8 +15,8 @@ from poise.apps.campaigns._episode import (
 )
 from poise.apps.campaigns._folder import (
     CampaignFolder as CampaignFolder,
-    RowLog as RowLog,
-    read_rows,
+    RowLog,
+    read_rows as read_rows,
     replaced as replaced,
 )
 from poise.apps.campaigns._run import (
@@ -35,6 +35,6 @@ from poise.apps.campaigns._workers import (
 
 __all__ = [
     "LocalWorkers",
-    "read_rows",
+    "RowLog",
     "run_campaign",
 ]
