@@ -15,14 +15,10 @@ from poise.robots import Robot, joint_kind
 
 
 class StateMap:
-    """Index arrays between the vectors of a `Robot` and those of a MuJoCo model that has it.
+    """Index arrays between the vectors of a `Robot` and those of a MuJoCo model that has it."""
 
-    The model may have other joints besides, before, between and after those of the robot.
-
-    Attributes:
-        joints: the model's index of each joint of the robot, in the robot's order.
-        free_joint: the model's index of the base's free joint, None for a fixed base.
-    """
+    joints: tuple[int, ...]  # the model's index of each joint, in the robot's order
+    free_joint: int | None  # the model's index of the base's free joint; None for a fixed base
 
     def __init__(
         self,
@@ -32,10 +28,10 @@ class StateMap:
         prefix: str = "",
         body_T_base: pin.SE3 | None = None,
     ) -> None:
-        names, q_pin, v_pin = _pinocchio_joints(robot)
-        ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, prefix + name) for name in names]
-        _check_joints(robot, model, names, ids)
-        self.joints: tuple[int, ...] = tuple(ids)
+        kind = mujoco.mjtObj.mjOBJ_JOINT
+        ids = [mujoco.mj_name2id(model, kind, prefix + name) for name in robot.joint_names]
+        _check_joints(robot, model, ids)
+        self.joints = tuple(ids)
         self.free_joint = _free_joint(robot, model, ids)
         self._offset = body_T_base
         q_mj, v_mj = model.jnt_qposadr[ids].tolist(), model.jnt_dofadr[ids].tolist()
@@ -44,8 +40,8 @@ class StateMap:
             q0, v0 = (int(a[self.free_joint]) for a in (model.jnt_qposadr, model.jnt_dofadr))
             base_q = [q0 + k for k in (0, 1, 2, 4, 5, 6, 3)]
             base_v = [v0 + k for k in range(6)]
-        self._qpos_of_q = _scatter(robot.nq, [*range(len(base_q)), *q_pin], [*base_q, *q_mj])
-        self._qvel_of_v = _scatter(robot.nv, [*range(len(base_v)), *v_pin], [*base_v, *v_mj])
+        self._qpos_of_q = np.array([*base_q, *q_mj], dtype=np.int64)
+        self._qvel_of_v = np.array([*base_v, *v_mj], dtype=np.int64)
         self._quaternion = slice(base_q[6], base_q[6] + 4) if base_q else slice(0)
         self._model = model
         self._unturn, self._linear = np.empty(4), np.empty(3)
@@ -115,11 +111,15 @@ class StateMap:
         return data
 
 
-def _pinocchio_joints(robot: Robot) -> tuple[list[str], list[int], list[int]]:
-    """Names of the hinges and slides, with their places in q and v."""
+_KINDS = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
+_FREE = mujoco.mjtJoint.mjJNT_FREE
+
+
+def _check_joints(robot: Robot, model: mujoco.MjModel, ids: list[int]) -> None:
+    """Refuse joints that are not in the model, are of another kind there, or turn without end."""
+    missing, other = list[str](), list[str]()
     joints = list(robot.model.joints)[-robot.nj :]
-    names = list(robot.model.names)[-robot.nj :]
-    for name, joint in zip(names, joints, strict=True):
+    for name, joint, i in zip(robot.joint_names, joints, ids, strict=True):
         if (joint.nq, joint.nv) != (1, 1):
             raise RobotError(
                 f"joint {name!r} of robot {robot.name!r} cannot be simulated",
@@ -127,27 +127,16 @@ def _pinocchio_joints(robot: Robot) -> tuple[list[str], list[int], list[int]]:
                 wanted="a hinge or slide with one position variable (give limits to a joint "
                 "that turns without end)",
             )
-    return names, [j.idx_q for j in joints], [j.idx_v for j in joints]
-
-
-_KINDS = {mujoco.mjtJoint.mjJNT_HINGE: "revolute", mujoco.mjtJoint.mjJNT_SLIDE: "prismatic"}
-_FREE = mujoco.mjtJoint.mjJNT_FREE
-
-
-def _check_joints(robot: Robot, model: mujoco.MjModel, names: list[str], ids: list[int]) -> None:
-    missing = [n for n, i in zip(names, ids, strict=True) if i < 0]
+        if i < 0:
+            missing.append(name)
+        elif model.jnt_type[i] != _KINDS[joint_kind(joint)]:
+            other.append(name)
     if missing:
         raise RobotError(
             f"joints of robot {robot.name!r} are not in the MuJoCo model",
             got=missing,
             choices=[model.joint(i).name for i in range(model.njnt)],
         )
-    other = [
-        name
-        for name, i in zip(names, ids, strict=True)
-        if joint_kind(robot.model.joints[robot.model.getJointId(name)])
-        != _KINDS.get(mujoco.mjtJoint(int(model.jnt_type[i])))
-    ]
     if other:
         raise RobotError(
             f"joints of robot {robot.name!r} are of another kind in the MuJoCo model",
@@ -180,9 +169,3 @@ def _free_joint(robot: Robot, model: mujoco.MjModel, ids: list[int]) -> int | No
         if robot.floating_base
         else "no free joint in that body, or a description with base: floating",
     )
-
-
-def _scatter(size: int, places: list[int], values: list[int]) -> Int[np.ndarray, " n"]:
-    out = np.empty(size, dtype=np.int64)
-    out[places] = values
-    return out

@@ -2,8 +2,6 @@
 
 import math
 from collections import deque
-from collections.abc import Iterable
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -48,13 +46,6 @@ class InertialUnit:
         return spin, specific_force
 
 
-class _Errors(NamedTuple):
-    """Constant errors of joints [rad] and soles [N, N m]."""
-
-    joints: Float64[np.ndarray, " nj"]
-    soles: dict[str, Float64[np.ndarray, "6"]]
-
-
 class Sensors:
     """Turns one true state a control period into one measurement, with memory for the delay.
 
@@ -64,30 +55,31 @@ class Sensors:
     def __init__(
         self, config: SensorConfig, *, base_dofs: int, delay_ticks: int, seed: int
     ) -> None:
-        self._config = config
-        self._floating = base_dofs == 6
-        self._seed = seed
-        self._wrench_noise = np.repeat([config.force_noise, config.moment_noise], 3)
-        self._wrench_bias = np.repeat([config.force_bias, config.moment_bias], 3)
+        self._config, self._seed, self._floating = config, seed, base_dofs == 6
         self._buffer: deque[RobotState] = deque(maxlen=delay_ticks + 1)
-        self._restart()
 
     def reset(self, state: RobotState) -> RobotState:
         """Forget the past, restart the noise from its seed, and measure."""
-        self._restart()
+        c, joints = self._config, state.v[6 * self._floating :].size
+        # Three generators: the state does not depend on what only an estimator reads, nor the
+        # noise on the constant errors.
+        self._rng, self._unit_rng, errors = (
+            np.random.default_rng(seed) for seed in (self._seed, (self._seed, 1), (self._seed, 2))
+        )
+        base = c.base_position_noise, c.base_orientation_noise, c.base_velocity_noise, c.gyro_noise
+        self._deviations = np.repeat(
+            [*base, c.joint_position_noise, c.joint_velocity_noise]
+            + [c.force_noise, c.moment_noise] * len(state.contacts),
+            [3 * self._floating] * 4 + [joints] * 2 + [3, 3] * len(state.contacts),
+        )
+        self._unit_deviations = np.repeat([c.accelerometer_noise, c.torque_noise], [3, joints])
+        self._gyro_bias = c.gyro_bias * self._unit_rng.standard_normal(3)
+        self._force_bias = c.accelerometer_bias * self._unit_rng.standard_normal(3)
+        self._joint_bias = c.joint_position_bias * errors.standard_normal(joints)
+        wrench_bias = np.repeat([c.force_bias, c.moment_bias], 3)
+        self._sole_bias = {n: wrench_bias * errors.standard_normal(6) for n in state.contacts}
         self._buffer.clear()
         return self.measure(state)
-
-    def _restart(self) -> None:
-        self._rng = np.random.default_rng(self._seed)
-        # A generator apart: the state does not depend on what only an estimator reads.
-        self._unit_rng = np.random.default_rng((self._seed, 1))
-        self._gyro_bias = self._config.gyro_bias * self._unit_rng.standard_normal(3)
-        self._specific_force_bias = (
-            self._config.accelerometer_bias * self._unit_rng.standard_normal(3)
-        )
-        # Drawn when the first state says how many joints and which soles there are.
-        self._errors: _Errors | None = None
 
     def measure(self, state: RobotState) -> RobotState:
         """Measure the true state of this control period."""
@@ -95,49 +87,36 @@ class Sensors:
         return self._buffer[0]
 
     def _corrupt(self, state: RobotState) -> RobotState:
-        c, rng = self._config, self._rng
+        noise = self._deviations * self._rng.standard_normal(self._deviations.size)
         q, v = state.q.copy(), state.v.copy()
+        at = 12 * self._floating
         if self._floating:
-            q[:3] += c.base_position_noise * rng.standard_normal(3)
-            turn = c.base_orientation_noise * rng.standard_normal(3)
-            turn[:2] += c.base_orientation_error
+            q[:3] += noise[:3]
+            turn = noise[3:6]
+            turn[:2] += self._config.base_orientation_error
             q[3:7] = _perturb(q[3:7], turn)
-            v[:3] += c.base_velocity_noise * rng.standard_normal(3)
-            v[3:6] += c.gyro_noise * rng.standard_normal(3)
+            v[:6] += noise[6:12]
         joints_q, joints_v = q[7 * self._floating :], v[6 * self._floating :]
-        if self._errors is None:
-            self._errors = self._draw_errors(joints_q.size, state.contacts)
-        joints_q += self._errors.joints
-        joints_q += c.joint_position_noise * rng.standard_normal(joints_q.size)
-        joints_v += c.joint_velocity_noise * rng.standard_normal(joints_v.size)
-        if c.encoder_resolution > 0.0:
-            joints_q[:] = c.encoder_resolution * np.rint(joints_q / c.encoder_resolution)
+        joints_q += self._joint_bias
+        joints_q += noise[at : (at := at + joints_q.size)]
+        joints_v += noise[at : (at := at + joints_v.size)]
+        resolution = self._config.encoder_resolution
+        if resolution > 0.0:
+            joints_q[:] = resolution * np.rint(joints_q / resolution)
         contacts = {
-            n: w + self._errors.soles[n] + self._wrench_noise * rng.standard_normal(6)
+            n: w + self._sole_bias[n] + noise[at : (at := at + 6)]
             for n, w in state.contacts.items()
         }
         readings = None if state.readings is None else self._corrupt_readings(state.readings, v)
-        return RobotState(q=q, v=v, contacts=contacts, time=state.time, readings=readings)
-
-    def _draw_errors(self, joints: int, soles: Iterable[str]) -> _Errors:
-        """From a generator apart: what else is drawn does not depend on them."""
-        c, rng = self._config, np.random.default_rng((self._seed, 2))
-        return _Errors(
-            c.joint_position_bias * rng.standard_normal(joints),
-            {sole: self._wrench_bias * rng.standard_normal(6) for sole in soles},
-        )
+        return RobotState(q, v, contacts, state.time, readings)
 
     def _corrupt_readings(
         self, true: SensorReadings, v: Float64[np.ndarray, " nv"]
     ) -> SensorReadings:
         """One gyro has one noise: that of the angular velocity in `v`."""
-        c, rng = self._config, self._unit_rng
-        force = true.specific_force + self._specific_force_bias
-        return SensorReadings(
-            v[3:6] + self._gyro_bias,
-            force + c.accelerometer_noise * rng.standard_normal(3),
-            true.torque + c.torque_noise * rng.standard_normal(true.torque.size),
-        )
+        noise = self._unit_deviations * self._unit_rng.standard_normal(self._unit_deviations.size)
+        force = true.specific_force + self._force_bias
+        return SensorReadings(v[3:6] + self._gyro_bias, force + noise[:3], true.torque + noise[3:])
 
 
 def _perturb(
