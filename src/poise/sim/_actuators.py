@@ -62,11 +62,7 @@ class Actuators:
         position: Float64[np.ndarray, "..."] | None,
         measure: Callable[[], RobotState],
     ) -> None:
-        """Take the command for the next control period; `measure` returns the state before it.
-
-        Values that are not finite are taken as zero torque, zero velocity or the last position, and
-        counted in `rejected`.
-        """
+        """Take the command for the next control period; `measure` returns the state before it."""
         offered = {
             "torque": None if command is None else command.torque,
             "velocity": None if command is None else command.velocity,

@@ -14,10 +14,10 @@ from poise.errors import RobotError, UnknownNameError
 from poise.robots import FrameRole, Robot, drop_meshes, free_name
 from poise.sim._config import Payload, PlantConfig
 from poise.sim._document import add_sticks, convert_meshes, parse_document, weld_joints
-from poise.sim._self_contact import covers, exclude_lasting_contacts, let_touch
+from poise.sim._self_contact import exclude_lasting_contacts, let_touch
 
+# Collision bits of the robot's geometry: it meets the ground, never itself
 FLOOR_ONLY = {"contype": 0, "conaffinity": 1}
-"""Collision bits of the robot's geometry: it meets the ground, never itself."""
 
 _SOLE_THICKNESS = 0.02  # the box under a foot reaches so far up [m]; only its lower face matters
 _FRICTION_IMPEDANCE = 10.0  # friction is so much stiffer than normals: a standing foot stays
@@ -27,13 +27,23 @@ _TURNING = (0.005, 0.0001)  # torsional and rolling friction, MuJoCo's defaults
 # Stiff from the first touch, MuJoCo's solimp: a 100 kg robot sinks in by about 0.01 mm.
 _CONTACT_IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
 
+_LOOKS = """<mujoco>
+  <asset>
+    <texture name="sky" type="skybox" builtin="gradient" width="128" height="128"
+      rgb1="0.93 0.95 0.98" rgb2="0.70 0.78 0.88"/>
+    <texture name="checker" type="2d" builtin="checker" width="256" height="256"
+      rgb1="0.86 0.88 0.90" rgb2="0.76 0.79 0.82"/>
+    <material name="floor" texture="checker" texrepeat="2 2" texuniform="true"/>
+  </asset>
+  <worldbody>
+    <light name="sun" type="directional" pos="0 0 4" dir="-0.4 0.3 -1" castshadow="false"
+      diffuse="0.5 0.5 0.5" specular="0.1 0.1 0.1"/>
+  </worldbody>
+</mujoco>"""
+
 
 def build_model(robot: Robot, config: PlantConfig, *, pictures: bool = False) -> mujoco.MjModel:
-    """Build and compile the MuJoCo model of a robot in its world.
-
-    Bodies, joints and sites carry the names of links, joints and frame roles; motor i drives
-    `robot.joint_names[i]`.
-    """
+    """Build and compile the MuJoCo model of a robot in its world; motor i drives joint i."""
     soles = [robot.roles[name] for name in robot.soles]
     spec = parse_document(robot.source)
     spec.modelname = robot.name
@@ -43,19 +53,16 @@ def build_model(robot: Robot, config: PlantConfig, *, pictures: bool = False) ->
     if not any(body.geoms for body in spec.bodies[1:]):
         add_sticks(spec)
     feet = [body for role in soles for body in _rigid_with(_body(spec, role.link, robot))]
-    touching = covers(spec) if config.self_contact else []
-    for geom in (geom for body in feet for geom in body.geoms if _is_solid(geom)):
-        # A sole takes its place, whose plane the ground meets. Not deleted: mass may come from it.
-        geom.contype, geom.conaffinity, geom.group = 0, 0, _HIDDEN_GROUP
-    for geom in touching:
-        if geom.parent not in feet:
-            geom.contype, geom.conaffinity = FLOOR_ONLY.values()
-    for body in spec.bodies:
-        solid = [geom for geom in body.geoms if _is_solid(geom)]
-        hidden = len(body.geoms) > len(solid)  # behind pictures
-        for geom in solid:
-            geom.contype, geom.conaffinity = FLOOR_ONLY.values()
-            geom.group = _HIDDEN_GROUP if hidden else geom.group
+    touching = list[mujoco.MjsGeom]()
+    for body in spec.bodies[1:]:
+        solid, foot = [geom for geom in body.geoms if _is_solid(geom)], body in feet
+        covers = solid or ([*body.geoms] if config.self_contact else [])
+        touching += covers
+        for geom in covers:
+            # A sole takes the place of a foot's geometry. Not deleted: mass may come from it.
+            geom.contype, geom.conaffinity = (0, 0) if foot else FLOOR_ONLY.values()
+            if solid and (foot or len(body.geoms) > len(solid)):  # behind pictures
+                geom.group = _HIDDEN_GROUP
     for role in robot.roles.values():
         _body(spec, role.link, robot).add_site(
             name=role.name, pos=role.position, quat=_quaternion(role.rotation), group=5
@@ -71,8 +78,8 @@ def build_model(robot: Robot, config: PlantConfig, *, pictures: bool = False) ->
             kind = getattr(mujoco.mjtSensor, f"mjSENS_{name.upper()}")
             site = mujoco.mjtObj.mjOBJ_SITE
             spec.add_sensor(name=name, type=kind, objtype=site, objname=robot.pelvis)
-    _add_ground(spec, robot, config)
     _add_looks(spec)
+    _add_ground(spec, robot, config)
     if not pictures:
         drop_meshes(mujoco, spec, _is_solid)
     if robot.source.kind == "urdf":
@@ -253,35 +260,8 @@ def _add_ground(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
 
 def _add_looks(spec: mujoco.MjSpec) -> None:
     """Light colours, no shadows and no reflections: software rendering is slow enough."""
-    spec.add_texture(
-        name="plant_sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(0.93, 0.95, 0.98),
-        rgb2=(0.70, 0.78, 0.88),
-        width=128,
-        height=128,
-    )
-    spec.add_texture(
-        name="plant_checker",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=(0.86, 0.88, 0.90),
-        rgb2=(0.76, 0.79, 0.82),
-        width=256,
-        height=256,
-    )
-    floor = spec.add_material(name="plant_floor", texrepeat=(2.0, 2.0), texuniform=True)
-    floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "plant_checker"
-    spec.worldbody.add_light(
-        name="plant_sun",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=(0.0, 0.0, 4.0),
-        dir=(-0.4, 0.3, -1.0),
-        diffuse=(0.5, 0.5, 0.5),
-        specular=(0.1, 0.1, 0.1),
-        castshadow=False,
-    )
+    world = mujoco.MjSpec.from_string(_LOOKS)
+    spec.attach(world, prefix="plant_", frame=spec.worldbody.add_frame())
     light, quality = spec.visual.headlight, spec.visual.quality
     light.ambient, light.diffuse, light.specular = (np.full(3, x) for x in (0.34, 0.3, 0.05))
     # Balls and cylinders of fewer facets than MuJoCo's default: a third off the time of a picture.

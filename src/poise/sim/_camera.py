@@ -1,9 +1,4 @@
-"""Pictures of the plant, drawn without a screen, with points and arrows in them.
-
-MuJoCo's package decides on OpenGL while it is imported, and PyOpenGL does so once for the life of a
-process. So each platform is tried in a process of its own, and the first that draws is then used
-here by its own module, whatever MuJoCo's package has decided.
-"""
+"""Pictures of the plant, drawn without a screen, with points and arrows in them."""
 
 import importlib
 import os
@@ -25,23 +20,24 @@ from poise.robots import Robot
 from poise.sim._mapping import StateMap
 from poise.sim._mujoco import asked_platform, missing_library
 
-_PLATFORMS = ("egl", "osmesa")
-"""EGL first: it uses a graphics card where there is one."""
-
+_PLATFORMS = ("egl", "osmesa")  # EGL first: it uses a graphics card where there is one
 _TRIAL = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 64, 64)"
+_TRIAL_SECONDS = 60.0  # a driver that hangs counts as none
 
-_TRIAL_SECONDS = 60.0
-"""A driver that hangs counts as none."""
+_ARROW_WIDTH = 0.016  # radius of an arrow's shaft [m]
+_FILLED = 0.9  # of the picture's height and width by the robot; the rest is for the lag
+_FOLLOW_SECONDS = 0.4  # lag of the camera, so that the picture does not shake with the robot
+_GROUND = 0.35  # ground about the robot that is seen, in robot heights: a step ahead and behind
+
+# Red, green, blue, opacity in [0, 1]
+Colour = Annotated[tuple[float, float, float, float], Vector(4, Bounds(least=0.0, most=1.0))]
 
 
 @cache
 def find_opengl() -> str | None:
-    """The platform to draw without a screen that works here: "egl", "osmesa", or None.
-
-    MUJOCO_GL and PYOPENGL_PLATFORM are obeyed if they name one of the two. The answer is kept for
-    the life of the process.
-    """
+    """Platform that draws without a screen here, "egl" or "osmesa"; the environment may name it."""
     asked = asked_platform()
+    # PyOpenGL decides on one once for the life of a process, so each is tried in another process.
     for platform in _PLATFORMS if asked is None else asked[1:]:
         try:
             done = subprocess.run(
@@ -58,62 +54,28 @@ def find_opengl() -> str | None:
     return None
 
 
-Colour = Annotated[tuple[float, float, float, float], Vector(4, Bounds(least=0.0, most=1.0))]
-"""Red, green, blue, opacity in [0, 1]."""
-
-_ARROW_WIDTH = 0.016
-"""Radius of an arrow's shaft [m]."""
-
-
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Marker:
-    """A ball at a point, or an arrow from it.
+    """A ball at a point, or an arrow from it."""
 
-    Attributes:
-        position: where it is in the world [m].
-        arrow: from the point to the arrow's tip in the world [m]; None for a ball.
-        radius: of the ball [m].
-        colour: red, green, blue, opacity in [0, 1].
-    """
-
-    position: Triple
-    arrow: Triple | None = None
-    radius: Positive = 0.025
-    colour: Colour = (0.10, 0.60, 0.25, 0.85)
-
-
-_FILLED = 0.9
-"""How much of the picture's height and width the robot may fill; the rest is for the lag."""
-
-_FOLLOW_SECONDS = 0.4
-"""The camera follows the robot with this lag, so that the picture does not shake with it."""
-
-_GROUND = 0.35
-"""Ground about the robot that is seen, in robot heights: a long step ahead and behind."""
+    position: Triple  # in the world [m]
+    arrow: Triple | None = None  # from the point to the tip in the world [m]; None for a ball
+    radius: Positive = 0.025  # of the ball [m]
+    colour: Colour = (0.10, 0.60, 0.25, 0.85)  # red, green, blue, opacity in [0, 1]
 
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class CameraConfig:
-    """Size of the picture and where it is taken from.
+    """Size of the picture and place of the camera, which steps back to show the robot whole."""
 
-    Attributes:
-        width: [pixel]
-        height: [pixel]
-        azimuth: direction of view about z, 0 looks along x [deg].
-        elevation: direction of view above the horizon, negative looks down [deg].
-        distance: from the camera to the robot, in robot heights; it steps back where the robot
-            would not be seen whole, or what it walks on.
-        antialiasing: samples a pixel, 0 for none; each costs time in software.
-    """
-
-    width: Count = 960
-    height: Count = 540
-    azimuth: Number = 145.0
-    elevation: Number = -12.0
-    distance: Positive = 1.4
-    antialiasing: Annotated[int, Bounds(least=0.0, whole=True)] = 0
+    width: Count = 960  # [pixel]
+    height: Count = 540  # [pixel]
+    azimuth: Number = 145.0  # direction of view about z, 0 looks along x [deg]
+    elevation: Number = -12.0  # direction of view above the horizon [deg]
+    distance: Positive = 1.4  # least one from the camera to the robot, in robot heights
+    antialiasing: Annotated[int, Bounds(least=0.0, whole=True)] = 0  # samples a pixel, 0 for none
 
 
 class Camera:
@@ -211,14 +173,9 @@ class Camera:
         return [np.array(list(product(*np.transpose(box)))) for box in ends]
 
     def _distance_for_all(self) -> float:
-        """Least distance that shows the whole robot and what it walks on [m].
-
-        A point at d from the robot's middle, where the camera looks, is seen if
-
-            |d . up| <= tan(fov / 2) (distance + d . ahead),
-
-        and to the sides in the picture's ratio.
-        """
+        """Least distance that shows the whole robot and what it walks on [m]."""
+        # A point at d from the robot's middle, where the camera looks, is seen if
+        # |d . up| <= tan(fov / 2) (distance + d . ahead), and to the sides in the picture's ratio.
         azimuth, elevation = np.radians([self._view.azimuth, self._view.elevation])
         c, s = np.cos(elevation), np.sin(elevation)
         ahead = np.array([np.cos(azimuth) * c, np.sin(azimuth) * c, s])
@@ -249,7 +206,8 @@ def _renderer(model: mujoco.MjModel, config: CameraConfig) -> mujoco.Renderer:
     platform = find_opengl()
     if platform is None:
         raise missing_library()
-    # MuJoCo takes the size of its picture buffer from the model, and the platform from its package.
+    # MuJoCo takes the size of its picture buffer from the model, and the platform from its package,
+    # which has decided on one while it was imported.
     buffer, quality = model.vis.global_, model.vis.quality
     before = (buffer.offwidth, buffer.offheight, quality.offsamples, quality.shadowsize)
     packaged = getattr(gl_context, "GLContext", None)

@@ -33,18 +33,13 @@ Deviation = Annotated[float, Bounds(least=0.0, most=1e6)]
 class Push:
     """A constant force on a body for a while.
 
-    Attributes:
-        body: a frame with a part to play (the force acts at its origin) or a link of the document
-            (the force acts at the link's centre of mass).
-        force: force in the world [N].
-        start: when the push begins [s].
-        duration: how long it lasts [s].
+    It acts at the origin of a frame with a part to play, or at the centre of mass of a link.
     """
 
-    body: str
-    force: Annotated[tuple[float, float, float], Vector(3, Bounds(unit="N"))]
-    start: Seconds
-    duration: Duration
+    body: str  # name of the frame or link
+    force: Annotated[tuple[float, float, float], Vector(3, Bounds(unit="N"))]  # in the world [N]
+    start: Seconds  # [s]
+    duration: Duration  # [s]
 
     @property
     def end(self) -> float:
@@ -52,34 +47,22 @@ class Push:
         return self.start + self.duration
 
     def fraction(self, begin: float, end: float) -> float:
-        """Fraction of the interval [begin, end] in which the push is active.
-
-        A push that starts or ends inside a physics step acts with this fraction of its force, so
-        that its impulse is force x duration whatever the step. It does not act in a step that
-        touches it by rounding alone: a push that was scheduled moves the robot as one that is given
-        when its time has come, to the last bit.
-        """
+        """Fraction of a physics step in which the push is active: it keeps force x duration."""
         overlap = min(end, self.end) - max(begin, self.start)
         fraction = overlap / (end - begin)
+        # A scheduled push moves the robot as one given when its time has come, to the last bit.
         return fraction if fraction > _NO_OVERLAP else 0.0
 
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Payload:
-    """A ball rigidly attached to a frame, which the controller does not know of.
+    """A ball rigidly attached to a frame, which the controller does not know of."""
 
-    Attributes:
-        frame: a frame with a part to play, or a link of the document.
-        mass: its mass [kg].
-        offset: centre of the ball in the frame [m].
-        radius: its radius, for its inertia and its picture [m].
-    """
-
-    frame: Text
-    mass: Annotated[float, Bounds(positive=True, most=1e6, unit="kg")]
-    offset: Offset = (0.0, 0.0, 0.0)
-    radius: Annotated[float, Bounds(positive=True, most=1e6, unit="m")] = 0.06
+    frame: Text  # a frame with a part to play, or a link of the document
+    mass: Annotated[float, Bounds(positive=True, most=1e6, unit="kg")]  # [kg]
+    offset: Offset = (0.0, 0.0, 0.0)  # of the ball's centre in the frame [m]
+    radius: Annotated[float, Bounds(positive=True, most=1e6, unit="m")] = 0.06  # [m]
 
     @property
     def inertia(self) -> float:
@@ -90,45 +73,30 @@ class Payload:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class LinkError:
-    """Difference of one link of the plant from the description that the controller uses.
+    """Difference of one link of the plant from the description that the controller uses."""
 
-    Attributes:
-        link: the link's name in the document.
-        mass_scale: factor on its mass; its inertia scales alike, as with another density.
-        inertia_scale: a further factor on its inertia.
-        com_offset: shift of its centre of mass, in the link's frame [m].
-    """
-
-    link: Text
-    mass_scale: Factor = 1.0
-    inertia_scale: Factor = 1.0
-    com_offset: Offset = (0.0, 0.0, 0.0)
+    link: Text  # its name in the document
+    mass_scale: Factor = 1.0  # of its mass and inertia, as with another density
+    inertia_scale: Factor = 1.0  # a further factor on its inertia
+    com_offset: Offset = (0.0, 0.0, 0.0)  # of its centre of mass, in the link's frame [m]
 
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """A box on the floor, for uneven ground; a tilted one is a ramp.
+    """A box on the floor, for uneven ground; a tilted one is a ramp."""
 
-    Attributes:
-        center: centre of its top, seen from above, in the world [m].
-        size: its length along x, width along y and height [m].
-        yaw: its rotation about z [rad].
-        tilt: its rotation about its own x and y axes, before yaw, about the centre of its top
-            [rad].
-        top: height of the centre of its top over the floor [m]; its own height when None.
-        told: whether a planner of footsteps knows it; never one that is tilted or sunk in, since
-            platforms are boxes that lie on the floor.
-    """
-
+    # Centre of its top, seen from above, in the world [m]
     center: Annotated[tuple[float, float], Vector(2, Bounds(most=_FARTHEST, unit="m"))]
+    # Length along x, width along y and height [m]
     size: Annotated[
         tuple[float, float, float], Vector(3, Bounds(positive=True, most=_FARTHEST, unit="m"))
     ]
-    yaw: Number = 0.0
-    tilt: Tilt = (0.0, 0.0)
+    yaw: Number = 0.0  # rotation about z [rad]
+    tilt: Tilt = (0.0, 0.0)  # about its own x and y, before yaw, about the centre of its top [rad]
+    # Height of the centre of its top over the floor [m]; its own height when None
     top: Annotated[float, Bounds(most=_FARTHEST, unit="m")] | None = None
-    told: Truth = True
+    told: Truth = True  # known to a planner of footsteps; never one that is tilted or sunk in
 
     def __post_init__(self) -> None:
         if self.told and (any(self.tilt) or self.top is not None):
@@ -153,54 +121,33 @@ class SensorConfig:
     """Resolution, noise and delay of the measurements; all zero means the true state.
 
     Noise is white and normal; each value is its standard deviation. A bias is drawn from a normal
-    distribution, once a run.
-
-    Attributes:
-        encoder_resolution: smallest step of the joint encoders [rad].
-        joint_position_noise: noise of the joint positions, before quantisation [rad].
-        joint_position_bias: constant error of the joint positions, as of joints that were zeroed
-            badly, drawn once a joint with this deviation [rad].
-        joint_velocity_noise: noise of the joint velocities [rad/s].
-        base_position_noise: noise of the base position [m].
-        base_orientation_noise: noise of the base orientation, as a rotation vector [rad].
-        base_orientation_error: constant error of the base orientation, as a rotation about the
-            base's own x and y axes, which a unit mounted askew has [rad].
-        base_velocity_noise: noise of the base linear velocity [m/s].
-        gyro_noise: noise of the base angular velocity [rad/s].
-        force_noise: noise of the sole forces [N].
-        force_bias: constant error of the sole forces, drawn once a sole and axis with this
-            deviation [N].
-        moment_noise: noise of the sole moments [N m].
-        moment_bias: constant error of the sole moments, drawn alike [N m].
-        accelerometer_noise: noise of the specific force that an estimator reads [m/s^2].
-        accelerometer_bias: its constant error, drawn alike once an axis [m/s^2].
-        gyro_bias: constant error of the angular velocity that an estimator reads, drawn alike;
-            `v` is without it, as a unit that knows its own bias gives it [rad/s].
-        torque_noise: noise of the motors' torques that an estimator reads [N m].
-        delay: age of everything measured [s], a multiple of the control period.
+    distribution with this deviation, once a run, for each joint or axis.
     """
 
-    encoder_resolution: Deviation = 0.0
-    joint_position_noise: Deviation = 0.0
-    joint_position_bias: Deviation = 0.0
-    joint_velocity_noise: Deviation = 0.0
-    base_position_noise: Deviation = 0.0
-    base_orientation_noise: Deviation = 0.0
+    encoder_resolution: Deviation = 0.0  # smallest step of the joint encoders [rad]
+    joint_position_noise: Deviation = 0.0  # before quantisation [rad]
+    joint_position_bias: Deviation = 0.0  # as of joints that were zeroed badly [rad]
+    joint_velocity_noise: Deviation = 0.0  # [rad/s]
+    base_position_noise: Deviation = 0.0  # [m]
+    base_orientation_noise: Deviation = 0.0  # as a rotation vector [rad]
+    # Rotation about the base's x and y that a unit mounted askew has [rad]
     base_orientation_error: Annotated[tuple[float, float], Vector(2, Bounds(most=_MOST_ASKEW))] = (
         0.0,
         0.0,
     )
-    base_velocity_noise: Deviation = 0.0
-    gyro_noise: Deviation = 0.0
-    force_noise: Deviation = 0.0
-    force_bias: Deviation = 0.0
-    moment_noise: Deviation = 0.0
-    moment_bias: Deviation = 0.0
-    accelerometer_noise: Deviation = 0.0
-    accelerometer_bias: Deviation = 0.0
+    base_velocity_noise: Deviation = 0.0  # linear [m/s]
+    gyro_noise: Deviation = 0.0  # of the base's angular velocity [rad/s]
+    force_noise: Deviation = 0.0  # of the soles [N]
+    force_bias: Deviation = 0.0  # of the soles [N]
+    moment_noise: Deviation = 0.0  # of the soles [N m]
+    moment_bias: Deviation = 0.0  # of the soles [N m]
+    accelerometer_noise: Deviation = 0.0  # of the specific force that an estimator reads [m/s^2]
+    accelerometer_bias: Deviation = 0.0  # of the same [m/s^2]
+    # Of the angular velocity that an estimator reads [rad/s]; `v` is without it, as a unit that
+    # knows its own bias gives it
     gyro_bias: Deviation = 0.0
-    torque_noise: Deviation = 0.0
-    delay: Seconds = 0.0
+    torque_noise: Deviation = 0.0  # of the motors' torques that an estimator reads [N m]
+    delay: Seconds = 0.0  # age of everything measured [s], a multiple of the control period
 
     @classmethod
     def typical(cls) -> "SensorConfig":
@@ -228,15 +175,13 @@ class SensorConfig:
 class ServoConfig:
     """Gains of the joint servos that position and velocity actuation use.
 
-    Both are relative to the joint's torque limit, so that one pair serves hips and wrists. With
-    less damping (0.4) a biped whose velocities are commanded sways ever more and falls.
-
-    Attributes:
-        stiffness: torque at 1 rad of error, over the torque limit [1/rad].
-        damping: torque at 1 rad/s of error, over the torque limit [s/rad].
+    Both are relative to the joint's torque limit, so that one pair serves hips and wrists.
     """
 
+    # Torque at an error of 1 rad, over the torque limit [1/rad]
     stiffness: Annotated[float, Bounds(positive=True, most=1e6, unit="1/rad")] = 20.0
+    # Torque at an error of 1 rad/s, over the torque limit [s/rad]; with 0.4 a biped whose
+    # velocities are commanded sways ever more and falls
     damping: Annotated[float, Bounds(least=0.0, most=1e6, unit="s/rad")] = 1.0
 
 
@@ -249,35 +194,14 @@ _Payload = Payload
 class PlantConfig:
     """The plant and its world, checked when made.
 
-    Attributes:
-        actuation: "torque", "position" (a stiff PD servo a joint, which is sent a commanded torque
-            as the position at which it pulls with it) or "velocity" (the same servo, following the
-            integral of the commanded velocity).
-        control_dt: time from one command to the next [s].
-        physics_dt: time step of the physics [s]; `control_dt` is a multiple of it.
-        servo: gains for position and velocity actuation, a `PlantConfig.Servo`.
-        sensors: what the state is measured with.
-        friction: sliding friction of the floor.
-        contact_time_constant: how fast a contact gives back penetration [s]; at least twice
-            `physics_dt`, which is MuJoCo's condition for stability.
-        floor_slope: rotation of the floor about the world's x and y axes through the origin [rad].
-        blocks: boxes on the floor.
-        self_contact: whether the robot's links touch one another, by their collision geometry, or
-            where a link has none, the convex hulls of its pictures; links that touch in the home
-            posture, or have two joints or fewer between them, never do. Without it they pass
-            through one another, and those without collision geometry through floor and blocks.
-        mass_scale: factor on the mass and inertia of every link.
-        inertia_scale: a further factor on the inertia of every link.
-        link_errors: links that differ from their description by themselves, each a
-            `PlantConfig.LinkError`.
-        payloads: masses attached to frames, each a `PlantConfig.Payload`.
-        joint_damping: viscous friction of every joint [N m s/rad].
-        joint_friction: dry friction of every joint [N m].
-        torque_bandwidth: cut-off frequency f of the motors' torque [Hz], which follows what is
-            commanded by dtau/dt = 2 pi f (tau_commanded - tau); at once when None. Torque actuation
-            alone.
-        fall_height_ratio: the robot has fallen when its pelvis is below this fraction of its home
-            height.
+    Actuation is by "torque", by "position" (a stiff PD servo a joint, which is sent a commanded
+    torque as the position at which it pulls with it) or by "velocity" (the same servo, following
+    the integral of the commanded velocity).
+
+    Links touch one another, where `self_contact` says so, by their collision geometry, or the
+    convex hulls of their pictures; those never do that touch in the home posture, or have two
+    joints or fewer between them. Without it links pass through one another, and those without
+    collision geometry through floor and blocks.
     """
 
     Servo: ClassVar = ServoConfig
@@ -285,23 +209,27 @@ class PlantConfig:
     Payload: ClassVar = _Payload
 
     actuation: Actuation = "torque"
-    control_dt: Duration = 1e-3
-    physics_dt: Duration = 1e-3
-    servo: ServoConfig = field(default_factory=ServoConfig)
+    control_dt: Duration = 1e-3  # time from one command to the next [s]
+    physics_dt: Duration = 1e-3  # time step of the physics [s], which divides `control_dt`
+    servo: ServoConfig = field(default_factory=ServoConfig)  # of position and velocity actuation
     sensors: SensorConfig = field(default_factory=SensorConfig)
-    friction: Factor = 1.0
+    friction: Factor = 1.0  # sliding friction of the floor
+    # Time constant of penetration into the ground [s]; MuJoCo wants 2 `physics_dt` or more
     contact_time_constant: Duration = 5e-3
-    floor_slope: Tilt = (0.0, 0.0)
-    blocks: tuple[Block, ...] = ()
+    floor_slope: Tilt = (0.0, 0.0)  # about the world's x and y through the origin [rad]
+    blocks: tuple[Block, ...] = ()  # on the floor
     self_contact: bool = False
-    mass_scale: Factor = 1.0
-    inertia_scale: Factor = 1.0
+    mass_scale: Factor = 1.0  # of the mass and inertia of every link
+    inertia_scale: Factor = 1.0  # a further factor on the inertia of every link
     link_errors: tuple[_LinkError, ...] = ()
     payloads: tuple[_Payload, ...] = ()
+    # Viscous [N m s/rad] and dry [N m] friction of every joint
     joint_damping: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m s/rad")] = 0.0
     joint_friction: Annotated[float, Bounds(least=0.0, most=1e6, unit="N m")] = 0.0
+    # Cut-off frequency f of the motors' torque [Hz], by torque actuation alone:
+    # dtau/dt = 2 pi f (tau_commanded - tau); without delay when None
     torque_bandwidth: Annotated[float, Bounds(positive=True, most=1e6, unit="Hz")] | None = None
-    fall_height_ratio: Ratio = 0.6
+    fall_height_ratio: Ratio = 0.6  # a pelvis below this fraction of its home height has fallen
 
     def with_noise(self) -> "PlantConfig":
         """The same plant, measured by `SensorConfig.typical()`."""

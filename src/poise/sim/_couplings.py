@@ -24,10 +24,7 @@ class Couplings(NamedTuple):
 
 
 def find_couplings(model: mujoco.MjModel, own: Int[np.ndarray, " n"]) -> Couplings:
-    """Evaluate the Jacobians in some random postures of the robot, whose degrees are `own`.
-
-    All else stays where it is, so that a loop within what one link carries stays closed.
-    """
+    """Evaluate the Jacobians in some random postures of the robot, whose degrees are `own`."""
     model = copy(model)
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     data, nv = mujoco.MjData(model), model.nv
@@ -37,6 +34,7 @@ def find_couplings(model: mujoco.MjModel, own: Int[np.ndarray, " n"]) -> Couplin
     pattern = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
     random = np.random.default_rng(0)
     for _ in range(_POSTURES):
+        # All else stays where it is, so that a loop within what one link carries stays closed.
         motion = np.zeros(nv)
         motion[own] = random.normal(size=len(own))
         mujoco.mj_integratePos(model, data.qpos, motion, 1.0)

@@ -1,7 +1,4 @@
-"""The robot's own document, made ready for MuJoCo: meshes found, compiler options set.
-
-A stick figure for a robot whose document has no pictures; locked joints welded.
-"""
+"""The robot's own document made ready for MuJoCo: meshes found, locked joints welded."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
@@ -104,12 +101,9 @@ def convert_meshes(spec: mujoco.MjSpec) -> None:
 
 
 def weld_joints(spec: mujoco.MjSpec, locked: Collection[str]) -> None:
-    """Take joints out of a specification that are to stand at zero.
-
-    MuJoCo leaves a body whose joint is taken out where it is at the joint's `ref`, so bodies are
-    placed first. Places are taken from the compiled model: a document may say them in many ways,
-    and from within frames.
-    """
+    """Take joints out of a specification that are to stand at zero."""
+    # MuJoCo leaves a body whose joint is taken out where it is at the joint's `ref`, so bodies are
+    # placed first: as compiled, for a document may say places in many ways.
     joints = [joint for joint in spec.joints if joint.name in locked]
     if any(joint.ref != 0.0 for joint in joints):
         try:

@@ -34,12 +34,6 @@ class Drives:
     b2 = -kv. So the control for a torque is u = (tau / r - b) / g at the present L and L'; and the
     one that makes a servo follow q_d and v_d is u = -b / g with b at r q_d and r v_d. Of several
     actuators of one joint the strongest gives the torque, and the others are sent what gives none.
-
-    Attributes:
-        unactuated: places, in the robot's order, of joints that no actuator moves.
-        armature: inertia that the actuators bring to each joint [kg m^2].
-        damping: damping that they bring besides that of servos [N m s/rad].
-        delayed: joints whose actuators act late, through a filter or a delay.
     """
 
     def __init__(
@@ -71,8 +65,8 @@ class Drives:
         self._integrates = np.array(kinds == _INTEGRATOR)
         self._main = self._strongest()
         self._step = float(model.opt.timestep) if model.opt.integrator in _IMPLICIT else 0.0
-        self.armature = self._at_joints(model.actuator_armature[ids])
-        self.damping = self._at_joints(model.actuator_damping[ids])
+        self.armature = self._at_joints(model.actuator_armature[ids])  # [kg m^2]
+        self.damping = self._at_joints(model.actuator_damping[ids])  # besides servos [N m s/rad]
         late = (model.actuator_delay[ids] > 0.0) | np.isin(kinds, _FILTERS)
         self.delayed = tuple(self._names[k] for k in self._joint[late])
         self.unactuated = np.setdiff1d(np.arange(len(joints)), self._joint)
@@ -115,10 +109,7 @@ class Drives:
         return np.divide(torque, stiffness, out=np.zeros(len(torque)), where=stiffness != 0.0)
 
     def end_of_step(self, v: Joints, acceleration: Joints | None) -> Joints:
-        """Velocity at which the integrator evaluates the damping of actuators [rad/s].
-
-        Implicit integrators evaluate b2 L' at the end of the step.
-        """
+        """Velocity at which the integrator evaluates b2 L' [rad/s]; implicit ones at the end."""
         return v if acceleration is None or self._step == 0.0 else v + self._step * acceleration
 
     def torques(self, controls: Controls, q: Joints, v: Joints) -> Joints:

@@ -68,11 +68,10 @@ class PushSchedule:
 
 
 class SoleForces:
-    """Wrenches of the ground on the soles at the last physics step.
+    """Wrenches of the ground on the soles at the last physics step."""
 
-    MuJoCo has for each body the external wrench [moment; force] about the centre of mass of the
-    whole tree; pushes go in elsewhere, so on a foot this is the ground's reaction alone.
-    """
+    # MuJoCo has for each body the external wrench [moment; force] about the centre of mass of the
+    # whole tree; pushes go in elsewhere, so on a foot this is the ground's reaction alone.
 
     def __init__(self, model: mujoco.MjModel, soles: Mapping[str, tuple[int, pin.SE3]]) -> None:
         self._soles = [
@@ -91,10 +90,7 @@ class SoleForces:
         self._center, self._turned = np.empty(3), np.empty(6)
 
     def update(self, data: mujoco.MjData) -> dict[str, Float64[np.ndarray, "6"]]:
-        """Wrench [force; moment] on the robot by sole, in the sole's frame [N, N m].
-
-        `cfrc_ext` has to be up to date; MuJoCo sees to it where a sensor of the model needs it.
-        """
+        """Wrench [force; moment] by sole in its frame [N, N m], from an up-to-date `cfrc_ext`."""
         in_soles: dict[str, Float64[np.ndarray, "6"]] = {}
         center, turned, wrenches = self._center, self._turned, data.cfrc_ext
         self._total[:] = 0.0
@@ -115,11 +111,7 @@ class SoleForces:
         return in_soles
 
     def zmp(self, height: float) -> Float64[np.ndarray, "2"]:
-        """Zero-moment point of all soles on the plane z = height, in the world [m].
-
-        With the total force f and total moment n about (0, 0, height): x = -n_y / f_z, y = n_x /
-        f_z.
-        """
+        """Zero-moment point of all soles on the plane z = height, in the world [m]."""
         n_x, n_y, _, f_x, f_y, f_z = self._total.tolist()
         if not f_z > _MIN_LOAD:
             return np.full(2, np.nan)

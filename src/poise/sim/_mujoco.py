@@ -1,15 +1,12 @@
-"""MuJoCo with the OpenGL back end that the environment names, and without its log.
-
-MuJoCo's package loads the back end that MUJOCO_GL names while it is imported.
-"""
+"""MuJoCo, whose import loads the OpenGL back end that MUJOCO_GL names; without its own log."""
 
 import importlib
 import os
 
 from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 
-PACKAGES = {"egl": "libegl1", "osmesa": "libosmesa6", "glfw": "libglfw3"}
-"""Debian's package with the library of each back end."""
+# Debian's package with the library of each back end
+_PACKAGES = {"egl": "libegl1", "osmesa": "libosmesa6", "glfw": "libglfw3"}
 
 
 def refusal() -> PoiseError | None:
@@ -23,7 +20,7 @@ def refusal() -> PoiseError | None:
         asked = os.environ.get("MUJOCO_GL", "").lower().strip()
         if not asked:
             raise
-        if asked in PACKAGES:
+        if asked in _PACKAGES:
             return _missing("MUJOCO_GL", asked)
         return ConfigurationError(
             "MUJOCO_GL is no OpenGL back end of MuJoCo's",
@@ -59,6 +56,6 @@ def silence() -> None:
 
 
 def _missing(variable: str, platform: str) -> MissingExtraError:
-    package, doing = PACKAGES[platform], f"Drawing with {variable}={platform}"
+    package, doing = _PACKAGES[platform], f"Drawing with {variable}={platform}"
     install = f"apt install {package} (Debian, Ubuntu); or unset {variable}"
     return MissingExtraError(package, "", doing, install=install)

@@ -76,39 +76,24 @@ class CommandedEstimator(Estimator, Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tick:
-    """One control period: the measured state, the command, and the true state at its end.
+    """One control period: the measured state, the command, and the true state at its end."""
 
-    Attributes:
-        index: how many ticks of the rollout came before.
-        time: the body's clock when the tick began [s].
-        state: as measured then.
-        estimate: what leader and controller were given; `state` itself without an estimator.
-        command: what the controller answered.
-        truth: the true state at the end of the period, with the wrenches at the soles.
-        estimator_seconds: wall-clock time that the estimator took, zero without one [s].
-        leader_seconds: and the leader [s].
-        controller_seconds: and the controller [s].
-    """
-
-    index: int
-    time: float
-    state: RobotState
-    estimate: RobotState
-    command: Command
-    truth: RobotState
-    estimator_seconds: float
-    leader_seconds: float
-    controller_seconds: float
+    index: int  # number of ticks of the rollout before
+    time: float  # the body's clock when the tick began [s]
+    state: RobotState  # as measured then
+    estimate: RobotState  # as leader and controller get it; `state` itself without an estimator
+    command: Command  # of the controller
+    truth: RobotState  # at the end of the period, with the wrenches at the soles
+    estimator_seconds: float  # wall-clock time of the estimator, zero without one [s]
+    leader_seconds: float  # of the leader [s]
+    controller_seconds: float  # of the controller [s]
 
 
 B = TypeVar("B", bound=Body)
 B_contra = TypeVar("B_contra", bound=Body, contravariant=True)
 
-LeadFunction = Callable[[RobotState], object]
-"""A leader as a function: gets the estimate, sets a stack; what it returns is passed over."""
-
-EstimateFunction = Callable[[RobotState], RobotState]
-"""An estimator as a function: from the measured state to the estimated one."""
+LeadFunction = Callable[[RobotState], object]  # a leader: gets the estimate, sets a stack
+EstimateFunction = Callable[[RobotState], RobotState]  # from the measured state to the estimated
 
 
 @runtime_checkable
@@ -152,15 +137,10 @@ def check_period(leader: object, dt: float) -> None:
 
 @contextmanager
 def garbage_frozen() -> Generator[None]:
-    """Keep Python's search for garbage short inside a loop.
-
-    Everything made so far, some hundred thousand objects of robots, solvers and packages, is set
-    aside (`gc.freeze`) after a collection: a full one, which otherwise stops the loop for a tenth
-    of a second, then looks at what the loop has made, and takes a fraction of a millisecond. At the
-    end everything is as before; objects that were frozen earlier stay so, with those made since.
-    """
+    """Keep Python's search for garbage short inside a loop: it looks at objects of the loop."""
+    # One of all objects of robots, solvers and packages stops the loop for a tenth of a second.
     gc.collect()
-    ours = gc.get_freeze_count() == 0
+    ours = gc.get_freeze_count() == 0  # Objects that were frozen earlier stay so.
     gc.freeze()
     try:
         yield

@@ -26,17 +26,7 @@ _POSTURES, _REACH, _MOST = 100, 0.5, 0.5
 
 _FRICTION = 0.5  # of covers on covers
 
-Pair = tuple[str, str]
-"""Names of two links."""
-
-
-def covers(spec: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
-    """Collision geometry of the links; of a link that has none, the hulls of its pictures."""
-    found: list[mujoco.MjsGeom] = []
-    for body in spec.bodies[1:]:
-        solid = [g for g in body.geoms if g.contype or g.conaffinity]
-        found += solid or [*body.geoms]
-    return found
+Pair = tuple[str, str]  # names of two links
 
 
 def let_touch(geoms: Iterable[mujoco.MjsGeom], time_constant: float) -> None:
@@ -106,11 +96,7 @@ def _way_to_world(model: mujoco.MjModel, group: int) -> list[int]:
 
 
 class SelfContacts:
-    """Which links of the robot touched each other in a control period, and how hard.
-
-    Attributes:
-        forces: largest normal force of the last period by names of links [N].
-    """
+    """Contacts between links of the robot in a control period."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
@@ -118,7 +104,7 @@ class SelfContacts:
         self._names = [model.body(i).name for i in range(model.nbody)]
         self._roots: list[int] = model.body_rootid.tolist()
         self._wrench: Float64[np.ndarray, "6"] = np.zeros(6)
-        self.forces: dict[Pair, float] = {}
+        self.forces: dict[Pair, float] = {}  # largest normal ones of the last period [N]
 
     def look(self, data: mujoco.MjData) -> None:
         """Take in the contacts of a physics step."""

@@ -13,11 +13,7 @@ from poise.sim._config import SensorConfig
 
 
 class InertialUnit:
-    """An ideal unit at the base's origin: angular velocity, mean specific force since last read.
-
-    Units integrate at many kHz inside and give increments of velocity, so an impact between two
-    readings is in the later one.
-    """
+    """An ideal unit at the base's origin: angular velocity, mean specific force since last read."""
 
     def __init__(self) -> None:
         self._velocity, self._turn = np.zeros(3), np.zeros(4)
@@ -35,6 +31,7 @@ class InertialUnit:
         turn[:] = qpos[3:7]
         elapsed = time - self._time
         if elapsed > 0.0:
+            # A mean: units integrate inside, so an impact between two readings is in the later one.
             force += (qvel[:3] - self._velocity) / elapsed
             # Along the axes that the base had in the middle of the time that has passed.
             mujoco.mju_quatIntegrate(turn, spin, -0.5 * elapsed)
@@ -47,10 +44,7 @@ class InertialUnit:
 
 
 class Sensors:
-    """Turns one true state a control period into one measurement, with memory for the delay.
-
-    Random numbers are drawn once a period in a fixed order: a run depends on its seed alone.
-    """
+    """Measures a true state each control period; random numbers depend on the seed alone."""
 
     def __init__(
         self, config: SensorConfig, *, base_dofs: int, delay_ticks: int, seed: int

@@ -21,25 +21,14 @@ _COM_COLOUR: Colour = (0.95, 0.55, 0.05, 1.0)
 _ZMP_COLOUR: Colour = (0.80, 0.10, 0.55, 1.0)
 _FORCE_COLOUR: Colour = (0.05, 0.45, 0.85, 1.0)
 
-_BODY_WEIGHT_LENGTH = 0.45
-"""Length of the arrow of a force as large as the robot's weight [m]."""
-
-_SMALLEST_FORCE = 0.02
-"""Forces below this part of the robot's weight are not drawn."""
-
-_BEFORE_TOES = 0.06
-"""How far before the foot its force is drawn [m]."""
-
-_ABOVE_GROUND = 0.005
-"""Points on the ground are drawn this high [m], so that half of each ball stands out."""
+_BODY_WEIGHT_LENGTH = 0.45  # of the arrow of a force as large as the robot's weight [m]
+_SMALLEST_FORCE = 0.02  # that is drawn, as a part of the robot's weight
+_BEFORE_TOES = 0.06  # forces are drawn so far before the foot [m], where no leg hides them
+_ABOVE_GROUND = 0.005  # points on the ground are drawn this high [m]: half of each ball is seen
 
 
 def run_markers(robot: Robot, record: RunRecord) -> Callable[[int], tuple[Marker, ...]]:
-    """Markers for each sample of a run: COM (orange), ZMP (magenta), sole forces (blue arrows).
-
-    The centre of mass is drawn as its projection on the ground. Forces are drawn before the toes:
-    at the sole's centre, where they act, the leg would hide them.
-    """
+    """Markers by sample of a run: COM on the ground (orange), ZMP (magenta), sole forces (blue)."""
     points = ((record["com"], _COM_COLOUR), (record["zmp"], _ZMP_COLOUR))
     wrenches = {name: record[f"wrench/{name}"] for name in robot.soles}
     data = robot.model.createData()
@@ -68,17 +57,11 @@ def run_markers(robot: Robot, record: RunRecord) -> Callable[[int], tuple[Marker
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class VideoConfig:
-    """How a video is made.
+    """View and speed of a video."""
 
-    Attributes:
-        camera: size and view; width and height even, as the codec wants them.
-        fps: pictures a second of the video.
-        speed: seconds of the run a second of the video; below one is slow motion.
-    """
-
-    camera: CameraConfig = field(default_factory=CameraConfig)
-    fps: Positive = 30.0
-    speed: Positive = 1.0
+    camera: CameraConfig = field(default_factory=CameraConfig)  # of even width and height
+    fps: Positive = 30.0  # pictures a second of the video
+    speed: Positive = 1.0  # seconds of the run a second of the video; slow motion below one
 
     def __post_init__(self) -> None:
         if self.camera.width % 2 or self.camera.height % 2:
