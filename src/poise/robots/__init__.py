@@ -12,7 +12,7 @@ from poise.robots._files_digest import (
     description_of as description_of,
     files_digest as files_digest,
 )
-from poise.robots._geometry import load_mesh as load_mesh
+from poise.robots._geometry import is_binary_stl as is_binary_stl, load_mesh as load_mesh
 from poise.robots._inverse_kinematics import (
     frame_error as frame_error,
     inverse_kinematics as inverse_kinematics,
@@ -23,9 +23,10 @@ from poise.robots._limits import joint_kind as joint_kind
 from poise.robots._loader import description_template, load_robot
 from poise.robots._mesh_files import mesh_path as mesh_path
 from poise.robots._mjcf_compile import (
-    anchor_assets as anchor_assets,
+    compile_spec as compile_spec,
     drop_meshes as drop_meshes,
     make_spec as make_spec,
+    settled_spec as settled_spec,
 )
 from poise.robots._posture import standing_posture as standing_posture
 from poise.robots._proposal import Proposal as Proposal

@@ -61,27 +61,33 @@ def link_shapes(
 
 def load_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "t 3"]]:
     """Vertices [m] and triangles of a mesh in any format that Assimp reads."""
-    data = path.read_bytes()
-    count = int.from_bytes(data[80:_STL_HEADER], "little")
-    binary = len(data) == _STL_HEADER + count * _STL_TRIANGLE.itemsize
-    if path.suffix.lower() == ".stl" and binary:
+    if is_binary_stl(path):
         # In a fraction of the library's time.
-        triangles = np.frombuffer(data, _STL_TRIANGLE, offset=_STL_HEADER)
+        triangles = np.fromfile(path, _STL_TRIANGLE, offset=_STL_HEADER)
         vertices = triangles["corners"].reshape(-1, 3).astype(np.float64)
-        if not (count and np.isfinite(vertices).all()):
+        if not (len(vertices) and np.isfinite(vertices).all()):
             raise RobotError("a mesh of the robot has no triangles, or NaN in them", got=str(path))
-        return vertices, np.arange(3 * count).reshape(-1, 3)
+        return vertices, np.arange(len(vertices)).reshape(-1, 3)
     # Pinocchio's collision library reads whatever Assimp reads.
     try:
         model = coal.MeshLoader().load(str(path), np.ones(3))
     except (RuntimeError, ValueError) as error:
         raise RobotError(f"a mesh of the robot cannot be read: {error}", got=str(path)) from error
     vertices = np.array(model.vertices(), dtype=np.float64)
-    if path.suffix.lower() == ".dae" and b"Y_UP" in data:
+    if path.suffix.lower() == ".dae" and b"Y_UP" in path.read_bytes():
         # The library turns such a mesh for readers whose y points up; a URDF's z does.
         vertices = vertices[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
     corners = [[t[0], t[1], t[2]] for t in (model.tri_indices(i) for i in range(model.num_tris))]
     return vertices, np.array(corners, dtype=np.int64).reshape(-1, 3)
+
+
+def is_binary_stl(path: Path) -> bool:
+    """True for an STL file in binary, which is as long as its number of triangles says."""
+    if path.suffix.lower() != ".stl":
+        return False
+    with path.open("rb") as file:
+        count = int.from_bytes(file.read(_STL_HEADER)[80:], "little")
+    return path.stat().st_size == _STL_HEADER + count * _STL_TRIANGLE.itemsize
 
 
 _STL_HEADER = 84  # Bytes before the first triangle: a text of 80, and the number of triangles

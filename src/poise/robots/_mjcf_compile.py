@@ -1,7 +1,7 @@
 """MJCF read by MuJoCo's own compiler, which resolves defaults, classes, frames and geometry.
 
-`make_spec`: MuJoCo's specification of a text. `parse_mjcf`: that of a document. `compile_mjcf`: a
-settled one, compiled.
+`make_spec`: MuJoCo's specification of a text. `parse_mjcf`: of a document. `settled_spec`: of a
+settled one. `compile_mjcf`: the model of a settled one.
 """
 
 import importlib
@@ -29,15 +29,20 @@ def mujoco_module(where: str) -> ModuleType:
 
 def compile_mjcf(source: ModelSource, where: str, pictured: Set[str] = frozenset()) -> Any:
     """MuJoCo's compiled model of a settled document."""
-    mujoco = mujoco_module(where)
+    spec = settled_spec(source, where)
+    # A controller reads no pictures.
+    drop_meshes(mujoco_module(where), spec, lambda geom: geom.parent.name in pictured)
+    return compile_spec(spec, where)
+
+
+def settled_spec(source: ModelSource, where: str) -> Any:
+    """MuJoCo's specification of a settled document, which compiles link by link."""
     spec = parse_mjcf(ET.fromstring(source.text), source.directory, where)
     spec.compiler.fusestatic = False
     # MuJoCo wants some mass on every moving body; a massless one gets this little.
     spec.compiler.boundmass = max(spec.compiler.boundmass, 1e-12)
     spec.compiler.boundinertia = max(spec.compiler.boundinertia, 1e-14)
-    # A controller reads no pictures.
-    drop_meshes(mujoco, spec, lambda geom: geom.parent.name in pictured)
-    return compile_spec(spec, where)
+    return spec
 
 
 def compile_spec(spec: Any, where: str) -> Any:

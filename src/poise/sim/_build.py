@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise.errors import RobotError, UnknownNameError
-from poise.robots import FrameRole, Robot, drop_meshes, free_name
+from poise.robots import FrameRole, Robot, compile_spec, drop_meshes, free_name
 from poise.sim._config import Payload, PlantConfig
 from poise.sim._document import add_sticks, convert_meshes, parse_document, weld_joints
 from poise.sim._self_contact import exclude_lasting_contacts, let_touch
@@ -110,18 +110,16 @@ def _uncached() -> Generator[None]:
 
 @_uncached()
 def _compile(spec: mujoco.MjSpec, robot: Robot) -> mujoco.MjModel:
+    where = f"robot {robot.name!r}"
     try:
-        try:
-            return spec.compile()
-        except ValueError as error:
-            if robot.source.kind != "urdf" or "mesh volume is too small" not in str(error):
-                raise
-        # A flat mesh, which is drawn all the same: a URDF's links say their inertia.
-        for mesh in spec.meshes:
-            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-        return spec.compile()
-    except ValueError as error:
-        raise RobotError(f"MuJoCo cannot build robot {robot.name!r}: {error}") from error
+        return compile_spec(spec, where)
+    except RobotError as error:
+        if robot.source.kind != "urdf" or "mesh volume is too small" not in str(error):
+            raise
+    # A flat mesh, which is drawn all the same: a URDF's links say their inertia.
+    for mesh in spec.meshes:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    return compile_spec(spec, where)
 
 
 def _set_options(spec: mujoco.MjSpec, config: PlantConfig) -> None:

@@ -8,7 +8,15 @@ import mujoco
 import numpy as np
 
 from poise.errors import RobotError
-from poise.robots import ModelSource, anchor_assets, load_mesh, make_spec, mesh_path
+from poise.robots import (
+    ModelSource,
+    compile_spec,
+    is_binary_stl,
+    load_mesh,
+    make_spec,
+    mesh_path,
+    settled_spec,
+)
 
 _THICKNESS = 0.12  # radius of a stick, as a part of its length
 _SHORTEST = 0.01  # shorter links [m] are not drawn
@@ -45,8 +53,6 @@ _COMPILER = {
 
 # MuJoCo wants some mass on every moving body; the document's massless links get this little.
 _MASSLESS = {"boundmass": "1e-12", "boundinertia": "1e-14"}
-
-_TEXT_STL = b"solid"  # begin of the file; of some in binary, too
 
 
 def parse_document(source: ModelSource) -> mujoco.MjSpec:
@@ -87,10 +93,7 @@ def convert_meshes(spec: mujoco.MjSpec) -> None:
     """Read those meshes of a URDF's specification that MuJoCo cannot (COLLADA, text STL)."""
     for mesh in spec.meshes:
         path = Path(mesh.file)
-        kind = path.suffix.lower()
-        with path.open("rb") as file:
-            text = file.read(len(_TEXT_STL)) == _TEXT_STL
-        if path.suffix == ".obj" or (kind == ".stl" and not text):
+        if path.suffix == ".obj" or is_binary_stl(path):
             continue
         vertices, faces = load_mesh(path)
         corners = vertices[faces]
@@ -106,10 +109,7 @@ def weld_joints(spec: mujoco.MjSpec, locked: Collection[str]) -> None:
     # placed first: as compiled, for a document may say places in many ways.
     joints = [joint for joint in spec.joints if joint.name in locked]
     if any(joint.ref != 0.0 for joint in joints):
-        try:
-            model = spec.compile()
-        except ValueError as error:
-            raise RobotError(f"MuJoCo cannot build the robot's document: {error}") from error
+        model = compile_spec(spec, "the robot's document")
         data = mujoco.MjData(model)
         for joint in joints:
             data.joint(joint.name).qpos[:] = 0.0
@@ -139,14 +139,8 @@ def _place(body: mujoco.MjsBody, model: mujoco.MjModel, data: mujoco.MjData) -> 
 
 
 def _parse_mjcf(source: ModelSource) -> mujoco.MjSpec:
-    root = ET.fromstring(source.text)
-    if source.directory is not None:
-        anchor_assets(root, source.directory)
-    spec = make_spec(mujoco, root)
-    spec.compiler.fusestatic = False
+    spec = settled_spec(source, "the robot's document")
     spec.compiler.discardvisual = False
-    for key, least in _MASSLESS.items():
-        setattr(spec.compiler, key, max(getattr(spec.compiler, key), float(least)))
     for geom in spec.geoms:
         geom.name = ""  # It might be that of the plant's floor, or of a sole.
     # The plant brings its own motors, sensors, floor and lights.
