@@ -50,6 +50,7 @@ class Sensors:
         self, config: SensorConfig, *, base_dofs: int, delay_ticks: int, seed: int
     ) -> None:
         self._config, self._seed, self._floating = config, seed, base_dofs == 6
+        self._turn = np.empty(4)
         self._buffer: deque[RobotState] = deque(maxlen=delay_ticks + 1)
 
     def reset(self, state: RobotState) -> RobotState:
@@ -88,7 +89,10 @@ class Sensors:
             q[:3] += noise[:3]
             turn = noise[3:6]
             turn[:2] += self._config.base_orientation_error
-            q[3:7] = _perturb(q[3:7], turn)
+            if turn.any():
+                self._turn[:] = q[[6, 3, 4, 5]]
+                mujoco.mju_quatIntegrate(self._turn, turn, 1.0)
+                q[3:7] = self._turn[[1, 2, 3, 0]]
             v[:6] += noise[6:12]
         joints_q, joints_v = q[7 * self._floating :], v[6 * self._floating :]
         joints_q += self._joint_bias
@@ -111,25 +115,3 @@ class Sensors:
         noise = self._unit_deviations * self._unit_rng.standard_normal(self._unit_deviations.size)
         force = true.specific_force + self._force_bias
         return SensorReadings(v[3:6] + self._gyro_bias, force + noise[:3], true.torque + noise[3:])
-
-
-def _perturb(
-    quaternion: Float64[np.ndarray, "4"], rotation_vector: Float64[np.ndarray, "3"]
-) -> Float64[np.ndarray, "4"]:
-    """Quaternion (x, y, z, w) times the exponential of a small rotation vector [rad], body side."""
-    # A few numbers are several times as quick as such than as arrays.
-    angle = math.sqrt(rotation_vector.dot(rotation_vector))
-    if angle == 0.0:
-        return quaternion
-    w = math.cos(0.5 * angle)
-    a, b, c = (math.sin(0.5 * angle) / angle * rotation_vector).tolist()
-    x, y, z, qw = quaternion.tolist()
-    out = np.array(
-        (
-            qw * a + w * x + (y * c - z * b),
-            qw * b + w * y + (z * a - x * c),
-            qw * c + w * z + (x * b - y * a),
-            qw * w - (x * a + y * b + z * c),
-        )
-    )
-    return out / math.sqrt(out.dot(out))
