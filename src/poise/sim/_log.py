@@ -95,9 +95,8 @@ class McapLog:
         part: list[Any] | None = None
         try:
             while (part := self._queue.get()) is not None:
-                for place, item in part:
-                    for topic, time, content in self._messages(place, item):
-                        self._add(topic, time, content)
+                for place, items in part:
+                    self._write(place, items)
                 self._writer.flush()
             metadata = self._record.metadata.items()
             added = {key: text for key, text in metadata if self._metadata.get(key) != text}
@@ -111,21 +110,22 @@ class McapLog:
             while part is not None:
                 part = self._queue.get()
 
-    def _messages(self, place: Table | str, item: Any) -> Iterator[tuple[Topic, float, bytes]]:
+    def _write(self, place: Table | str, items: list[Any]) -> None:
+        """Write rows of a table, or events of a topic."""
         if isinstance(place, str):
-            time, content = item
-            noted = isinstance(content, str)
-            packed = ros_text(content) if noted else bytes(content)
-            topic = events_topic(place, NOTES if noted else MESSAGES)
-            yield topic, time, struct.pack("<d", time) + packed
-            return
-        topic = self._tables.get(place.signals)
-        if topic is None:
-            topic = rows_topic(f"signals{len(self._tables) or ''}", place.signals)
-            self._tables[place.signals] = topic
-        yield topic, time_of(item), item
-        if self._topics is not None:
-            yield from self._topics.messages(place, item)
+            for time, content in items:
+                noted = isinstance(content, str)
+                packed = ros_text(content) if noted else bytes(content)
+                topic = events_topic(place, NOTES if noted else MESSAGES)
+                self._add(topic, time, struct.pack("<d", time) + packed)
+        elif items:
+            if place.signals not in self._tables:
+                name = f"signals{len(self._tables) or ''}"
+                self._tables[place.signals] = rows_topic(name, place.signals)
+            for row in items:
+                self._add(self._tables[place.signals], time_of(row), row)
+                for shown in () if self._topics is None else self._topics.messages(place, row):
+                    self._add(*shown)
 
     def _add(self, topic: Topic, time: float, content: bytes) -> None:
         channel = self._channels.get(topic)

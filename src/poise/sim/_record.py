@@ -117,7 +117,7 @@ class RunRecord:
         self._count = 0
         self._events: dict[str, list[Event]] = {}
         self._said: dict[str, str] = {}
-        self._fresh: list[tuple[Table | str, bytes | Event]] | None = None
+        self._taken: dict[Table | str, int] = {}  # numbers of rows and events
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -127,7 +127,7 @@ class RunRecord:
     @property
     def topics(self) -> tuple[str, ...]:
         """Topics of the notes."""
-        return tuple(t for t, found in self._events.items() if isinstance(found[0][1], str))
+        return tuple(topic for topic in self._events if self.notes(topic))
 
     @property
     def end(self) -> float:
@@ -261,7 +261,7 @@ class RunRecord:
         table = self._tables.get(tuple(values))
         if table is None:
             table = self._new_table(values, units or {})
-        self.store(table, table.pack((self._count, time, *values.values())))
+        table.rows.append(table.pack((self._count, time, *values.values())))
         self._count += 1
 
     def note(self, time: float, topic: str, text: str) -> bool:
@@ -269,7 +269,7 @@ class RunRecord:
         if self._said.get(topic) == text:
             return False
         self._said[topic] = text
-        self.store(topic, (time, text))
+        self._rows_of(topic).append((time, text))
         return True
 
     def message(self, time: float, topic: str, content: SupportsBytes) -> None:
@@ -280,22 +280,18 @@ class RunRecord:
             topic: its topic.
             content: bytes, or something constant that becomes bytes when they are needed.
         """
-        self.store(topic, (time, content))
+        self._rows_of(topic).append((time, content))
 
-    def store(self, place: Table | str, item: bytes | Event) -> None:
-        """Keep a packed row of a table, or an event of a topic."""
-        if self.keeps:
-            self._rows_of(place).append(item)
-        if self._fresh is not None:
-            self._fresh.append((place, item))
-
-    def take_fresh(self) -> list[tuple[Table | str, bytes | Event]]:
-        """Return what was stored since the last call; everything at the first one."""
-        fresh, self._fresh = self._fresh, []
-        if fresh is not None:
-            return fresh
-        places = [*self._tables.values(), *self._events]
-        return [(place, item) for place in places for item in self._rows_of(place)]
+    def take_fresh(self) -> list[tuple[Table | str, list[Any]]]:
+        """Rows or events of each table or topic that came since the last call."""
+        fresh: list[tuple[Table | str, list[Any]]] = []
+        for place in (*self._tables.values(), *self._events):
+            rows = self._rows_of(place)
+            fresh.append((place, rows[self._taken.get(place, 0) :]))
+            if not self.keeps:
+                rows.clear()
+            self._taken[place] = len(rows)
+        return fresh
 
     def take_in(self, place: Table | str, items: list[Any]) -> None:
         """Append rows or events that were read."""
