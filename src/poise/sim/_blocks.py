@@ -1,10 +1,9 @@
-"""Which blocks the robot touches, and how near to them it came."""
+"""`BlockWatch`: touch of the blocks on the floor, and distance from them."""
 
 import math
 
 import mujoco
 import numpy as np
-from jaxtyping import Float64
 
 from poise.sim._build import FLOOR_ONLY
 from poise.sim._plant import Plant
@@ -18,14 +17,13 @@ class BlockWatch:
         model = plant.model
         blocks = [int(model.geom(f"block{i}").id) for i in range(len(plant.config.blocks))]
         solid = (model.geom_conaffinity & FLOOR_ONLY["conaffinity"]) != 0
-        self._blocks, self._touching = np.array(blocks, dtype=np.int64), set(blocks)
+        self._blocks, self._touching = blocks, set(blocks)
         self._limbs = np.flatnonzero(solid & (model.geom_bodyid > 0))
         self._radii = model.geom_rbound[self._limbs]
         # Blocks stay where they are.
-        self._centers = plant.data.geom_xpos[self._blocks]
-        self._axes = plant.data.geom_xmat[self._blocks].reshape(-1, 3, 3)
-        self._halves = model.geom_size[self._blocks, None]
-        up = (np.abs(self._axes[:, 2:]) @ model.geom_size[self._blocks, :, None]).ravel()
+        self._centers, self._block_radii = plant.data.geom_xpos[blocks], model.geom_rbound[blocks]
+        turns = plant.data.geom_xmat[blocks].reshape(-1, 3, 3)
+        up = (np.abs(turns[:, 2:]) @ model.geom_size[blocks, :, None]).ravel()
         self._top = float((self._centers[:, 2] + up).max(initial=-math.inf))
 
     def touched(self) -> bool:
@@ -36,24 +34,11 @@ class BlockWatch:
         """Distance of the robot's solid parts from the blocks, at most `distance_max` [m]."""
         model, data, nearest = self._plant.model, self._plant.data, self._far
         places = data.geom_xpos[self._limbs]
-        # Most of a robot is far above all blocks.
+        # Most of a robot is far above all blocks, and most blocks are far from it.
         low = np.flatnonzero(places[:, 2] - self._radii < self._top + nearest)
-        least = self._least_distances(places[low], self._radii[low])
-        # Exact distances are dear, and most pairs are farther apart than the nearest is.
-        near = np.flatnonzero(least < nearest)
-        for i in near[np.argsort(least[near])].tolist():
-            if least[i] >= nearest:
-                break
-            block, limb = divmod(i, len(low))
-            pair = int(self._blocks[block]), int(self._limbs[low[limb]])
+        apart = np.linalg.norm(self._centers[:, None] - places[low], axis=2)
+        least = apart - self._block_radii[:, None] - self._radii[low]
+        for block, limb in np.argwhere(least < nearest).tolist():
+            pair = self._blocks[block], self._limbs[low[limb]]
             nearest = min(nearest, mujoco.mj_geomDistance(model, data, *pair, nearest, None))
         return float(nearest)
-
-    def _least_distances(
-        self, places: Float64[np.ndarray, "limbs 3"], radii: Float64[np.ndarray, " limbs"]
-    ) -> Float64[np.ndarray, " pairs"]:
-        """Distances of spheres around the limbs from the blocks, all limbs of the first first."""
-        # Along the axes of each box, and beyond its sides.
-        beyond = np.abs((places - self._centers[:, None]) @ self._axes) - self._halves
-        distance = np.sqrt((np.maximum(beyond, 0.0) ** 2).sum(axis=-1))
-        return (distance - radii).ravel()
