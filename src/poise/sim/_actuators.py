@@ -20,16 +20,10 @@ _MOST_PARTS = 32  # a physics step is divided into no more
 
 
 class Actuators:
-    """Turns commands into motor controls, in the actuation that the plant was made for.
+    """Turns commands into motor controls, in the actuation that the plant was made for."""
 
-    Torque: the control is the torque, or follows it with the plant's bandwidth f, in a physics step
-    by the fraction 1 - exp(-2 pi f dt) of what is missing; the first command after a reset acts
-    fully, as if the robot had stood before. Position and velocity: each motor is a PD servo,
-    tau = kp (q_d - q) + kd (v_d - v), saturated at the torque limit, where a velocity command moves
-    q_d along with it, so that no position error builds up. A servo of positions, with v_d = 0, is
-    sent a torque as q_d = q + (tau + kd v) / kp at the joints' measured q and v: that torque, and
-    kp (T / 2 + delay) more of damping, as q_d rests for a control period T.
-    """
+    # Position and velocity: each motor is a PD servo, tau = kp (q_d - q) + kd (v_d - v), saturated
+    # at the torque limit, where a velocity command moves q_d along with it.
 
     def __init__(self, robot: Robot, config: PlantConfig) -> None:
         self._actuation = config.actuation
@@ -40,6 +34,7 @@ class Actuators:
         self._q_min, self._q_max = robot.q_min, robot.q_max
         bandwidth = config.torque_bandwidth
         self._lags = bandwidth is not None
+        # Part of what is missing to the torque that a motor makes up in a physics step
         self._follow = 1.0 if bandwidth is None else -math.expm1(-math.tau * bandwidth * self._dt)
         self._controls = np.zeros((config.substeps, robot.nj))
         self.constant = self._actuation != "velocity" and not self._lags  # in a control period
@@ -75,6 +70,7 @@ class Actuators:
             if value is not None and value.shape == (size,):
                 state = measure()
                 q, v = state.q[-size:], state.v[-size:]
+                # That torque, and kp (T / 2 + delay) more of damping, as q_d rests for a period T.
                 value = q + (value + self._damping * v) / self._stiffness
         if value is None and any(v is not None for v in offered.values()):
             raise ConfigurationError(
@@ -101,7 +97,7 @@ class Actuators:
         if self.constant:
             self._controls[:] = command
         elif self._lags:
-            if self._motor is None:
+            if self._motor is None:  # The first command acts fully, as if the robot had stood.
                 self._motor = command.copy()
             for control in self._controls:
                 self._motor += self._follow * (command - self._motor)
@@ -129,18 +125,13 @@ def _move(
 
 
 class ServoSteps:
-    """Divides a physics step while a servo is at its torque limit.
+    """Divides a physics step while a servo is at its torque limit."""
 
-    MuJoCo takes a servo's damping at the end of the step, so that a stiff one is stable in steps of
-    any length; at the limit of its torque it cannot. There the torque is that at the beginning of
-    the step, and a joint that is light beside its servo's damping is thrown through the band
-    within which the servo is not at its limit, to the other side of it, and back in the next step,
-    for ever: with a millisecond G1's hips rattled so from the first hard landing on.
-
-    So steps are divided that begin with a servo at its limit, until that is short for the fastest
-    joints: dt times the largest eigenvalue of D M^-1 is 1 or less, with the servos' damping D [N m
-    s/rad] and the joint space inertia M.
-    """
+    # MuJoCo takes a servo's damping at the end of the step, so that a stiff one is stable; at the
+    # limit of its torque it cannot, and a joint that is light beside the damping is thrown through
+    # the band within which the servo is not at its limit, and back in the next step, for ever.
+    # Parts are short enough where dt times the largest eigenvalue of D M^-1 is 1 or less, with the
+    # servos' damping D [N m s/rad] and the joint space inertia M.
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self._model, self._dt = model, float(model.opt.timestep)

@@ -1,8 +1,4 @@
-"""`find_rest`: a robot that touches the ground, put where the ground just carries it.
-
-MuJoCo's contacts are soft: a foot on the ground carries nothing until it has sunk in by some
-hundredths of a millimetre. A robot that is put exactly on the ground falls by that much first.
-"""
+"""`find_rest`: a robot that touches the ground, put where soft contacts just carry it."""
 
 import math
 
@@ -27,18 +23,14 @@ _BISECTIONS = 24  # until the height is known to a ten-thousandth of a micrometr
 def find_rest(
     model: mujoco.MjModel, data: mujoco.MjData, mapping: StateMap
 ) -> Float64[np.ndarray, " nj"] | None:
-    """Move a robot's base to where it rests on the ground with its joints held as they are.
+    """Move a robot's base to where it rests on the ground; return torques that hold it [N m].
 
-    Six equations, no force and no moment on the base at zero acceleration, for six unknowns: the
-    base's displacement along the ground's normal and its rotation about two axes along the ground,
-    which normal forces depend on, and the velocities in the other three directions, which
-    friction depends on: MuJoCo's friction creeps under load, by micrometres a second. On level
-    ground these velocities are zero. The forces come from `mj_inverse`, the solution by Newton's
-    method with differences.
-
-    Returns:
-        Torques that hold the joints [N m]; None where nothing carries the robot, which stays.
+    None where nothing carries the robot, which stays.
     """
+    # No force and no moment on the base at zero acceleration, for six unknowns: displacement along
+    # the ground's normal and rotation about two axes along the ground, which normal forces depend
+    # on, and velocities in the other three directions, which friction depends on: MuJoCo's creeps
+    # under load, by micrometres a second. By Newton's method with differences of `mj_inverse`.
     if mapping.free_joint is None:
         return None
     base = _Base(model, data, mapping.free_joint)

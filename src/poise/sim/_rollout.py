@@ -8,9 +8,6 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Protocol, TypeVar, runtime_checkable
 
-import numpy as np
-from jaxtyping import Float64
-
 from poise.control import Command
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
@@ -66,14 +63,6 @@ class Estimator(Protocol):
         ...
 
 
-@runtime_checkable
-class CommandedEstimator(Estimator, Protocol):
-    """One that has to know the commands, such as one that makes up for late sensors."""
-
-    def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
-        """Take in the commanded acceleration, once a tick."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tick:
     """One control period: the measured state, the command, and the true state at its end."""
@@ -112,25 +101,16 @@ class Observer(Protocol[B_contra]):
         """Once after the last tick, however the rollout ended."""
 
 
-@runtime_checkable
-class PeriodicLeader(Leader, Protocol):
-    """A leader that has to be called at its own period."""
-
-    @property
-    def dt(self) -> float:
-        """That period [s]."""
-        ...
-
-
 _SAME_PERIOD = 1e-9  # periods that differ by less are the same [s]
 
 
 def check_period(leader: object, dt: float) -> None:
-    """Refuse a leader that has to be called at another period than `dt` [s]."""
-    if isinstance(leader, PeriodicLeader) and abs(leader.dt - dt) > _SAME_PERIOD:
+    """Refuse a leader that has to be called at another period than `dt` [s]: its own `dt`."""
+    period = getattr(leader, "dt", dt)
+    if isinstance(leader, Leader) and abs(period - dt) > _SAME_PERIOD:
         raise ConfigurationError(
             f"{type(leader).__name__} and plant have different control periods",
-            got=f"{leader.dt:g} s and {dt:g} s",
+            got=f"{period:g} s and {dt:g} s",
             wanted="the same",
         )
 
@@ -172,7 +152,8 @@ def rollout(
         leader: sets the targets of the controller's stack; a `Leader` or a function of the state.
         observers: called before the first tick, after each, and after the last.
         estimator: makes the state for leader and controller of the measured one; an object with
-            `update`, or a function. One with `command` gets the commanded accelerations.
+            `update`, or a function. One with `command` is called with each commanded acceleration
+            (None without one) and the time of its tick [s].
         duration: how long [s], to the nearest tick; without end when None.
 
     Yields:
@@ -187,7 +168,7 @@ def rollout(
     check_period(leader, plant.control_dt)
     lead = leader.lead if isinstance(leader, Leader) else leader
     estimate = estimator if estimator is None or callable(estimator) else estimator.update
-    tell = estimator.command if isinstance(estimator, CommandedEstimator) else None
+    tell = getattr(estimator, "command", None)
     count = math.inf if duration is None else duration / plant.control_dt - 0.5
 
     # A generator of its own, so that what is wrong is raised by the call of `rollout`.
