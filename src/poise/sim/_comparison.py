@@ -16,7 +16,7 @@ from poise.robots import GRAVITY, Robot
 from poise.sim._drives import Drives, Joints
 from poise.sim._mapping import StateMap
 
-Lines = Float64[np.ndarray, "*n nj 6"]  # origin [m] and axis of each joint
+Lines = Float64[np.ndarray, "nj 2 3"]  # origin [m] and axis of each joint
 
 # Places written in metres to four decimals are off by up to 0.05 mm an axis, so by sqrt(3) 0.05 mm
 # a joint, and by this much after the twelve joints from a floating base to a hand [m].
@@ -25,6 +25,7 @@ _PLACE_TOLERANCE = 1e-3
 # Angles written to three decimals are off by up to 0.0005 rad an axis, so by sqrt(3) 0.0005 rad a
 # joint; six joints that turn about one axis, as in a leg or an arm, turn them by this much [rad].
 _AXIS_TOLERANCE = 5e-3
+_TOLERANCES = np.array([_PLACE_TOLERANCE, _AXIS_TOLERANCE])
 
 _SWING = 0.4  # joints are compared at home and so far from it, where wrong signs show [rad]
 _MASS_TOLERANCE = 5e-3  # relative difference of masses written with three digits
@@ -48,19 +49,19 @@ def find_base(robot: Robot, model: mujoco.MjModel, prefix: str) -> pin.SE3 | Non
         q[-robot.nj :] = joints[-robot.nj :]
     ours = np.array([_lines_in_pinocchio(robot, q) for q in postures])
     theirs = np.array([_lines_in_mujoco(mapping, q) for q in postures])
-    if _mismatch(ours, theirs).max() <= 1.0:
+    if (np.linalg.norm(ours - theirs, axis=-1) <= _TOLERANCES).all():
         return None
     placement = _rigid_motion(ours[0], theirs[0])
-    moved = (ours.reshape(2, -1, 2, 3) @ placement.rotation.T).reshape(ours.shape)
-    moved[..., :3] += placement.translation
-    mismatch = _mismatch(moved, theirs).max(axis=0)
+    moved = ours @ placement.rotation.T
+    moved[..., 0, :] += placement.translation
+    apart = np.linalg.norm(moved - theirs, axis=-1).max(axis=0)
+    mismatch = (apart / _TOLERANCES).max(axis=1)
     if mismatch.max() > 1.0:
-        place, axis = (np.max(off, axis=0) for off in _apart(moved, theirs))
         order = [k for k in np.argsort(-mismatch).tolist() if mismatch[k] > 1.0]
         raise RobotError(
             f"joints of robot {robot.name!r} stand or turn elsewhere in the MuJoCo model",
             got=[
-                f"{robot.joint_names[k]}: {1e3 * place[k]:.3g} mm, {axis[k]:.3g} rad"
+                f"{robot.joint_names[k]}: {1e3 * apart[k, 0]:.3g} mm, {apart[k, 1]:.3g} rad"
                 for k in order[:_SHOWN]
             ],
             wanted="the same zeros, signs and places of all joints, and the free joint in a body "
@@ -208,7 +209,7 @@ def _frames(robot: Robot, model: mujoco.MjModel, mapping: StateMap, prefix: str)
     }
     if not bodies:
         return []
-    apart = np.zeros((2, len(bodies)))
+    apart = np.zeros((len(bodies), 2))
     for q in (robot.q_home, _swung(robot)):
         data, ours = mapping.at(q), robot.model.createData()
         pin.framesForwardKinematics(robot.model, ours, q)
@@ -216,15 +217,15 @@ def _frames(robot: Robot, model: mujoco.MjModel, mapping: StateMap, prefix: str)
             pose = ours.oMf[frame]
             place = np.linalg.norm(data.xpos[body] - pose.translation)
             turned = pin.log3(pose.rotation.T @ data.xmat[body].reshape(3, 3))
-            apart[:, k] = np.maximum(apart[:, k], (place, np.linalg.norm(turned)))
-    wrong = np.max(apart / [[_PLACE_TOLERANCE], [_AXIS_TOLERANCE]], axis=0)
+            apart[k] = np.maximum(apart[k], (place, np.linalg.norm(turned)))
+    wrong = (apart / _TOLERANCES).max(axis=1)
     most = int(wrong.argmax())
     if wrong[most] <= 1.0:
         return []
     return [
         f"frames of {int((wrong > 1.0).sum())} links, most "
-        f"{robot.model.frames[[*bodies][most]].name}: {1e3 * apart[0, most]:.3g} mm and "
-        f"{apart[1, most]:.3g} rad apart"
+        f"{robot.model.frames[[*bodies][most]].name}: {1e3 * apart[most, 0]:.3g} mm and "
+        f"{apart[most, 1]:.3g} rad apart"
     ]
 
 
@@ -270,31 +271,19 @@ def _lines_in_pinocchio(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Lines:
     # A hinge turns about its axis, a slide moves along it.
     axes = np.where(columns[3:].any(axis=0), columns[3:], columns[:3])
     origins = [data.oMi[i].translation for i in range(model.njoints - robot.nj, model.njoints)]
-    return np.hstack((origins, axes.T))
+    return np.stack((origins, axes.T), axis=1)
 
 
 def _lines_in_mujoco(mapping: StateMap, q: Float64[np.ndarray, " nq"]) -> Lines:
     data, joints = mapping.at(q), list(mapping.joints)
-    return np.hstack((data.xanchor[joints], data.xaxis[joints]))
-
-
-def _apart(ours: Lines, theirs: Lines) -> tuple[np.ndarray, np.ndarray]:
-    """Distances of origins [m] and of axes of joints."""
-    off = np.linalg.norm((ours - theirs).reshape(*ours.shape[:-1], 2, 3), axis=-1)
-    return off[..., 0], off[..., 1]
-
-
-def _mismatch(ours: Lines, theirs: Lines) -> np.ndarray:
-    """Distances of joints over the tolerances."""
-    place, axis = _apart(ours, theirs)
-    return np.maximum(place / _PLACE_TOLERANCE, axis / _AXIS_TOLERANCE)
+    return np.stack((data.xanchor[joints], data.xaxis[joints]), axis=1)
 
 
 def _rigid_motion(ours: Lines, theirs: Lines) -> pin.SE3:
     """The rigid motion that brings our joints nearest to theirs, by least squares (Kabsch)."""
-    centers = ours[:, :3].mean(axis=0), theirs[:, :3].mean(axis=0)
-    a = np.vstack((ours[:, :3] - centers[0], ours[:, 3:]))
-    b = np.vstack((theirs[:, :3] - centers[1], theirs[:, 3:]))
+    centers = ours[:, 0].mean(axis=0), theirs[:, 0].mean(axis=0)
+    a = np.vstack((ours[:, 0] - centers[0], ours[:, 1]))
+    b = np.vstack((theirs[:, 0] - centers[1], theirs[:, 1]))
     u, _, vt = np.linalg.svd(a.T @ b)
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))])
     rotation = vt.T @ flip @ u.T
