@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from small_biped import MASS, SOLE_LENGTH, SOLE_WIDTH, torque, velocity
+from small_biped import MASS, SOLE_LENGTH, SOLE_WIDTH, document, small_biped, torque, velocity
 
 from poise.errors import ConfigurationError
 from poise.sim import Block, Plant, PlantConfig, SensorConfig
@@ -555,3 +555,19 @@ def test_pictures_change_no_bit_of_a_fall(get_robot, name, self_contact):
     np.testing.assert_array_equal(plant.data.qpos, data.qpos)
     np.testing.assert_array_equal(plant.data.qvel, data.qvel)
     assert touched > 8  # more than the corners of its soles
+
+
+@pytest.mark.parametrize("count", [4, 200_001])
+def test_a_binary_stl_whose_header_begins_as_text_is_drawn_whatever_its_size(tmp_path, count):
+    kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    triangles = np.zeros(count, kind)
+    triangles["corners"] = np.random.default_rng(0).normal(size=(count, 3, 3))
+    path = tmp_path / "base.stl"
+    content = b"solid base".ljust(80) + count.to_bytes(4, "little") + triangles.tobytes()
+    path.write_bytes(content)
+    box = '<visual><origin xyz="0 0 0"/><geometry><box size="0.2 0.3 0.15"/></geometry></visual>'
+    mesh = f'<visual><geometry><mesh filename="{path}"/></geometry></visual>'
+    text = document()
+    assert box in text
+    shown = Plant(small_biped(text.replace(box, mesh))).drawn_model()
+    assert shown.nmeshface == count

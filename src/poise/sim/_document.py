@@ -54,6 +54,8 @@ _COMPILER = {
 # MuJoCo wants some mass on every moving body; the document's massless links get this little.
 _MASSLESS = {"boundmass": "1e-12", "boundinertia": "1e-14"}
 
+_MOST_BYTES = 200_000 * 50  # of the triangles of a binary STL file that MuJoCo reads
+
 
 def parse_document(source: ModelSource) -> mujoco.MjSpec:
     """Parse the robot's document into a MuJoCo specification."""
@@ -90,11 +92,13 @@ def _parse_urdf(source: ModelSource) -> mujoco.MjSpec:
 
 
 def convert_meshes(spec: mujoco.MjSpec) -> None:
-    """Read those meshes of a URDF's specification that MuJoCo cannot (COLLADA, text STL)."""
+    """Read those meshes of a URDF's specification that MuJoCo cannot."""
     for mesh in spec.meshes:
         path = Path(mesh.file)
-        if path.suffix == ".obj" or is_binary_stl(path):
+        if path.suffix == ".obj":
             continue
+        if is_binary_stl(path) and path.stat().st_size <= _MOST_BYTES:
+            continue  # COLLADA, STL as text and larger ones are left.
         vertices, faces = load_mesh(path)
         corners = vertices[faces]
         if np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) < 0.0:
