@@ -27,6 +27,16 @@ def comes(happened, patience):
     return found
 
 
+def drive(loop, sample, until, what):
+    """Hold keys until something is seen."""
+
+    def seen():
+        loop.lead.inputs.take(sample)
+        return until(loop.snapshot)
+
+    wait_for(seen, what)
+
+
 @contextmanager
 def control(front, token=None, **options):
     """A client of the command channel, past the greeting: (socket, greeting)."""

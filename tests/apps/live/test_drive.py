@@ -143,7 +143,6 @@ def test_a_push_is_as_the_robot_faces(get_robot, tmp_path, monkeypatch):
 
     lead = VelocityLead(get_robot("biped20"), OperatorInputs())
     loop = LiveLoop(lead, Takes(tmp_path))
-    loop._begin()
     loop._tick()
     half = 0.5 * 2.2
     loop.plant.data.qpos[3:7] = np.cos(half), 0.0, 0.0, np.sin(half)
@@ -152,7 +151,7 @@ def test_a_push_is_as_the_robot_faces(get_robot, tmp_path, monkeypatch):
     monkeypatch.setattr(loop.plant, "push", lambda body, force, time: given.append(force))
     loop.push("left")
     loop._carry_out()
-    loop._finish()
+    loop.stop()
     x, y, z = given[0]
     assert np.arctan2(y, x) == pytest.approx(2.2 + np.pi / 2 - 2 * np.pi)
     assert np.hypot(x, y) == pytest.approx(loop.lead.robot.mass * 0.8)

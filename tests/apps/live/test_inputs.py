@@ -13,7 +13,7 @@ pytest.importorskip("websockets")
 
 
 from poise.apps.live import _inputs as inputs
-from poise.apps.live._gamepad import HostGamepad, Landings, NoGamepadError, sample_from
+from poise.apps.live._gamepad import HostGamepad, NoGamepadError, sample_from
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._integrator import (
     HOLD_HEIGHT,
@@ -526,22 +526,6 @@ def test_without_a_gamepad_or_with_one_of_no_known_layout_that_is_said(virtual_p
     virtual_pad.plug(known=False)
     with pytest.raises(NoGamepadError, match="SDL_GAMECONTROLLERCONFIG"):
         HostGamepad(OperatorInputs())
-
-
-def test_a_landing_counts_once_and_of_a_foot_that_was_in_the_air():
-    landings = Landings()
-    story = [
-        ((300.0, 300.0), Mode.D, 0.0, 0),
-        ((600.0, 0.0), Mode.SL, 1.0, 0),
-        ((300.0, 300.0), Mode.D, 2.0, 1),
-        ((600.0, 10.0), Mode.SL, 2.1, 1),
-        ((300.0, 300.0), Mode.D, 2.2, 1),
-        # A foot that gives up its load on the ground was not in the air.
-        ((0.0, 600.0), Mode.D, 3.0, 1),
-        ((300.0, 300.0), Mode.D, 4.0, 1),
-    ]
-    for loads, mode, time, number in story:
-        assert landings.count(loads, mode, time) == number
 
 
 def test_a_gamepad_of_the_robots_machine_shakes_when_a_foot_lands(virtual_pad, monkeypatch):

@@ -8,15 +8,12 @@ from typing import Any
 
 from poise.apps.live._inputs import OperatorInputs
 from poise.errors import MissingExtraError, PoiseError
-from poise.locomotion import Mode, OperatorSample
+from poise.locomotion import OperatorSample
 
 _A, _B, _Y, _LEFT_SHOULDER, _RIGHT_SHOULDER = 0, 1, 3, 4, 5
 _DEAD = 0.15  # a stick nearer to the middle is in the middle
 _FULL = 32768.0  # What an axis says at its end
 _PERIOD = 1.0 / 60.0
-# Parts of the robot's weight below and above which a foot is in the air and has landed
-_UNLOADED, _LOADED = 0.05, 0.25
-_BOUNCES = 0.5  # A foot that lands again within this [s] bounces
 # How the gamepad shakes: its two motors, from 0 to 1, and how long [ms]
 _STRONG, _WEAK, _SHAKE = 0.8, 0.4, 80
 
@@ -49,35 +46,6 @@ def sample_from(
     )
 
 
-class Landings:
-    """Count of feet that landed after they were in the air; a foot that bounces lands once."""
-
-    def __init__(self) -> None:
-        self._number = 0
-        self._loaded, self._flew = [True, True], [False, False]
-        self._landed = [-1.0, -1.0]
-
-    def count(self, loads: Sequence[float], mode: Mode, time: float) -> int:
-        """Take the normal forces on the feet [N] at a time of the robot [s]; return the count."""
-        felt, weight = False, sum(loads)
-        for foot, load in enumerate(loads):
-            before = self._loaded[foot]
-            if load < _UNLOADED * weight:
-                self._loaded[foot] = False
-            elif load > _LOADED * weight:
-                self._loaded[foot] = True
-            # The other one gives up its load, too, for a moment, when a foot lands hard.
-            if not self._loaded[foot] and mode.single and mode.support != foot:
-                self._flew[foot] = True
-            if before or not self._loaded[foot] or not self._flew[foot]:
-                continue
-            self._flew[foot] = False
-            felt = felt or abs(time - self._landed[foot]) > _BOUNCES
-            self._landed[foot] = time
-        self._number += felt
-        return self._number
-
-
 class HostGamepad:
     """Reads the first gamepad in a thread of its own, sixty times a second."""
 
@@ -108,7 +76,6 @@ class HostGamepad:
                 wanted="one that is plugged in; one at the computer of the browser works through "
                 "the page, with --device browser",
             )
-        self.name = str(self._pad.name)
         self._inputs, self._stop = inputs, threading.Event()
         self._landings = 0
         self._thread: threading.Thread | None = None

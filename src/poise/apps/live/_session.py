@@ -134,7 +134,7 @@ class LiveSession:
     def __enter__(self) -> "LiveSession":
         self.loop.start()
         if self._gamepad is not None:
-            self._gamepad.start(self.loop.landings)
+            self._gamepad.start(lambda: self.loop.lead.landings)
         self.front.start()
         return self
 
