@@ -192,9 +192,10 @@ class LiveLoop:
             zmp = shown["zmp_reference"]
         contacts = plant.true_state().contacts
         places = np.array([place for place, _ in soles.values()])
+        shown.setdefault("handles", places)
         torso = self._site(lead.robot.torso)
         return Snapshot(
-            **{"handles": places, **shown},
+            **shown,
             time=plant.time,
             zmp=zmp,
             com=plant.com,
