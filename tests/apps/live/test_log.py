@@ -14,7 +14,7 @@ from poise.apps.live import _log as logs
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._leads import FootLead
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop
+from poise.apps.live._loop import LiveLoop, Push, Reset
 from poise.apps.teleoperation import (
     VELOCITY_TELEOP_PLANT,
     RecordingError,
@@ -106,7 +106,7 @@ def test_a_full_folder_ends_what_is_recorded_and_not_the_run(lead, tmp_path, mon
         takes.keep()
     # What there is, is finished; and a reset begins nothing more.
     assert len(read_recording(tmp_path / "take-001.mcap").samples) > 10
-    loop.reset()
+    loop.order(Reset())
     wait_for(lambda: loop.snapshot.time < now, "the reset")
     drive(loop, OperatorSample(), lambda s: s.time > 0.5, "some time")
     loop.stop()
@@ -127,7 +127,7 @@ def test_a_file_that_can_be_written_no_more_costs_the_recording_and_not_the_run(
     drive(loop, OperatorSample(), lambda s: s.time > now + 0.2, "the run to go on")
     with pytest.raises(ConfigurationError, match="No space left"):
         loop.takes.keep()
-    loop.reset()
+    loop.order(Reset())
     wait_for(lambda: loop.snapshot.time < now, "the reset")
     loop.stop()
     assert loop.error is None
@@ -183,7 +183,7 @@ def test_a_recording_of_another_robot_of_the_same_name_is_not_repeated(get_robot
 def test_a_take_that_somebody_has_moved_costs_itself_alone(loop, tmp_path):
     drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     (tmp_path / "takes" / "take-001.mcap").unlink()
-    loop.reset()
+    loop.order(Reset())
     wait_for(lambda: loop.snapshot.time < 0.2, "the reset")
     drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     loop.stop()
@@ -201,7 +201,7 @@ def test_no_copy_is_kept_for_which_there_is_no_room(loop, monkeypatch):
 
 
 def test_a_push_before_anybody_drives_is_recorded(loop, tmp_path):
-    loop.push("left")
+    loop.order(Push("left"))
     wait_for(lambda: loop.snapshot.time > 0.3, "some time")
     loop.stop()
     path = tmp_path / "takes" / "take-001.mcap"

@@ -15,7 +15,7 @@ pytest.importorskip("mujoco")
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._leads import FootLead
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop
+from poise.apps.live._loop import LiveLoop, Pause, Push, Reset, Slow
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
@@ -45,13 +45,13 @@ from poise.sim import PlantConfig
 def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path):
     loop = start(plant=VELOCITY_TELEOP_PLANT.with_noise(), seed=5)
     wait_for(lambda: loop.snapshot.time > 0.5, "some time")
-    loop.reset()
+    loop.order(Reset())
     wait_for(lambda: loop.snapshot.time < 0.5, "the reset")
     heard = listen_to(loop)
     first = loop.plant.time
     lift = OperatorSample(lift=(False, True))
     drive(loop, lift, lambda s: s.mode is Mode.SL and s.soles[1][2] > 0.05, "the lift")
-    loop.push("left")
+    loop.order(Push("left"))
     drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     loop.stop()
     name = loop.takes.files[-1]
@@ -134,13 +134,13 @@ def test_a_browser_that_closes_in_mid_step_brings_the_foot_down(start):
 
 def test_pause_stops_time_and_slow_motion_slows_it(start):
     loop = start()
-    loop.pause(True)
+    loop.order(Pause(True))
     wait_for(lambda: loop.snapshot.paused, "the pause")
     before = loop.snapshot.time
     time.sleep(0.3)
     assert loop.snapshot.time == before
-    loop.slow(True)
-    loop.pause(False)
+    loop.order(Slow(True))
+    loop.order(Pause(False))
     wait_for(lambda: loop.snapshot.time > before, "time to go on")
     begin, first = time.monotonic(), loop.snapshot.time
     time.sleep(1.0)
@@ -151,7 +151,7 @@ def test_pause_stops_time_and_slow_motion_slows_it(start):
 def test_reset_begins_anew_and_with_a_new_recording(start):
     loop = start()
     drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
-    loop.reset()
+    loop.order(Reset())
     wait_for(lambda: loop.snapshot.take == "take-002.mcap", "the second take")
     drive(loop, OperatorSample(), lambda s: s.time > 0.1, "some time")
     loop.stop()

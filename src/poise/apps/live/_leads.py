@@ -51,7 +51,7 @@ class _Lead:
 
     body = BodyCommand()
     forces: list[list[float]] | None = None  # of the ground on the feet; None for a walk
-    landings = 0  # of led feet that were in the air
+    landings = 0  # of feet that had been in the air
 
     def __init__(self, robot: Robot, inputs: OperatorInputs, plant: PlantConfig, seed: int) -> None:
         self.robot, self.inputs, self.plant, self.seed = robot, inputs, plant, seed

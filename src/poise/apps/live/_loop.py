@@ -5,10 +5,12 @@ import threading
 import time as clock
 from bisect import insort
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Generator
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
+from msgspec import Struct
 
 from poise.apps.live._leads import Lead
 from poise.apps.live._log import Takes
@@ -20,7 +22,7 @@ from poise.sim import Plant, Tick, rollout
 FRAMES_PER_SECOND = 25.0
 SLOW = 0.25  # speed of slow motion
 # Directions of pushes: ahead, left and up of the robot
-PUSHES = {
+_PUSHES = {
     "left": (0.0, 1.0, 0.0),
     "right": (0.0, -1.0, 0.0),
     "forward": (1.0, 0.0, 0.0),
@@ -32,12 +34,38 @@ _LATE = 0.1  # farther behind the clock the loop gives up catching up [s]
 _FLUSH_EVERY = 0.25  # [s]
 
 
+class Order(Struct, forbid_unknown_fields=True, tag_field="do", tag=str.lower):
+    """Message of an operator's page beside `OperatorSample`, by the name of its class."""
+
+
+class Push(Order):
+    """Push the torso as the robot faces."""
+
+    value: Literal["left", "right", "forward", "back"]
+
+
+class Pause(Order):
+    """Stop time, or let it go on."""
+
+    value: bool
+
+
+class Slow(Order):
+    """Slow motion, or real time."""
+
+    value: bool
+
+
+class Reset(Order):
+    """Put the robot back to its start, and begin anew."""
+
+
 class LiveLoop:
     """Real-time loop of a simulated robot.
 
-    Orders (`push`, `pause`, ...) come from any thread and are carried out between ticks. Of each
-    kind only the newest waits, and a push during a push is dropped: however many orders come, they
-    cost the robot no time. An error ends the thread, finishes the recording and stays in `error`.
+    Orders come from any thread and are carried out between ticks. Of each kind only the newest
+    waits, and a push during a push is dropped: however many orders come, they cost the robot no
+    time. An error ends the thread, finishes the recording and stays in `error`.
     """
 
     def __init__(self, lead: Lead, takes: Takes) -> None:
@@ -46,7 +74,7 @@ class LiveLoop:
         self.error: Exception | None = None
         self.snapshot: Snapshot | None = None
         self._ticks = self._rollout()
-        self._orders: dict[str, Callable[[], None]] = {}
+        self._orders: dict[type[Order], Order] = {}
         self._ordering = threading.Lock()
         self._pushed_until = 0.0
         self._stop = threading.Event()
@@ -72,33 +100,26 @@ class LiveLoop:
         """True while the thread is alive."""
         return self._thread.is_alive()
 
-    def push(self, direction: str) -> None:
-        """Push the torso as the robot faces."""
-        self._order("push", lambda: self._push_towards(np.array(PUSHES[direction])))
-
-    def pause(self, on: bool) -> None:
-        """Stop time, or let it go on."""
-        self._order("pause", lambda: setattr(self, "_paused", on))
-
-    def slow(self, on: bool) -> None:
-        """Switch between slow motion and real time."""
-        self._order("slow", lambda: setattr(self, "_speed", SLOW if on else 1.0))
-
-    def reset(self) -> None:
-        """Put the robot back to its start, and begin anew."""
-        self._order("reset", self._restart)
-
-    def _order(self, kind: str, act: Callable[[], None]) -> None:
+    def order(self, order: Order) -> None:
+        """Carry out an order after the tick."""
         with self._ordering:
             # The newest is the last one to be carried out, too.
-            self._orders.pop(kind, None)
-            self._orders[kind] = act
+            self._orders.pop(type(order), None)
+            self._orders[type(order)] = order
 
     def _carry_out(self) -> None:
         with self._ordering:
             orders, self._orders = self._orders, {}
-        for act in orders.values():
-            act()
+        for order in orders.values():
+            match order:
+                case Push():
+                    self._push(_PUSHES[order.value])
+                case Pause():
+                    self._paused = order.value
+                case Slow():
+                    self._speed = SLOW if order.value else 1.0
+                case _:
+                    self._restart()
 
     # The thread ----------------------------------------------------------------------------------
 
@@ -161,14 +182,14 @@ class LiveLoop:
         self.lead.inputs.commanded(begin + spent)
         self.lead.take_in(tick, self.plant)
 
-    def _push_towards(self, direction: Float64[np.ndarray, "3"]) -> None:
+    def _push(self, direction: tuple[float, float, float]) -> None:
         lead, plant = self.lead, self.plant
         if plant.fallen or plant.time < self._pushed_until:
             return
         self._pushed_until = plant.time + _PUSH_EVERY
         strength = lead.robot.mass * _PUSH_SPEED / _PUSH_TIME
         ahead = yaw_of(self._site(lead.robot.pelvis)[1])
-        x, y, z = along_ahead((strength * direction).tolist(), ahead).tolist()
+        x, y, z = (strength * along_ahead(direction, ahead)).tolist()
         push = RecordedPush(round(plant.time / plant.control_dt), (x, y, z), _PUSH_TIME)
         insort(lead.pushes, push)
         plant.push(lead.robot.torso, push.force, push.duration)

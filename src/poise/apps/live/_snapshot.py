@@ -28,7 +28,7 @@ class Snapshot:
     polygon: Float64[np.ndarray, "h 2"]  # corners of the support polygon, counter-clockwise [m]
     margin: float  # of the ZMP to its nearest edge, negative outside [m]
     loads: Float64[np.ndarray, "2"]  # on the soles [N]
-    landings: int  # of led feet that were in the air
+    landings: int  # of feet that had been in the air; none of a walk
     tilt: float  # of the torso [rad]
     heading: float  # of the torso, to the left of the world's x axis [rad]
     hands: Float64[np.ndarray, "k 3"]  # targets, left and right [m]
