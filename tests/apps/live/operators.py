@@ -59,6 +59,13 @@ def answer(socket):
             return message
 
 
+def gamepad(*buttons, **axes):
+    """The sample of a gamepad with buttons pressed and axes deflected, by SDL's names."""
+    from poise.apps.live._gamepad import sample_from
+
+    return sample_from(lambda name: name in buttons, lambda name: axes.get(name, 0.0))
+
+
 def listen_to(loop):
     """The commands that the plant gets from now on."""
     heard, step = [], loop.plant.step

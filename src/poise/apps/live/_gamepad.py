@@ -3,14 +3,13 @@
 import contextlib
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from poise.apps.live._inputs import OperatorInputs
 from poise.errors import MissingExtraError, PoiseError
 from poise.locomotion import OperatorSample
 
-_A, _B, _Y, _LEFT_SHOULDER, _RIGHT_SHOULDER = 0, 1, 3, 4, 5
 _DEAD = 0.15  # a stick nearer to the middle is in the middle
 _FULL = 32768.0  # What an axis says at its end
 _PERIOD = 1.0 / 60.0
@@ -22,27 +21,23 @@ class NoGamepadError(PoiseError):
     """There is no gamepad on this machine."""
 
 
-def sample_from(
-    buttons: Sequence[bool | int], axes: Sequence[float | int], hat: tuple[int, int] = (0, 0)
-) -> OperatorSample:
-    """Return the sample of a gamepad of the usual layout; the page maps its own the same way."""
-    left, up = float(-hat[0]), float(hat[1])
+def sample_from(pressed: Callable[[str], bool], axis: Callable[[str], float]) -> OperatorSample:
+    """Return the sample of buttons and axes by SDL's names; `page.js` has the same layout."""
 
-    def deflection(axis: int) -> float:
-        value = float(axes[axis]) if axis < len(axes) else 0.0
+    def stick(name: str) -> float:
+        value = axis(name)
         return -max(-1.0, min(1.0, value)) if abs(value) > _DEAD else 0.0
 
-    def pressed(button: int) -> bool:
-        return button < len(buttons) and bool(buttons[button])
-
+    up = float(pressed("DPAD_UP") - pressed("DPAD_DOWN"))
+    left = float(pressed("DPAD_LEFT") - pressed("DPAD_RIGHT"))
     return OperatorSample(
-        lift=(pressed(_LEFT_SHOULDER), pressed(_RIGHT_SHOULDER)),
-        move=(deflection(1), deflection(0)),
-        second=(deflection(3), deflection(2)),
-        turn=deflection(2),
-        upright=pressed(_A),
-        bend=(0.0, 0.0, up, left, 0.0) if pressed(_B) else (up, 0.0, 0.0, 0.0, left),
-        neutral=pressed(_Y),
+        lift=(pressed("LEFTSHOULDER"), pressed("RIGHTSHOULDER")),
+        move=(stick("LEFTY"), stick("LEFTX")),
+        second=(stick("RIGHTY"), stick("RIGHTX")),
+        turn=stick("RIGHTX"),
+        upright=pressed("A"),
+        bend=(0.0, 0.0, up, left, 0.0) if pressed("B") else (up, 0.0, 0.0, 0.0, left),
+        neutral=pressed("Y"),
     )
 
 
@@ -108,28 +103,19 @@ class HostGamepad:
             # One that cannot be opened yet may be at the next look.
             with contextlib.suppress(self._pygame.error):
                 self._pad = self._first()
-        if self._pad is not None:
-            self._inputs.take(sample_from(*self._read(self._pad)))
+        pad, sdl = self._pad, self._pygame
+        if pad is not None:
+            sample = sample_from(
+                lambda name: bool(pad.get_button(getattr(sdl, f"CONTROLLER_BUTTON_{name}"))),
+                lambda name: pad.get_axis(getattr(sdl, f"CONTROLLER_AXIS_{name}")) / _FULL,
+            )
+            self._inputs.take(sample)
 
     def shake(self, landings: int) -> None:
         """Shake the gamepad, if it can, where the number of landings has grown."""
         if landings > self._landings and self._pad is not None:
             self._pad.rumble(_STRONG, _WEAK, _SHAKE)
         self._landings = landings
-
-    def _read(self, pad: Any) -> tuple[list[bool], list[float], tuple[int, int]]:
-        """Buttons, axes and D-pad in the usual layout, wherever this gamepad has them."""
-        constants = self._pygame
-        buttons, axes, cross = (
-            [get(getattr(constants, f"CONTROLLER_{kind}_{name}")) for name in names]
-            for get, kind, names in (
-                (pad.get_button, "BUTTON", ("A", "B", "X", "Y", "LEFTSHOULDER", "RIGHTSHOULDER")),
-                (pad.get_axis, "AXIS", ("LEFTX", "LEFTY", "RIGHTX", "RIGHTY")),
-                (pad.get_button, "BUTTON", ("DPAD_LEFT", "DPAD_RIGHT", "DPAD_DOWN", "DPAD_UP")),
-            )
-        )
-        left, right, down, up = map(int, cross)
-        return buttons, [axis / _FULL for axis in axes], (right - left, up - down)
 
     def _first(self) -> Any:
         """The first gamepad whose layout is known; None where there is none."""
