@@ -43,14 +43,14 @@ def in_folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def begun(monkeypatch):
-    """Name of the robot and plant of each session that is begun."""
+    """The sessions that are begun."""
     from poise.apps import live
 
     seen, session = [], live.LiveSession
 
-    def made(robot, *arguments, **options):
-        seen.append((robot.name, options["plant"]))
-        return session(robot, *arguments, **options)
+    def made(*arguments, **options):
+        seen.append(session(*arguments, **options))
+        return seen[-1]
 
     monkeypatch.setattr(live, "LiveSession", made)
     return seen
@@ -107,7 +107,7 @@ def test_a_recording_is_played_on_its_own_terrain_unless_another_is_asked_for(
     )
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.mcap"]
     assert main(line + ([] if asked is None else ["--terrain", asked])) == 0
-    assert [plant.blocks for _, plant in begun] == [blocks if asked is None else ()]
+    assert [each.loop.plant.config.blocks for each in begun] == [blocks if asked is None else ()]
 
 
 @pytest.fixture
@@ -138,8 +138,9 @@ def play(capsys, *arguments):
 def test_a_recording_is_repeated_by_its_own_robot_and_actuation(recorded, capsys, begun):
     assert play(capsys) == play(capsys, "--robot", "humanoid33") == ""
     assert play(capsys, "--actuation", "velocity", "--hand-scale", "1") == ""
-    for name, plant in begun:
-        made = (name, plant.actuation, plant.self_contact)
+    for each in begun:
+        plant = each.loop.plant.config
+        made = (each.loop.lead.robot.name, plant.actuation, plant.self_contact)
         assert made == ("humanoid33", "velocity", False)
 
 
@@ -162,7 +163,8 @@ def test_a_recording_leads_another_robot_or_run_and_that_is_said(
         "poise: the samples of x.mcap were recorded with robot humanoid33, velocity commanded; "
         "this is no replay of that run\n"
     )
-    assert [(robot, plant.actuation) for robot, plant in begun] == [(name, actuation)]
+    (loop,) = (each.loop for each in begun)
+    assert (loop.lead.robot.name, loop.plant.config.actuation) == (name, actuation)
 
 
 @needs_page
@@ -203,7 +205,7 @@ def test_a_recording_of_a_robot_from_a_file_is_played_with_that(in_folder, capsy
     assert "--robot FILE" in line
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.3", "--device", "x.mcap"]
     assert main([*line, "--robot", "mona.urdf"]) == 0
-    assert [name for name, _ in begun] == ["mona"]
+    assert [each.loop.lead.robot.name for each in begun] == ["mona"]
 
 
 @needs_page
@@ -230,54 +232,28 @@ def test_the_closing_line_names_what_this_run_has_recorded(in_folder, capsys):
 @needs_page
 @pytest.mark.parametrize("verb", ["teleop", "drive"])
 @pytest.mark.parametrize("noise", [False, True])
-def test_sensors_have_noise_if_that_is_asked_for(in_folder, monkeypatch, verb, noise):
-    from poise.apps import live
+def test_sensors_have_noise_if_that_is_asked_for(in_folder, begun, verb, noise):
     from poise.sim import SensorConfig
 
-    seen, session = [], live.LiveSession
-
-    def made(*arguments, **options):
-        seen.append(session(*arguments, **options))
-        return seen[0]
-
-    monkeypatch.setattr(live, "LiveSession", made)
     line = [verb, "--no-open", "--port", "0", "--seconds", "0.1"]
     assert main([*line, "--noise"] if noise else line) == 0
-    sensors = seen[0].loop.plant.config.sensors
+    sensors = begun[0].loop.plant.config.sensors
     assert sensors == (SensorConfig.typical() if noise else SensorConfig())
 
 
 @needs_page
-def test_what_finds_the_torques_is_asked_for_by_name(in_folder, monkeypatch):
-    from poise.apps import live
-
-    seen, session = [], live.LiveSession
-
-    def made(*arguments, **options):
-        seen.append(session(*arguments, **options))
-        return seen[0]
-
-    monkeypatch.setattr(live, "LiveSession", made)
+def test_what_finds_the_torques_is_asked_for_by_name(in_folder, begun):
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.1", "--controller", "reduced"]
     assert main(line) == 0
-    assert seen[0].loop.lead.leader.solved_by == "reduced"
+    assert begun[0].loop.lead.leader.solved_by == "reduced"
 
 
 @needs_page
 @pytest.mark.parametrize("actuation", ["torque", "velocity"])
-def test_hands_are_scaled_as_was_asked_for(in_folder, monkeypatch, actuation):
-    from poise.apps import live
-
-    seen, session = [], live.LiveSession
-
-    def made(*arguments, **options):
-        seen.append(session(*arguments, **options))
-        return seen[0]
-
-    monkeypatch.setattr(live, "LiveSession", made)
+def test_hands_are_scaled_as_was_asked_for(in_folder, begun, actuation):
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.1", "--actuation", actuation]
     assert main([*line, "--hand-scale", "0.5"]) == 0
-    teleoperator = seen[0].loop.lead.leader
+    teleoperator = begun[0].loop.lead.leader
     usual = type(teleoperator)(teleoperator.robot, actuation=actuation).parameters
     assert teleoperator.parameters == replace(usual, hand_scale=0.5)
 
@@ -287,7 +263,7 @@ def test_hands_are_scaled_as_was_asked_for(in_folder, monkeypatch, actuation):
 def test_links_of_a_robot_that_a_person_leads_touch(in_folder, begun, actuation):
     line = ["teleop", "--no-open", "--port", "0", "--seconds", "0.1", "--actuation", actuation]
     assert main(line) == 0
-    ((_, plant),) = begun
+    (plant,) = (each.loop.plant.config for each in begun)
     assert (plant.actuation, plant.self_contact) == (actuation, True)
 
 

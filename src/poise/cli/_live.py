@@ -39,14 +39,28 @@ class _Live:
         if not self.seconds > 0.0:
             raise ConfigurationError("--seconds is out of range", got=self.seconds, wanted="> 0")
 
-    def run(self, session: Any, robot: str, folder: Path, hint: str) -> int:
+    def run(self, robot: Any, device: str, hint: str, remark: str = "", **options: Any) -> int:
         """Run a session until its time is up or it is ended, and name the logs it leaves."""
+        from poise.apps.live import LiveSession
+
+        verb = type(self).__name__.lower()
+        folder = Path(self.out or f"runs/{verb}-{Path(robot.name).stem}")
+        session = LiveSession(
+            robot,
+            folder,
+            port=self.port,
+            gamepad=device == "gamepad",
+            seed=self.seed,
+            **options,
+        )
+        if remark:
+            print(f"poise: {remark}", file=sys.stderr)
         logs = set(folder.glob("*.mcap"))
         # Whoever ends the process ends it as Ctrl-C does: what is recorded is finished first.
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
             with session:
-                print(f"{robot} is running.")
+                print(f"{robot.name} is running.")
                 print(f"  drive: {session.front.drive_url}")
                 print(f"  watch: {session.front.watch_url}")
                 # Flushed, so that it is there when the output is a pipe.
@@ -62,10 +76,10 @@ class _Live:
             signal.signal(signal.SIGTERM, before)
         found = sorted(path.name for path in set(folder.glob("*.mcap")) - logs)
         takes = session.takes
-        none = "none" if takes.is_full else "none, nobody drove"
+        none = "none" if takes.problem else "none, nobody drove"
         print(f"recordings in {folder}: {', '.join(found) if found else none}")
-        if takes.is_full:
-            print(f"poise: {takes.name}", file=sys.stderr)
+        if takes.problem:
+            print(f"poise: {takes.problem}", file=sys.stderr)
         return OK
 
 
@@ -96,22 +110,12 @@ class Drive(_Live):
 
     def act(self) -> int:
         """Run until it is ended."""
-        from poise.apps.live import WALK_PLANT, LiveSession
+        from poise.apps.live import WALK_PLANT
         from poise.robots import load_robot
 
-        robot = load_robot(self.robot)
-        folder = Path(self.out or f"runs/drive-{Path(robot.name).stem}")
-        session = LiveSession(
-            robot,
-            folder,
-            by="velocity",
-            port=self.port,
-            gamepad=self.device == "gamepad",
-            plant=WALK_PLANT.with_noise() if self.noise else WALK_PLANT,
-            seed=self.seed,
-        )
         hint = "To walk: arrow keys; to turn: Q and E."
-        return self.run(session, robot.name, folder, hint)
+        plant = WALK_PLANT.with_noise() if self.noise else WALK_PLANT
+        return self.run(load_robot(self.robot), self.device, hint, by="velocity", plant=plant)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +155,6 @@ class Teleop(_Live):
 
     def act(self) -> int:
         """Run until it is ended."""
-        from poise.apps.live import LiveSession
         from poise.apps.teleoperation import recorded_robot
         from poise.robots import load_robot
 
@@ -166,18 +169,7 @@ class Teleop(_Live):
         made = None if recording is None else recording.setup_for(robot, actuation)
         plant = self._plant(robot, actuation, known, made)
         parameters = self._parameters(robot, plant.commanded, made)
-        folder = Path(self.out or f"runs/teleop-{Path(robot.name).stem}")
-        session = LiveSession(
-            robot,
-            folder,
-            port=self.port,
-            gamepad=self.device == "gamepad",
-            recording=recording,
-            plant=plant,
-            seed=self.seed,
-            parameters=parameters,
-            solved_by=self.controller,
-        )
+        remark = ""
         if made is not None:
             asked = (plant, parameters or made.parameters, self.controller or made.solved_by)
             repeats = asked == (made.plant, made.parameters, made.solved_by)
@@ -185,13 +177,20 @@ class Teleop(_Live):
             repeats = known is None and recording is not None and recording.is_of(robot)
         if recording is not None and not repeats:
             commanded = "" if known is None else f", {known.plant.actuation} commanded"
-            print(
-                f"poise: the samples of {recording.path.name} were recorded with robot "
-                f"{recording.robot}{commanded}; this is no replay of that run",
-                file=sys.stderr,
+            remark = (
+                f"the samples of {recording.path.name} were recorded with robot "
+                f"{recording.robot}{commanded}; this is no replay of that run"
             )
-        hint = "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down."
-        return self.run(session, robot.name, folder, hint)
+        return self.run(
+            robot,
+            self.device,
+            "To step: hold Q or E in the page, or drag a foot's handle up; let go to step down.",
+            remark,
+            recording=recording,
+            plant=plant,
+            parameters=parameters,
+            solved_by=self.controller,
+        )
 
     def _plant(self, robot: Any, actuation: str, known: Any, made: Any) -> Any:
         """Plant of a recording that is repeated, else one whose links touch; with the terrain."""

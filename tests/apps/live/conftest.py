@@ -31,6 +31,35 @@ def run_session(live, get_robot):
     return run
 
 
+@pytest.fixture
+def start(live, get_robot, tmp_path, monkeypatch):
+    """Starts loops on biped20, and stops them."""
+    from operators import wait_for
+
+    from poise.apps.live._inputs import OperatorInputs
+    from poise.apps.live._leads import FootLead
+    from poise.apps.live._log import Takes
+    from poise.apps.live._loop import LiveLoop
+    from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT
+
+    # An operator is not thought gone when a busy machine stops all of this for a while.
+    monkeypatch.setattr("poise.locomotion._stepping._guard.LOST_AFTER", 10.0)
+    loops = []
+
+    def make(name="biped20", plant=VELOCITY_TELEOP_PLANT, **options):
+        lead = FootLead(get_robot(name), OperatorInputs(), plant, **options)
+        loop = LiveLoop(lead, Takes(tmp_path / "takes"))
+        loops.append(loop)
+        loop.start()
+        wait_for(lambda: loop.snapshot or loop.error, "the first picture")
+        assert loop.error is None, loop.error
+        return loop
+
+    yield make
+    for loop in loops:
+        loop.stop()
+
+
 @pytest.fixture(scope="module")
 def play():
     """What starts the browsers of a module: its event loop ends with it."""

@@ -27,6 +27,16 @@ def comes(happened, patience):
     return found
 
 
+def drive(loop, sample, until, what):
+    """Hold keys until something is seen."""
+
+    def seen():
+        loop.lead.inputs.take(sample)
+        return until(loop.snapshot)
+
+    wait_for(seen, what)
+
+
 @contextmanager
 def control(front, token=None, **options):
     """A client of the command channel, past the greeting: (socket, greeting)."""
@@ -47,6 +57,13 @@ def answer(socket):
         message = json.loads(socket.recv(timeout=PATIENCE))
         if "driven" not in message:
             return message
+
+
+def gamepad(*buttons, **axes):
+    """The sample of a gamepad with buttons pressed and axes deflected, by SDL's names."""
+    from poise.apps.live._gamepad import sample_from
+
+    return sample_from(lambda name: name in buttons, lambda name: axes.get(name, 0.0))
 
 
 def listen_to(loop):

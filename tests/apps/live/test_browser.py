@@ -13,6 +13,7 @@ pytest.importorskip("websockets", reason="the extra teleop is not installed: no 
 
 from pages import Page
 
+from poise.apps.live._loop import Pause
 from poise.apps.teleoperation import MODES, TORQUE_TELEOP_PLANT, read_recording, replay_teleop
 from poise.locomotion import DeviceStatus, HandStatus, Mode
 
@@ -39,11 +40,11 @@ def _shared(run_session, tmp_path_factory):
 @pytest.fixture
 def standing(_shared):
     """A session for tests in which the robot stands, with nobody in the seat; else it pauses."""
-    _shared.loop.pause(False)
+    _shared.loop.order(Pause(False))
     wait_for(lambda: not _shared.front.seat.taken, "an empty seat")
     wait_for(lambda: _shared.loop.snapshot.device is DeviceStatus.LOST, "the guard")
     yield _shared
-    _shared.loop.pause(True)
+    _shared.loop.order(Pause(True))
 
 
 def lift(page, begin, let_go, lifted):

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from operators import beat, control, wait_for
+from operators import beat, control, gamepad, wait_for
 
 pytest.importorskip("mujoco")
 pytest.importorskip("websockets", reason="the extra teleop is not installed: no websockets")
@@ -13,12 +13,11 @@ pytest.importorskip("websockets", reason="the extra teleop is not installed: no 
 from pages import Page
 
 from poise.apps.live import LiveSession
-from poise.apps.live._gamepad import sample_from
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._integrator import velocity_of
 from poise.apps.live._leads import VelocityLead
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop
+from poise.apps.live._loop import LiveLoop, Push
 from poise.locomotion import OperatorSample, VelocityLimits
 from poise.locomotion._stepping import _guard as clocks
 
@@ -54,8 +53,8 @@ def test_sticks_ask_for_velocities_within_limits(pad, sign):
 
 
 def test_the_right_stick_turns():
-    assert sample_from([], [0.0, -1.0, 1.0]).move == (1.0, 0.0)
-    assert sample_from([], [0.0, 0.0, 1.0]).turn == -1.0
+    assert gamepad(LEFTY=-1.0, RIGHTX=1.0).move == (1.0, 0.0)
+    assert gamepad(RIGHTX=1.0).turn == -1.0
 
 
 def test_beats_walk_the_robot_and_silence_stops_it(session):
@@ -143,16 +142,15 @@ def test_a_push_is_as_the_robot_faces(get_robot, tmp_path, monkeypatch):
 
     lead = VelocityLead(get_robot("biped20"), OperatorInputs())
     loop = LiveLoop(lead, Takes(tmp_path))
-    loop._begin()
     loop._tick()
     half = 0.5 * 2.2
     loop.plant.data.qpos[3:7] = np.cos(half), 0.0, 0.0, np.sin(half)
     mujoco.mj_kinematics(loop.plant.model, loop.plant.data)
     given = []
     monkeypatch.setattr(loop.plant, "push", lambda body, force, time: given.append(force))
-    loop.push("left")
+    loop.order(Push("left"))
     loop._carry_out()
-    loop._finish()
+    loop.stop()
     x, y, z = given[0]
     assert np.arctan2(y, x) == pytest.approx(2.2 + np.pi / 2 - 2 * np.pi)
     assert np.hypot(x, y) == pytest.approx(loop.lead.robot.mass * 0.8)

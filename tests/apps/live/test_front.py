@@ -126,7 +126,7 @@ def test_who_has_the_token_drives(front, session):
         wait_for(lambda: session.loop.snapshot.speed == 1.0, "real time")
 
 
-@pytest.mark.parametrize("token", [None, "wrong"])
+@pytest.mark.parametrize("token", [None, "wrong", "%C3%A9"])
 def test_who_has_not_sees_but_cannot_command(front, session, token):
     with control(front, token) as (watcher, hello):
         assert hello["hello"] == "watcher"

@@ -11,9 +11,10 @@ from msgspec.structs import replace
 
 pytest.importorskip("websockets")
 
+from operators import gamepad
 
 from poise.apps.live import _inputs as inputs
-from poise.apps.live._gamepad import HostGamepad, Landings, NoGamepadError, sample_from
+from poise.apps.live._gamepad import HostGamepad, NoGamepadError
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._integrator import (
     HOLD_HEIGHT,
@@ -280,27 +281,26 @@ def test_an_operator_who_leaves_is_gone_at_once(made):
 
 
 def test_shoulder_buttons_lift_and_the_stick_moves_forward_and_left():
-    pad = sample_from([0, 0, 0, 0, 1, 0], [-1.0, -0.5])
-    assert pad == OperatorSample(lift=(True, False), move=(0.5, 1.0))
-    assert sample_from([1, 0, 0, 0, 0, 1], [0.1, -0.1]) == OperatorSample(
-        lift=(False, True), upright=True
-    )
-
-
-def test_a_gamepad_with_few_parts_is_no_error():
-    assert sample_from([], []) == OperatorSample()
+    sample = gamepad("LEFTSHOULDER", LEFTX=-1.0, LEFTY=-0.5)
+    assert sample == OperatorSample(lift=(True, False), move=(0.5, 1.0))
+    sample = gamepad("A", "RIGHTSHOULDER", LEFTX=0.1, LEFTY=-0.1)
+    assert sample == OperatorSample(lift=(False, True), upright=True)
 
 
 def test_each_stick_moves_its_own_foot_where_both_are_held():
-    pad = sample_from([0, 0, 0, 0, 1, 1], [0.5, -1.0, -0.6, 0.4])
-    assert pad == OperatorSample(lift=(True, True), move=(1.0, -0.5), second=(-0.4, 0.6), turn=0.6)
+    sample = gamepad(
+        "LEFTSHOULDER", "RIGHTSHOULDER", LEFTX=0.5, LEFTY=-1.0, RIGHTX=-0.6, RIGHTY=0.4
+    )
+    assert sample == OperatorSample(
+        lift=(True, True), move=(1.0, -0.5), second=(-0.4, 0.6), turn=0.6
+    )
 
 
 def test_the_d_pad_sends_the_body_up_and_the_held_foot_around_and_with_b_the_torso():
-    assert sample_from([], [], (0, 0)) == OperatorSample()
-    assert sample_from([0, 0, 0, 0], [], (-1, 1)).bend == (1.0, 0.0, 0.0, 0.0, 1.0)
-    assert sample_from([0, 1], [], (1, -1)).bend == (0.0, 0.0, -1.0, -1.0, 0.0)
-    assert sample_from([0, 0, 0, 1], []).neutral
+    assert gamepad() == OperatorSample()
+    assert gamepad("DPAD_LEFT", "DPAD_UP").bend == (1.0, 0.0, 0.0, 0.0, 1.0)
+    assert gamepad("B", "DPAD_RIGHT", "DPAD_DOWN").bend == (0.0, 0.0, -1.0, -1.0, 0.0)
+    assert gamepad("Y").neutral
 
 
 BEND_LIMITS = BodyLimits((-0.1, 0.03), (0.3, 0.4, 0.5), (0.12, 0.6))
@@ -526,22 +526,6 @@ def test_without_a_gamepad_or_with_one_of_no_known_layout_that_is_said(virtual_p
     virtual_pad.plug(known=False)
     with pytest.raises(NoGamepadError, match="SDL_GAMECONTROLLERCONFIG"):
         HostGamepad(OperatorInputs())
-
-
-def test_a_landing_counts_once_and_of_a_foot_that_was_in_the_air():
-    landings = Landings()
-    story = [
-        ((300.0, 300.0), Mode.D, 0.0, 0),
-        ((600.0, 0.0), Mode.SL, 1.0, 0),
-        ((300.0, 300.0), Mode.D, 2.0, 1),
-        ((600.0, 10.0), Mode.SL, 2.1, 1),
-        ((300.0, 300.0), Mode.D, 2.2, 1),
-        # A foot that gives up its load on the ground was not in the air.
-        ((0.0, 600.0), Mode.D, 3.0, 1),
-        ((300.0, 300.0), Mode.D, 4.0, 1),
-    ]
-    for loads, mode, time, number in story:
-        assert landings.count(loads, mode, time) == number
 
 
 def test_a_gamepad_of_the_robots_machine_shakes_when_a_foot_lands(virtual_pad, monkeypatch):

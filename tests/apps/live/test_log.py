@@ -5,7 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
-from operators import wait_for
+from operators import drive, wait_for
 
 pytest.importorskip("websockets")
 pytest.importorskip("mujoco")
@@ -14,7 +14,7 @@ from poise.apps.live import _log as logs
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._leads import FootLead
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop
+from poise.apps.live._loop import LiveLoop, Push, Reset
 from poise.apps.teleoperation import (
     VELOCITY_TELEOP_PLANT,
     RecordingError,
@@ -24,25 +24,16 @@ from poise.apps.teleoperation import (
 )
 from poise.errors import ConfigurationError
 from poise.locomotion import Mode, OperatorSample, ScriptedDevice, StepTeleoperator
-from poise.sim import Recorder
 
 
 @pytest.fixture
-def loop(get_robot, tmp_path):
-    lead = FootLead(get_robot("biped20"), OperatorInputs(), VELOCITY_TELEOP_PLANT)
-    made = LiveLoop(lead, Takes(tmp_path / "takes"))
-    made.start()
-    wait_for(lambda: made.snapshot, "the first picture")
-    yield made
-    made.stop()
+def lead(get_robot):
+    return FootLead(get_robot("biped20"), OperatorInputs(), VELOCITY_TELEOP_PLANT)
 
 
-def drive(loop, pad, until, what):
-    def seen():
-        loop.lead.inputs.take(pad)
-        return until(loop.snapshot)
-
-    wait_for(seen, what)
+@pytest.fixture
+def loop(start):
+    return start()
 
 
 def test_a_run_leaves_a_log_that_agrees_with_its_replay(loop, tmp_path):
@@ -54,7 +45,7 @@ def test_a_run_leaves_a_log_that_agrees_with_its_replay(loop, tmp_path):
     drive(loop, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
     drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     loop.stop()
-    assert not loop.takes.is_full
+    assert not loop.takes.problem
     log = read_log(tmp_path / "takes" / "take-001.mcap")
     assert log.complete
     assert log.metadata["robot"] == "biped20"
@@ -72,23 +63,6 @@ def test_a_run_leaves_a_log_that_agrees_with_its_replay(loop, tmp_path):
     np.testing.assert_allclose(references[kept], run.log.zmp_reference[at[kept]], atol=5e-3)
     _, commands = log.signal("command_velocity")
     np.testing.assert_allclose(commands[kept], run.log.command[at[kept]], atol=1e-12)
-
-
-def test_a_reset_begins_another_log(loop, tmp_path):
-    pytest.importorskip("mcap")
-    drive(loop, OperatorSample(), lambda s: s.time > 0.3, "some time")
-    loop.reset()
-    wait_for(lambda: loop.snapshot.take == "take-002.mcap", "the reset")
-    drive(loop, OperatorSample(), lambda s: s.time > 0.1, "some time")
-    loop.stop()
-    names = {path.name for path in (tmp_path / "takes").glob("*.mcap")}
-    assert names == {"take-001.mcap", "take-002.mcap"}
-
-
-def test_a_run_in_which_nobody_drove_leaves_no_log(loop, tmp_path):
-    wait_for(lambda: loop.snapshot.time > 0.2, "some time")
-    loop.stop()
-    assert list((tmp_path / "takes").iterdir()) == []
 
 
 def test_without_the_package_the_run_goes_on_and_says_so(loop, tmp_path, monkeypatch):
@@ -117,10 +91,9 @@ def test_a_log_that_cannot_be_made_costs_nothing_but_itself(loop, tmp_path):
     shutil.rmtree(tmp_path / "takes" / "take-001.mcap")
 
 
-def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path, monkeypatch):
+def test_a_full_folder_ends_what_is_recorded_and_not_the_run(lead, tmp_path, monkeypatch):
     monkeypatch.setattr(logs, "_LOOK_EVERY", 0.0)
     takes = Takes(tmp_path, most_bytes=60_000)
-    lead = FootLead(get_robot("biped20"), OperatorInputs(), VELOCITY_TELEOP_PLANT)
     loop = LiveLoop(lead, takes)
     loop.start()
     wait_for(lambda: loop.snapshot, "the first picture")
@@ -133,7 +106,7 @@ def test_a_full_folder_ends_what_is_recorded_and_not_the_run(get_robot, tmp_path
         takes.keep()
     # What there is, is finished; and a reset begins nothing more.
     assert len(read_recording(tmp_path / "take-001.mcap").samples) > 10
-    loop.reset()
+    loop.order(Reset())
     wait_for(lambda: loop.snapshot.time < now, "the reset")
     drive(loop, OperatorSample(), lambda s: s.time > 0.5, "some time")
     loop.stop()
@@ -154,7 +127,7 @@ def test_a_file_that_can_be_written_no_more_costs_the_recording_and_not_the_run(
     drive(loop, OperatorSample(), lambda s: s.time > now + 0.2, "the run to go on")
     with pytest.raises(ConfigurationError, match="No space left"):
         loop.takes.keep()
-    loop.reset()
+    loop.order(Reset())
     wait_for(lambda: loop.snapshot.time < now, "the reset")
     loop.stop()
     assert loop.error is None
@@ -173,25 +146,25 @@ def test_a_folder_that_is_gone_costs_the_recording_and_not_the_run(loop, tmp_pat
     assert loop.error is None
 
 
-def test_numbers_of_files_that_are_there_are_not_given_again(tmp_path):
+def test_numbers_of_files_that_are_there_are_not_given_again(lead, tmp_path):
     takes = Takes(tmp_path)
     (tmp_path / "take-004.teleop").write_bytes(b"of an earlier version")
     (tmp_path / "take-002.mcap").write_bytes(b"")
-    takes.expect(Recorder)
+    takes.expect(lead)
     takes.end()
     assert takes.path.name == "take-005.mcap"
 
 
-def test_a_link_to_nothing_in_the_folder_costs_nothing(tmp_path):
+def test_a_link_to_nothing_in_the_folder_costs_nothing(lead, tmp_path):
     takes = Takes(tmp_path, most_bytes=1000)
     (tmp_path / "latest").symlink_to(tmp_path / "gone")
     (tmp_path / "some").write_bytes(bytes(600))
-    takes.expect(Recorder)
-    assert not takes.is_full
+    takes.expect(lead)
+    assert not takes.problem
     (tmp_path / "more").write_bytes(bytes(600))
-    takes.expect(Recorder)
-    assert takes.is_full
-    assert "is full" in takes.name
+    takes.expect(lead)
+    assert "is full" in takes.problem
+    assert takes.name == takes.problem
 
 
 def test_a_recording_of_another_robot_of_the_same_name_is_not_repeated(get_robot, tmp_path):
@@ -210,11 +183,11 @@ def test_a_recording_of_another_robot_of_the_same_name_is_not_repeated(get_robot
 def test_a_take_that_somebody_has_moved_costs_itself_alone(loop, tmp_path):
     drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     (tmp_path / "takes" / "take-001.mcap").unlink()
-    loop.reset()
+    loop.order(Reset())
     wait_for(lambda: loop.snapshot.time < 0.2, "the reset")
     drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     loop.stop()
-    assert not loop.takes.is_full
+    assert not loop.takes.problem
     assert loop.takes.files == ["take-001.mcap"]
 
 
@@ -228,7 +201,7 @@ def test_no_copy_is_kept_for_which_there_is_no_room(loop, monkeypatch):
 
 
 def test_a_push_before_anybody_drives_is_recorded(loop, tmp_path):
-    loop.push("left")
+    loop.order(Push("left"))
     wait_for(lambda: loop.snapshot.time > 0.3, "some time")
     loop.stop()
     path = tmp_path / "takes" / "take-001.mcap"

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from msgspec.structs import replace as replace_sample
-from operators import listen_to, same_commands, wait_for
+from operators import drive, listen_to, same_commands, wait_for
 from slow import slow
 
 pytest.importorskip("websockets")
@@ -15,7 +15,7 @@ pytest.importorskip("mujoco")
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._leads import FootLead
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop
+from poise.apps.live._loop import LiveLoop, Pause, Push, Reset, Slow
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
@@ -42,53 +42,17 @@ from poise.robots import standing_posture
 from poise.sim import PlantConfig
 
 
-@pytest.fixture
-def start(get_robot, tmp_path):
-    """Starts loops on biped20, and stops them."""
-    loops = []
-
-    def make(operator=None, name="biped20", plant=VELOCITY_TELEOP_PLANT, **options):
-        lead = FootLead(get_robot(name), operator or OperatorInputs(), plant, **options)
-        loop = LiveLoop(lead, Takes(tmp_path / "takes"))
-        loops.append(loop)
-        loop.start()
-        wait_for(lambda: loop.snapshot or loop.error, "the first picture")
-        assert loop.error is None, loop.error
-        return loop
-
-    yield make
-    for loop in loops:
-        loop.stop()
-
-
-@pytest.fixture(autouse=True)
-def patient(monkeypatch):
-    """An operator who is not thought gone when a busy machine stops all of this for a while."""
-    monkeypatch.setattr("poise.locomotion._stepping._guard.LOST_AFTER", 10.0)
-
-
-def drive(loop, operator, pad, until, what):
-    """Holds keys until something is seen."""
-
-    def seen():
-        operator.take(pad)
-        return until(loop.snapshot)
-
-    wait_for(seen, what)
-
-
 def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path):
-    operator = OperatorInputs()
-    loop = start(operator, plant=VELOCITY_TELEOP_PLANT.with_noise(), seed=5)
+    loop = start(plant=VELOCITY_TELEOP_PLANT.with_noise(), seed=5)
     wait_for(lambda: loop.snapshot.time > 0.5, "some time")
-    loop.reset()
+    loop.order(Reset())
     wait_for(lambda: loop.snapshot.time < 0.5, "the reset")
     heard = listen_to(loop)
     first = loop.plant.time
     lift = OperatorSample(lift=(False, True))
-    drive(loop, operator, lift, lambda s: s.mode is Mode.SL and s.soles[1][2] > 0.05, "the lift")
-    loop.push("left")
-    drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
+    drive(loop, lift, lambda s: s.mode is Mode.SL and s.soles[1][2] > 0.05, "the lift")
+    loop.order(Push("left"))
+    drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     loop.stop()
     name = loop.takes.files[-1]
     assert first < 1.0
@@ -97,37 +61,31 @@ def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path)
 
 
 def test_a_step_that_came_to_nothing_says_why_until_the_next_one(start):
-    operator = OperatorInputs()
-    loop = start(operator)
+    loop = start()
     assert loop.snapshot.mode_text == Mode.D.value
-    drive(
-        loop, operator, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.TL, "the shift"
-    )
+    drive(loop, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.TL, "the shift")
     assert loop.snapshot.mode_text == Mode.TL.value
-    drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
+    drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     assert loop.snapshot.mode_text == StepEnd.LOWERED.value
-    drive(
-        loop, operator, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift"
-    )
-    drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
+    assert loop.snapshot.landings == 0
+    drive(loop, OperatorSample(lift=(False, True)), lambda s: s.mode is Mode.SL, "the lift")
+    drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     assert loop.snapshot.mode_text == Mode.D.value
 
 
 @pytest.mark.parametrize("name", ["biped20", slow("g1")])
 def test_each_foot_makes_a_step_forward(start, name):
-    operator = OperatorInputs()
-    loop = start(operator, name=name)
+    loop = start(name=name)
     for foot, standing in ((1, Mode.SL), (0, Mode.SR)):
         lift = (foot == 0, foot == 1)
         first = loop.snapshot.soles[foot][0]
-        drive(
-            loop, operator, OperatorSample(lift=lift), lambda s, m=standing: s.mode is m, "the lift"
-        )
+        drive(loop, OperatorSample(lift=lift), lambda s, m=standing: s.mode is m, "the lift")
         forward = OperatorSample(lift=lift, move=(1.0, 0.0))
         goal = first + 0.08
-        drive(loop, operator, forward, lambda s, f=foot, x=goal: s.soles[f][0] > x, "the way")
-        drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
+        drive(loop, forward, lambda s, f=foot, x=goal: s.soles[f][0] > x, "the way")
+        drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
         assert loop.snapshot.soles[foot][2] == pytest.approx(0.0, abs=5e-3)
+        assert loop.snapshot.landings == 2 - foot
     assert not loop.snapshot.fallen
 
 
@@ -137,41 +95,38 @@ def test_each_foot_makes_a_step_forward(start, name):
 )
 @pytest.mark.parametrize("name", ["biped20", "g1"])
 def test_a_hand_is_led_let_go_and_goes_back_to_rest(start, name, plant):
-    operator = OperatorInputs()
-    loop = start(operator, name=name, plant=plant)
+    loop = start(name=name, plant=plant)
     home = loop.snapshot.hands[0].copy()
 
     def led(z, clutch=True):
         return OperatorSample(hands=(TrackedPose((0.0, 0.0, z), clutch=clutch), None))
 
-    drive(loop, operator, led(0.0, clutch=False), lambda s: s.device is DeviceStatus.OK, "a sample")
-    drive(loop, operator, led(0.0), lambda s: s.hands_do[0] is HandStatus.LED, "the grip")
-    drive(loop, operator, led(0.15), lambda s: s.hands[0][2] > home[2] + 0.13, "the way")
+    drive(loop, led(0.0, clutch=False), lambda s: s.device is DeviceStatus.OK, "a sample")
+    drive(loop, led(0.0), lambda s: s.hands_do[0] is HandStatus.LED, "the grip")
+    drive(loop, led(0.15), lambda s: s.hands[0][2] > home[2] + 0.13, "the way")
     held = led(0.0, clutch=False)
-    drive(loop, operator, held, lambda s: s.hands_do[0] is HandStatus.HELD, "the hold")
+    drive(loop, held, lambda s: s.hands_do[0] is HandStatus.HELD, "the hold")
     assert loop.snapshot.hands[0][2] > home[2] + 0.13
     assert loop.snapshot.hands_do[1] is HandStatus.REST
     rest = replace_sample(held, rest=True)
-    drive(loop, operator, rest, lambda s: s.hands[0][2] < home[2] + 0.02, "the rest")
+    drive(loop, rest, lambda s: s.hands[0][2] < home[2] + 0.02, "the rest")
     assert not loop.snapshot.fallen
 
 
 def test_a_live_run_on_stairs_is_recorded_with_them(start, get_robot, tmp_path):
-    operator = OperatorInputs()
     plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks("steps", get_robot("biped20")))
-    loop = start(operator, plant=plant)
-    drive(loop, operator, OperatorSample(), lambda s: s.time > 0.2, "some time")
+    loop = start(plant=plant)
+    drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
     loop.stop()
     run = replay_teleop(tmp_path / "takes" / "take-001.mcap")
     assert run.plant.config == plant
 
 
 def test_a_browser_that_closes_in_mid_step_brings_the_foot_down(start):
-    operator = OperatorInputs()
-    loop = start(operator)
+    loop = start()
     lift = OperatorSample(lift=(True, False))
-    drive(loop, operator, lift, lambda s: s.mode is Mode.SR and s.soles[0][2] > 0.05, "the lift")
-    operator.clear()
+    drive(loop, lift, lambda s: s.mode is Mode.SR and s.soles[0][2] > 0.05, "the lift")
+    loop.lead.inputs.clear()
     wait_for(lambda: loop.snapshot.device is DeviceStatus.LOST, "the loss to show")
     wait_for(lambda: loop.snapshot.mode is Mode.D, "both feet on the ground")
     assert not loop.snapshot.fallen
@@ -179,13 +134,13 @@ def test_a_browser_that_closes_in_mid_step_brings_the_foot_down(start):
 
 def test_pause_stops_time_and_slow_motion_slows_it(start):
     loop = start()
-    loop.pause(True)
+    loop.order(Pause(True))
     wait_for(lambda: loop.snapshot.paused, "the pause")
     before = loop.snapshot.time
     time.sleep(0.3)
     assert loop.snapshot.time == before
-    loop.slow(True)
-    loop.pause(False)
+    loop.order(Slow(True))
+    loop.order(Pause(False))
     wait_for(lambda: loop.snapshot.time > before, "time to go on")
     begin, first = time.monotonic(), loop.snapshot.time
     time.sleep(1.0)
@@ -194,19 +149,18 @@ def test_pause_stops_time_and_slow_motion_slows_it(start):
 
 
 def test_reset_begins_anew_and_with_a_new_recording(start):
-    operator = OperatorInputs()
-    loop = start(operator)
-    drive(loop, operator, OperatorSample(), lambda s: s.time > 0.2, "some time")
-    loop.reset()
+    loop = start()
+    drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
+    loop.order(Reset())
     wait_for(lambda: loop.snapshot.take == "take-002.mcap", "the second take")
-    wait_for(lambda: loop.snapshot.time > 0.0, "the first tick")
-    assert loop.takes.files[0] == "take-001.mcap"
+    drive(loop, OperatorSample(), lambda s: s.time > 0.1, "some time")
+    loop.stop()
+    assert loop.takes.files == ["take-001.mcap", "take-002.mcap"]
 
 
 def test_an_error_in_the_loop_is_kept_and_so_is_the_recording(start, tmp_path):
-    operator = OperatorInputs()
-    loop = start(operator)
-    drive(loop, operator, OperatorSample(), lambda s: s.time > 0.2, "some time")
+    loop = start()
+    drive(loop, OperatorSample(), lambda s: s.time > 0.2, "some time")
 
     def fail(command):
         raise RuntimeError("the plant broke")
@@ -224,9 +178,8 @@ def test_a_run_in_which_nobody_drove_leaves_no_file(start):
 
 
 def test_what_a_killed_run_has_left_can_be_read(start, tmp_path):
-    operator = OperatorInputs()
-    loop = start(operator)
-    drive(loop, operator, OperatorSample(), lambda s: s.time > 0.8, "some time")
+    loop = start()
+    drive(loop, OperatorSample(), lambda s: s.time > 0.8, "some time")
     # As the disk has it if the process were gone now.
     left = tmp_path / "left.mcap"
     left.write_bytes((tmp_path / "takes" / "take-001.mcap").read_bytes())
@@ -237,24 +190,22 @@ def test_what_a_killed_run_has_left_can_be_read(start, tmp_path):
 
 
 def test_a_copy_is_kept_while_the_run_goes_on(start, tmp_path):
-    operator = OperatorInputs()
-    loop = start(operator)
-    drive(loop, operator, OperatorSample(), lambda s: s.time > 1.0, "some time")
+    loop = start()
+    drive(loop, OperatorSample(), lambda s: s.time > 1.0, "some time")
     path = loop.takes.keep()
     assert path.name == "kept-001.mcap"
     kept = read_recording(path)
     assert len(kept.samples) > 10
     assert kept.duration >= 0.3
     now = loop.snapshot.time
-    drive(loop, operator, OperatorSample(), lambda s: s.time > now, "the run to go on")
+    drive(loop, OperatorSample(), lambda s: s.time > now, "the run to go on")
 
 
 def test_a_recording_drives_in_place_of_a_person(start, tmp_path):
-    operator = OperatorInputs()
-    loop = start(operator)
+    loop = start()
     lift = OperatorSample(lift=(False, True))
-    drive(loop, operator, lift, lambda s: s.mode is Mode.SL, "the lift")
-    drive(loop, operator, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
+    drive(loop, lift, lambda s: s.mode is Mode.SL, "the lift")
+    drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     loop.stop()
     again = start(recording=read_recording(tmp_path / "takes" / "take-001.mcap"))
     wait_for(lambda: again.snapshot.mode is Mode.SL, "the step")
@@ -338,19 +289,17 @@ def test_a_recording_is_played_with_its_own_noise(get_robot, tmp_path):
     )
     lead = FootLead(robot, OperatorInputs(), plant, recording=read_recording(path), seed=0)
     loop = LiveLoop(lead, Takes(tmp_path / "takes"))
-    loop._begin()
     heard = listen_to(loop)
     for _ in range(20):
         loop._tick()
-    loop._finish()
+    loop.stop()
     np.testing.assert_array_equal(heard, run.log.command)
 
 
 def test_where_hands_are_dragged_along_is_where_the_torso_faces(start):
     """By the page, which tells how far a handle has moved as the torso faces."""
-    operator = OperatorInputs()
-    loop = start(operator, name="g1", plant=TORQUE_TELEOP_PLANT)
+    loop = start(name="g1", plant=TORQUE_TELEOP_PLANT)
     turned = OperatorSample(body=BodyCommand(torso=(0.0, 0.0, 0.4)))
-    drive(loop, operator, turned, lambda s: s.heading > 0.3, "the torso that turns")
+    drive(loop, turned, lambda s: s.heading > 0.3, "the torso that turns")
     site = loop.plant.data.site(loop.lead.robot.torso).xmat.reshape(3, 3)
     assert loop.snapshot.heading == pytest.approx(np.arctan2(site[1, 0], site[0, 0]), abs=0.1)

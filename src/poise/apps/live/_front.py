@@ -155,17 +155,14 @@ class Front:
     async def _requested(self, _: ServerConnection, request: Request) -> Response | None:
         """Answer a request; None lets it on to the channel."""
         try:
-            return await self._answered(request)
+            host, origin = (request.headers.get(name) for name in ("Host", "Origin"))
+            path = urlsplit(request.path).path
         except (ValueError, MultipleValuesError):
             return _answer(HTTPStatus.BAD_REQUEST, b"This is no request that a browser makes.")
-
-    async def _answered(self, request: Request) -> Response | None:
-        host = request.headers.get("Host")
         if not is_local(host):
             return _answer(HTTPStatus.FORBIDDEN, b"This server is for this machine only.")
-        if not is_same_origin(request.headers.get("Origin"), host):
+        if not is_same_origin(origin, host):
             return _answer(HTTPStatus.FORBIDDEN, b"Pages of another origin are refused.")
-        path = urlsplit(request.path).path
         if path == "/control":
             return None
         if path in self._pages:

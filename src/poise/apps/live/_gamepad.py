@@ -3,20 +3,16 @@
 import contextlib
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from poise.apps.live._inputs import OperatorInputs
 from poise.errors import MissingExtraError, PoiseError
-from poise.locomotion import Mode, OperatorSample
+from poise.locomotion import OperatorSample
 
-_A, _B, _Y, _LEFT_SHOULDER, _RIGHT_SHOULDER = 0, 1, 3, 4, 5
 _DEAD = 0.15  # a stick nearer to the middle is in the middle
 _FULL = 32768.0  # What an axis says at its end
 _PERIOD = 1.0 / 60.0
-# Parts of the robot's weight below and above which a foot is in the air and has landed
-_UNLOADED, _LOADED = 0.05, 0.25
-_BOUNCES = 0.5  # A foot that lands again within this [s] bounces
 # How the gamepad shakes: its two motors, from 0 to 1, and how long [ms]
 _STRONG, _WEAK, _SHAKE = 0.8, 0.4, 80
 
@@ -25,57 +21,24 @@ class NoGamepadError(PoiseError):
     """There is no gamepad on this machine."""
 
 
-def sample_from(
-    buttons: Sequence[bool | int], axes: Sequence[float | int], hat: tuple[int, int] = (0, 0)
-) -> OperatorSample:
-    """Return the sample of a gamepad of the usual layout; the page maps its own the same way."""
-    left, up = float(-hat[0]), float(hat[1])
+def sample_from(pressed: Callable[[str], bool], axis: Callable[[str], float]) -> OperatorSample:
+    """Return the sample of buttons and axes by SDL's names; `page.js` has the same layout."""
 
-    def deflection(axis: int) -> float:
-        value = float(axes[axis]) if axis < len(axes) else 0.0
+    def stick(name: str) -> float:
+        value = axis(name)
         return -max(-1.0, min(1.0, value)) if abs(value) > _DEAD else 0.0
 
-    def pressed(button: int) -> bool:
-        return button < len(buttons) and bool(buttons[button])
-
+    up = float(pressed("DPAD_UP") - pressed("DPAD_DOWN"))
+    left = float(pressed("DPAD_LEFT") - pressed("DPAD_RIGHT"))
     return OperatorSample(
-        lift=(pressed(_LEFT_SHOULDER), pressed(_RIGHT_SHOULDER)),
-        move=(deflection(1), deflection(0)),
-        second=(deflection(3), deflection(2)),
-        turn=deflection(2),
-        upright=pressed(_A),
-        bend=(0.0, 0.0, up, left, 0.0) if pressed(_B) else (up, 0.0, 0.0, 0.0, left),
-        neutral=pressed(_Y),
+        lift=(pressed("LEFTSHOULDER"), pressed("RIGHTSHOULDER")),
+        move=(stick("LEFTY"), stick("LEFTX")),
+        second=(stick("RIGHTY"), stick("RIGHTX")),
+        turn=stick("RIGHTX"),
+        upright=pressed("A"),
+        bend=(0.0, 0.0, up, left, 0.0) if pressed("B") else (up, 0.0, 0.0, 0.0, left),
+        neutral=pressed("Y"),
     )
-
-
-class Landings:
-    """Count of feet that landed after they were in the air; a foot that bounces lands once."""
-
-    def __init__(self) -> None:
-        self._number = 0
-        self._loaded, self._flew = [True, True], [False, False]
-        self._landed = [-1.0, -1.0]
-
-    def count(self, loads: Sequence[float], mode: Mode, time: float) -> int:
-        """Take the normal forces on the feet [N] at a time of the robot [s]; return the count."""
-        felt, weight = False, sum(loads)
-        for foot, load in enumerate(loads):
-            before = self._loaded[foot]
-            if load < _UNLOADED * weight:
-                self._loaded[foot] = False
-            elif load > _LOADED * weight:
-                self._loaded[foot] = True
-            # The other one gives up its load, too, for a moment, when a foot lands hard.
-            if not self._loaded[foot] and mode.single and mode.support != foot:
-                self._flew[foot] = True
-            if before or not self._loaded[foot] or not self._flew[foot]:
-                continue
-            self._flew[foot] = False
-            felt = felt or abs(time - self._landed[foot]) > _BOUNCES
-            self._landed[foot] = time
-        self._number += felt
-        return self._number
 
 
 class HostGamepad:
@@ -108,7 +71,6 @@ class HostGamepad:
                 wanted="one that is plugged in; one at the computer of the browser works through "
                 "the page, with --device browser",
             )
-        self.name = str(self._pad.name)
         self._inputs, self._stop = inputs, threading.Event()
         self._landings = 0
         self._thread: threading.Thread | None = None
@@ -141,28 +103,19 @@ class HostGamepad:
             # One that cannot be opened yet may be at the next look.
             with contextlib.suppress(self._pygame.error):
                 self._pad = self._first()
-        if self._pad is not None:
-            self._inputs.take(sample_from(*self._read(self._pad)))
+        pad, sdl = self._pad, self._pygame
+        if pad is not None:
+            sample = sample_from(
+                lambda name: bool(pad.get_button(getattr(sdl, f"CONTROLLER_BUTTON_{name}"))),
+                lambda name: pad.get_axis(getattr(sdl, f"CONTROLLER_AXIS_{name}")) / _FULL,
+            )
+            self._inputs.take(sample)
 
     def shake(self, landings: int) -> None:
         """Shake the gamepad, if it can, where the number of landings has grown."""
         if landings > self._landings and self._pad is not None:
             self._pad.rumble(_STRONG, _WEAK, _SHAKE)
         self._landings = landings
-
-    def _read(self, pad: Any) -> tuple[list[bool], list[float], tuple[int, int]]:
-        """Buttons, axes and D-pad in the usual layout, wherever this gamepad has them."""
-        constants = self._pygame
-        buttons, axes, cross = (
-            [get(getattr(constants, f"CONTROLLER_{kind}_{name}")) for name in names]
-            for get, kind, names in (
-                (pad.get_button, "BUTTON", ("A", "B", "X", "Y", "LEFTSHOULDER", "RIGHTSHOULDER")),
-                (pad.get_axis, "AXIS", ("LEFTX", "LEFTY", "RIGHTX", "RIGHTY")),
-                (pad.get_button, "BUTTON", ("DPAD_LEFT", "DPAD_RIGHT", "DPAD_DOWN", "DPAD_UP")),
-            )
-        )
-        left, right, down, up = map(int, cross)
-        return buttons, [axis / _FULL for axis in axes], (right - left, up - down)
 
     def _first(self) -> Any:
         """The first gamepad whose layout is known; None where there is none."""

@@ -1,16 +1,13 @@
 """`FootLead`, `VelocityLead`: ways to lead a live robot."""
 
-from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._integrator import BodyLimits, Integrator, LiveFeet
-from poise.apps.live._log import LIVE_CONFIG
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     RecordedPush,
@@ -36,10 +33,12 @@ from poise.locomotion import (
     walking_stack,
 )
 from poise.robots import Robot
-from poise.sim import Plant, PlantConfig, Recorder, Tick, check_period
+from poise.sim import Plant, PlantConfig, Recorder, RecorderConfig, Tick, check_period
 from poise.stack import Stack
 
 WALK_PLANT = PlantConfig(control_dt=0.002, self_contact=True)
+# The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more
+_RECORD = RecorderConfig(record_dt=0.05, scene_dt=0.1, keep=False)
 # Signals of a teleoperator that are points
 _PLACES = (
     "zmp_reference", "estimate/zmp", "estimate/cart_table_zmp", "estimate/com", "estimate/soles",
@@ -47,27 +46,17 @@ _PLACES = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class LeadOutcome:
-    """Result of a tick of the lead, in the drawn world."""
-
-    mode: Mode
-    mode_text: str
-    device: DeviceStatus
-    zmp_reference: Float64[np.ndarray, "2"]  # [m]
-    handles: Float64[np.ndarray, "2 3"] | None = None  # of the feet; None for those on the soles
-    target: Float64[np.ndarray, "3"] | None = None  # of the swing foot [m]
-
-
 class _Lead:
     """Leader, controller, estimator and recorder of a run, made anew by `begin`."""
 
     body = BodyCommand()
     forces: list[list[float]] | None = None  # of the ground on the feet; None for a walk
+    landings = 0  # of feet that had been in the air
 
     def __init__(self, robot: Robot, inputs: OperatorInputs, plant: PlantConfig, seed: int) -> None:
         self.robot, self.inputs, self.plant, self.seed = robot, inputs, plant, seed
-        self.limits, self.pushes = BodyLimits(), deque[RecordedPush]()
+        self.limits = BodyLimits()
+        self.pushes: list[RecordedPush] = []  # of the run, in order; its recorder takes them out
 
 
 class _DrawnTeleoperator(StepTeleoperator):
@@ -111,6 +100,7 @@ class FootLead(_Lead):
 
     def begin(self) -> None:
         """Make the teleoperator and its device anew."""
+        self._mode = Mode.D
         self.leader = leader = _DrawnTeleoperator(
             self.robot,
             actuation=self.plant.commanded,
@@ -122,10 +112,16 @@ class FootLead(_Lead):
         self.hands, self.gaze, self.estimator = leader.hands, leader.gaze, leader.estimator
         self._feet = LiveFeet(self.inputs, leader)
         self.limits, leader.device = self._feet.limits, self._feet
-        self.pushes.clear()
+        self.pushes = []
         if self._recording is not None:
             leader.device = device = self._recording.device(leader)
-            self.pushes.extend(device.pushes)
+            self.pushes = [*device.pushes]
+
+    @property
+    def idle(self) -> bool:
+        """True before the first sample or push."""
+        status = self.leader.status
+        return not self.pushes and (status is None or status.sample is None)
 
     def controller(self) -> Controller:
         """Return the teleoperator's own controller."""
@@ -135,35 +131,43 @@ class FootLead(_Lead):
         """Return a recorder of samples and pushes, too."""
         setup = TeleopSetup.of(self.leader, self.plant, seed=self.seed, rotator=self._rotator)
         about = {"controller": "step teleoperation"}
-        return TeleopRecorder(path, self.leader, setup, config=LIVE_CONFIG, metadata=about)
+        return TeleopRecorder(
+            path, self.leader, setup, pushes=self.pushes, config=_RECORD, metadata=about
+        )
 
     def take_in(self, tick: Tick, plant: Plant) -> None:
-        """Note forces, body, and the offset of dead reckoning, by the stance sole."""
+        """Note forces, body, landings, and the offset of dead reckoning, by the stance sole."""
         del tick
+        status = self.leader.status
+        if status is not None:
+            landed = self._mode.single and not status.mode.single
+            self.landings += landed and status.ended is not StepEnd.STUCK
+            self._mode = status.mode
         stance = self.estimator.stance
         site = plant.data.site(self.leader.soles[stance])
         self._feet.offset = self.leader.offset = site.xpos - self.estimator.sole(stance)
         self.forces, self.body = foot_forces(self.leader), self._feet.body
 
-    def outcome(self) -> LeadOutcome:
-        """Return the result of the last tick; the text says why a step failed, until the next."""
+    def shown(self) -> dict[str, Any]:
+        """Return members of a `Snapshot`; the text says why a step failed, until the next."""
         status, offset = self.leader.status, self._feet.offset
         assert status is not None
         failed = status.mode is Mode.D and status.ended not in (None, StepEnd.LANDED)
-        return LeadOutcome(
-            mode=status.mode,
-            mode_text=status.ended.value if failed and status.ended else status.mode.value,
-            device=status.device,
-            zmp_reference=status.zmp_reference + offset[:2],
-            handles=np.array(self._feet.places) + offset,
-            target=None if status.target is None else status.target + offset,
-        )
+        return {
+            "mode": status.mode,
+            "mode_text": status.ended.value if failed and status.ended else status.mode.value,
+            "device": status.device,
+            "zmp_reference": status.zmp_reference + offset[:2],
+            "handles": np.array(self._feet.places) + offset,
+            "target": None if status.target is None else status.target + offset,
+        }
 
 
 class VelocityLead(_Lead):
     """A walker that arms and neck go along with, itself the leader."""
 
     kind, takes = "velocity", "drive"
+    idle = False
 
     def __init__(
         self,
@@ -193,7 +197,7 @@ class VelocityLead(_Lead):
 
     def recorder(self, path: Path) -> Recorder:
         """Return a recorder of signals."""
-        return Recorder(path, config=LIVE_CONFIG, metadata={"controller": "whole_body"})
+        return Recorder(path, config=_RECORD, metadata={"controller": "whole_body"})
 
     def lead(self, state: RobotState) -> None:
         """Set the targets of the next tick; a state that cannot be used changes nothing."""
@@ -216,19 +220,19 @@ class VelocityLead(_Lead):
         assert tick.estimate is not None
         self._offset = tick.truth.q[:3] - tick.estimate.q[:3]
 
-    def outcome(self) -> LeadOutcome:
-        """Return the result of the last tick: state and velocity of the walk, and what was cut."""
+    def shown(self) -> dict[str, Any]:
+        """Return members of a `Snapshot`: state and velocity of the walk, and what was cut."""
         walker = self.walker
         ahead, left, turn = walker.commands.velocity
         text = f"{walker.status.value}: {ahead:.2f} m/s ahead, {left:.2f} m/s to the left, "
         text += f"{turn:.2f} rad/s"
         lost = self._guard.status is DeviceStatus.LOST
-        return LeadOutcome(
-            mode=walker.mode,
-            mode_text=f"{text}; {walker.notice}" if walker.notice else text,
-            device=DeviceStatus.LOST if lost else DeviceStatus.OK,
-            zmp_reference=walker.zmp + self._offset[:2],
-        )
+        return {
+            "mode": walker.mode,
+            "mode_text": f"{text}; {walker.notice}" if walker.notice else text,
+            "device": DeviceStatus.LOST if lost else DeviceStatus.OK,
+            "zmp_reference": walker.zmp + self._offset[:2],
+        }
 
 
 Lead = FootLead | VelocityLead

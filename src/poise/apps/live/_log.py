@@ -4,20 +4,13 @@ import math
 import re
 import shutil
 import time as clock
-from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float64
-
-from poise.apps.teleoperation import RecordedPush, TeleopRecorder
+from poise.apps.live._leads import Lead
 from poise.errors import ConfigurationError, PoiseError
-from poise.locomotion import StepTeleoperator
-from poise.sim import AnyController, LeadFunction, Plant, Recorder, RecorderConfig, Tick, finish_log
+from poise.sim import AnyController, LeadFunction, Plant, Recorder, Tick, finish_log
 from poise.stack import Leader
 
-# The writer's thread takes the interpreter from the robot: at 50 Hz a tick cost a fifth more
-LIVE_CONFIG = RecorderConfig(record_dt=0.05, scene_dt=0.1, keep=False)
 MOST_BYTES = 1 << 30  # of the files of live runs in a folder: some ten hours
 # Time from one look into the folder to the next [s]; a run writes some 20 kB in a second
 _LOOK_EVERY = 10.0
@@ -31,31 +24,10 @@ class Takes:
 
     def __init__(self, folder: Path, kind: str = "take", *, most_bytes: int = MOST_BYTES) -> None:
         self.folder, self._kind, self._most = folder, kind, most_bytes
-        self._used, self._looked_at, self._problem = 0, -math.inf, ""
-        self.path = folder
-        self._make: Callable[[Path], Recorder] | None = None
+        self.path, self._looked_at = folder, -math.inf
+        self.problem = ""  # why nothing more of the run is recorded; empty for none
+        self._lead: Lead | None = None  # of a run whose recording has yet to begin
         self._recorder: Recorder | None = None
-        self._pushes: list[RecordedPush] = []
-
-    @property
-    def is_full(self) -> bool:
-        """True when nothing more is recorded; the folder is measured now and then."""
-        if clock.monotonic() - self._looked_at >= _LOOK_EVERY:
-            self._has_room()
-        return bool(self._problem) or self._used >= self._most
-
-    def _has_room(self, more: int = 0) -> bool:
-        """Measure the folder; return whether so many bytes more fit."""
-        self._looked_at = clock.monotonic()
-        try:
-            self._used = sum(map(_size, self.folder.iterdir()))
-        except OSError as error:
-            self._give_up(error)
-        return not self._problem and self._used + more <= self._most
-
-    def _give_up(self, error: Exception) -> None:
-        """Record nothing more until the next run."""
-        self._problem = f"not recorded: {error}"
 
     @property
     def files(self) -> list[str]:
@@ -65,22 +37,18 @@ class Takes:
     @property
     def name(self) -> str:
         """Name of the run's file, or why it has none."""
-        size = f"{self._most / 2**20:.0f} MiB"
-        full = self._problem or f"not recorded: {self.folder} is full ({size})"
-        return full if self.is_full else self.path.name
+        return self.problem or self.path.name
 
     def open(self) -> None:
         """Make the folder if it is not there."""
         self.folder.mkdir(parents=True, exist_ok=True)
 
-    def expect(self, make: Callable[[Path], Recorder]) -> None:
-        """Set the recorder of the next run, and finish the one before."""
+    def expect(self, lead: Lead) -> None:
+        """Finish the run before, and record the next one with the recorder of its lead."""
         self.end()
-        self.path = self._next(self._kind)
-        self._problem = ""  # It may have been of one file.
-        self._has_room()
-        self._pushes.clear()
-        self._make = None if self.is_full else make
+        self.path, self._lead = self._next(self._kind), lead
+        self.problem = ""  # It may have been of one file.
+        self._look()
 
     def begin(
         self, plant: Plant, controller: AnyController, leader: Leader | LeadFunction | None
@@ -88,32 +56,16 @@ class Takes:
         self._cast = plant, controller, leader
 
     def observe(self, tick: Tick) -> None:
-        """Record a tick; of a step teleoperator from its first sample or push on."""
-        if self._make is not None and (self._pushes or not self._idle()):
-            recorder, self._make = self._make(self.path), None
+        """Record a tick, from the first one on that is not idle."""
+        if self._lead is not None and not self.problem and not self._lead.idle:
+            recorder, self._lead = self._lead.recorder(self.path), None
             try:
                 recorder.begin(*self._cast)
                 self._recorder = recorder
             except PoiseError as error:
                 self._give_up(error)
-        recorder = self._recorder
-        if isinstance(recorder, TeleopRecorder):
-            for push in self._pushes:
-                recorder.push(push)
-        self._pushes.clear()
-        if recorder is not None:
-            recorder.observe(tick)
-
-    def _idle(self) -> bool:
-        """A step teleoperator without a sample."""
-        leader = self._cast[2]
-        status = leader.status if isinstance(leader, StepTeleoperator) else None
-        return isinstance(leader, StepTeleoperator) and (status is None or status.sample is None)
-
-    def push(self, tick: int, force: Float64[np.ndarray, "3"], duration: float) -> None:
-        """Note a push on the torso [N], [s] that begins before a tick."""
-        x, y, z = force.tolist()
-        self._pushes.append(RecordedPush(tick, (x, y, z), duration))
+        if self._recorder is not None:
+            self._recorder.observe(tick)
 
     def flush(self) -> None:
         """Hand what was recorded so far to the writer; end a recording that cannot go on."""
@@ -122,12 +74,14 @@ class Takes:
             recorder.flush()
             if recorder.failure is not None:
                 self._give_up(recorder.failure)
-        if self.is_full:
+        if clock.monotonic() - self._looked_at >= _LOOK_EVERY:
+            self._look()
+        if self.problem:
             self.end()
 
     def end(self) -> None:
         """Finish the file, if there is one; the run is not recorded any more."""
-        self._make = None
+        self._lead = None
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
             try:
@@ -137,17 +91,34 @@ class Takes:
 
     def keep(self) -> Path:
         """Write a finished copy of what is on the disk of the take; it may be a flush behind."""
-        if self._recorder is None or self.is_full:
+        if self._recorder is None or self.problem:
             raise ConfigurationError(f"no copy is kept: {self.name}")
         path = self._next("kept")
         try:
-            if not self._has_room(self.path.stat().st_size):
+            if self._used() + self.path.stat().st_size > self._most:
                 raise PoiseError("the folder has no room for it")
             shutil.copyfile(self.path, path)
             finish_log(path)
         except (OSError, PoiseError) as error:
             raise ConfigurationError(f"no copy is kept: {error}") from error
         return path
+
+    def _used(self) -> int:
+        """Bytes in the folder."""
+        return sum(map(_size, self.folder.iterdir()))
+
+    def _look(self) -> None:
+        """Record nothing more where the folder is full or gone."""
+        self._looked_at = clock.monotonic()
+        try:
+            if self._used() >= self._most:
+                self._give_up(f"{self.folder} is full ({self._most / 2**20:.0f} MiB)")
+        except OSError as error:
+            self._give_up(error)
+
+    def _give_up(self, why: object) -> None:
+        """Record nothing more until the next run."""
+        self.problem = f"not recorded: {why}"
 
     def _next(self, kind: str) -> Path:
         """The file after the last one of a kind, of whatever version that is."""

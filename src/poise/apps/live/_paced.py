@@ -18,7 +18,7 @@ class Pace(NamedTuple):
 
     rate: float  # of frames [1/s]
     burst: float  # frames in one look, at most
-    rest: float  # from one look to the next [s]
+    rest: float  # from one look to the next, once a burst is used up [s]
     too_fast: str  # reason for closing, in 123 bytes at most
 
 
@@ -89,6 +89,12 @@ class PacedConnection(ServerConnection):
             piece = bytes(self._unread[:_PIECE])
             del self._unread[:_PIECE]
             super().data_received(piece)
+        # As much as a rest would bring: without one, the loop has a wake-up less.
+        spare = self._allowed - pace.rate * pace.rest
+        if spare >= 0.0 and not self._unread:
+            self._allowed = spare
+            self._valve.turn(held=False)
+            return
         # In one piece there may be more than was allowed: that takes its time afterwards.
         rest = max(pace.rest, (1.0 - self._allowed) / pace.rate)
         self._valve.turn(held=True)

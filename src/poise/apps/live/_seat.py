@@ -1,7 +1,6 @@
 """`Seat`: the lease of the operator, for one connection at a time, and only with the token."""
 
 import secrets
-import threading
 import time as clock
 from dataclasses import dataclass
 from urllib.parse import urlsplit
@@ -34,7 +33,6 @@ class Seat:
         self.token = secrets.token_urlsafe(16)
         self._holder: Grant | None = None
         self._heard_at = 0.0
-        self._lock = threading.Lock()
 
     @property
     def taken(self) -> bool:
@@ -45,19 +43,17 @@ class Seat:
         """Grant a new connection its rights, by its token or None to watch."""
         if token is None or not self.shows(token):
             return Grant(False, "" if token is None else _NO_TOKEN)
-        with self._lock:
-            if self.taken:
-                return Grant(False, _TAKEN)
-            self._holder, self._heard_at = Grant(True), clock.monotonic()
-            return self._holder
+        if self.taken:
+            return Grant(False, _TAKEN)
+        self._holder, self._heard_at = Grant(True), clock.monotonic()
+        return self._holder
 
     def hears(self, grant: Grant) -> bool:
         """Note a sign of life; return whether the grant is the operator's."""
-        with self._lock:
-            holds = self.holds(grant)
-            if holds:
-                self._heard_at = clock.monotonic()
-            return holds
+        holds = grant is self._holder
+        if holds:
+            self._heard_at = clock.monotonic()
+        return holds
 
     def shows(self, token: str) -> bool:
         """Return whether a token is the right one."""
@@ -65,15 +61,10 @@ class Seat:
 
     def leave(self, grant: Grant) -> bool:
         """End a grant; return whether it was the operator's, whose seat is free then."""
-        with self._lock:
-            held = self.holds(grant)
-            if held:
-                self._holder = None
-            return held
-
-    def holds(self, grant: Grant) -> bool:
-        """Return whether a grant is the operator's."""
-        return grant is self._holder
+        held = grant is self._holder
+        if held:
+            self._holder = None
+        return held
 
 
 def is_local(host: str | None) -> bool:

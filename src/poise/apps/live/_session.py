@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
-from msgspec import Struct, structs
+from msgspec import structs
 
 from poise.apps.live._front import Answer, Front
 from poise.apps.live._gamepad import HostGamepad
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._leads import WALK_PLANT, FootLead, VelocityLead
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop
+from poise.apps.live._loop import LiveLoop, Order, Pause, Push, Reset, Slow
 from poise.apps.report import shapes_payload
 from poise.apps.scenarios import drawn_shapes
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, Recording
@@ -24,33 +24,7 @@ from poise.robots import Robot
 from poise.sim import PlantConfig
 
 
-class _Order(Struct, forbid_unknown_fields=True, tag_field="do", tag=str.lower):
-    """Message of an operator's page beside `OperatorSample`, by the name of its class."""
-
-
-class Push(_Order):
-    """Push the torso."""
-
-    value: Literal["left", "right", "forward", "back"]
-
-
-class Pause(_Order):
-    """Stop time, or let it go on."""
-
-    value: bool
-
-
-class Slow(_Order):
-    """Slow motion, or real time."""
-
-    value: bool
-
-
-class Reset(_Order):
-    """Put the robot back to its start."""
-
-
-class Keep(_Order):
+class Keep(Order):
     """Keep a copy of the run so far."""
 
 
@@ -126,7 +100,7 @@ class LiveSession:
             lead = VelocityLead(robot, inputs, plant or WALK_PLANT, seed=seed)
         self.takes = Takes(Path(folder), lead.takes)
         self.loop = LiveLoop(lead, self.takes)
-        self._last: dict[type[_Order], float] = {}
+        self._last: dict[type[Order], float] = {}
         model = self.loop.plant.drawn_model()
         shapes = {"bodies": model.nbody, **shapes_payload(drawn_shapes(model))}
         self.front = Front(self, port=port, shapes=shapes)
@@ -134,7 +108,7 @@ class LiveSession:
     def __enter__(self) -> "LiveSession":
         self.loop.start()
         if self._gamepad is not None:
-            self._gamepad.start(self.loop.landings)
+            self._gamepad.start(lambda: self.loop.lead.landings)
         self.front.start()
         return self
 
@@ -166,23 +140,18 @@ class LiveSession:
                 # As often as a device asks: forces are no use to it later.
                 answer = {"echo": message.time, "forces": self.loop.lead.forces}
                 return answer | (self.inputs.take(message) if self._source == "browser" else {})
-            case Push():
-                self.loop.push(message.value)
-            case Pause():
-                self.loop.pause(message.value)
-            case Slow():
-                self.loop.slow(message.value)
             case Reset() | Keep() if not self._is_rare(type(message)):
                 return _WAIT
-            case Reset():
-                self.loop.reset()
-                # Held levers belong to the run before.
-                self.inputs.clear()
             case Keep():
                 return lambda: {"kept": self.takes.keep().name}
+            case _:
+                self.loop.order(message)
+                if isinstance(message, Reset):
+                    # Held levers belong to the run before.
+                    self.inputs.clear()
         return None
 
-    def _is_rare(self, order: type[_Order]) -> bool:
+    def _is_rare(self, order: type[Order]) -> bool:
         """Return whether an order that writes files was not just given; from now on it was."""
         now = clock.monotonic()
         rare = now - self._last.get(order, -math.inf) >= _RARE

@@ -1,5 +1,6 @@
 """`Snapshot`: state of a live run, as the page shows it, some 25 times a second."""
 
+import re
 from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Any
@@ -23,11 +24,11 @@ class Snapshot:
     com: Float64[np.ndarray, "3"]  # [m]
     soles: Float64[np.ndarray, "2 3"]  # left and right [m]
     handles: Float64[np.ndarray, "2 3"]  # where the operator holds the feet [m]
-    target: Float64[np.ndarray, "3"] | None  # of the swing foot [m]
+    target: Float64[np.ndarray, "3"] | None = None  # of the swing foot [m]
     polygon: Float64[np.ndarray, "h 2"]  # corners of the support polygon, counter-clockwise [m]
     margin: float  # of the ZMP to its nearest edge, negative outside [m]
     loads: Float64[np.ndarray, "2"]  # on the soles [N]
-    landings: int  # feet that landed after they were in the air
+    landings: int  # of feet that had been in the air; none of a walk
     tilt: float  # of the torso [rad]
     heading: float  # of the torso, to the left of the world's x axis [rad]
     hands: Float64[np.ndarray, "k 3"]  # targets, left and right [m]
@@ -44,14 +45,11 @@ class Snapshot:
 
     def message(self) -> dict[str, Any]:
         """Return the members of the status that a page gets."""
-        names = [field.name for field in fields(self)]
-        told = {_camel(name): _plain(getattr(self, name)) for name in names}
+        told = {key: _plain(getattr(self, name)) for name, key in _KEYS.items()}
         return told | {"deviceText": self.device.value}
 
 
-def _camel(name: str) -> str:
-    first, *rest = name.split("_")
-    return first + "".join(word.title() for word in rest)
+_KEYS = {f.name: re.sub("_(.)", lambda m: m[1].upper(), f.name) for f in fields(Snapshot)}
 
 
 def _plain(value: Any) -> Any:
@@ -60,4 +58,6 @@ def _plain(value: Any) -> Any:
         return value.name
     if isinstance(value, tuple):
         return [_plain(each) for each in value]
-    return np.round(value, 4).tolist() if isinstance(value, (float, np.ndarray)) else value
+    if isinstance(value, np.ndarray):
+        return value.round(4).tolist()
+    return round(value, 4) if isinstance(value, float) else value

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import math
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -96,7 +95,7 @@ _PUSH = msgspec.msgpack.Decoder(RecordedPush)
 
 
 class TeleopRecorder(Recorder):
-    """Record a teleoperated run with all that comes from outside; pushes as they begin."""
+    """Record a teleoperated run with all that comes from outside; take pushes as they begin."""
 
     def __init__(
         self,
@@ -104,20 +103,20 @@ class TeleopRecorder(Recorder):
         teleoperator: StepTeleoperator,
         setup: TeleopSetup | float,
         *,
-        pushes: Sequence[RecordedPush] = (),
+        pushes: list[RecordedPush] | None = None,
         config: RecorderConfig | None = None,
         metadata: dict[str, str] | None = None,
     ) -> None:
         known = asdict(setup) if isinstance(setup, TeleopSetup) else {"dt": setup}
         texts = {_SETUP: json.dumps(known)} | (metadata or {})
         super().__init__(path, config=config, metadata=texts)
-        self._teleoperator, self._coming = teleoperator, deque(pushes)
+        self._teleoperator, self._coming = teleoperator, [] if pushes is None else pushes
         self._dt, self._ticks = float(known["dt"]), 0
 
     def observe(self, tick: Tick) -> None:
         """Record the tick, if it is due, and always its sample and pushes."""
         while self._coming and self._coming[0].tick <= tick.index:
-            self.push(self._coming.popleft())
+            self.message(PUSHES, _ENCODE(self._coming.pop(0)))
         status = self._teleoperator.status
         if status is not None and status.sample is not None:
             self.message(SAMPLES, _ENCODE(RecordedSample(tick.index, status.sample)))
@@ -128,10 +127,6 @@ class TeleopRecorder(Recorder):
         """Finish the log."""
         self.record.metadata[_DURATION] = repr(self._ticks * self._dt)
         super().end()
-
-    def push(self, push: RecordedPush) -> None:
-        """Note a push that begins before a tick."""
-        self.message(PUSHES, _ENCODE(push))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
