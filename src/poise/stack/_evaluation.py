@@ -3,15 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float64, Int64
 
 from poise._compiled import say_if_slow
 from poise._copies import Copied
-from poise.dynamics import Dynamics, Motion, frames_of, motion_of
+from poise.dynamics import Dynamics, frames_of
 from poise.robots import Robot, once_a_robot
 from poise.stack._kernels import evaluate
-from poise.stack._tables import CORNERS, ENTRIES, WORK, Kind, Owners, Rows
+from poise.stack._tables import CORNERS, ENTRIES, WORK, Assembly, Kind, Numbers, Owners, Rows
 
 
 class Owner(Copied):
@@ -75,10 +74,9 @@ class Owner(Copied):
 
 
 @once_a_robot
-def _unmoved(robot: Robot) -> tuple[pin.Data, Motion]:
-    """A motion of the right shapes, beside the data that it lies in."""
-    data = robot.model.createData()
-    return data, motion_of(robot.model, data)
+def any_dynamics(robot: Robot) -> Dynamics:
+    """Dynamics of any state of a robot, for calls that compile."""
+    return Dynamics(robot)
 
 
 class Evaluation:
@@ -87,8 +85,8 @@ class Evaluation:
     Attributes:
         rows: what was written.
         owners: tasks and contacts.
-        inputs: what the formulas read of them; parameters as of the last `update`.
-        work: room for the formulas.
+        inputs: what compiled code knows of them.
+        assembly: all of it for compiled code.
     """
 
     def __init__(
@@ -100,7 +98,7 @@ class Evaluation:
         wrench_dim: int,
     ) -> None:
         self.owners, self._places, self._nv = tuple(owners), tuple(places), robot.nv
-        self._parameters = [owner.parameters for owner in owners]
+        self._numbers = [Numbers(all=owner.parameters) for owner in owners]
         table = np.zeros((len(owners), ENTRIES), dtype=np.int64)
         start = frames = chosen = 0
         for line, owner, place in zip(table, owners, places, strict=True):
@@ -112,13 +110,14 @@ class Evaluation:
             frames += len(owner.frame_ids)
             chosen += len(owner.chosen)
         self.inputs = Owners(
-            table,
-            np.concatenate([np.zeros(0, dtype=np.int64), *(o.chosen for o in owners)]),
-            np.zeros(start),
-            frames_of(robot.model, [i for owner in owners for i in owner.frame_ids]),
-            np.zeros((CORNERS * (1 + sum(o.kind is Kind.CONTACT for o in owners)), 2)),
+            lines=table,
+            chosen=np.concatenate([np.zeros(0, dtype=np.int64), *(o.chosen for o in owners)]),
+            places=np.array([numbers.address for numbers in self._numbers], dtype=np.int64),
+            parameters=np.zeros(start),
+            frames=frames_of(robot.model, [i for owner in owners for i in owner.frame_ids]),
+            corners=np.zeros((CORNERS * (1 + sum(o.kind is Kind.CONTACT for o in owners)), 2)),
         )
-        self.work = np.zeros(max([WORK, *(owner.room for owner in owners)]))
+        self._work = np.zeros(max([WORK, *(owner.room for owner in owners)]))
         self._count, self._wrench_dim = count, wrench_dim
         bounds = np.zeros(count), np.zeros(count)
         wrenches = np.zeros(wrench_dim), np.zeros(wrench_dim)
@@ -138,19 +137,22 @@ class Evaluation:
         """Has everything written there from now on, see `Rows`."""
         drift, reference, error, fade, rate, feedforward = np.zeros((6, self._count))
         self.rows = Rows(
-            matrix,
-            target,
-            upper,
-            weight,
-            drift,
-            reference,
-            error,
-            fade,
-            rate,
-            feedforward,
-            wrench_lower,
-            wrench_upper,
-            first,
+            matrix=matrix,
+            target=target,
+            upper=upper,
+            weight=weight,
+            drift=drift,
+            reference=reference,
+            error=error,
+            fade=fade,
+            error_rate=rate,
+            feedforward=feedforward,
+            wrench_lower=wrench_lower,
+            wrench_upper=wrench_upper,
+            first=first,
+        )
+        self.assembly = Assembly(
+            owners=self.inputs, rows=self.rows, work=self._work, count=len(self.owners)
         )
         # Rows are written where a joint moves them; elsewhere they stay zero.
         for owner, place in zip(self.owners, self._places, strict=True):
@@ -163,36 +165,30 @@ class Evaluation:
         """Evaluates all for one state; tasks without a target hold what the robot does now."""
         if not self.owners:
             return
-        if not self._run(dynamics, velocities):
-            for owner in self.owners:
-                owner.hold(dynamics)
-            self._run(dynamics, velocities)
+        if not evaluate(self.assembly.address, dynamics.numbers.address, velocities):
+            self.hold(dynamics)
+            evaluate(self.assembly.address, dynamics.numbers.address, velocities)
+        self.hand_out()
+
+    def hold(self, dynamics: Dynamics) -> None:
+        """Has tasks without a target hold what the robot does in a state."""
+        for owner in self.owners:
+            owner.hold(dynamics)
+
+    def hand_out(self) -> None:
+        """Gives owners that were evaluated elsewhere last views of their rows here."""
         for owner in self.owners:
             if owner.evaluation is not self:
-                self._hand_out()
                 break
+        else:
+            return
+        for owner, place in zip(self.owners, self._places, strict=True):
+            owner.view(self.rows, place, self._nv)
+            owner.evaluation = self
 
     def _compile(self, robot: Robot) -> None:
         """Evaluates nothing once, so that nothing is compiled in a tick."""
         say_if_slow(evaluate, "tasks and contacts")
-        nobody = self.inputs._replace(table=self.inputs.table[:0])
-        evaluate(
-            np.zeros(robot.nq),
-            np.zeros(robot.nv),
-            _unmoved(robot)[1],
-            nobody,
-            self.rows,
-            False,
-            self.work,
-        )
-
-    def _run(self, dynamics: Dynamics, velocities: bool) -> bool:
-        np.concatenate(self._parameters, out=self.inputs.parameters)
-        return evaluate(
-            dynamics.q, dynamics.v, dynamics.motion, self.inputs, self.rows, velocities, self.work
-        )
-
-    def _hand_out(self) -> None:
-        for owner, place in zip(self.owners, self._places, strict=True):
-            owner.view(self.rows, place, self._nv)
-            owner.evaluation = self
+        self.assembly.count = 0
+        evaluate(self.assembly.address, any_dynamics(robot).numbers.address, False)
+        self.assembly.count = len(self.owners)

@@ -5,13 +5,14 @@ import math
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, part
+from poise._compiled import compiled, part, view
 from poise.dynamics import (
     BIAS,
     KINEMATICS,
     ROTATION,
     VELOCITY,
     Motion,
+    StateNumbers,
     column_at,
     momentum_rate,
     place_frame,
@@ -50,6 +51,8 @@ from poise.stack._tables import (
     TARGET_VELOCITY,
     TURNS,
     WEIGHT,
+    Assembly,
+    Numbers,
     Owners,
     Rows,
 )
@@ -69,18 +72,14 @@ FULL_TILT = 0.01
 
 
 @compiled
-def evaluate(
-    q: Float64[np.ndarray, " nq"],
-    v: Float64[np.ndarray, " nv"],
-    motion: Motion,
-    owners: Owners,
-    rows: Rows,
-    velocities: bool,
-    work: Float64[np.ndarray, " work"],
-) -> bool:
-    """Writes the rows of all owners for one state."""
-    for i in range(len(owners.table)):
-        line = owners.table[i]
+def evaluate(assembly_at: int, state_at: int, velocities: bool) -> bool:
+    """Writes the rows of all owners for one state; returns False where a target is missing."""
+    assembly, state = view(Assembly, assembly_at), view(StateNumbers, state_at)
+    q, v, motion = state.q, state.v, state.motion
+    owners, rows, work = assembly.owners, assembly.rows, assembly.work
+    _gather(owners)
+    for i in range(assembly.count):
+        line = owners.lines[i]
         kind, target = int(line[KIND]), int(line[START] + GAINS * line[COUNT])
         if kind == CONTACT:
             _contact(motion, owners, line, rows, velocities, work)
@@ -107,6 +106,17 @@ def evaluate(
         else:
             _relative_frame(motion, owners, line, rows, velocities, work)
     return True
+
+
+@part
+def _gather(owners: Owners) -> None:
+    """Copies the parameters of all owners."""
+    at = 0
+    for place in owners.places:
+        numbers = view(Numbers, place).all
+        for k in range(len(numbers)):
+            owners.parameters[at + k] = numbers[k]
+        at += len(numbers)
 
 
 @part
@@ -307,7 +317,7 @@ def _write_momentum_row(
     """A row of the centroidal momentum map A_G over a divisor; returns its product with v."""
     actual = 0.0
     for k in range(len(v)):
-        x = motion.momentum[component, k] / divisor
+        x = motion.momentum[k, component] / divisor
         rows.matrix[row, k] = x
         actual += x * v[k]
     return actual
