@@ -3,74 +3,42 @@
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
-from poise._compiled import say_if_slow
-from poise._copies import Copied
-from poise.dynamics import Dynamics, frames_of
+from poise._compiled import compiled, part, say_if_slow, view
+from poise.dynamics import Dynamics, StateNumbers, frames_of
 from poise.robots import Robot, once_a_robot
-from poise.stack._kernels import evaluate
-from poise.stack._tables import CORNERS, ENTRIES, WORK, Assembly, Kind, Numbers, Owners, Rows
-
-
-class Owner(Copied):
-    """A task or contact whose formulas are compiled.
-
-    Attributes:
-        kind: which formulas.
-        dim: number of rows.
-        parameters: all that they read, see `_kernels`; the array stays the same.
-        frame_ids: frames that they need.
-        chosen: components that have rows, or coordinates of `v`.
-        turns: whether there is a target rotation.
-        sine: whether the orientation error is the sine.
-        room: numbers of work space that the formulas need.
-        evaluation: who evaluated it last.
-        jacobian: J of its rows; as the two below, a view that the next evaluation overwrites.
-        drift: their acceleration at zero `dv`.
-        reference: their reference acceleration.
-    """
-
-    foreign = (
-        *("evaluation", "_alone", "jacobian", "drift", "reference"),
-        *("error", "error_rate", "_fade"),
-    )
-    kind: Kind
-    dim: int
-    parameters: Float64[np.ndarray, " p"]
-    frame_ids: tuple[int, ...] = ()
-    chosen: Int64[np.ndarray, " c"] = np.zeros(0, dtype=np.int64)
-    turns = False
-    sine = False
-    room = WORK
-    evaluation: "Evaluation | None" = None
-    jacobian: Float64[np.ndarray, "m nv"]
-    drift: Float64[np.ndarray, " m"]
-    reference: Float64[np.ndarray, " m"]
-    _alone: "Evaluation | None" = None
-
-    def evaluate_alone(self, dynamics: Dynamics) -> Rows:
-        """Evaluates it apart from all others."""
-        if self._alone is None:
-            wrench_dim = self.dim if self.kind is Kind.CONTACT else 0
-            whole = slice(0, self.dim)
-            self._alone = Evaluation(dynamics.robot, [self], [whole], self.dim, wrench_dim)
-        self._alone.update(dynamics)
-        return self._alone.rows
-
-    def hold(self, dynamics: Dynamics) -> None:
-        """Takes what was never set of its target from the robot."""
-
-    def reset(self) -> None:
-        """Forgets what was taken from the robot."""
-
-    def view(self, rows: Rows, own: slice, nv: int) -> None:
-        """Takes views of its rows as its attributes."""
-        self.jacobian = rows.matrix[rows.first + own.start : rows.first + own.stop, :nv]
-        self.drift, self.reference = rows.drift[own], rows.reference[own]
-
-    def write_constants(self, J: Float64[np.ndarray, "m nv"]) -> None:
-        """Writes coefficients that never change."""
+from poise.stack._balance_kernels import bound_balance
+from poise.stack._centroid import com_rows, momentum_rows
+from poise.stack._contact import contact_rows
+from poise.stack._frame import frame_rows
+from poise.stack._joints import joint_rows
+from poise.stack._owner import Owner
+from poise.stack._relative_frame import relative_frame_rows
+from poise.stack._self_collision_kernels import bound_self_collision
+from poise.stack._tables import (
+    BALANCE,
+    COM,
+    CONTACT,
+    CORNERS,
+    COUNT,
+    ENTRIES,
+    FRAME,
+    GAINS,
+    JOINTS,
+    KIND,
+    MOMENTUM,
+    SELF_COLLISION,
+    START,
+    TARGET_ROTATION,
+    TURNS,
+    WORK,
+    Assembly,
+    Kind,
+    Numbers,
+    Owners,
+    Rows,
+)
 
 
 @once_a_robot
@@ -192,3 +160,51 @@ class Evaluation:
         self.assembly.count = 0
         evaluate(self.assembly.address, any_dynamics(robot).numbers.address, False)
         self.assembly.count = len(self.owners)
+
+
+@compiled
+def evaluate(assembly_at: int, state_at: int, velocities: bool) -> bool:
+    """Writes the rows of all owners for one state; returns False where a target is missing."""
+    assembly, state = view(Assembly, assembly_at), view(StateNumbers, state_at)
+    q, v, motion = state.q, state.v, state.motion
+    owners, rows, work = assembly.owners, assembly.rows, assembly.work
+    _gather(owners)
+    for i in range(assembly.count):
+        line = owners.lines[i]
+        kind, target = int(line[KIND]), int(line[START] + GAINS * line[COUNT])
+        if kind == CONTACT:
+            contact_rows(motion, owners, line, rows, velocities, work)
+            continue
+        if kind == BALANCE:
+            bound_balance(v, motion, owners, line, rows, work)
+            continue
+        if kind == SELF_COLLISION:
+            bound_self_collision(motion, owners, line, rows, velocities, work)
+            continue
+        parameters = owners.parameters
+        if np.isnan(parameters[target]):
+            return False
+        if line[TURNS] and np.isnan(parameters[target + TARGET_ROTATION]):
+            return False
+        if kind == COM:
+            com_rows(v, motion, owners, line, rows, velocities, work)
+        elif kind == MOMENTUM:
+            momentum_rows(v, motion, owners, line, rows, velocities, work)
+        elif kind == JOINTS:
+            joint_rows(q, v, owners, line, rows, velocities)
+        elif kind == FRAME:
+            frame_rows(motion, owners, line, rows, velocities, work)
+        else:
+            relative_frame_rows(motion, owners, line, rows, velocities, work)
+    return True
+
+
+@part
+def _gather(owners: Owners) -> None:
+    """Copies the parameters of all owners."""
+    at = 0
+    for place in owners.places:
+        numbers = view(Numbers, place).all
+        for k in range(len(numbers)):
+            owners.parameters[at + k] = numbers[k]
+        at += len(numbers)

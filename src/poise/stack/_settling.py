@@ -5,7 +5,7 @@ from jaxtyping import Float64, Int64
 
 from poise._compiled import Block, allocate, compiled, factor_leading, part, solve_leading, view
 from poise.dynamics import StateNumbers
-from poise.stack._kernels import evaluate
+from poise.stack._evaluation import evaluate
 from poise.stack._tables import (
     CONTACT,
     COUNT,
