@@ -16,8 +16,8 @@ from poise.stack import (
     SurfaceContact,
     Task,
     _evaluation,
+    _rows,
 )
-from poise.stack._tables import KIND
 
 
 @pytest.fixture
@@ -79,14 +79,16 @@ def with_own(robot):
 
 
 def counted(monkeypatch):
-    """The tables of owners that the compiled call gets, one a call."""
-    calls, run = [], _evaluation.evaluate
+    """The compiled calls that evaluate shipped tasks, by name."""
+    calls = []
+    for module, name in ((_rows, "update_rows"), (_evaluation, "evaluate")):
+        run = getattr(module, name)
 
-    def counting(q, v, motion, owners, *others):
-        calls.append(owners.table)
-        return run(q, v, motion, owners, *others)
+        def counting(*arguments, name=name, run=run):
+            calls.append(name)
+            return run(*arguments)
 
-    monkeypatch.setattr(_evaluation, "evaluate", counting)
+        monkeypatch.setattr(module, name, counting)
     return calls
 
 
@@ -141,7 +143,7 @@ def test_everything_is_evaluated_once_and_a_suspended_task_never(
         update(dynamics)
         assert len(calls) == 1
         shipped = [*with_own.contacts, com, hand, posture]
-        assert calls[0][:, KIND].tolist() == [int(owner.kind) for owner in shipped]
+        assert rows.evaluation.owners == tuple(shipped)
         assert own.calls == before + 1
     foot = with_own.task("foot")
     assert rows.suspended == (foot,)

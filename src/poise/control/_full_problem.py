@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import compiled
+from poise._compiled import Block, compiled, view
 from poise.control._strategy import PHYSICS_LEVELS
-from poise.dynamics import Dynamics
+from poise.dynamics import Dynamics, StateNumbers
 from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
-from poise.stack import Contact, Stack, StackRows
+from poise.stack import AT_BOUND, Contact, Stack, StackRows, any_dynamics
 
 _WRENCH_COST, _UNEVEN = 1e-4, 0.1
 """Final cost of a wrench, by the metric of its contact, against the acceleration energy; and how
@@ -64,7 +64,7 @@ class FullProblem:
         self._stack, self._nv, self._base = stack, robot.nv, robot.base_dofs
         self.velocity = np.zeros(robot.nv)
         self.problem = problem = self._allocate(robot, rows)
-        self._numbered = np.delete(np.arange(len(problem.levels)), self.unnumbered)
+        self._numbered = np.delete(np.arange(len(problem.levels)), self.unnumbered).tolist()
         nv, n = robot.nv, problem.n
         problem.labels[:1] = _bound_labels(robot, rows)
         problem.H[nv:, nv:] = wrench_cost(contacts)
@@ -80,28 +80,45 @@ class FullProblem:
         touch = problem.level(1)
         rows.write_cones_into(touch.A[rows.own_rows, nv:])
         touch.lower[rows.own_rows], touch.upper[rows.own_rows] = -np.inf, 0.0
+        torque, joint = stack.torque_limit, stack.joint_limit
+        self.numbers = self.numbers_with(
+            (torque.tick_lower, torque.tick_upper), (joint.lower, joint.upper)
+        )
         # What is compiled is compiled now, not in the first tick.
-        self._fill_dynamics(np.zeros((nv, nv)), np.zeros(nv))
-        answer(np.zeros(n), problem.A, np.zeros(nv), np.zeros(n), np.zeros(robot.nj))
+        home = any_dynamics(robot)
+        fill(self.numbers.address, home.numbers.address)
+        self.answer(np.zeros(n), home)
+
+    def numbers_with(
+        self,
+        torques: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
+        joints: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
+    ) -> "FullNumbers":
+        """The problem for compiled code, with bounds of torques and of joint accelerations."""
+        problem, (base, wrench_dim) = self.problem, self.sizes
+        balance, first = self.rows.balance_rows, self.rows.evaluation.rows.first
+        return FullNumbers(
+            base=base,
+            wrench_dim=wrench_dim,
+            A=problem.A,
+            lower=problem.lower,
+            upper=problem.upper,
+            H=problem.H,
+            torque_lower=torques[0],
+            torque_upper=torques[1],
+            joint_lower=joints[0],
+            joint_upper=joints[1],
+            point=np.zeros(problem.n),
+            torque=np.zeros(len(torques[0])),
+            balance_begin=first + balance.start,
+            balance_end=first + balance.stop,
+        )
 
     def fill(self, dynamics: Dynamics) -> None:
         """Writes one state's rows into the problem."""
         self.velocity = dynamics.v
         self.rows.update(dynamics)
-        self._fill_dynamics(dynamics.M, dynamics.h)
-
-    def _fill_dynamics(
-        self, M: Float64[np.ndarray, "nv nv"], h: Float64[np.ndarray, " nv"]
-    ) -> None:
-        torque, joint, problem = self._stack.torque_limit, self._stack.joint_limit, self.problem
-        fill(
-            M,
-            h,
-            self.sizes,
-            (torque.tick_lower, torque.tick_upper),
-            (joint.lower, joint.upper),
-            (problem.A, problem.lower, problem.upper, problem.H),
-        )
+        fill(self.numbers.address, dynamics.numbers.address)
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -121,11 +138,12 @@ class FullProblem:
 
     def answer(
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
-    ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " nj"]]:
-        """A copy of a solution, and its joint torques [N m]."""
-        point, torque = np.empty(len(x)), np.empty(self._nv - self._base)
-        answer(x, self.problem.A, dynamics.h, point, torque)
-        return point, torque
+    ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " nj"], bool]:
+        """A copy of a solution, its joint torques [N m], and if the balance limit holds it."""
+        numbers = self.numbers
+        numbers.point[:] = x
+        held = answer(numbers.address, dynamics.numbers.address)
+        return numbers.point.copy(), numbers.torque.copy(), held
 
     def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nv"]:
         """Generalized acceleration of a solution."""
@@ -162,54 +180,63 @@ class FullProblem:
         )
 
 
+class FullNumbers(Block):
+    """A `FullProblem` for compiled code."""
+
+    base: int  # coordinates of the base
+    wrench_dim: int  # length of all wrenches
+    A: Float64[np.ndarray, "m n"]  # rows and bounds of the problem, and its final cost
+    lower: Float64[np.ndarray, " nm"]
+    upper: Float64[np.ndarray, " nm"]
+    H: Float64[np.ndarray, "n n"]
+    torque_lower: Float64[np.ndarray, " nj"]  # bounds of the tick [N m]
+    torque_upper: Float64[np.ndarray, " nj"]
+    joint_lower: Float64[np.ndarray, " nj"]  # bounds of the joint accelerations [rad/s^2]
+    joint_upper: Float64[np.ndarray, " nj"]
+    point: Float64[np.ndarray, " n"]  # solution
+    torque: Float64[np.ndarray, " nj"]  # its torques [N m]
+    balance_begin: int  # rows of A of the balance limit
+    balance_end: int
+
+
 @compiled
-def fill(
-    M: Float64[np.ndarray, "nv nv"],
-    h: Float64[np.ndarray, " nv"],
-    sizes: tuple[int, int],
-    torques: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
-    joints: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
-    problem: tuple[
-        Float64[np.ndarray, "m n"],
-        Float64[np.ndarray, " nm"],
-        Float64[np.ndarray, " nm"],
-        Float64[np.ndarray, "n n"],
-    ],
-) -> None:
+def fill(numbers_at: int, state_at: int) -> None:
     """Writes all but the rows of the stack, which stand there already."""
-    (base, wrench_dim), (A, lower, upper, H) = sizes, problem
-    nv, n = len(h), len(H)
+    p, state = view(FullNumbers, numbers_at), view(StateNumbers, state_at)
+    M, h, A, H, lower, upper = state.M, state.h, p.A, p.H, p.lower, p.upper
+    nv, n, base = len(h), len(H), p.base
     for i in range(nv):
         for k in range(nv):
             A[i, k] = M[i, k]
             H[i, k] = M[i, k]
-        for k in range(wrench_dim):
+        for k in range(p.wrench_dim):
             A[i, nv + k] = -A[nv + k, i]
     for i in range(base):
         lower[n + i] = upper[n + i] = -h[i]
     for i in range(nv - base):
-        lower[n + base + i] = torques[0][i] - h[base + i]
-        upper[n + base + i] = torques[1][i] - h[base + i]
-        lower[base + i] = joints[0][i]
-        upper[base + i] = joints[1][i]
+        lower[n + base + i] = p.torque_lower[i] - h[base + i]
+        upper[n + base + i] = p.torque_upper[i] - h[base + i]
+        lower[base + i] = p.joint_lower[i]
+        upper[base + i] = p.joint_upper[i]
 
 
 @compiled
-def answer(
-    x: Float64[np.ndarray, " n"],
-    A: Float64[np.ndarray, "m n"],
-    h: Float64[np.ndarray, " nv"],
-    point: Float64[np.ndarray, " n"],
-    torque: Float64[np.ndarray, " nj"],
-) -> None:
-    base = len(h) - len(torque)
-    for i in range(len(x)):
-        point[i] = x[i]
-    for i in range(len(torque)):
-        total = h[base + i]
-        for k in range(len(x)):
-            total += A[base + i, k] * x[k]
-        torque[i] = total
+def answer(numbers_at: int, state_at: int) -> bool:
+    """Finds the torques of the point; returns True where a row of the balance limit is active."""
+    p, state = view(FullNumbers, numbers_at), view(StateNumbers, state_at)
+    x, A, n = p.point, p.A, len(p.point)
+    for i in range(len(p.torque)):
+        row, total = A[p.base + i], state.h[p.base + i]
+        for k in range(n):
+            total += row[k] * x[k]
+        p.torque[i] = total
+    for i in range(p.balance_begin, p.balance_end):
+        row, total = A[i], 0.0
+        for k in range(n):
+            total += row[k] * x[k]
+        if max(total - p.upper[n + i], p.lower[n + i] - total) >= -AT_BOUND:
+            return True
+    return False
 
 
 def _bound_labels(robot: Robot, rows: StackRows) -> list[tuple[str, int]]:

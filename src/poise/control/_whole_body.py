@@ -63,14 +63,14 @@ class FullProgram:
         full, solver = self.full, self._solver
         status = solver.run()
         self._solved = True
-        x, torque = full.answer(solver.x, self._dynamics)
+        x, torque, held_back = full.answer(solver.x, self._dynamics)
         return Answer(
             status,
             torque,
             tuple(full.levels_with_numbers(solver.relative_residuals).tolist()),
             full.acceleration(x),
             full.wrenches(x),
-            full.rows.is_held(x),
+            held_back,
         )
 
     def reset(self) -> None:

@@ -19,9 +19,8 @@ from poise.dynamics._motion import (
     KINEMATICS,
     ROTATION,
     VELOCITY,
-    CentroidBlock,
-    Frames,
-    block_of,
+    FrameMemory,
+    StateNumbers,
     evaluate_centroid,
     evaluate_frame,
     frames_of,
@@ -198,6 +197,7 @@ class Dynamics:
         motion: the same memory for compiled code.
         q: configuration of the last `update`, for compiled code: one layout, whatever came.
         v: velocity.
+        numbers: all of it for compiled code.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -211,7 +211,7 @@ class Dynamics:
         self._places: dict[int, Placement] = {}
         # Pinocchio's own memory of frames that were asked for, to be copied.
         self._seen: dict[int, Placement] = {}
-        self._tables: dict[int, Frames] = {}
+        self._frame_memory: dict[int, FrameMemory] = {}
         self._com: Float64[np.ndarray, "3"] | None = None
         self._com_velocity: Float64[np.ndarray, "3"] | None = None
         self._has_momenta = False
@@ -219,11 +219,12 @@ class Dynamics:
         self.M: Float64[np.ndarray, "nv nv"] = data.M.T
         self.h: Float64[np.ndarray, " nv"] = data.nle
         self.motion = motion_of(robot.model, data)
-        self.momentum_matrix: Float64[np.ndarray, "6 nv"] = self.motion.momentum
+        self.momentum_matrix: Float64[np.ndarray, "6 nv"] = self.motion.momentum.T
         self.q: Float64[np.ndarray, " nq"] = np.zeros(robot.nq)
         self.v: Float64[np.ndarray, " nv"] = np.zeros(robot.nv)
-        block = block_of(self.motion)
-        self._centroid = CentroidBlock(motion=block, v=self.v, out=np.zeros(12))
+        self.numbers = StateNumbers(
+            q=self.q, v=self.v, M=self.M, h=self.h, motion=self.motion, centroid=np.zeros(12)
+        )
         self.update(self.state)
         # What is compiled is compiled now, not in the first tick.
         self.frame(0)
@@ -327,14 +328,14 @@ class Dynamics:
         return placement
 
     @property
-    def numbers(self) -> tuple[Float64[np.ndarray, " _"], ...]:
+    def moving_numbers(self) -> tuple[Float64[np.ndarray, " _"], ...]:
         """All that `update` writes and compiled code reads, as flat views in one order.
 
         Copied into those of another `Dynamics` of the robot they make its motion that of this one.
         """
         m = self.motion
         moving = (
-            m.J,
+            m.columns,
             m.placements,
             m.velocities,
             m.accelerations,
@@ -363,18 +364,23 @@ class Dynamics:
 
     def _momenta(self) -> Float64[np.ndarray, "12"]:
         """Centroidal momentum and its rate at zero `dv`, evaluated once a tick."""
-        centroid = self._centroid
+        numbers = self.numbers
         if not self._has_momenta:
-            evaluate_centroid(centroid.address)
+            evaluate_centroid(numbers.address)
             self._has_momenta = True
-        return centroid.out
+        return numbers.centroid
 
     def _evaluate_frame(self, frame_id: int) -> FrameKinematics:
-        table = self._tables.get(frame_id)
-        if table is None:
-            table = self._tables[frame_id] = frames_of(self.robot.model, [frame_id])
-        out, jacobian = np.empty(KINEMATICS), np.zeros((6, self.robot.nv))
-        evaluate_frame(self.motion, table, out, jacobian)
+        memory = self._frame_memory.get(frame_id)
+        if memory is None:
+            memory = self._frame_memory[frame_id] = FrameMemory(
+                motion=self.motion,
+                frames=frames_of(self.robot.model, [frame_id]),
+                out=np.zeros(KINEMATICS),
+                jacobian=np.zeros((6, self.robot.nv)),
+            )
+        evaluate_frame(memory.address)
+        out, jacobian = memory.out.copy(), memory.jacobian.copy()
         return FrameKinematics(
             out[:ROTATION],
             out[ROTATION:VELOCITY].reshape(3, 3),

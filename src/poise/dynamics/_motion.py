@@ -5,7 +5,7 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,53 +14,40 @@ from jaxtyping import Float64, Int64
 from poise._compiled import Block, compiled, part, view
 
 
-class Motion(NamedTuple):
+class Motion(Block):
     """Pinocchio's own memory after `crba` in the world's convention and `nonLinearEffects`.
 
     Spatial vectors put the linear part first. All arrays are views that the next update overwrites.
-
-    Attributes:
-        J: columns of all joints' Jacobians, along the world's axes at its origin.
-        placements: of each joint: world_R_joint, column by column, then the origin [m].
-        velocities: of each joint, along its own axes [m/s, rad/s].
-        accelerations: spatial acceleration of each joint at zero `dv` less that of gravity, along
-            its own axes.
-        forces: force that each joint needs for that of all it carries, along its own axes [N, N m].
-        momentum: A_G, maps `v` to the centroidal momentum.
-        com: centre of mass in the world [m].
-        gravity: the model's acceleration of gravity [m/s^2].
-        roots: joints that the world carries.
-        mass: of the whole robot, a single number [kg].
     """
 
-    J: Float64[np.ndarray, "6 nv"]
-    placements: Float64[np.ndarray, "joints 12"]
-    velocities: Float64[np.ndarray, "joints 6"]
-    accelerations: Float64[np.ndarray, "joints 6"]
-    forces: Float64[np.ndarray, "joints 6"]
-    momentum: Float64[np.ndarray, "6 nv"]
-    com: Float64[np.ndarray, "3"]
-    gravity: Float64[np.ndarray, "3"]
-    roots: Int64[np.ndarray, " roots"]
-    mass: Float64[np.ndarray, "1"]
+    columns: Float64[np.ndarray, "nv 6"]  # of all joints' Jacobians, world's axes, at its origin
+    placements: Float64[np.ndarray, "joints 12"]  # world_R_joint by columns, then the origin [m]
+    velocities: Float64[np.ndarray, "joints 6"]  # along the joint's own axes [m/s, rad/s]
+    accelerations: Float64[np.ndarray, "joints 6"]  # spatial, zero `dv`, less gravity, own axes
+    forces: Float64[np.ndarray, "joints 6"]  # for all that the joint bears, own axes [N, N m]
+    momentum: Float64[np.ndarray, "nv 6"]  # columns of A_G, which maps `v` to the momentum
+    com: Float64[np.ndarray, "3"]  # in the world [m]
+    gravity: Float64[np.ndarray, "3"]  # [m/s^2]
+    roots: Int64[np.ndarray, " roots"]  # joints that the world bears
+    mass: Float64[np.ndarray, "1"]  # of the whole robot [kg]
 
 
 def motion_of(model: pin.Model, data: pin.Data) -> Motion:
     """The arrays of some data, which must live as long as they are read."""
     roots = [j for j in range(1, model.njoints) if model.parents[j] == 0]
     # A matrix of one column comes as a vector.
-    J, momentum = (matrix.reshape(6, -1, order="F") for matrix in (data.J, data.Ag))
+    columns, momentum = (matrix.reshape(6, -1, order="F").T for matrix in (data.J, data.Ag))
     return Motion(
-        J,
-        _rows_of([place.rotation for place in data.oMi], 12),
-        _rows_of([velocity.linear for velocity in data.v], 6),
-        _rows_of([acceleration.linear for acceleration in data.a_gf], 6),
-        _rows_of([force.linear for force in data.f], 6),
-        momentum,
-        data.com[0],
-        model.gravity.linear,
-        np.array(roots, dtype=np.int64),
-        np.array([pin.computeTotalMass(model)]),
+        columns=columns,
+        placements=_rows_of([place.rotation for place in data.oMi], 12),
+        velocities=_rows_of([velocity.linear for velocity in data.v], 6),
+        accelerations=_rows_of([acceleration.linear for acceleration in data.a_gf], 6),
+        forces=_rows_of([force.linear for force in data.f], 6),
+        momentum=momentum,
+        com=data.com[0],
+        gravity=model.gravity.linear,
+        roots=np.array(roots, dtype=np.int64),
+        mass=np.array([pin.computeTotalMass(model)]),
     )
 
 
@@ -78,20 +65,13 @@ def _rows_of(first: Sequence[Any], width: int) -> Float64[np.ndarray, "joints wi
     )
 
 
-class Frames(NamedTuple):
-    """Where frames sit, and which coordinates move them.
+class Frames(Block):
+    """Places of frames on their joints, and the coordinates that move them."""
 
-    Attributes:
-        joints: the joint that carries each frame.
-        placements: joint_R_frame, row by row, then the frame's origin in the joint [m].
-        starts: where the coordinates of each frame begin in `columns`; one entry more at the end.
-        columns: coordinates of `v` that move the frames.
-    """
-
-    joints: Int64[np.ndarray, " frames"]
-    placements: Float64[np.ndarray, "frames 12"]
-    starts: Int64[np.ndarray, " ends"]
-    columns: Int64[np.ndarray, " columns"]
+    joints: Int64[np.ndarray, " frames"]  # that carries each frame
+    placements: Float64[np.ndarray, "frames 12"]  # joint_R_frame by rows, then the origin [m]
+    starts: Int64[np.ndarray, " ends"]  # of each frame's coordinates, and the end of the last's
+    columns: Int64[np.ndarray, " columns"]  # coordinates of `v` that move the frames
 
 
 def frames_of(model: pin.Model, frame_ids: Sequence[int]) -> Frames:
@@ -101,41 +81,11 @@ def frames_of(model: pin.Model, frame_ids: Sequence[int]) -> Frames:
     moved = [[model.idx_vs[j] + k for j in js for k in range(model.nvs[j])] for js in joints]
     placements = [np.append(f.placement.rotation, f.placement.translation) for f in frames]
     return Frames(
-        np.array([f.parentJoint for f in frames], dtype=np.int64),
-        np.array(placements).reshape(-1, 12),
-        np.cumsum([0, *map(len, moved)]),
-        np.array([i for columns in moved for i in columns], dtype=np.int64),
+        joints=np.array([f.parentJoint for f in frames], dtype=np.int64),
+        placements=np.array(placements).reshape(-1, 12),
+        starts=np.cumsum([0, *map(len, moved)], dtype=np.int64),
+        columns=np.array([i for columns in moved for i in columns], dtype=np.int64),
     )
-
-
-class MotionBlock(Block):
-    """`Motion` for compiled functions that take a block."""
-
-    columns: Float64[np.ndarray, "nv 6"]  # of J, as rows
-    placements: Float64[np.ndarray, "joints 12"]
-    velocities: Float64[np.ndarray, "joints 6"]
-    accelerations: Float64[np.ndarray, "joints 6"]
-    forces: Float64[np.ndarray, "joints 6"]
-    momentum: Float64[np.ndarray, "nv 6"]  # columns of A_G, as rows
-    com: Float64[np.ndarray, "3"]
-    gravity: Float64[np.ndarray, "3"]
-    roots: Int64[np.ndarray, " roots"]
-    mass: Float64[np.ndarray, "1"]
-
-
-class FrameBlock(Block):
-    """`Frames` for compiled functions that take a block."""
-
-    joints: Int64[np.ndarray, " frames"]
-    placements: Float64[np.ndarray, "frames 12"]
-    starts: Int64[np.ndarray, " ends"]
-    columns: Int64[np.ndarray, " columns"]
-
-
-def block_of(motion: Motion) -> MotionBlock:
-    """The same arrays, which must live as long as they are read."""
-    given = motion._asdict()
-    return MotionBlock(columns=given.pop("J").T, **given | {"momentum": motion.momentum.T})
 
 
 POSITION, ROTATION, VELOCITY, BIAS, KINEMATICS = 0, 3, 12, 18, 24
@@ -144,8 +94,8 @@ POSITION, ROTATION, VELOCITY, BIAS, KINEMATICS = 0, 3, 12, 18, 24
 
 @part
 def place_frame(
-    motion: Motion | MotionBlock,
-    frames: Frames | FrameBlock,
+    motion: Motion,
+    frames: Frames,
     frame: int,
     out: Float64[np.ndarray, " k"],
     at: int,
@@ -188,37 +138,43 @@ def column_at(
     motion: Motion, column: int, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float]:
     """Velocity of a point by a coordinate, along the world's axes, linear before angular."""
-    J = motion.J
-    wx, wy, wz = J[3, column], J[4, column], J[5, column]
+    c = motion.columns[column]
+    wx, wy, wz = c[3], c[4], c[5]
     return (
-        J[0, column] + wy * z - wz * y,
-        J[1, column] + wz * x - wx * z,
-        J[2, column] + wx * y - wy * x,
+        c[0] + wy * z - wz * y,
+        c[1] + wz * x - wx * z,
+        c[2] + wx * y - wy * x,
         wx,
         wy,
         wz,
     )
 
 
+class FrameMemory(Block):
+    """Memory of `evaluate_frame`."""
+
+    motion: Motion
+    frames: Frames  # of which the first is evaluated
+    out: Float64[np.ndarray, " kinematics"]  # as `place_frame` fills it, along the world's axes
+    jacobian: Float64[np.ndarray, "6 nv"]
+
+
 @compiled
-def evaluate_frame(
-    motion: Motion,
-    frames: Frames,
-    out: Float64[np.ndarray, " k"],
-    jacobian: Float64[np.ndarray, "6 nv"],
-) -> None:
-    """Kinematics of the first frame of a table, along the world's axes."""
+def evaluate_frame(address: int) -> None:
+    """Fill in the kinematics of a frame along the world's axes."""
+    m = view(FrameMemory, address)
+    motion, frames, out = m.motion, m.frames, m.out
     place_frame(motion, frames, 0, out, 0)
     turn_to_world(out, 0)
     for k in range(frames.starts[0], frames.starts[1]):
         i = frames.columns[k]
         column = column_at(motion, i, out[0], out[1], out[2])
         for row in range(6):
-            jacobian[row, i] = column[row]
+            m.jacobian[row, i] = column[row]
 
 
 @part
-def momentum_rate(motion: Motion | MotionBlock, out: Float64[np.ndarray, " k"], at: int) -> None:
+def momentum_rate(motion: Motion, out: Float64[np.ndarray, " k"], at: int) -> None:
     """Rate of the centroidal momentum at zero `dv`, linear then angular about the COM [N, N m].
 
     The joints that the world carries bear that rate and the weight.
@@ -240,22 +196,25 @@ def momentum_rate(motion: Motion | MotionBlock, out: Float64[np.ndarray, " k"], 
         out[at + 5] += R[2] * f[3] + R[5] * f[4] + R[8] * f[5] + x * fy - y * fx
 
 
-class CentroidBlock(Block):
-    """Memory of `evaluate_centroid`."""
+class StateNumbers(Block):
+    """State of a robot with its dynamics, for compiled functions."""
 
-    motion: MotionBlock
+    q: Float64[np.ndarray, " nq"]
     v: Float64[np.ndarray, " nv"]
-    out: Float64[np.ndarray, "12"]  # centroidal momentum, and its rate at zero `dv`
+    M: Float64[np.ndarray, "nv nv"]
+    h: Float64[np.ndarray, " nv"]
+    motion: Motion
+    centroid: Float64[np.ndarray, "12"]  # momentum, and its rate at zero `dv`
 
 
 @compiled
 def evaluate_centroid(address: int) -> None:
     """Fill in the centroidal momentum [kg m/s, kg m^2/s], then its rate at zero `dv` [N, N m]."""
-    m = view(CentroidBlock, address)
-    motion, out = m.motion, m.out
+    state = view(StateNumbers, address)
+    motion, out = state.motion, state.centroid
     for i in range(6):
         out[i] = 0.0
-    for k in range(len(m.v)):
+    for k in range(len(state.v)):
         for i in range(6):
-            out[i] += motion.momentum[k, i] * m.v[k]
+            out[i] += motion.momentum[k, i] * state.v[k]
     momentum_rate(motion, out, 6)

@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from poise._checks import is_array, is_time
 from poise._compiled import allocate
-from poise.dynamics import FrameBlock, RobotState, block_of, frames_of, motion_of
+from poise.dynamics import RobotState, frames_of, motion_of
 from poise.errors import ConfigurationError
 from poise.estimation._cell_vote import LoadCellVote
 from poise.estimation._config import EstimatorConfig
@@ -125,8 +125,8 @@ class StateEstimator:
             EstimatorMemory,
             sizes | {str(n): n for n in (1, 2, 3, 6, 7, 27)},
             filter=self.filter.memory,
-            motion=block_of(motion_of(robot.model, self._data)),
-            frames=FrameBlock(**frames_of(robot.model, soles)._asdict()),
+            motion=motion_of(robot.model, self._data),
+            frames=frames_of(robot.model, soles),
             base_R_unit=self._base_R_unit,
             base_p_unit=self._base_p_unit,
             belief=np.array(belief),

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import Block, part
-from poise.dynamics import FrameBlock, MotionBlock
+from poise.dynamics import Frames, Motion
 
 VELOCITY, POSITION, CONTACTS = 0, 1, 2
 """Rows of the vectors of the group's element; contact points are the last ones."""
@@ -53,8 +53,8 @@ class EstimatorMemory(Block):
     filter: FilterMemory
     fresh: int  # whether the inertial unit says something of use now
     measured: int  # whether there are wrenches
-    motion: MotionBlock  # with the base at the origin
-    frames: FrameBlock  # the soles
+    motion: Motion  # with the base at the origin
+    frames: Frames  # the soles
     base_R_unit: Float64[np.ndarray, "3 3"]
     base_p_unit: Float64[np.ndarray, "3"]
     # `ContactBelief`, then `encoder`, `joint_velocity`, `point`, and the weight [N]

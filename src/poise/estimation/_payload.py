@@ -9,10 +9,8 @@ from jaxtyping import Float64
 from poise._compiled import allocate
 from poise.dynamics import (
     KINEMATICS,
-    FrameBlock,
     Payload,
     RobotState,
-    block_of,
     frames_of,
     motion_of,
 )
@@ -99,8 +97,8 @@ class PayloadEstimator:
         self._memory = allocate(
             PayloadMemory,
             {"soles": soles, "6": 6, "room": KINEMATICS, "k": SOLES + HAND * hands},
-            motion=block_of(motion_of(robot.model, self._data)),
-            frames=FrameBlock(**frames_of(robot.model, frame_ids)._asdict()),
+            motion=motion_of(robot.model, self._data),
+            frames=frames_of(robot.model, frame_ids),
             momentum=self._data.hg.vector,
         )
         self._rows, self._measured_force = list(self._memory.wrenches), self._memory.measured[:3]

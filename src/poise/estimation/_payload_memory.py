@@ -9,8 +9,8 @@ from poise._compiled import Block, compiled, part, view
 from poise.dynamics import (
     ROTATION,
     VELOCITY,
-    FrameBlock,
-    MotionBlock,
+    Frames,
+    Motion,
     place_frame,
     turn_to_world,
 )
@@ -22,8 +22,8 @@ SOLES, HAND = 12, 12
 class PayloadMemory(Block):
     """Memory of a `PayloadEstimator`."""
 
-    motion: MotionBlock
-    frames: FrameBlock  # the soles, then the hands
+    motion: Motion
+    frames: Frames  # the soles, then the hands
     momentum: Float64[np.ndarray, "6"]  # centroidal, linear before angular
     wrenches: Float64[np.ndarray, "soles 6"]  # along the soles' axes [N, N m]
     room: Float64[np.ndarray, " room"]  # scratch: of one frame

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled
+from poise._compiled import Block, allocate, compiled, view
 from poise.hqp._problem import HierarchicalProblem
 
 
@@ -33,17 +33,73 @@ class Measure(NamedTuple):
         return self.residuals / self.scales
 
 
+class _Numbers(Block):
+    """A problem and a point."""
+
+    A: Float64[np.ndarray, "m n"]
+    lower: Float64[np.ndarray, " nm"]
+    upper: Float64[np.ndarray, " nm"]
+    weights: Float64[np.ndarray, " nm"]
+    level_of: Int64[np.ndarray, " nm"]
+    x: Float64[np.ndarray, " n"]
+    values: Float64[np.ndarray, " nm"]  # of bounds and rows
+    slacks: Float64[np.ndarray, " nm"]
+    residuals: Float64[np.ndarray, " p"]
+    scales: Float64[np.ndarray, " p"]
+
+
+class PointMeasure:
+    """Measures points of one problem, whose numbers may change, in memory that stays.
+
+    Attributes:
+        measure: of the last point; overwritten by the next.
+    """
+
+    def __init__(self, problem: HierarchicalProblem) -> None:
+        sizes = {"n": problem.n, "nm": problem.n + problem.m, "p": len(problem.levels)}
+        self._numbers = numbers = allocate(
+            _Numbers,
+            sizes,
+            A=problem.A,
+            lower=problem.lower,
+            upper=problem.upper,
+            weights=problem.weights,
+            level_of=problem.level_of,
+        )
+        self.measure = Measure(numbers.slacks, numbers.residuals, numbers.scales)
+        # What is compiled is compiled now, not in a control loop.
+        _measure(numbers.address)
+
+    def at(self, x: Float64[np.ndarray, " n"]) -> Measure:
+        """Return slacks, residuals and scales at a point."""
+        self._numbers.x[:] = x
+        _measure(self._numbers.address)
+        return self.measure
+
+
 def measure_point(problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]) -> Measure:
     """Return slacks, residuals and scales at a point."""
-    slacks, levels = np.empty(problem.n + problem.m), len(problem.levels)
-    measure = Measure(slacks, np.empty(levels), np.empty(levels))
-    values = row_values(problem, x)
-    numbers = problem.lower, problem.upper, problem.weights, problem.level_of
-    find_slacks(problem.lower, problem.upper, values, slacks)
-    find_residuals(*numbers, values, measure.residuals)
-    find_residuals(*numbers, np.zeros(len(values)), measure.scales)
-    np.maximum(measure.scales, 1.0, out=measure.scales)
-    return measure
+    return PointMeasure(problem).at(x)
+
+
+@compiled
+def _measure(address: int) -> None:
+    m = view(_Numbers, address)
+    n, values = len(m.x), m.values
+    for i in range(len(values)):
+        values[i] = 0.0
+    find_residuals(m.lower, m.upper, m.weights, m.level_of, values, m.scales)
+    for level in range(len(m.scales)):
+        m.scales[level] = max(m.scales[level], 1.0)
+    for i in range(n):
+        values[i] = m.x[i]
+    for i in range(len(m.A)):
+        row, total = m.A[i], 0.0
+        for j in range(n):
+            total += row[j] * m.x[j]
+        values[n + i] = total
+    find_slacks(m.lower, m.upper, values, m.slacks)
+    find_residuals(m.lower, m.upper, m.weights, m.level_of, values, m.residuals)
 
 
 def row_values(

@@ -6,7 +6,7 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Float64
 
-from poise.hqp._measure import Measure, measure_point
+from poise.hqp._measure import Measure, PointMeasure
 from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._solution import Solution, SolveStatus
 from poise.hqp._strategies import Solver
@@ -39,21 +39,31 @@ class _Stage:
             labels.append((name, min(count, left)))
             left -= labels[-1][1]
         self.problem.labels[:] = [*labels, ("reference", len(columns))]
-        self.problem.A[self.rows.stop + np.arange(len(columns)), columns] = 1.0
+        own, rows = self.problem, self.rows.stop
+        own.A[rows + np.arange(len(columns)), columns] = 1.0
+        self._copies = [
+            (own.A[:rows], problem.A[:rows]),
+            (own.H, problem.H),
+            (own.g, problem.g),
+            *(
+                (mine[: problem.n + rows], numbers[: problem.n + rows])
+                for mine, numbers in (
+                    (own.lower, problem.lower),
+                    (own.upper, problem.upper),
+                    (own.weights, problem.weights),
+                )
+            ),
+        ]
+        self._bounds = own.lower[problem.n + rows :], own.upper[problem.n + rows :]
+        self._weights = own.weights[problem.n + rows :]
         solver.prepare(self.problem)
 
-    def fill(
-        self, problem: HierarchicalProblem, weight: float, reference: Float64[np.ndarray, " j"]
-    ) -> None:
+    def fill(self, weight: float, reference: Float64[np.ndarray, " j"]) -> None:
         """Copy the rows down to the level, and set weight and target of the reference's rows."""
-        own, rows = self.problem, self.rows.stop
-        stacked = problem.n + rows
-        own.A[:rows] = problem.A[:rows]
-        own.H[:], own.g[:] = problem.H, problem.g
-        own.lower[:stacked], own.upper[:stacked] = problem.lower[:stacked], problem.upper[:stacked]
-        own.weights[:stacked] = problem.weights[:stacked]
-        own.lower[stacked:] = own.upper[stacked:] = reference
-        own.weights[stacked:] = weight
+        for own, given in self._copies:
+            np.copyto(own, given)
+        self._bounds[0][:] = self._bounds[1][:] = reference
+        self._weights[:] = weight
 
 
 class SoftenedSolver:
@@ -106,8 +116,7 @@ class SoftenedSolver:
         self._measure: Measure | None = None
         self._status, self._seconds = SolveStatus.FAILED, 0.0
         solver.prepare(problem)
-        # What is compiled is compiled now, not in the first tick.
-        measure_point(problem, np.zeros(problem.n))
+        self._point = PointMeasure(problem)
 
     @property
     def x(self) -> Float64[np.ndarray, " n"]:
@@ -161,7 +170,7 @@ class SoftenedSolver:
         if self._measure is None:
             return self._solver.report()
         slacks, residuals, _ = self._measure
-        relative = self._measure.relative
+        relative = self._measure.relative.copy()
         return Solution(
             status=self._status,
             x=self.x.copy(),
@@ -197,7 +206,7 @@ class SoftenedSolver:
             if not more:
                 break
             soft[more[-1]] = True
-        self._x, self._measure = x, measure_point(self._problem, x)
+        self._x, self._measure = x, self._point.at(x)
         self.softened[:] = np.where(soft, self._weights, 0.0)
         self._any_soft = any(self._soft)
         return status
@@ -205,17 +214,18 @@ class SoftenedSolver:
     def _solve_softened(self, soft: list[bool]) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
         """Solve with some levels softened, from the top, each for what those above it reached."""
         problem, kept = self._problem, list[tuple[slice, Float64[np.ndarray, " m"]]]()
+        weights = self._weights.tolist()
         status, x, whole = SolveStatus.FAILED, self._solver.x, False
         try:
             for k, stage in enumerate(self._stages):
                 if not soft[k]:
                     continue
-                stage.fill(problem, float(self._weights[k]), self._reference)
+                stage.fill(weights[k], self._reference)
                 status = stage.solver.run(stage.problem)
                 if status not in _USABLE:
                     return status, x
                 x = stage.solver.x.copy()
-                strain = float(self._weights[k]) * self._strain(x)
+                strain = weights[k] * self._strain(x)
                 self._soft[k] = strain > 0.5 * self._tolerance
                 whole = self._exact and k == len(self._stages) - 1
                 if whole:
@@ -234,5 +244,5 @@ class SoftenedSolver:
 
     def _strain(self, x: Float64[np.ndarray, " n"]) -> float:
         """Distance of a point's variables from their reference."""
-        off = x[self._columns] - self._reference
-        return float(np.sqrt(off.dot(off)))
+        largest = float(self._weights.max())
+        return self._find(x) / largest if largest > 0.0 else 0.0

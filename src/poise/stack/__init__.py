@@ -11,15 +11,15 @@ from poise.stack._centroid import ComTask, MomentumTask
 from poise.stack._contact import Contact
 from poise.stack._contact_sets import ContactSets as ContactSets
 from poise.stack._contacts import PointContact, SurfaceContact
-from poise.stack._evaluation import Owner as Owner
+from poise.stack._evaluation import Owner as Owner, any_dynamics as any_dynamics
 from poise.stack._frame import FrameTask
 from poise.stack._joint_limit import JointLimit
 from poise.stack._joints import JointTask, PostureTask
-from poise.stack._kernels import evaluate as evaluate
 from poise.stack._leader import Leader
 from poise.stack._polygon import find_hull as find_hull
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._rows import (
+    AT_BOUND as AT_BOUND,
     StackRows as StackRows,
     home_jacobians as home_jacobians,
     stacked_cones as stacked_cones,
@@ -28,10 +28,7 @@ from poise.stack._self_collision import (
     SelfCollisionLimit,
     SelfCollisionRows as SelfCollisionRows,
 )
-from poise.stack._settling import (
-    SettlingRoom as SettlingRoom,
-    bound_settling as bound_settling,
-)
+from poise.stack._settling import settling_of as settling_of, update_rows as update_rows
 from poise.stack._shipped import PoseTarget as PoseTarget
 from poise.stack._softening import (
     DAMPING as DAMPING,
@@ -44,7 +41,7 @@ from poise.stack._stack import (
     default_stack,
     is_held as is_held,
 )
-from poise.stack._tables import Owners as Owners, Rows as Rows
+from poise.stack._tables import Numbers as Numbers, Rows as Rows
 from poise.stack._task import Task, TaskFaultError as TaskFaultError
 from poise.stack._torque_limit import SMOOTH_RATE as SMOOTH_RATE, TorqueLimit
 from poise.stack._viability import Viability as Viability

@@ -16,7 +16,7 @@ from poise.robots import Robot, once_a_robot
 from poise.stack._axes import checked_target
 from poise.stack._balance_kernels import FIRST_LEG, MOST_EDGES
 from poise.stack._contact import Contact
-from poise.stack._evaluation import Owner
+from poise.stack._owner import Owner
 from poise.stack._support_kernels import NEXT_STEP, TORQUES
 from poise.stack._tables import Kind, Rows
 

@@ -100,8 +100,8 @@ def _bound_edges(
     omega = sqrt(-motion.gravity[2] / max(motion.com[2] - support.height, _LOWEST))
     speed_x = speed_y = 0.0
     for k in range(len(v)):
-        speed_x += motion.momentum[0, k] * v[k] / motion.mass[0]
-        speed_y += motion.momentum[1, k] * v[k] / motion.mass[0]
+        speed_x += motion.momentum[k, 0] * v[k] / motion.mass[0]
+        speed_y += motion.momentum[k, 1] * v[k] / motion.mass[0]
     xi_x, xi_y = motion.com[0] + speed_x / omega, motion.com[1] + speed_y / omega
     near_x, near_y = nearest_inside(inner, xi_x, xi_y)
     comeback = max(decay, _COMEBACK)
@@ -129,7 +129,7 @@ def _bound_edges(
         rows.reference[row], rows.drift[row], rows.error[row] = reference, drift, left
         for k in range(len(v)):
             rows.matrix[rows.first + row, k] = (
-                nx * motion.momentum[0, k] + ny * motion.momentum[1, k]
+                nx * motion.momentum[k, 0] + ny * motion.momentum[k, 1]
             ) / motion.mass[0]
     _bound_momentum(v, motion, owners, line, support, (xi_x, xi_y), rows, work)
 
@@ -164,8 +164,8 @@ def _bound_momentum(
         row = line[FIRST] + MOST_EDGES + i
         momentum = 0.0
         for k in range(len(v)):
-            momentum += motion.momentum[3 + i, k] * v[k]
-            rows.matrix[rows.first + row, k] = scale * motion.momentum[3 + i, k]
+            momentum += motion.momentum[k, 3 + i] * v[k]
+            rows.matrix[rows.first + row, k] = scale * motion.momentum[k, 3 + i]
         # A lean to the left, about -x, is stopped by pressing to the left of the component.
         up = down = arm
         if i == 0:
@@ -248,7 +248,7 @@ def _bound_leg(
         drift += u * (work[BIAS + i] - work[ankle + BIAS + i])
     drift += (square - speed * speed) / length
     at = line[START]
-    torques = motion.J.shape[1] - BASE
+    torques = len(motion.columns) - BASE
     limits = int(at + TORQUES + torques + 2 * owners.chosen[line[CHOSEN] + leg])
     settings = (_ANY_SPEED, float(parameters[at + HORIZON]), float(parameters[at + BRAKING]))
     row = line[FIRST] + FIRST_LEG + leg

@@ -4,15 +4,17 @@
 """
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers
-from poise.dynamics import Dynamics
+from poise._compiled import part
+from poise.dynamics import Dynamics, Motion, momentum_rate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import COM_SPEED, parse_axes
 from poise.stack._shipped import ShippedTask, VectorTarget
-from poise.stack._tables import Kind
+from poise.stack._tables import CHOSEN, COUNT, FIRST, GAINS, START, Kind, Owners, Rows
+from poise.stack._task import ask, write_measured
 
 
 class ComTask(ShippedTask[VectorTarget]):
@@ -155,3 +157,89 @@ class MomentumTask(ShippedTask[VectorTarget]):
 
     def _resolve(self, robot: Robot) -> int:  # noqa: ARG002
         return len(self.chosen)
+
+
+@part
+def com_rows(
+    v: Float64[np.ndarray, " nv"],
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """The COM; its Jacobian and drift are the linear momentum's over the mass."""
+    parameters, m = owners.parameters, line[COUNT]
+    momentum_rate(motion, work, 0)
+    for i in range(m):
+        axis = int(owners.chosen[line[CHOSEN] + i])
+        row = int(rows.first + line[FIRST]) + i
+        actual = _write_momentum_row(v, motion, axis, motion.mass[0], rows, row)
+        target = int(line[START] + GAINS * m) + axis
+        velocity = parameters[target + 3]
+        write_measured(
+            rows,
+            parameters,
+            line,
+            i,
+            parameters[target] - motion.com[axis],
+            1.0,
+            velocity,
+            actual,
+            parameters[target + 6],
+            work[axis] / motion.mass[0],
+        )
+    ask(rows, parameters, line, 0, m, velocities)
+
+
+@part
+def momentum_rows(
+    v: Float64[np.ndarray, " nv"],
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """The angular momentum about the COM; its target's first rate is the feedforward."""
+    parameters, m = owners.parameters, line[COUNT]
+    momentum_rate(motion, work, 0)
+    for i in range(m):
+        axis = int(owners.chosen[line[CHOSEN] + i])
+        row = int(rows.first + line[FIRST]) + i
+        actual = _write_momentum_row(v, motion, 3 + axis, 1.0, rows, row)
+        target = int(line[START] + GAINS * m) + axis
+        momentum = parameters[target]
+        write_measured(
+            rows,
+            parameters,
+            line,
+            i,
+            momentum - actual,
+            1.0,
+            momentum,
+            actual,
+            parameters[target + 3],
+            work[3 + axis],
+        )
+    ask(rows, parameters, line, 0, m, velocities)
+
+
+@part
+def _write_momentum_row(
+    v: Float64[np.ndarray, " nv"],
+    motion: Motion,
+    component: int,
+    divisor: float,
+    rows: Rows,
+    row: int,
+) -> float:
+    """A row of the centroidal momentum map A_G over a divisor; returns its product with v."""
+    actual = 0.0
+    for k in range(len(v)):
+        x = motion.momentum[k, component] / divisor
+        rows.matrix[row, k] = x
+        actual += x * v[k]
+    return actual

@@ -10,12 +10,25 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers, checked_kind, checked_number
-from poise.dynamics import Dynamics
+from poise._compiled import part
+from poise.dynamics import BIAS, ROTATION, VELOCITY, Dynamics, Motion, column_at, place_frame
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target, split_rows
-from poise.stack._evaluation import Owner
-from poise.stack._tables import Kind
+from poise.stack._owner import Owner
+from poise.stack._tables import (
+    CHOSEN,
+    COUNT,
+    FIRST,
+    FRAME_INDEX,
+    START,
+    Kind,
+    Owners,
+    Rows,
+)
+
+FULL_TILT = 0.01
+"""A sole that leans and is tilted by this much stands on its edge alone [rad]."""
 
 _ROUNDING = 1e-9
 """Load left that is the sum's rounding, not a tick's part of the ramp."""
@@ -332,3 +345,55 @@ class Contact(Owner, ABC):
     @abstractmethod
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
         """The constant rows C of C F <= 0, at least one."""
+
+
+@part
+def contact_rows(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """A contact's frame along its own axes, or its edge; parameters as `Contact` lays them out."""
+    frame, first, m = line[FRAME_INDEX], line[FIRST], line[COUNT]
+    frames, parameters, at = owners.frames, owners.parameters, line[START]
+    place_frame(motion, frames, frame, work, 0)
+    _move_to_edge(parameters, at + 3 + 2 * m, work)
+    for k in range(frames.starts[frame], frames.starts[frame + 1]):
+        column = int(frames.columns[k])
+        x = column_at(motion, column, work[0], work[1], work[2])
+        for i in range(m):
+            # Linear rows along the frame's axes, then angular ones.
+            component = int(owners.chosen[line[CHOSEN] + i])
+            o, axis = 3 * (component // 3), ROTATION + component % 3
+            rows.matrix[rows.first + first + i, column] = (
+                work[axis] * x[o] + work[axis + 3] * x[o + 1] + work[axis + 6] * x[o + 2]
+            )
+    for i in range(m):
+        component = int(owners.chosen[line[CHOSEN] + i])
+        drift, asks = work[BIAS + component], parameters[at + 4 + 2 * m + i]
+        reference = asks - parameters[at] * work[VELOCITY + component]
+        rows.drift[first + i], rows.reference[first + i] = drift, reference
+        asked = 0.0 if velocities else reference - drift
+        rows.target[first + i] = rows.upper[first + i] = asked
+        rows.wrench_lower[first + i] = parameters[at + 1 + i]
+        rows.wrench_upper[first + i] = parameters[at + 1 + m + i]
+
+
+@part
+def _move_to_edge(
+    parameters: Float64[np.ndarray, " p"], edge: int, work: Float64[np.ndarray, " work"]
+) -> None:
+    """Moves a frame aside to the lower edge of its sole, along its y, with velocity and bias."""
+    tilt = work[ROTATION + 7]
+    aside = -parameters[edge] * min(max(tilt / FULL_TILT, -1.0), 1.0)
+    for i in range(3):
+        work[i] += aside * work[ROTATION + 3 * i + 1]
+    wx, wy, wz = work[VELOCITY + 3], work[VELOCITY + 4], work[VELOCITY + 5]
+    work[VELOCITY] -= aside * wz
+    work[VELOCITY + 2] += aside * wx
+    work[BIAS] += aside * (wx * wy - work[BIAS + 5])
+    work[BIAS + 1] -= aside * (wx * wx + wz * wz)
+    work[BIAS + 2] += aside * (wy * wz + work[BIAS + 3])

@@ -3,82 +3,48 @@
 from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
-from poise._compiled import say_if_slow
-from poise._copies import Copied
-from poise.dynamics import Dynamics, Motion, frames_of, motion_of
+from poise._compiled import compiled, part, say_if_slow, view
+from poise.dynamics import Dynamics, StateNumbers, frames_of
 from poise.robots import Robot, once_a_robot
-from poise.stack._kernels import evaluate
-from poise.stack._tables import CORNERS, ENTRIES, WORK, Kind, Owners, Rows
-
-
-class Owner(Copied):
-    """A task or contact whose formulas are compiled.
-
-    Attributes:
-        kind: which formulas.
-        dim: number of rows.
-        parameters: all that they read, see `_kernels`; the array stays the same.
-        frame_ids: frames that they need.
-        chosen: components that have rows, or coordinates of `v`.
-        turns: whether there is a target rotation.
-        sine: whether the orientation error is the sine.
-        room: numbers of work space that the formulas need.
-        evaluation: who evaluated it last.
-        jacobian: J of its rows; as the two below, a view that the next evaluation overwrites.
-        drift: their acceleration at zero `dv`.
-        reference: their reference acceleration.
-    """
-
-    foreign = (
-        *("evaluation", "_alone", "jacobian", "drift", "reference"),
-        *("error", "error_rate", "_fade"),
-    )
-    kind: Kind
-    dim: int
-    parameters: Float64[np.ndarray, " p"]
-    frame_ids: tuple[int, ...] = ()
-    chosen: Int64[np.ndarray, " c"] = np.zeros(0, dtype=np.int64)
-    turns = False
-    sine = False
-    room = WORK
-    evaluation: "Evaluation | None" = None
-    jacobian: Float64[np.ndarray, "m nv"]
-    drift: Float64[np.ndarray, " m"]
-    reference: Float64[np.ndarray, " m"]
-    _alone: "Evaluation | None" = None
-
-    def evaluate_alone(self, dynamics: Dynamics) -> Rows:
-        """Evaluates it apart from all others."""
-        if self._alone is None:
-            wrench_dim = self.dim if self.kind is Kind.CONTACT else 0
-            whole = slice(0, self.dim)
-            self._alone = Evaluation(dynamics.robot, [self], [whole], self.dim, wrench_dim)
-        self._alone.update(dynamics)
-        return self._alone.rows
-
-    def hold(self, dynamics: Dynamics) -> None:
-        """Takes what was never set of its target from the robot."""
-
-    def reset(self) -> None:
-        """Forgets what was taken from the robot."""
-
-    def view(self, rows: Rows, own: slice, nv: int) -> None:
-        """Takes views of its rows as its attributes."""
-        self.jacobian = rows.matrix[rows.first + own.start : rows.first + own.stop, :nv]
-        self.drift, self.reference = rows.drift[own], rows.reference[own]
-
-    def write_constants(self, J: Float64[np.ndarray, "m nv"]) -> None:
-        """Writes coefficients that never change."""
+from poise.stack._balance_kernels import bound_balance
+from poise.stack._centroid import com_rows, momentum_rows
+from poise.stack._contact import contact_rows
+from poise.stack._frame import frame_rows
+from poise.stack._joints import joint_rows
+from poise.stack._owner import Owner
+from poise.stack._relative_frame import relative_frame_rows
+from poise.stack._self_collision_kernels import bound_self_collision
+from poise.stack._tables import (
+    BALANCE,
+    COM,
+    CONTACT,
+    CORNERS,
+    COUNT,
+    ENTRIES,
+    FRAME,
+    GAINS,
+    JOINTS,
+    KIND,
+    MOMENTUM,
+    SELF_COLLISION,
+    START,
+    TARGET_ROTATION,
+    TURNS,
+    WORK,
+    Assembly,
+    Kind,
+    Numbers,
+    Owners,
+    Rows,
+)
 
 
 @once_a_robot
-def _unmoved(robot: Robot) -> tuple[pin.Data, Motion]:
-    """A motion of the right shapes, beside the data that it lies in."""
-    data = robot.model.createData()
-    return data, motion_of(robot.model, data)
+def any_dynamics(robot: Robot) -> Dynamics:
+    """Dynamics of any state of a robot, for calls that compile."""
+    return Dynamics(robot)
 
 
 class Evaluation:
@@ -87,8 +53,8 @@ class Evaluation:
     Attributes:
         rows: what was written.
         owners: tasks and contacts.
-        inputs: what the formulas read of them; parameters as of the last `update`.
-        work: room for the formulas.
+        inputs: what compiled code knows of them.
+        assembly: all of it for compiled code.
     """
 
     def __init__(
@@ -100,7 +66,7 @@ class Evaluation:
         wrench_dim: int,
     ) -> None:
         self.owners, self._places, self._nv = tuple(owners), tuple(places), robot.nv
-        self._parameters = [owner.parameters for owner in owners]
+        self._numbers = [Numbers(all=owner.parameters) for owner in owners]
         table = np.zeros((len(owners), ENTRIES), dtype=np.int64)
         start = frames = chosen = 0
         for line, owner, place in zip(table, owners, places, strict=True):
@@ -112,13 +78,14 @@ class Evaluation:
             frames += len(owner.frame_ids)
             chosen += len(owner.chosen)
         self.inputs = Owners(
-            table,
-            np.concatenate([np.zeros(0, dtype=np.int64), *(o.chosen for o in owners)]),
-            np.zeros(start),
-            frames_of(robot.model, [i for owner in owners for i in owner.frame_ids]),
-            np.zeros((CORNERS * (1 + sum(o.kind is Kind.CONTACT for o in owners)), 2)),
+            lines=table,
+            chosen=np.concatenate([np.zeros(0, dtype=np.int64), *(o.chosen for o in owners)]),
+            places=np.array([numbers.address for numbers in self._numbers], dtype=np.int64),
+            parameters=np.zeros(start),
+            frames=frames_of(robot.model, [i for owner in owners for i in owner.frame_ids]),
+            corners=np.zeros((CORNERS * (1 + sum(o.kind is Kind.CONTACT for o in owners)), 2)),
         )
-        self.work = np.zeros(max([WORK, *(owner.room for owner in owners)]))
+        self._work = np.zeros(max([WORK, *(owner.room for owner in owners)]))
         self._count, self._wrench_dim = count, wrench_dim
         bounds = np.zeros(count), np.zeros(count)
         wrenches = np.zeros(wrench_dim), np.zeros(wrench_dim)
@@ -138,19 +105,22 @@ class Evaluation:
         """Has everything written there from now on, see `Rows`."""
         drift, reference, error, fade, rate, feedforward = np.zeros((6, self._count))
         self.rows = Rows(
-            matrix,
-            target,
-            upper,
-            weight,
-            drift,
-            reference,
-            error,
-            fade,
-            rate,
-            feedforward,
-            wrench_lower,
-            wrench_upper,
-            first,
+            matrix=matrix,
+            target=target,
+            upper=upper,
+            weight=weight,
+            drift=drift,
+            reference=reference,
+            error=error,
+            fade=fade,
+            error_rate=rate,
+            feedforward=feedforward,
+            wrench_lower=wrench_lower,
+            wrench_upper=wrench_upper,
+            first=first,
+        )
+        self.assembly = Assembly(
+            owners=self.inputs, rows=self.rows, work=self._work, count=len(self.owners)
         )
         # Rows are written where a joint moves them; elsewhere they stay zero.
         for owner, place in zip(self.owners, self._places, strict=True):
@@ -163,36 +133,78 @@ class Evaluation:
         """Evaluates all for one state; tasks without a target hold what the robot does now."""
         if not self.owners:
             return
-        if not self._run(dynamics, velocities):
-            for owner in self.owners:
-                owner.hold(dynamics)
-            self._run(dynamics, velocities)
+        if not evaluate(self.assembly.address, dynamics.numbers.address, velocities):
+            self.hold(dynamics)
+            evaluate(self.assembly.address, dynamics.numbers.address, velocities)
+        self.hand_out()
+
+    def hold(self, dynamics: Dynamics) -> None:
+        """Has tasks without a target hold what the robot does in a state."""
+        for owner in self.owners:
+            owner.hold(dynamics)
+
+    def hand_out(self) -> None:
+        """Gives owners that were evaluated elsewhere last views of their rows here."""
         for owner in self.owners:
             if owner.evaluation is not self:
-                self._hand_out()
                 break
+        else:
+            return
+        for owner, place in zip(self.owners, self._places, strict=True):
+            owner.view(self.rows, place, self._nv)
+            owner.evaluation = self
 
     def _compile(self, robot: Robot) -> None:
         """Evaluates nothing once, so that nothing is compiled in a tick."""
         say_if_slow(evaluate, "tasks and contacts")
-        nobody = self.inputs._replace(table=self.inputs.table[:0])
-        evaluate(
-            np.zeros(robot.nq),
-            np.zeros(robot.nv),
-            _unmoved(robot)[1],
-            nobody,
-            self.rows,
-            False,
-            self.work,
-        )
+        self.assembly.count = 0
+        evaluate(self.assembly.address, any_dynamics(robot).numbers.address, False)
+        self.assembly.count = len(self.owners)
 
-    def _run(self, dynamics: Dynamics, velocities: bool) -> bool:
-        np.concatenate(self._parameters, out=self.inputs.parameters)
-        return evaluate(
-            dynamics.q, dynamics.v, dynamics.motion, self.inputs, self.rows, velocities, self.work
-        )
 
-    def _hand_out(self) -> None:
-        for owner, place in zip(self.owners, self._places, strict=True):
-            owner.view(self.rows, place, self._nv)
-            owner.evaluation = self
+@compiled
+def evaluate(assembly_at: int, state_at: int, velocities: bool) -> bool:
+    """Writes the rows of all owners for one state; returns False where a target is missing."""
+    assembly, state = view(Assembly, assembly_at), view(StateNumbers, state_at)
+    q, v, motion = state.q, state.v, state.motion
+    owners, rows, work = assembly.owners, assembly.rows, assembly.work
+    _gather(owners)
+    for i in range(assembly.count):
+        line = owners.lines[i]
+        kind, target = int(line[KIND]), int(line[START] + GAINS * line[COUNT])
+        if kind == CONTACT:
+            contact_rows(motion, owners, line, rows, velocities, work)
+            continue
+        if kind == BALANCE:
+            bound_balance(v, motion, owners, line, rows, work)
+            continue
+        if kind == SELF_COLLISION:
+            bound_self_collision(motion, owners, line, rows, velocities, work)
+            continue
+        parameters = owners.parameters
+        if np.isnan(parameters[target]):
+            return False
+        if line[TURNS] and np.isnan(parameters[target + TARGET_ROTATION]):
+            return False
+        if kind == COM:
+            com_rows(v, motion, owners, line, rows, velocities, work)
+        elif kind == MOMENTUM:
+            momentum_rows(v, motion, owners, line, rows, velocities, work)
+        elif kind == JOINTS:
+            joint_rows(q, v, owners, line, rows, velocities)
+        elif kind == FRAME:
+            frame_rows(motion, owners, line, rows, velocities, work)
+        else:
+            relative_frame_rows(motion, owners, line, rows, velocities, work)
+    return True
+
+
+@part
+def _gather(owners: Owners) -> None:
+    """Copies the parameters of all owners."""
+    at = 0
+    for place in owners.places:
+        numbers = view(Numbers, place).all
+        for k in range(len(numbers)):
+            owners.parameters[at + k] = numbers[k]
+        at += len(numbers)

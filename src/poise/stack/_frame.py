@@ -1,10 +1,25 @@
 """`FrameTask`: position and orientation of a frame in the world."""
 
+import math
+
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers, checked_kind
-from poise.dynamics import Dynamics
+from poise._compiled import part
+from poise.dynamics import (
+    BIAS,
+    KINEMATICS,
+    ROTATION,
+    VELOCITY,
+    Dynamics,
+    Motion,
+    column_at,
+    place_frame,
+    sine_between,
+    turn_between,
+    turn_to_world,
+)
 from poise.errors import UnknownNameError
 from poise.robots import Robot
 from poise.stack._axes import (
@@ -16,10 +31,34 @@ from poise.stack._axes import (
     usual_speeds,
 )
 from poise.stack._shipped import PoseTarget, ShippedTask
-from poise.stack._tables import OWN_AXES, Kind
+from poise.stack._tables import (
+    CHOSEN,
+    COUNT,
+    FIRST,
+    FRAME_INDEX,
+    GAINS,
+    OWN_AXES,
+    SINE,
+    START,
+    TARGET_ACCELERATION,
+    TARGET_ROTATION,
+    TARGET_VELOCITY,
+    TURNS,
+    Kind,
+    Owners,
+    Rows,
+)
+from poise.stack._task import ask, write_measured
 
 ORIENTATION_ERRORS = ("logarithm", "sine")
 """Measures of how far two orientations are apart."""
+
+_STEEPNESS = 4.0
+"""Slope at which feedback fades near half a turn, over that of the error: kd^2 / kp of critical
+damping, with which the velocity asked for changes by kd a radian, as fast as damping follows."""
+
+_FADING = math.pi * _STEEPNESS / (1.0 + _STEEPNESS)
+"""Angle from which on the feedback of an orientation error fades [rad]."""
 
 _ALL_TURNS = {3, 4, 5}
 """Components of a motion that turn a frame."""
@@ -164,3 +203,78 @@ class FrameTask(ShippedTask[PoseTarget]):
         trunk = {robot.frame_id(name) for name in (robot.pelvis, robot.torso)}
         is_trunk = self.frame_ids[0] in trunk
         return usual_speeds(self.chosen, TRUNK_SPEED if is_trunk else ANGULAR_SPEED)
+
+
+@part
+def frame_rows(
+    motion: Motion,
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+    work: Float64[np.ndarray, " work"],
+) -> None:
+    """A frame's pose along the world's axes."""
+    frame, m, error = line[FRAME_INDEX], line[COUNT], KINEMATICS
+    frames, parameters = owners.frames, owners.parameters
+    target = int(line[START] + GAINS * m)
+    place_frame(motion, frames, frame, work, 0)
+    turn_to_world(work, 0)
+    for i in range(3):
+        work[error + i] = parameters[target + i] - work[i]
+    fade = 1.0
+    if line[SINE]:
+        sine_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
+    elif line[TURNS]:
+        turn_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
+        fade = fade_of(work, error + 3)
+    linear = 0
+    for k in range(frames.starts[frame], frames.starts[frame + 1]):
+        column = int(frames.columns[k])
+        x = column_at(motion, column, work[0], work[1], work[2])
+        for i in range(m):
+            component = int(owners.chosen[line[CHOSEN] + i])
+            if component < OWN_AXES:
+                coefficient = x[component]
+            else:
+                axis = ROTATION + component - OWN_AXES
+                coefficient = work[axis] * x[3] + work[axis + 3] * x[4] + work[axis + 6] * x[5]
+            rows.matrix[rows.first + line[FIRST] + i, column] = coefficient
+    for i in range(m):
+        component = int(owners.chosen[line[CHOSEN] + i])
+        linear += component < 3
+        write_measured(
+            rows,
+            parameters,
+            line,
+            i,
+            along(work, error, component, work),
+            1.0 if component < 3 else fade,
+            along(parameters, target + TARGET_VELOCITY, component, work),
+            along(work, VELOCITY, component, work),
+            along(parameters, target + TARGET_ACCELERATION, component, work),
+            along(work, BIAS, component, work),
+        )
+    ask(rows, parameters, line, 0, linear, velocities)
+    ask(rows, parameters, line, linear, m, velocities)
+
+
+@part
+def fade_of(turn: Float64[np.ndarray, " k"], at: int) -> float:
+    """Part of a rotation vector of angle phi that is fed back, min(phi, 4 (pi - phi)) / phi."""
+    x, y, z = turn[at], turn[at + 1], turn[at + 2]
+    angle = math.sqrt(x * x + y * y + z * z)
+    return 1.0 if angle <= _FADING else max(_STEEPNESS * (math.pi - angle) / angle, 0.0)
+
+
+@part
+def along(
+    twist: Float64[np.ndarray, " k"], at: int, component: int, work: Float64[np.ndarray, " work"]
+) -> float:
+    """A component of a twist: along an axis of the world, or about one of the frame's own."""
+    if component < OWN_AXES:
+        return twist[at + component]
+    axis = ROTATION + component - OWN_AXES
+    return (
+        work[axis] * twist[at + 3] + work[axis + 3] * twist[at + 4] + work[axis + 6] * twist[at + 5]
+    )

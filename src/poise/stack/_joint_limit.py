@@ -6,13 +6,14 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
+from poise._copies import Copied
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._viability import Viability, ViableAcceleration
 
 
-class JointLimit:
+class JointLimit(Copied):
     """Bounds on joint accelerations that keep position, velocity and acceleration limits.
 
     The bounds are the viability bounds of Del Prete ("Joint Position and Velocity Bounds in
@@ -49,6 +50,8 @@ class JointLimit:
     Attributes:
         name: what reports call it.
     """
+
+    foreign = ("_viable",)
 
     def __init__(
         self,
@@ -177,14 +180,24 @@ class JointLimit:
                 got=self._position_margin,
                 wanted="a smaller margin, or a wider range [rad]",
             )
+        self._q_slice = slice(robot.nq - robot.nj, robot.nq)
+        self._v_slice = slice(robot.base_dofs, robot.nv)
+        self._lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
+        self._upper: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
+        self._robot = robot
+        self.share_memory()
+
+    def share_memory(self) -> None:
+        """Has its position limits in the memory that the bounds are made from."""
+        robot = self._robot
+        if robot is None:
+            return
         braking = np.full(robot.nj, self._braking)
         for name, b in self._braking_of.items():
             braking[robot.joint_index(name)] = b
-        self._q_slice = slice(robot.nq - robot.nj, robot.nq)
-        self._v_slice = slice(robot.base_dofs, robot.nv)
         self._viable = ViableAcceleration(
-            q_min,
-            q_max,
+            self._q_min,
+            self._q_max,
             self._velocity_scale * robot.v_max,
             a_max=self._acceleration_max,
             dt=self._horizon,
@@ -192,9 +205,6 @@ class JointLimit:
             margin=self._position_margin,
             gentle=np.minimum(braking, self._braking),
         )
-        self._lower: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
-        self._upper: Float64[np.ndarray, " nj"] = np.zeros(robot.nj)
-        self._robot = robot
 
     def leave_to_stop(self, joint: int, *, at_lower: bool, at_upper: bool) -> None:
         """Has a position limit of a joint hold no more, or hold again; from the next tick on.

@@ -3,15 +3,17 @@
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers
+from poise._compiled import part
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target
 from poise.stack._shipped import ShippedTask, VectorTarget
-from poise.stack._tables import Kind
+from poise.stack._tables import CHOSEN, COUNT, GAINS, START, Kind, Owners, Rows
+from poise.stack._task import ask, write_measured
 
 
 class JointTask(ShippedTask[VectorTarget]):
@@ -144,3 +146,32 @@ class PostureTask(JointTask):
         home = robot.q_home[robot.nq - robot.nj :]
         self._target.set(home if self._posture is None else self._posture)
         return dim
+
+
+@part
+def joint_rows(
+    q: Float64[np.ndarray, " nq"],
+    v: Float64[np.ndarray, " nv"],
+    owners: Owners,
+    line: Int64[np.ndarray, " entries"],
+    rows: Rows,
+    velocities: bool,
+) -> None:
+    """Single joints, whose coefficients are constant and stand there already."""
+    parameters, m = owners.parameters, int(line[COUNT])
+    for i in range(m):
+        joint = int(owners.chosen[line[CHOSEN] + i])
+        target = int(line[START] + GAINS * m) + i
+        write_measured(
+            rows,
+            parameters,
+            line,
+            i,
+            parameters[target] - q[joint + len(q) - len(v)],
+            1.0,
+            parameters[target + m],
+            v[joint],
+            parameters[target + 2 * m],
+            0.0,
+        )
+        ask(rows, parameters, line, i, i + 1, velocities)

@@ -12,17 +12,16 @@ from poise.dynamics import Dynamics
 from poise.robots import Robot
 from poise.stack._balance import BalanceRows
 from poise.stack._contact import Contact
-from poise.stack._evaluation import Evaluation
-from poise.stack._joint_limit import JointLimit
+from poise.stack._evaluation import Evaluation, any_dynamics
 from poise.stack._self_collision import SelfCollisionRows
-from poise.stack._settling import bound_settling, settling_room
+from poise.stack._settling import settling_of, update_rows
 from poise.stack._shipped import ShippedTask
 from poise.stack._softening import Softening
 from poise.stack._stack import Stack, is_held
 from poise.stack._tables import Rows
 from poise.stack._task import Task, evaluate_own
 
-_AT_BOUND = 1e-6
+AT_BOUND = 1e-6
 """Acceleration that a row of the balance limit may lack to its bound and still be at it [m/s^2]."""
 
 Labels = list[tuple[str, int]]
@@ -68,7 +67,7 @@ class StackRows:
         wrench_lower: simple bounds of all wrenches [N, N m].
         wrench_upper: upper ones.
         evaluation: evaluates contacts and shipped tasks.
-        settling_room: see `bound_settling`.
+        settling: joint limits, and what joints do beside contacts that come to rest.
         own_tasks: the tasks that it does not know, with their rows.
         cone: rows C of all wrench cones C F <= 0, in the contacts' own axes.
         softening: weights and reference of the levels' softening terms.
@@ -127,13 +126,17 @@ class StackRows:
         found = [*contact_rows, *places.items(), *shipped]
         owners, rows = zip(*found, strict=True) if found else ((), ())
         self.evaluation = Evaluation(robot, owners, rows, count, wrench_dim)
-        self.settling_room = settling_room(robot.nj)
+        limit = stack.joint_limit
+        self.settling = settling_of(limit.viability, limit.lower, limit.upper)
         self._nv = robot.nv
         self.softening = Softening(robot, self.levels, self.task_rows, self.ends, stack.softening)
         self._take(self.evaluation.rows)
         # What is compiled is compiled now, not in the first tick.
         self.measure(np.zeros(robot.nv))
-        self._settle(stack.joint_limit, np.zeros(robot.nq), np.zeros(robot.nv))
+        count, self.evaluation.assembly.count = self.evaluation.assembly.count, 0
+        numbers = any_dynamics(robot).numbers
+        update_rows(self.evaluation.assembly.address, self.settling.address, numbers.address)
+        self.evaluation.assembly.count = count
 
     def write_into(
         self,
@@ -185,21 +188,15 @@ class StackRows:
 
     def update(self, dynamics: Dynamics) -> None:
         """Evaluates limits, contacts and tasks for a state: rows on accelerations."""
-        limit = self._stack.joint_limit
-        limit.evaluate(dynamics)
-        self.evaluation.update(dynamics)
-        self._settle(limit, dynamics.q, dynamics.v)
+        evaluation, state_at = self.evaluation, dynamics.numbers.address
+        if not update_rows(evaluation.assembly.address, self.settling.address, state_at):
+            evaluation.hold(dynamics)
+            update_rows(evaluation.assembly.address, self.settling.address, state_at)
+        evaluation.hand_out()
         # What of a surface carries may change, see `SurfaceContact.carry_on`.
         for contact, cone in self._cones:
             cone[:] = contact.cone
         self.update_own(dynamics)
-
-    def _settle(
-        self, limit: JointLimit, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]
-    ) -> None:
-        evaluated = self.evaluation.inputs, self.evaluation.rows
-        bounds = limit.lower, limit.upper
-        bound_settling(q, v, *evaluated, limit.viability, self.settling_room, *bounds)
 
     def update_own(self, dynamics: Dynamics) -> None:
         """Evaluate the tasks of a user for a state."""
@@ -237,7 +234,7 @@ class StackRows:
 
     def is_held(self, x: Float64[np.ndarray, " n"]) -> bool:
         """Return whether a row of the balance limit is at its bound."""
-        return self.excess(x, self.balance_rows) >= -_AT_BOUND
+        return self.excess(x, self.balance_rows) >= -AT_BOUND
 
     @property
     def limits(self) -> tuple[BalanceRows | SelfCollisionRows, ...]:

@@ -16,7 +16,7 @@ from poise._copies import Copied
 from poise.errors import ConfigurationError
 from poise.robots import Robot, capsules_of
 from poise.stack._contact import Contact
-from poise.stack._evaluation import Owner
+from poise.stack._owner import Owner
 from poise.stack._self_collision_kernels import PAIRS, room_for
 from poise.stack._tables import Kind, Rows
 

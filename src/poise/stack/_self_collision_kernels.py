@@ -42,9 +42,10 @@ _ANY_SPEED = 1e9
 _TOUCHING = 1e-6
 """Axes that are nearer than this have no direction from one to the other [m]."""
 
-_PLACED, _CHOSEN_PAIR = 6, 6
-"""Numbers a capsule of the room: both ends of its axis in the world; numbers a row: pair, place on
-either axis, distance of the axes, its rate, and what the pair is ranked by."""
+_MIDDLE, _HALF, _SPEED, _PLACED, _CHOSEN_PAIR = 6, 9, 10, 11, 6
+"""Numbers a capsule of the room: both ends of its axis in the world, its middle, half its length,
+the largest speed of its points; numbers a row: pair, place on either axis, distance of the axes,
+its rate, and what the pair is ranked by."""
 
 
 def room_for(frames: int, capsules: int) -> int:
@@ -62,7 +63,7 @@ def bound_self_collision(
     work: Float64[np.ndarray, " work"],
 ) -> None:
     """Rows for the distances of the pairs that are about to be nearest."""
-    first, nv = int(line[FIRST]), motion.J.shape[1]
+    first, nv = int(line[FIRST]), len(motion.columns)
     for row in range(first, first + PAIRS):
         for k in range(nv):
             rows.matrix[rows.first + row, k] = 0.0
@@ -100,7 +101,7 @@ def _place_capsules(
     work: Float64[np.ndarray, " work"],
     placed: int,
 ) -> None:
-    """Both ends of all capsules' axes in the world."""
+    """Axes of all capsules in the world, with bounds of what their points do."""
     for i in range(table[0]):
         frame, shape = int(table[2 + i]) * KINEMATICS, start + SHAPES + SHAPE * i
         for side in range(2):
@@ -114,6 +115,19 @@ def _place_capsules(
                 work[placed + _PLACED * i + 3 * side + k] = (
                     work[frame + k] + work[R] * x + work[R + 1] * y + work[R + 2] * z
                 )
+        a, square = placed + _PLACED * i, 0.0
+        for k in range(3):
+            work[a + _MIDDLE + k] = 0.5 * (work[a + k] + work[a + 3 + k])
+            square += (work[a + k] - work[a + 3 + k]) ** 2
+        work[a + _HALF] = 0.5 * sqrt(square)
+        # Speed is convex along the axis.
+        one = _velocity(work, frame, _point(work, a, 0.0))
+        other = _velocity(work, frame, _point(work, a, 1.0))
+        fastest = max(
+            one[0] * one[0] + one[1] * one[1] + one[2] * one[2],
+            other[0] * other[0] + other[1] * other[1] + other[2] * other[2],
+        )
+        work[a + _SPEED] = sqrt(fastest)
 
 
 @part
@@ -125,50 +139,50 @@ def _choose(
     placed: int,
     chosen: int,
 ) -> int:
-    """Finds the pairs that will be nearest; returns how many there are."""
+    """Finds the pairs that will be nearest; returns how many there are.
+
+    A pair is left out as soon as its middles are farther apart than one that would count.
+    """
     capsules, pairs = int(table[0]), int(table[1])
     count, margins = 0, start + SHAPES + SHAPE * capsules
+    last, most = 0, np.inf
     for pair in range(pairs):
         i, j = int(table[2 + capsules + 2 * pair]), int(table[3 + capsules + 2 * pair])
+        a, b = placed + _PLACED * i, placed + _PLACED * j
         radii = (
             parameters[start + SHAPES + SHAPE * i + 6] + parameters[start + SHAPES + SHAPE * j + 6]
         )
-        a, b = placed + _PLACED * i, placed + _PLACED * j
-        if _apart(work, a, b) > _NEAR + radii:
+        least = parameters[margins + pair]
+        speed = work[a + _SPEED] + work[b + _SPEED]
+        within = radii + work[a + _HALF] + work[b + _HALF]
+        within += min(_NEAR, most + least + _AHEAD * speed)
+        square = 0.0
+        for k in range(3):
+            square += (work[a + _MIDDLE + k] - work[b + _MIDDLE + k]) ** 2
+        if within <= 0.0 or square > within * within:
             continue
         s, t, distance = _nearest_points(work, a, b)
         if distance - radii > _NEAR or distance < _TOUCHING:
             continue
         rate = _rate(work, table, (i, j), (a, b), (s, t), distance)
         # By what is left to the least distance of each.
-        left = distance - radii - parameters[margins + pair] + _AHEAD * min(rate, 0.0)
+        left = distance - radii - least + _AHEAD * min(rate, 0.0)
         place = count
         if count == PAIRS:
-            place = 0
-            for k in range(1, PAIRS):
-                if work[chosen + k * _CHOSEN_PAIR + 5] > work[chosen + place * _CHOSEN_PAIR + 5]:
-                    place = k
-            if left >= work[chosen + place * _CHOSEN_PAIR + 5]:
+            place = last
+            if left >= most:
                 continue
         else:
             count += 1
         at = chosen + place * _CHOSEN_PAIR
         work[at], work[at + 1], work[at + 2] = float(pair), s, t
         work[at + 3], work[at + 4], work[at + 5] = distance, rate, left
+        if count == PAIRS:
+            last, most = 0, work[chosen + 5]
+            for k in range(1, PAIRS):
+                if work[chosen + k * _CHOSEN_PAIR + 5] > most:
+                    last, most = k, work[chosen + k * _CHOSEN_PAIR + 5]
     return count
-
-
-@part
-def _apart(work: Float64[np.ndarray, " work"], a: int, b: int) -> float:
-    """A lower bound of the distance of two axes: of their middles, less half their lengths."""
-    apart = one = other = 0.0
-    for k in range(3):
-        p, q = work[a + k], work[a + 3 + k]
-        r, u = work[b + k], work[b + 3 + k]
-        apart += 0.25 * (p + q - r - u) ** 2
-        one += (p - q) ** 2
-        other += (r - u) ** 2
-    return sqrt(apart) - 0.5 * (sqrt(one) + sqrt(other))
 
 
 @part

@@ -1,13 +1,23 @@
 """`bound_settling`: joint limits beside contacts that do not lie still."""
 
-from typing import NamedTuple
-
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, factor_leading, part, solve_leading
-from poise.stack._tables import CONTACT, COUNT, FIRST, FRAME_INDEX, KIND, START, Owners, Rows
-from poise.stack._viability import Viability, bound_joint, braking_asked
+from poise._compiled import Block, allocate, compiled, factor_leading, part, solve_leading, view
+from poise.dynamics import StateNumbers
+from poise.stack._evaluation import evaluate
+from poise.stack._tables import (
+    CONTACT,
+    COUNT,
+    FIRST,
+    FRAME_INDEX,
+    KIND,
+    START,
+    Assembly,
+    Owners,
+    Rows,
+)
+from poise.stack._viability import Viability, bound_joint, bound_joints, braking_asked
 
 _LARGEST = 6
 """Rows that a contact has at most."""
@@ -17,42 +27,50 @@ _SINGULAR = 1e-4
 straight would have to do very fast is not taken to happen."""
 
 
-class SettlingRoom(NamedTuple):
-    """Room for `bound_settling`.
+class Settling(Block):
+    """Joint limits, and room for `bound_settling`."""
 
-    Attributes:
-        gram: how the joints of a contact move it, squared.
-        slip: velocity of a contact [m/s, rad/s].
-        change: what it is asked to change it by [m/s^2, rad/s^2].
-        velocity: of the joints, for contacts that come to rest [rad/s].
-        rate: how fast that changes until they do [rad/s^2].
-        beside: one for joints that move a contact, zero for others.
-    """
-
-    gram: Float64[np.ndarray, "6 6"]
-    slip: Float64[np.ndarray, "6"]
-    change: Float64[np.ndarray, "6"]
-    velocity: Float64[np.ndarray, " nj"]
-    rate: Float64[np.ndarray, " nj"]
-    beside: Float64[np.ndarray, " nj"]
+    viability: Viability
+    lower: Float64[np.ndarray, " nj"]  # bounds of the joint accelerations [rad/s^2]
+    upper: Float64[np.ndarray, " nj"]
+    gram: Float64[np.ndarray, "six six"]  # how the joints of a contact move it, squared
+    slip: Float64[np.ndarray, " six"]  # velocity of a contact [m/s, rad/s]
+    change: Float64[np.ndarray, " six"]  # what it is asked to change it by [m/s^2, rad/s^2]
+    velocity: Float64[np.ndarray, " nj"]  # of joints, for contacts that come to rest [rad/s]
+    rate: Float64[np.ndarray, " nj"]  # how fast that changes until they do [rad/s^2]
+    beside: Float64[np.ndarray, " nj"]  # one for joints that move a contact, zero for others
 
 
-def settling_room(joints: int) -> SettlingRoom:
-    """The room for so many joints."""
-    gram = np.zeros((_LARGEST, _LARGEST))
-    return SettlingRoom(gram, *np.zeros((2, _LARGEST)), *np.zeros((3, joints)))
+def settling_of(
+    viability: Viability, lower: Float64[np.ndarray, " nj"], upper: Float64[np.ndarray, " nj"]
+) -> Settling:
+    """Room for joint limits and where their bounds are written."""
+    sizes = {"six": _LARGEST, "nj": len(lower)}
+    return allocate(Settling, sizes, viability=viability, lower=lower, upper=upper)
 
 
 @compiled
+def update_rows(assembly_at: int, settling_at: int, state_at: int) -> bool:
+    """Evaluates joint limits, contacts and tasks; returns False where a target is missing."""
+    state, settling = view(StateNumbers, state_at), view(Settling, settling_at)
+    joints = len(settling.lower)
+    q, v = state.q[len(state.q) - joints :], state.v[len(state.v) - joints :]
+    bound_joints(settling.viability, q, v, settling.lower, settling.upper)
+    if not evaluate(assembly_at, state_at, False):
+        return False
+    assembly = view(Assembly, assembly_at)
+    if assembly.count > 0:
+        bound_settling(state.q, state.v, assembly.owners, assembly.rows, settling)
+    return True
+
+
+@part
 def bound_settling(
     q: Float64[np.ndarray, " nq"],
     v: Float64[np.ndarray, " nv"],
     owners: Owners,
     rows: Rows,
-    viability: Viability,
-    room: SettlingRoom,
-    lower: Float64[np.ndarray, " nj"],
-    upper: Float64[np.ndarray, " nj"],
+    room: Settling,
 ) -> None:
     """Leaves out of joint limits what joints do only because a contact still moves.
 
@@ -71,13 +89,14 @@ def bound_settling(
     3 mrad beyond it, kicked G1 until it hopped. Where an ankle's sole is tilted beyond its range
     the joint's own stop holds it.
     """
+    viability, lower, upper = room.viability, room.lower, room.upper
     first = len(v) - len(lower)
     for i in range(len(lower)):
         room.velocity[i] = room.rate[i] = room.beside[i] = 0.0
-    for i in range(len(owners.table)):
-        if owners.table[i, KIND] != CONTACT:
+    for i in range(len(owners.lines)):
+        if owners.lines[i, KIND] != CONTACT:
             break
-        _settle(v, owners, owners.table[i], rows, first, room)
+        _settle(v, owners, owners.lines[i], rows, first, room)
     angles = len(q) - len(lower)
     for i in range(len(lower)):
         if room.beside[i] > 0.0:
@@ -98,7 +117,7 @@ def _settle(
     line: Int64[np.ndarray, " entries"],
     rows: Rows,
     first: int,
-    room: SettlingRoom,
+    room: Settling,
 ) -> None:
     """Adds what one contact's motion asks of its joints: w = J^T (J J^T + s I)^-1 J v, so r."""
     columns, frame = owners.frames.columns, line[FRAME_INDEX]

@@ -15,7 +15,7 @@ from poise.dynamics import Dynamics
 from poise.errors import TargetError
 from poise.robots import Robot
 from poise.stack._axes import Pose, checked_rates, checked_rotation, checked_target, split_pose
-from poise.stack._evaluation import Owner
+from poise.stack._owner import Owner
 from poise.stack._tables import (
     GAINS,
     TARGET_ACCELERATION,
@@ -187,7 +187,7 @@ T = TypeVar("T", VectorTarget, PoseTarget)
 
 
 class ShippedTask(Owner, Task, Generic[T]):
-    """A task whose formulas stand in `_kernels`.
+    """A task whose formulas are compiled.
 
     A subclass says in its attributes which, and keeps what it is told in its target. One that has
     an `_evaluate` of its own is evaluated in Python, like any task; what it calls by `super()` is

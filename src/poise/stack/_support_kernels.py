@@ -103,7 +103,7 @@ def _gather(
     """Corners of the contacts that carry, of their whole rectangles and of smaller ones."""
     parameters, at = owners.parameters, line[START]
     count, height = 0, 0.0
-    for other in owners.table:
+    for other in owners.lines:
         if other[KIND] != CONTACT:
             break
         begin = other[START]
@@ -147,7 +147,7 @@ def _press(
     """Outline the CoP of each foot, alone and with the next one's help, after the corners."""
     foot, last = 0, 4 * feet
     weight = -motion.mass[0] * motion.gravity[2]
-    for other in owners.table:
+    for other in owners.lines:
         if other[KIND] != CONTACT:
             break
         if not _carries(owners, line, other):
@@ -173,7 +173,7 @@ def _least_share(
 ) -> float:
     """Part of the weight that a foot has to carry: what contacts are not let go of by."""
     place = 0
-    for other in owners.table:
+    for other in owners.lines:
         if other[KIND] != CONTACT:
             break
         if not _carries(owners, line, other):

@@ -5,11 +5,11 @@ as the task, then its target. A number that nobody gave is NaN.
 """
 
 from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from poise._compiled import Block
 from poise.dynamics import KINEMATICS, Frames
 
 
@@ -54,53 +54,45 @@ WORK = 3 * KINEMATICS
 """Numbers of work space that anybody has: two frames, and what is worked out from them."""
 
 
-class Rows(NamedTuple):
-    """Where the rows are written.
+class Rows(Block):
+    """Memory that the rows are written into."""
 
-    Attributes:
-        matrix: receives the coefficients; rows begin at `first`, in the first columns.
-        target: receives the right-hand sides: reference - drift, or velocities.
-        upper: receives them again, as the upper bounds of equalities.
-        weight: receives the weight of each row.
-        drift: receives accelerations at zero `dv`.
-        reference: receives reference accelerations.
-        error: receives target minus actual.
-        fade: receives the part of it that is fed back, less than one near half a turn.
-        error_rate: receives its rate.
-        feedforward: receives the targets' accelerations.
-        wrench_lower: receives lower bounds of all wrenches [N, N m].
-        wrench_upper: receives the upper ones.
-        first: the matrix's row of the first row.
-    """
-
-    matrix: Float64[np.ndarray, "rows columns"]
-    target: Float64[np.ndarray, " m"]
-    upper: Float64[np.ndarray, " m"]
+    matrix: Float64[np.ndarray, "rows columns"]  # coefficients, from row `first` on, first columns
+    target: Float64[np.ndarray, " m"]  # right-hand sides: reference - drift, or velocities
+    upper: Float64[np.ndarray, " m"]  # the same, as the upper bounds of equalities
     weight: Float64[np.ndarray, " m"]
-    drift: Float64[np.ndarray, " m"]
-    reference: Float64[np.ndarray, " m"]
-    error: Float64[np.ndarray, " m"]
-    fade: Float64[np.ndarray, " m"]
+    drift: Float64[np.ndarray, " m"]  # accelerations at zero `dv`
+    reference: Float64[np.ndarray, " m"]  # reference accelerations
+    error: Float64[np.ndarray, " m"]  # target minus actual
+    fade: Float64[np.ndarray, " m"]  # part of it that is fed back, below one near half a turn
     error_rate: Float64[np.ndarray, " m"]
-    feedforward: Float64[np.ndarray, " m"]
-    wrench_lower: Float64[np.ndarray, " w"]
+    feedforward: Float64[np.ndarray, " m"]  # the targets' accelerations
+    wrench_lower: Float64[np.ndarray, " w"]  # bounds of all wrenches [N, N m]
     wrench_upper: Float64[np.ndarray, " w"]
-    first: int
+    first: int  # the matrix's row of the first row
 
 
-class Owners(NamedTuple):
-    """Who the rows belong to.
+class Numbers(Block):
+    """Some numbers, wherever they lie."""
 
-    Attributes:
-        table: an owner a line: `KIND`, `FIRST`, ...; contacts come first.
-        chosen: which components of its quantity each owner has rows for, or which coordinates.
-        parameters: of all owners, one after another.
-        frames: the frames that they name.
-        corners: room for polygons, `CORNERS` points a contact and `CORNERS` more.
-    """
+    all: Float64[np.ndarray, " _"]
 
-    table: Int64[np.ndarray, "owners entries"]
-    chosen: Int64[np.ndarray, " c"]
-    parameters: Float64[np.ndarray, " p"]
+
+class Owners(Block):
+    """Who the rows belong to."""
+
+    lines: Int64[np.ndarray, "owners entries"]  # an owner a line: `KIND`, ...; contacts first
+    chosen: Int64[np.ndarray, " c"]  # components that each has rows for, or coordinates
+    places: Int64[np.ndarray, " owners"]  # address of the `Numbers` of each owner's parameters
+    parameters: Float64[np.ndarray, " p"]  # of all owners, one after another, gathered each time
     frames: Frames
-    corners: Float64[np.ndarray, "k 2"]
+    corners: Float64[np.ndarray, "k 2"]  # `CORNERS` points a contact and `CORNERS` more
+
+
+class Assembly(Block):
+    """All that `evaluate` reads and writes."""
+
+    owners: Owners
+    rows: Rows
+    work: Float64[np.ndarray, " work"]
+    count: int  # owners that are evaluated

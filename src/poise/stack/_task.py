@@ -7,18 +7,35 @@ from itertools import accumulate, pairwise
 from typing import TypeGuard, cast
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float64, Int64
 
 from poise._checks import Numbers
+from poise._compiled import part
 from poise._copies import Copied
 from poise._show import brief
 from poise.dynamics import Dynamics, saturate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_gain, checked_speed, checked_target
-from poise.stack._tables import ACCELERATION, GAINS, GIVEN_VELOCITY, KD, KP, RATE, SPEED, WEIGHT
+from poise.stack._tables import (
+    ACCELERATION,
+    COUNT,
+    FIRST,
+    GAINS,
+    GIVEN_VELOCITY,
+    KD,
+    KP,
+    RATE,
+    SPEED,
+    START,
+    WEIGHT,
+    Rows,
+)
 
 _PLAIN = {float}
+
+_HUGE = 1e150
+"""Speeds are cut to this, whose square does not overflow."""
 
 _GIVEN = {ACCELERATION: "acceleration", GIVEN_VELOCITY: "velocity"}
 """What a user may give in place of feedback, by its row among the gains."""
@@ -457,3 +474,69 @@ def _write_gains(
     rows[KP], rows[KD], rows[RATE] = kp, kd, 0.0
     with np.errstate(divide="ignore"):
         np.divide(kp, kd, out=rows[RATE], where=kp > 0.0)
+
+
+@part
+def write_measured(
+    rows: Rows,
+    parameters: Float64[np.ndarray, " p"],
+    line: Int64[np.ndarray, " entries"],
+    i: int,
+    error: float,
+    fade: float,
+    velocity: float,
+    actual: float,
+    feedforward: float,
+    drift: float,
+) -> None:
+    """Write what a task's row measures; `target` holds the target's velocity until `ask`."""
+    row = line[FIRST] + i
+    rows.error[row], rows.fade[row], rows.error_rate[row] = error, fade, velocity - actual
+    rows.drift[row], rows.feedforward[row] = drift, feedforward
+    rows.target[row] = velocity
+    rows.weight[row] = parameters[line[START] + WEIGHT * line[COUNT] + i]
+
+
+@part
+def ask(
+    rows: Rows,
+    parameters: Float64[np.ndarray, " p"],
+    line: Int64[np.ndarray, " entries"],
+    begin: int,
+    end: int,
+    velocities: bool,
+) -> None:
+    """Feedback of a block of a task's rows as in `Task`, or what was given in its place."""
+    m, gains, first = line[COUNT], line[START], line[FIRST]
+    asked_square = target_square = 0.0
+    for i in range(begin, end):
+        kd, rate = parameters[gains + KD * m + i], parameters[gains + RATE * m + i]
+        if kd > 0.0 and rate > 0.0:
+            velocity = min(max(rows.target[first + i], -_HUGE), _HUGE)
+            asked = velocity + rate * rows.fade[first + i] * rows.error[first + i]
+            asked = min(max(asked, -_HUGE), _HUGE)
+            asked_square += asked * asked
+            target_square += velocity * velocity
+    part = 1.0
+    if asked_square > target_square:
+        speed = max(parameters[gains + SPEED * m + begin], math.sqrt(target_square))
+        part = min(speed / math.sqrt(asked_square), 1.0)
+    for i in range(begin, end):
+        row = first + i
+        kp, kd = parameters[gains + KP * m + i], parameters[gains + KD * m + i]
+        rate = parameters[gains + RATE * m + i]
+        error, velocity = rows.fade[row] * rows.error[row], rows.target[row]
+        asked = velocity + rate * error
+        reference = kp * error + kd * rows.error_rate[row] + rows.feedforward[row]
+        if part < 1.0 and kd > 0.0 and rate > 0.0:
+            actual = velocity - rows.error_rate[row]
+            asked = part * min(max(asked, -_HUGE), _HUGE)
+            reference = kd * (asked - actual) + rows.feedforward[row]
+        given = parameters[gains + ACCELERATION * m + i]
+        if not np.isnan(given):
+            reference = given
+        given = parameters[gains + GIVEN_VELOCITY * m + i]
+        if not np.isnan(given):
+            asked = given
+        rows.reference[row] = reference
+        rows.target[row] = rows.upper[row] = asked if velocities else reference - rows.drift[row]

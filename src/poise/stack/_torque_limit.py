@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise._compiled import compiled
+from poise._compiled import Block, compiled, view
+from poise._copies import Copied
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 
@@ -17,7 +18,16 @@ SMOOTH_RATE = 250.0
 """Rate of the stacks that Poise makes [1/s]: half the limit in a tick of 2 ms."""
 
 
-class TorqueLimit:
+class _Numbers(Block):
+    lower: Float64[np.ndarray, " nj"]  # of the limit itself [N m]
+    upper: Float64[np.ndarray, " nj"]
+    tick_lower: Float64[np.ndarray, " nj"]  # of the tick that begins [N m]
+    tick_upper: Float64[np.ndarray, " nj"]
+    last: Float64[np.ndarray, " nj"]  # command [N m]
+    per_second: Float64[np.ndarray, " nj"]  # largest change [N m/s]
+
+
+class TorqueLimit(Copied):
     """|tau| <= scale tau_max, joint by joint; and no torque changes faster than it may.
 
     Both bounds stand beside the equations of motion, above everything:
@@ -40,6 +50,8 @@ class TorqueLimit:
     Attributes:
         name: what reports call it.
     """
+
+    foreign = ("_numbers",)
 
     def __init__(self, scale: float = 1.0, rate: float | None = None) -> None:
         self.name = "torque limit"
@@ -106,11 +118,24 @@ class TorqueLimit:
         self._tick_lower, self._tick_upper = self._lower.copy(), self._upper.copy()
         self._last, self._time = np.zeros(robot.nj), np.nan
         self._per_second = (self._rate or 0.0) * robot.tau_max
-        # What is compiled is compiled now, not in the first tick.
-        own = self._lower, self._upper
-        _bound_change(
-            own, self._last, 0.0, self._per_second, (np.zeros(robot.nj), np.zeros(robot.nj))
+        self.share_memory()
+
+    def share_memory(self) -> None:
+        """Has its bounds in the memory that compiled code reads."""
+        if self._robot is None:
+            return
+        self._numbers = _Numbers(
+            lower=self._lower,
+            upper=self._upper,
+            tick_lower=self._tick_lower,
+            tick_upper=self._tick_upper,
+            last=self._last,
+            per_second=self._per_second,
         )
+        # What is compiled is compiled now, not in the first tick.
+        _bound_change(self._numbers.address, _LONGEST)
+        if isnan(self._time):
+            self.reset()
 
     def begin(self, time: float) -> None:
         """Sets the bounds for a tick; controllers call it.
@@ -122,8 +147,7 @@ class TorqueLimit:
             return
         # Clocks that add up their ticks differ in the last digits, and answers should not.
         seconds = min(max(_SHORTEST, round(time - self._time, 9)), _LONGEST)
-        own, tick = (self._lower, self._upper), (self._tick_lower, self._tick_upper)
-        _bound_change(own, self._last, seconds, self._per_second, tick)
+        _bound_change(self._numbers.address, seconds)
 
     def remember(self, torque: Float64[np.ndarray, " nj"], time: float) -> None:
         """Copies a command, from which the next may be so far; controllers call it.
@@ -143,15 +167,10 @@ class TorqueLimit:
 
 
 @compiled
-def _bound_change(
-    own: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
-    last: Float64[np.ndarray, " nj"],
-    seconds: float,
-    per_second: Float64[np.ndarray, " nj"],
-    tick: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
-) -> None:
+def _bound_change(address: int, seconds: float) -> None:
     """Bounds of a tick: the limit's own, and no farther from the last command than allowed."""
-    for i in range(len(last)):
-        most = seconds * per_second[i]
-        tick[0][i] = max(own[0][i], last[i] - most)
-        tick[1][i] = min(own[1][i], last[i] + most)
+    m = view(_Numbers, address)
+    for i in range(len(m.last)):
+        most = seconds * m.per_second[i]
+        m.tick_lower[i] = max(m.lower[i], m.last[i] - most)
+        m.tick_upper[i] = min(m.upper[i], m.last[i] + most)

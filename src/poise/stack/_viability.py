@@ -1,12 +1,11 @@
 """`ViableAcceleration`: after which a joint can still stop before its position limits."""
 
 from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import compiled, part
+from poise._compiled import Block, compiled, part, view
 
 _STOP_FRACTION = 0.5
 """Fraction of the horizon in which a joint about to pass its limit stops.
@@ -24,28 +23,20 @@ _TINY = 1e-12
 """Keeps a joint at rest on its limit from dividing by zero [rad]."""
 
 
-class Viability(NamedTuple):
-    """What the bounds of joint accelerations are made from.
+A_MAX, DT, MARGIN, SETTINGS = range(4)
+"""Places in `Viability.settings`, and how many they are."""
 
-    Attributes:
-        q_min: lower position limits [rad].
-        q_max: upper position limits [rad].
-        v_max: velocity limits [rad/s].
-        braking: decelerations that stopping is planned with [rad/s^2].
-        gentle: the same of joints beside contacts, and the most that these are asked for [rad/s^2].
-        a_max: acceleration limit [rad/s^2].
-        dt: horizon [s].
-        margin: what is left beyond the position limits until a joint's own stops [rad].
-    """
 
-    q_min: Float64[np.ndarray, " nj"]
+class Viability(Block):
+    """What the bounds of joint accelerations are made from."""
+
+    q_min: Float64[np.ndarray, " nj"]  # position limits [rad]
     q_max: Float64[np.ndarray, " nj"]
-    v_max: Float64[np.ndarray, " nj"]
-    braking: Float64[np.ndarray, " nj"]
-    gentle: Float64[np.ndarray, " nj"]
-    a_max: float
-    dt: float
-    margin: float
+    v_max: Float64[np.ndarray, " nj"]  # velocity limits [rad/s]
+    braking: Float64[np.ndarray, " nj"]  # decelerations that stopping is planned with [rad/s^2]
+    gentle: Float64[np.ndarray, " nj"]  # the same beside contacts, and the most asked for there
+    # Acceleration limit [rad/s^2], horizon [s], room between position limits and stops [rad]
+    settings: Float64[np.ndarray, " settings"]
 
 
 class ViableAcceleration:
@@ -80,7 +71,12 @@ class ViableAcceleration:
     ) -> None:
         gentle = braking if gentle is None else gentle
         self.viability = Viability(
-            q_min, q_max, v_max, braking, gentle, float(a_max), float(dt), float(margin)
+            q_min=q_min,
+            q_max=q_max,
+            v_max=v_max,
+            braking=braking,
+            gentle=gentle,
+            settings=np.array([a_max, dt, margin], dtype=np.float64),
         )
 
     def bounds(
@@ -91,17 +87,29 @@ class ViableAcceleration:
         upper: Float64[np.ndarray, " nj"],
     ) -> None:
         """Bounds in [-a_max, a_max], which never cross."""
-        _bounds(q, v, self.viability, lower, upper)
+        _bounds(self.viability.address, q, v, lower, upper)
 
 
 @compiled
 def _bounds(
+    address: int,
     q: Float64[np.ndarray, " nj"],
     v: Float64[np.ndarray, " nj"],
-    viability: Viability,
     lower: Float64[np.ndarray, " nj"],
     upper: Float64[np.ndarray, " nj"],
 ) -> None:
+    bound_joints(view(Viability, address), q, v, lower, upper)
+
+
+@part
+def bound_joints(
+    viability: Viability,
+    q: Float64[np.ndarray, " nj"],
+    v: Float64[np.ndarray, " nj"],
+    lower: Float64[np.ndarray, " nj"],
+    upper: Float64[np.ndarray, " nj"],
+) -> None:
+    """The bounds of all joints."""
     for i in range(len(q)):
         bound_joint(i, q[i], v[i], viability.braking[i], viability, lower, upper)
 
@@ -117,7 +125,8 @@ def bound_joint(
     upper: Float64[np.ndarray, " nj"],
 ) -> None:
     """The bounds of one joint."""
-    settings, v_max = (viability.a_max, viability.dt, braking), viability.v_max[i]
+    a_max, dt = viability.settings[A_MAX], viability.settings[DT]
+    settings, v_max = (a_max, dt, braking), viability.v_max[i]
     upper[i] = largest_acceleration(viability.q_max[i] - q, v, v_max, settings)
     lower[i] = -largest_acceleration(q - viability.q_min[i], -v, v_max, settings)
     if lower[i] > upper[i]:
@@ -137,8 +146,9 @@ def braking_asked(s: float, v: float, b: float, viability: Viability) -> float:
     for 5, and 2 mrad beyond the limit for 0.1 and not for 8, with the defaults.
     """
     approach = max(v, 0.0)
-    distance = max(s, viability.margin, 0.5 * _STOP_FRACTION * viability.dt * approach, _TINY)
-    back = _RETURN * viability.dt
+    margin, dt = viability.settings[MARGIN], viability.settings[DT]
+    distance = max(s, margin, 0.5 * _STOP_FRACTION * dt * approach, _TINY)
+    back = _RETURN * dt
     return min(b, 0.5 * approach * approach / distance + 2.0 / (back * back) * max(-s, 0.0))
 
 

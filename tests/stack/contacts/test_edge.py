@@ -8,7 +8,7 @@ from scipy.optimize import linprog
 
 from poise.dynamics import RobotState
 from poise.stack import FrameTask, Stack, StackRows, SurfaceContact
-from poise.stack._kernels import FULL_TILT
+from poise.stack._contact import FULL_TILT
 
 MU, MARGIN = 0.6, 0.01
 ROLL = ".*_ankle_roll"

@@ -5,15 +5,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.control._batch.loop import UNUSABLE, Answers, Numbers, Program, gather, solve_states
-from poise.control._full_problem import FullProblem, answer
+from poise.control._batch.loop import UNUSABLE, Answers, Program, gather, solve_states
+from poise.control._full_problem import FullProblem
 from poise.control._softened import SoftenedFull
 from poise.control._state_check import is_usable
 from poise.control._strategy import UNSOFTENED, USABLE
 from poise.dynamics import Dynamics, RobotState
 from poise.hqp import LOST, UNSOUND, LexicographicSolver
 from poise.robots import Robot
-from poise.stack import Contact, Owner, Stack
+from poise.stack import Contact, Numbers, Owner, Stack, settling_of
 
 CHUNK = 16
 """States that a thread takes at a time: Pinocchio's part of them, which one thread does at a time,
@@ -27,37 +27,31 @@ class Lane:
         self._robot, self._stack = robot, stack
         self.full = full = FullProblem(robot, stack, contacts)
         self._dynamics, self._solver = Dynamics(robot), LexicographicSolver()
-        self._bounds = np.zeros((4, robot.nj))
-        evaluation, problem = full.rows.evaluation, full.problem
-        ends = np.cumsum([len(owner.parameters) for owner in evaluation.owners])
-        own = self._own_numbers()
+        self._torques, joints = np.zeros((2, robot.nj)), np.zeros((2, robot.nj))
+        evaluation, own = full.rows.evaluation, self._own_numbers()
         # Where a state's numbers are read when it is taken up, and written when it is solved.
         sources = [*own, *(owner.parameters for owner in evaluation.owners)]
-        targets = [*own, *np.split(evaluation.inputs.parameters, ends[:-1])]
+        targets = [*own, *(np.empty_like(owner.parameters) for owner in evaluation.owners)]
         self._sources, self._targets = _places(sources), _places(targets)
         self._places = _addresses(self._sources)
+        evaluation.inputs.places[:] = _addresses(self._targets[len(own) :])
         self._packed = np.zeros((CHUNK, sum(map(len, sources))))
-        searched, work, changes = self._solver.memory_for(problem)
+        searched, work, changes = self._solver.memory_for(full.problem)
+        # Bounds of its own, which no other thread writes.
+        self._numbers = full.numbers_with(
+            (self._torques[0], self._torques[1]), (joints[0], joints[1])
+        )
+        self._settling = settling_of(stack.joint_limit.viability, joints[0], joints[1])
         self._program = Program(
-            _addresses(self._targets),
-            self._dynamics.q,
-            self._dynamics.v,
-            self._dynamics.motion,
-            evaluation.inputs,
-            evaluation.rows,
-            evaluation.work,
-            self._dynamics.M,
-            self._dynamics.h,
-            full.sizes,
-            (self._bounds[0], self._bounds[1]),
-            (self._bounds[2], self._bounds[3]),
-            stack.joint_limit.viability,
-            full.rows.settling_room,
-            (problem.A, problem.lower, problem.upper, problem.H),
-            searched.address,
-            work.address,
-            changes,
-            full.rows.softening.terms.address,
+            places=_addresses(self._targets),
+            state=self._dynamics.numbers.address,
+            assembly=evaluation.assembly.address,
+            settling=self._settling.address,
+            full=self._numbers.address,
+            problem=searched.address,
+            work=work.address,
+            changes=changes,
+            terms=full.rows.softening.terms.address,
         )
         self._softened = SoftenedFull(full, LexicographicSolver)
         # What is compiled is compiled now, for the first batch may have no state of use.
@@ -84,9 +78,8 @@ class Lane:
         before_each: Callable[[int], None] | None,
     ) -> None:
         """Takes a chunk of states up: all that compiled code cannot do."""
-        dynamics, joints = self._dynamics, self._stack.joint_limit
-        torques = self._stack.torque_limit
-        self._bounds[0], self._bounds[1] = torques.lower, torques.upper
+        dynamics, torques = self._dynamics, self._stack.torque_limit
+        self._torques[0], self._torques[1] = torques.lower, torques.upper
         for row, i in enumerate(range(chunk.start, chunk.stop)):
             if before_each is not None:
                 before_each(i)
@@ -96,8 +89,6 @@ class Lane:
                 continue
             answers.found[i] = 0
             dynamics.update(state)
-            joints.evaluate(dynamics)
-            self._bounds[2], self._bounds[3] = joints.lower, joints.upper
             for owner in holding:
                 owner.hold(dynamics)
             self.full.rows.update_own(dynamics)
@@ -108,7 +99,7 @@ class Lane:
     def solve(self, chunk: slice, answers: Answers) -> None:
         """Solves the states that were taken up last."""
         own = Answers(*(numbers[chunk] for numbers in answers))
-        solve_states(self._packed, self._program, own)
+        solve_states(self._packed, self._program.address, own)
         solved = (own.found != UNUSABLE) & (own.found != UNSOUND) & (own.found != LOST)
         strained = ~(own.strain <= UNSOFTENED)
         for i in np.flatnonzero(solved & strained).tolist():
@@ -117,18 +108,21 @@ class Lane:
     def _soften(self, row: int, own: Answers) -> None:
         """Solve one state of the chunk anew, with its levels softened."""
         # The compiled loop leaves the numbers of its last state in the problem.
-        solve_states(self._packed[row : row + 1], self._program, own)
+        solve_states(self._packed[row : row + 1], self._program.address, own)
         solver = self._softened
         self.full.velocity = self._dynamics.v
         solver.reset()
         if solver.run() not in USABLE:
             return
-        own.x[0], own.residuals[0] = solver.x, solver.relative_residuals
-        answer(own.x[0], self.full.problem.A, self._dynamics.h, own.x[0], own.torque[0])
+        own.residuals[0] = solver.relative_residuals
+        own.x[0], own.torque[0], _ = self.full.answer(solver.x, self._dynamics)
 
     def _own_numbers(self) -> list[Float64[np.ndarray, " _"]]:
         """Numbers of a state that are written where compiled code reads them."""
-        own: list[Float64[np.ndarray, " _"]] = [*self._dynamics.numbers, self._bounds.ravel()]
+        own: list[Float64[np.ndarray, " _"]] = [
+            *self._dynamics.moving_numbers,
+            self._torques.ravel(),
+        ]
         problem, rows = self.full.problem, self.full.rows
         for _, place in rows.own_tasks:
             # The stack's rows begin where the dynamics' end.

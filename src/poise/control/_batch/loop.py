@@ -6,18 +6,10 @@ import numpy as np
 from jaxtyping import Float64, Int8, Int64
 
 from poise._compiled import Block, compiled, compiled_for_threads, part, view
-from poise.control._full_problem import answer, fill
-from poise.dynamics import Motion
+from poise.control._full_problem import FullNumbers, answer, fill
+from poise.dynamics import StateNumbers
 from poise.hqp import LOST, UNSOUND, Work, search
-from poise.stack import (
-    Owners,
-    Rows,
-    SettlingRoom,
-    Viability,
-    bound_settling,
-    evaluate,
-    find_softening,
-)
+from poise.stack import Numbers, find_softening, update_rows
 
 UNUSABLE = -1
 """Stands for how the search ended where a state was of no use."""
@@ -43,61 +35,18 @@ class Answers(NamedTuple):
     strain: Float64[np.ndarray, " count"]
 
 
-class Numbers(Block):
-    """Some numbers, wherever they lie."""
+class Program(Block):
+    """Addresses of all that one thread works on."""
 
-    all: Float64[np.ndarray, " _"]
-
-
-class Program(NamedTuple):
-    """All that one thread works on.
-
-    Attributes:
-        places: addresses of the `Numbers` that a state brings.
-        q: configuration.
-        v: velocity.
-        motion: what Pinocchio found.
-        owners: tasks and contacts.
-        rows: where their rows go.
-        room: for their formulas.
-        M: mass matrix.
-        h: nonlinear effects.
-        sizes: of the problem, as `FullProblem` says them.
-        torques: bounds of the joint torques.
-        joints: bounds of the joint accelerations.
-        viability: what they are made from.
-        settling: room for those beside contacts that move.
-        problem: A, bounds and final cost.
-        problem_at: address of the problem.
-        work_at: address of the search's workspace.
-        changes: after how many the search stops.
-        terms_at: address of the softening terms.
-    """
-
-    places: Int64[np.ndarray, " places"]
-    q: Float64[np.ndarray, " nq"]
-    v: Float64[np.ndarray, " nv"]
-    motion: Motion
-    owners: Owners
-    rows: Rows
-    room: Float64[np.ndarray, " room"]
-    M: Float64[np.ndarray, "nv nv"]
-    h: Float64[np.ndarray, " nv"]
-    sizes: tuple[int, int]
-    torques: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]
-    joints: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]]
-    viability: Viability
-    settling: SettlingRoom
-    problem: tuple[
-        Float64[np.ndarray, "m n"],
-        Float64[np.ndarray, " nm"],
-        Float64[np.ndarray, " nm"],
-        Float64[np.ndarray, "n n"],
-    ]
-    problem_at: int
-    work_at: int
-    changes: int
-    terms_at: int
+    places: Int64[np.ndarray, " places"]  # of the `Numbers` that a state brings
+    state: int
+    assembly: int
+    settling: int
+    full: int
+    problem: int
+    work: int
+    changes: int  # after how many the search stops
+    terms: int  # of softening
 
 
 @compiled
@@ -113,28 +62,31 @@ def gather(places: Int64[np.ndarray, " places"], packed: Float64[np.ndarray, " s
 
 @compiled_for_threads
 def solve_states(
-    packed: Float64[np.ndarray, "chunk size"], program: Program, answers: Answers
+    packed: Float64[np.ndarray, "chunk size"], program_at: int, answers: Answers
 ) -> None:
     """Solves some states, each by itself."""
-    work = view(Work, program.work_at)
-    x, side = work.points.x, work.rows.side
-    torques, joints, problem, p = program.torques, program.joints, program.problem, program
+    program = view(Program, program_at)
+    work, full = view(Work, program.work), view(FullNumbers, program.full)
+    x, side, v = work.points.x, work.rows.side, view(StateNumbers, program.state).v
     for i in range(len(answers.found)):
         if answers.found[i] == UNUSABLE:
             continue
-        _scatter(packed[i], p.places)
-        evaluate(p.q, p.v, p.motion, p.owners, p.rows, False, p.room)
-        bound_settling(p.q, p.v, p.owners, p.rows, p.viability, p.settling, joints[0], joints[1])
-        fill(p.M, p.h, p.sizes, torques, joints, problem)
+        _scatter(packed[i], program.places)
+        update_rows(program.assembly, program.settling, program.state)
+        fill(program.full, program.state)
         _begin(work, answers.sides[i])
-        found = search(p.problem_at, p.work_at, p.changes)
+        found = search(program.problem, program.work, program.changes)
         answers.found[i] = found
         for k in range(len(side)):
             answers.sides[i, k] = side[k] if found != UNSOUND and found != LOST else 0
-        answer(x, problem[0], p.h, answers.x[i], answers.torque[i])
+        for k in range(len(x)):
+            answers.x[i, k] = full.point[k] = x[k]
+        answer(program.full, program.state)
+        for k in range(len(full.torque)):
+            answers.torque[i, k] = full.torque[k]
         for k in range(len(work.answer.relative)):
             answers.residuals[i, k] = work.answer.relative[k]
-        answers.strain[i] = find_softening(p.terms_at, p.v, x, p.sizes[0])
+        answers.strain[i] = find_softening(program.terms, v, x, full.base)
 
 
 @part

@@ -89,6 +89,55 @@ def reflect_rows(X: Matrix, begin: int, end: int, column: int, v: Vector, tau: f
 
 
 @part
+def reflect_rows_by_all(
+    X: Matrix, begin: int, end: int, V: Matrix, tau: Vector, count: int, way: int
+) -> None:
+    """Reflects rows by the first vectors in V: from the first on, or from the last one (way -1)."""
+    k, first = 0, 0 if way > 0 else count - 1
+    while k + 4 <= count:
+        i = first + way * k
+        _reflect_rows_by_four(X, begin, end, V, tau, i, way, min(i, i + 3 * way))
+        k += 4
+    while k < count:
+        i = first + way * k
+        reflect_rows(X, begin, end, i, V[i, i:], tau[i])
+        k += 1
+
+
+@part
+def _reflect_rows_by_four(
+    X: Matrix, begin: int, end: int, V: Matrix, tau: Vector, first: int, way: int, column: int
+) -> None:
+    """Four reflections in one pass over each row, which is read and written once."""
+    a, b, c, d = first, first + way, first + 2 * way, first + 3 * way
+    v_a, v_b, v_c, v_d = V[a, column:], V[b, column:], V[c, column:], V[d, column:]
+    t_a, t_b, t_c, t_d = tau[a], tau[b], tau[c], tau[d]
+    ab = ac = ad = bc = bd = cd = 0.0
+    for j in range(len(v_a)):
+        ab += v_a[j] * v_b[j]
+        ac += v_a[j] * v_c[j]
+        ad += v_a[j] * v_d[j]
+        bc += v_b[j] * v_c[j]
+        bd += v_b[j] * v_d[j]
+        cd += v_c[j] * v_d[j]
+    for i in range(begin, end):
+        x = X[i, column:]
+        s_a = s_b = s_c = s_d = 0.0
+        for j in range(len(v_a)):
+            s_a += v_a[j] * x[j]
+            s_b += v_b[j] * x[j]
+            s_c += v_c[j] * x[j]
+            s_d += v_d[j] * x[j]
+        # What each finds once those before it have acted.
+        s_a *= t_a
+        s_b = t_b * (s_b - s_a * ab)
+        s_c = t_c * (s_c - s_a * ac - s_b * bc)
+        s_d = t_d * (s_d - s_a * ad - s_b * bd - s_c * cd)
+        for j in range(len(v_a)):
+            x[j] -= s_a * v_a[j] + s_b * v_b[j] + s_c * v_c[j] + s_d * v_d[j]
+
+
+@part
 def add_rows(
     total: Vector, rows: Matrix, factors: Vector, chosen: Indices, count: int, offset: int
 ) -> None:

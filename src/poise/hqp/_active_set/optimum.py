@@ -18,6 +18,7 @@ from poise.hqp._active_set.kernels import (
     norm_of,
     reflect,
     reflect_rows,
+    reflect_rows_by_all,
 )
 from poise.hqp._active_set.least_squares import find_slacks_of_conflict
 from poise.hqp._active_set.workspace import (
@@ -91,8 +92,7 @@ def factor_level(problem: Problem, rows: Rows, factor: Factor, level: int) -> No
     free = _gather(problem, rows, factor, level, begin, 1)
     end = _gather(problem, rows, factor, level, free, 0)
     factor.begin[level + 1] = end
-    for k in range(first):
-        reflect_rows(R, begin, end, k, factor.V[k, k:], factor.tau[k])
+    reflect_rows_by_all(R, begin, end, factor.V, factor.tau, first, 1)
     for row in range(begin, end):
         size = factor.size[row]
         part_left = norm_of(R[row, first:]) / size if size > 0.0 else 0.0
@@ -318,8 +318,7 @@ def _make_basis(factor: Factor, cost: FinalCost, taken: int) -> None:
     Z[:free] = 0.0
     for k in range(free):
         Z[k, taken + k] = 1.0
-    for k in range(taken - 1, -1, -1):
-        reflect_rows(Z, 0, free, k, factor.V[k, k:], factor.tau[k])
+    reflect_rows_by_all(Z, 0, free, factor.V, factor.tau, taken, -1)
     for j in range(n):
         for k in range(free):
             cost.ZT[j, k] = Z[k, j]

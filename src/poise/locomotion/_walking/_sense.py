@@ -14,12 +14,11 @@ from poise.dynamics import (
     ROTATION,
     VELOCITY,
     Dynamics,
-    FrameBlock,
+    Frames,
     LoadedModel,
-    MotionBlock,
+    Motion,
     Payload,
     RobotState,
-    block_of,
     frames_of,
     motion_of,
     place_frame,
@@ -42,8 +41,8 @@ _Pose = tuple[Vector3, Rotation]
 
 
 class _SoleMemory(Block):
-    motion: MotionBlock
-    frames: FrameBlock  # the soles
+    motion: Motion
+    frames: Frames  # the soles
     seen: Float64[np.ndarray, "soles room"]  # of each, as `place_frame` fills it
 
 
@@ -71,13 +70,12 @@ class WalkSense:
         self._edges = [0.5 * sole.width if sole.leans else 0.0 for sole in found]
         self._gain = gain
         self.reset()
-        frames = frames_of(robot.model, [robot.frame_id(name) for name in soles])
         motion = motion_of(robot.model, data) if dynamics is None else dynamics.motion
         self._memory = memory = allocate(
             _SoleMemory,
             {"soles": 2, "room": KINEMATICS},
-            motion=block_of(motion),
-            frames=FrameBlock(**frames._asdict()),
+            motion=motion,
+            frames=frames_of(robot.model, [robot.frame_id(name) for name in soles]),
         )
         self._seen, self._com, self._com_velocity = memory.seen, data.com[0], data.vcom[0]
         # Compiled now, not in the first tick.
