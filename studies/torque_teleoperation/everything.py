@@ -1,6 +1,10 @@
-"""`EverythingOperator`: feet, hands, head, body and stick at once, all of them at random."""
+"""`EverythingOperator`: feet, hands, head, body and stick at once, all of them at random.
+
+`everything_section`: robots that it leads.
+"""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
@@ -8,8 +12,10 @@ from msgspec.structs import replace
 
 from poise.apps.teleoperation import BadOperator
 from poise.locomotion import BodyCommand, OperatorSample, StepTeleoperator, TrackedPose
-from studies.bad_operator.led_trial import Outcome, Trial, led_by
+from studies.plan import StudyOptions
+from studies.staged import Outcome, episode, run_staged
 from studies.torque_teleoperation.random_hands import RandomHands, arm_length
+from studies.trial_section import Case, TrialSection, median, none, total, worst
 
 _LOOKS_FROM = 0.3
 """When the head takes hold [s]: its clutch has to be seen open first."""
@@ -87,6 +93,72 @@ def _quaternion(turn: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "4"]:
     return np.array([*(math.sin(0.5 * angle) / angle * turn), math.cos(0.5 * angle)])
 
 
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """One run under the operator.
+
+    Attributes:
+        robot: its name.
+        condition: a case of the campaign of bad operators.
+        seed: of everything random.
+        seconds: length unless the robot falls [s].
+    """
+
+    robot: str
+    condition: str
+    seed: int
+    seconds: float
+
+
+DESCRIBED, MIXED = "as described", "all of them"
+
+
 def run_trial(trial: Trial) -> Outcome:
-    """Run a trial of bad operators with an `EverythingOperator` in their place."""
-    return led_by(trial, lambda teleoperator: EverythingOperator(teleoperator, trial.seed))
+    """Run a trial."""
+    scenario = episode(
+        "bad_operators", trial.condition, trial.robot, trial.seed, seconds=trial.seconds
+    )
+    return run_staged(scenario, lambda leader: EverythingOperator(leader, trial.seed))
+
+
+def _cases(options: StudyOptions) -> list[Case]:
+    asked = [*((name, DESCRIBED) for name in ("biped20", "humanoid33", "g1", "talos"))]
+    return [
+        Case(
+            name=f"{robot}, {condition}",
+            trials=[
+                Trial(
+                    robot=robot,
+                    condition=condition,
+                    seed=options.first_seed + k,
+                    seconds=15.0 if options.quick else 60.0,
+                )
+                for k in range(options.count(10, 1))
+            ],
+            allowed=none
+            if condition == DESCRIBED
+            else lambda found: sum(o.seconds for o in found) / 600.0,
+        )
+        for robot, condition in [*asked, ("g1", MIXED)]
+    ]
+
+
+everything_section = TrialSection(
+    title="Everything at once",
+    prose=(
+        "Feet are the bad operator's, both hands go to places at random at up to 1 m/s, the head "
+        "turns, the body is bent by up to 0.4 rad about each axis, lowered and raised, feet are "
+        "turned, and the stick is pushed now and then. Asked: no fall as described, and at most "
+        "one in ten minutes under all conditions of the campaign of bad operators.",
+    ),
+    run=run_trial,
+    kind=Outcome,
+    cases=_cases,
+    columns={
+        "minutes": total("seconds", 1.0 / 60.0),
+        "feet lifted": total("steps"),
+        "lean, median [rad]": median("tilt"),
+        "most [rad]": worst("tilt"),
+    },
+)
+"""The section."""
