@@ -32,17 +32,11 @@ _STATES, _SECONDS = 256, 1.5
 
 @dataclass(frozen=True, kw_only=True)
 class BatchBench:
-    """What to time.
+    """Settings of the benchmark."""
 
-    Attributes:
-        robot: a biped.
-        stack: "table1" or "default".
-        ticks: states of a batch.
-    """
-
-    robot: str = "g1"
-    stack: str = "default"
-    ticks: int = 4096
+    robot: str = "g1"  # a biped
+    stack: str = "default"  # "table1" or "default"
+    ticks: int = 4096  # states of a batch
 
     def __post_init__(self) -> None:
         if self.stack not in STACKS:
@@ -51,31 +45,18 @@ class BatchBench:
 
 @dataclass(frozen=True, kw_only=True)
 class BatchResult(Result):
-    """What a state took.
+    """Times of a state."""
 
-    Attributes:
-        robot: name of the robot.
-        stack: what was solved.
-        states: of a batch.
-        single_us: processor time of a single tick, median of the rounds' means [us].
-        batch_us: processor time of a state of a batch on one thread, likewise [us].
-        batch_over_single: median over the rounds of the ratio.
-        first_us: processor time of a state of the first batch, whose searches begin cold [us].
-        threads: median over the rounds of what two threads do in a second by what one does.
-        processes: the same of two processes of one thread each: what the machine gives.
-        difference: largest difference of a torque to that of the single tick [N m].
-    """
-
-    robot: str
-    stack: str
-    states: int
-    single_us: float
-    batch_us: float
-    batch_over_single: float
-    first_us: float
-    threads: float
-    processes: float
-    difference: float
+    robot: str  # name of the robot
+    stack: str  # what was solved
+    states: int  # of a batch
+    single_us: float  # processor time of a single tick, median of the rounds' means [us]
+    batch_us: float  # processor time of a state of a batch on one thread, the same [us]
+    batch_over_single: float  # median over the rounds of the ratio
+    first_us: float  # processor time of a state of the first batch, whose searches begin cold [us]
+    threads: float  # median over the rounds of what two threads do in a second by what one does
+    processes: float  # the same of two processes of one thread each: what the machine gives
+    difference: float  # largest difference of a torque to that of the single tick [N m]
 
 
 def bench_batch(plan: BatchBench, progress: Progress | None = None) -> list[BatchResult]:

@@ -156,16 +156,11 @@ class Turns:
     first few ticks of the batch. Whoever begins finds the caches as somebody else left them, and a
     slow one a state far from its last: the first tick of a batch does not count, nor does the
     first batch.
-
-    Attributes:
-        ticks: of the recording.
-        batch: ticks in a batch.
-        slow: ticks of a batch that slow methods do, the uncounted first one not included.
     """
 
-    ticks: int
-    batch: int = 50
-    slow: int = 5
+    ticks: int  # of the recording
+    batch: int = 50  # ticks in a batch
+    slow: int = 5  # ticks of a batch that slow methods do, the uncounted first one not included
 
     def quick_counted(self) -> Int64[np.ndarray, " n"]:
         """Ticks that count for quick methods."""

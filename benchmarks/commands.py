@@ -16,24 +16,17 @@ from poise.errors import ConfigurationError, UnknownNameError
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """A benchmark as a command.
+    """A benchmark as a command."""
 
-    Attributes:
-        name: of the command.
-        target: module, then the names of plan, benchmark, table and figures in it; no figures
-            when there is no fifth word.
-        does: its purpose, in a sentence without a subject.
-        example: its options in an example.
-        options: help of each option; each is a field of the plan.
-        unit: of the progress.
-    """
-
-    name: str
+    name: str  # of the command
+    # module, then the names of plan, benchmark, table and figures in it; no figures when there is
+    # no fifth word
     target: str
-    does: str
-    example: str
+    does: str  # its purpose, in a sentence without a subject
+    example: str  # its options in an example
+    # Help of each option; each is a field of the plan
     options: Mapping[str, str] = field(default_factory=dict[str, str])
-    unit: str = " ticks"
+    unit: str = " ticks"  # of the progress
 
     def add(self, commands: Any) -> None:
         """Add the command to the command line."""
@@ -52,28 +45,17 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True)
 class TickCommand:
-    """A command that times ticks by `benchmarks.tick`, beside peers in other processes.
+    """A command that times ticks by `benchmarks.tick`, beside peers in other processes."""
 
-    Attributes:
-        name: of the command.
-        does: its purpose, in a sentence without a subject.
-        example: its options in an example.
-        robot: default.
-        stacks: default of `--stack`.
-        controller: that is timed; an option where None.
-        peers: name of the tuple of peers in `benchmarks.peers.process` that are expected; none are
-            where "".
-        figures: name of a function of `benchmarks.tick`.
-    """
-
-    name: str
-    does: str
-    example: str
-    robot: str = "humanoid33"
-    stacks: str = "both"
-    controller: str | None = None
+    name: str  # of the command
+    does: str  # its purpose, in a sentence without a subject
+    example: str  # its options in an example
+    robot: str = "humanoid33"  # default
+    stacks: str = "both"  # default of `--stack`
+    controller: str | None = None  # that is timed; an option where None
+    # Name of the tuple of peers in `benchmarks.peers.process` that are expected; none are where ""
     peers: str = ""
-    figures: str = ""
+    figures: str = ""  # name of a function of `benchmarks.tick`
 
     def add(self, commands: Any) -> None:
         """Add the command to the command line."""

@@ -50,17 +50,11 @@ print(json.dumps({"times": times, "wall": wall, "tick": tick, "status": status.v
 
 @dataclass(frozen=True, kw_only=True)
 class FirstBench:
-    """What to time; checked when made.
+    """Settings of the benchmark; checked when made."""
 
-    Attributes:
-        robot: name or path of a robot.
-        controller: one of `CONTROLLERS`.
-        runs: second processes.
-    """
-
-    robot: str = "humanoid33"
-    controller: str = "whole_body"
-    runs: int = 10
+    robot: str = "humanoid33"  # name or path of a robot
+    controller: str = "whole_body"  # one of `CONTROLLERS`
+    runs: int = 10  # second processes
 
     def __post_init__(self) -> None:
         if self.controller not in CONTROLLERS:
@@ -73,31 +67,18 @@ class FirstBench:
 
 @dataclass(frozen=True, kw_only=True)
 class FirstResult(Result):
-    """One kind of process; processor times unless it says otherwise.
+    """One kind of process; processor times unless it says otherwise."""
 
-    Attributes:
-        process: "empty cache", or "second" for those that find the machine code.
-        robot: that was loaded.
-        controller: that was made.
-        runs: processes; of several the 10th percentile is given.
-        import_s: `import poise` [s].
-        robot_s: loading the robot [s].
-        controller_s: making the controller [s].
-        controller_wall_s: the same by the clock on the wall [s].
-        tick_us: its first tick, of its thread [us].
-        both_s: import and controller together [s].
-    """
-
-    process: str
-    robot: str
-    controller: str
-    runs: int
-    import_s: float
-    robot_s: float
-    controller_s: float
-    controller_wall_s: float
-    tick_us: float
-    both_s: float
+    process: str  # "empty cache", or "second" for those that find the machine code
+    robot: str  # that was loaded
+    controller: str  # that was made
+    runs: int  # processes; of several the 10th percentile is given
+    import_s: float  # `import poise` [s]
+    robot_s: float  # loading the robot [s]
+    controller_s: float  # making the controller [s]
+    controller_wall_s: float  # the same by the clock on the wall [s]
+    tick_us: float  # its first tick, of its thread [us]
+    both_s: float  # import and controller together [s]
 
 
 def bench_first(plan: FirstBench, progress: Progress | None = None) -> list[FirstResult]:

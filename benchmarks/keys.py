@@ -33,15 +33,10 @@ _ANSWER, _STALLS = 2.0, 10
 
 @dataclass(frozen=True, kw_only=True)
 class KeysBench:
-    """What to time; checked when made.
+    """Settings of the benchmark; checked when made."""
 
-    Attributes:
-        robot: name or path of a humanoid.
-        presses: of a key that count; each is let go again, which counts, too.
-    """
-
-    robot: str = "g1"
-    presses: int = 40
+    robot: str = "g1"  # name or path of a humanoid
+    presses: int = 40  # of a key that count; each is let go again, which counts, too
 
     def __post_init__(self) -> None:
         if self.presses < 1:
@@ -50,27 +45,18 @@ class KeysBench:
 
 @dataclass(frozen=True, kw_only=True)
 class KeysResult(Result):
-    """How long keys take.
+    """Delays of keys."""
 
-    Attributes:
-        robot: name of the robot.
-        event: "pressed" or "let go".
-        p50_ms: median [ms].
-        p99_ms: 99th percentile [ms].
-        max_ms: longest [ms].
-        presses: how many.
-        stalls: presses made again, since the machine stood still for so long that the operator
-            counted as gone and the key with them.
-        real_time_factor: robot time over clock time: below 1 the machine is too slow for the robot.
-    """
-
-    robot: str
-    event: str
-    p50_ms: float
-    p99_ms: float
-    max_ms: float
-    presses: int
+    robot: str  # name of the robot
+    event: str  # "pressed" or "let go"
+    p50_ms: float  # median [ms]
+    p99_ms: float  # 99th percentile [ms]
+    max_ms: float  # longest [ms]
+    presses: int  # how many
+    # Presses made again, since the machine stood still for so long that the operator counted as
+    # gone and the key with them
     stalls: int
+    # Robot time over clock time: below 1 the machine is too slow for the robot
     real_time_factor: float
 
 

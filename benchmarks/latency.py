@@ -52,19 +52,12 @@ with connect(url, proxy=None, max_queue=None) as socket:
 
 @dataclass(frozen=True, kw_only=True)
 class LatencyBench:
-    """What to time; checked when made.
+    """Settings of the benchmark; checked when made."""
 
-    Attributes:
-        robot: name or path of a biped.
-        actuation: what is commanded, "velocity" or "torque".
-        messages: that count.
-        rate: at which a client sends [Hz].
-    """
-
-    robot: str = "biped20"
-    actuation: str = "velocity"
-    messages: int = 1000
-    rate: float = 60.0
+    robot: str = "biped20"  # name or path of a biped
+    actuation: str = "velocity"  # what is commanded, "velocity" or "torque"
+    messages: int = 1000  # that count
+    rate: float = 60.0  # at which a client sends [Hz]
 
     def __post_init__(self) -> None:
         if self.actuation not in _PLANTS:
@@ -79,26 +72,16 @@ class LatencyBench:
 
 @dataclass(frozen=True, kw_only=True)
 class LatencyResult(Result):
-    """How long messages take from one stage to the next.
+    """Delays of messages from one stage to the next."""
 
-    Attributes:
-        robot: name of the robot.
-        actuation: what is commanded.
-        stage: one of `STAGES`.
-        p50_ms: median [ms].
-        p99_ms: 99th percentile [ms].
-        max_ms: longest [ms].
-        messages: that arrived and were not overtaken.
-        real_time_factor: robot time over clock time: below 1 the machine is too slow for the robot.
-    """
-
-    robot: str
-    actuation: str
-    stage: str
-    p50_ms: float
-    p99_ms: float
-    max_ms: float
-    messages: int
+    robot: str  # name of the robot
+    actuation: str  # what is commanded
+    stage: str  # one of `STAGES`
+    p50_ms: float  # median [ms]
+    p99_ms: float  # 99th percentile [ms]
+    max_ms: float  # longest [ms]
+    messages: int  # that arrived and were not overtaken
+    # Robot time over clock time: below 1 the machine is too slow for the robot
     real_time_factor: float
 
 

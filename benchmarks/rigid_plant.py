@@ -23,15 +23,10 @@ _MOST_BITS = 32
 
 @dataclass(frozen=True, kw_only=True)
 class Encoder:
-    """An encoder on the motor's side of a gear.
+    """An encoder on the motor's side of a gear."""
 
-    Attributes:
-        bits: the encoder tells 2^bits angles of a revolution of the motor apart.
-        gear: revolutions of the motor for one of the joint.
-    """
-
-    bits: int = 17
-    gear: float = 100.0
+    bits: int = 17  # the encoder tells 2^bits angles of a revolution of the motor apart
+    gear: float = 100.0  # revolutions of the motor for one of the joint
 
     def __post_init__(self) -> None:
         if not (isinstance(self.bits, int) and 1 <= self.bits <= _MOST_BITS):  # pyright: ignore[reportUnnecessaryIsInstance]
@@ -102,17 +97,12 @@ STEP = 1e-4
 
 @dataclass(frozen=True, kw_only=True)
 class Gravity:
-    """Vertical gravity that goes from one value to another at a constant rate, then stays.
+    """Vertical gravity that goes from one value to another at a constant rate, then stays."""
 
-    Attributes:
-        first: at time zero; negative is downwards [m/s^2].
-        last: at the end of the sweep; `first` when None, which is constant gravity [m/s^2].
-        duration: length of the sweep [s].
-    """
-
-    first: float = EARTH
+    first: float = EARTH  # at time zero; negative is downwards [m/s^2]
+    # At the end of the sweep; `first` when None, which is constant gravity [m/s^2]
     last: float | None = None
-    duration: float = 1.0
+    duration: float = 1.0  # length of the sweep [s]
 
     def __post_init__(self) -> None:
         values = (self.first, self.first if self.last is None else self.last)
@@ -140,21 +130,13 @@ class Gravity:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moment:
-    """The true robot right after a torque was applied, before it moves on.
+    """The true robot right after a torque was applied, before it moves on."""
 
-    Attributes:
-        q: joint angles [rad].
-        v: joint velocities [rad/s].
-        acceleration: joint accelerations under the torque [rad/s^2].
-        torque: [N m].
-        gravity: vertical gravity [m/s^2].
-    """
-
-    q: Float64[np.ndarray, " n"]
-    v: Float64[np.ndarray, " n"]
-    acceleration: Float64[np.ndarray, " n"]
-    torque: Float64[np.ndarray, " n"]
-    gravity: float
+    q: Float64[np.ndarray, " n"]  # joint angles [rad]
+    v: Float64[np.ndarray, " n"]  # joint velocities [rad/s]
+    acceleration: Float64[np.ndarray, " n"]  # joint accelerations under the torque [rad/s^2]
+    torque: Float64[np.ndarray, " n"]  # [N m]
+    gravity: float  # vertical gravity [m/s^2]
 
 
 class RigidPlant:

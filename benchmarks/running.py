@@ -27,45 +27,27 @@ PARTS = ("physics", "sensors", "estimator", "leader", "control", "recording", "l
 
 @dataclass(frozen=True, kw_only=True)
 class RunBench:
-    """What to run.
+    """Settings of the benchmark."""
 
-    Attributes:
-        scenario: a shipped scenario or a file.
-        robot: another robot than the scenario's; the scenario's own when None.
-    """
-
-    scenario: str = "walk"
-    robot: str | None = None
+    scenario: str = "walk"  # a shipped scenario or a file
+    robot: str | None = None  # another robot than the scenario's; the scenario's own when None
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult(Result):
-    """Where the time of a run went.
+    """Times of a run."""
 
-    Attributes:
-        scenario: that ran.
-        robot: on this one.
-        simulated_s: time that passed for the robot [s].
-        ticks: of the controller.
-        start_s: processor time of the process before the run: Python and its packages [s].
-        processor_s: of the run, from the scenario to its checks, all threads [s].
-        real_time: `simulated_s` over `processor_s`.
-        parts_us: processor time of each part of a tick, see `PARTS`, in a second run that is
-            watched [us].
-        collections: how often Python looked for garbage inside the loop.
-        collection_ms: processor time of the longest of those [ms].
-    """
-
-    scenario: str
-    robot: str
-    simulated_s: float
-    ticks: int
-    start_s: float
-    processor_s: float
-    real_time: float
+    scenario: str  # that ran
+    robot: str  # on this one
+    simulated_s: float  # time that passed for the robot [s]
+    ticks: int  # of the controller
+    start_s: float  # processor time of the process before the run: Python and its packages [s]
+    processor_s: float  # of the run, from the scenario to its checks, all threads [s]
+    real_time: float  # `simulated_s` over `processor_s`
+    # Processor time of each part of a tick, see `PARTS`, in a second run that is watched [us]
     parts_us: dict[str, float]
-    collections: int
-    collection_ms: float
+    collections: int  # how often Python looked for garbage inside the loop
+    collection_ms: float  # processor time of the longest of those [ms]
 
 
 def bench_run(plan: RunBench, progress: Progress | None = None) -> list[RunResult]:

@@ -40,19 +40,12 @@ PARTS = ("estimator", "leader", "controller")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Walk:
-    """A scripted scenario on a robot, before anything moves.
+    """A scripted scenario on a robot, before anything moves."""
 
-    Attributes:
-        robot: a biped with legs of six joints.
-        script: way-points of the hands.
-        q_start: where the robot starts.
-        plant: with the script's blocks.
-    """
-
-    robot: Robot
-    script: Script
-    q_start: Float64[np.ndarray, " nq"]
-    plant: PlantConfig
+    robot: Robot  # a biped with legs of six joints
+    script: Script  # way-points of the hands
+    q_start: Float64[np.ndarray, " nq"]  # where the robot starts
+    plant: PlantConfig  # with the script's blocks
 
     @classmethod
     def over_an_obstacle(cls, robot: Robot, actuation: str = "velocity") -> "Walk":
@@ -79,15 +72,10 @@ class Walk:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WalkTick:
-    """What the teleoperator was told at a tick.
+    """Input of the teleoperator at a tick."""
 
-    Attributes:
-        state: as measured, contacts and time included.
-        sample: of the operator's devices.
-    """
-
-    state: RobotState
-    sample: OperatorSample | None
+    state: RobotState  # as measured, contacts and time included
+    sample: OperatorSample | None  # of the operator's devices
 
 
 def record_walk(walk: Walk, ticks: int, progress: Progress | None = None) -> tuple[WalkTick, ...]:
@@ -124,18 +112,13 @@ WARM_UP = 30
 
 @dataclass(frozen=True, kw_only=True)
 class TeleopBench:
-    """What to time; checked when made.
+    """What to time; checked when made."""
 
-    Attributes:
-        robot: name or path of a biped with legs of six joints.
-        ticks: timed ticks; the walk is gone through from its start as often as it takes. All of
-            one pass when None.
-        actuation: what is commanded, one of `PLANTS`.
-    """
-
-    robot: str = "biped20"
+    robot: str = "biped20"  # name or path of a biped with legs of six joints
+    # Timed ticks; the walk is gone through from its start as often as it takes. All of one pass
+    # when None.
     ticks: int | None = None
-    actuation: str = "torque"
+    actuation: str = "torque"  # what is commanded, one of `PLANTS`
 
     def __post_init__(self) -> None:
         if self.actuation not in PLANTS:
@@ -146,67 +129,44 @@ class TeleopBench:
 
 @dataclass(frozen=True, kw_only=True)
 class TeleopResult(Result):
-    """What the control step of one robot needs.
+    """What the control step of one robot needs."""
 
-    Attributes:
-        robot: name of the robot.
-        joints: its actuated joints.
-        controller: "teleop".
-        actuation: what is commanded.
-        scenario: the script that was walked.
-        period_us: the control period T [us].
-        p50_us: median step, from state and device sample to the command, by processor time of the
-            thread [us].
-        p99_us: 99th percentile [us].
-        max_us: longest step [us].
-        estimator_us, leader_us, controller_us: medians of its parts [us].
-        share_of_period: p50_us by period_us.
-        ticks: timed steps.
-        single_support: share of them with one foot in the air.
-        missed_ticks: steps without a usable command.
-        simulated_s: length of the simulated walk [s].
-        real_time_factor: simulated over elapsed time of the walk: sensors, hands, controller,
-            physics, log and distances to the blocks; no video.
-        real_time_factor_cpu: simulated over processor time of the walk, all threads: about what
-            it would be with nobody else on the machine.
-        simulation_p50_us: median step within the simulation, which leaves it other caches [us].
-    """
-
-    robot: str
-    joints: int
-    controller: str
-    actuation: str
-    scenario: str
-    period_us: float
+    robot: str  # name of the robot
+    joints: int  # its actuated joints
+    controller: str  # "teleop"
+    actuation: str  # what is commanded
+    scenario: str  # the script that was walked
+    period_us: float  # the control period T [us]
+    # Median step, from state and device sample to the command, by processor time of the thread [us]
     p50_us: float
-    p99_us: float
-    max_us: float
+    p99_us: float  # 99th percentile [us]
+    max_us: float  # longest step [us]
+    # estimator_us, leader_us, controller_us: medians of its parts [us]
     estimator_us: float
     leader_us: float
     controller_us: float
-    share_of_period: float
-    ticks: int
-    single_support: float
-    missed_ticks: int
-    simulated_s: float
+    share_of_period: float  # p50_us by period_us
+    ticks: int  # timed steps
+    single_support: float  # share of them with one foot in the air
+    missed_ticks: int  # steps without a usable command
+    simulated_s: float  # length of the simulated walk [s]
+    # Simulated over elapsed time of the walk: sensors, hands, controller, physics, log and
+    # distances to the blocks; no video
     real_time_factor: float
+    # Simulated over processor time of the walk, all threads: about what it would be with nobody
+    # else on the machine
     real_time_factor_cpu: float
-    simulation_p50_us: float
+    simulation_p50_us: float  # median step within the simulation, which leaves it other caches [us]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepTimes:
-    """One pass.
+    """One pass."""
 
-    Attributes:
-        parts: each step, part by part as in `PARTS`, by processor time of the thread [s].
-        single: whether one foot was in the air after it.
-        commands: what it commanded.
-    """
-
+    # Each step, part by part as in `PARTS`, by processor time of the thread [s]
     parts: Float64[np.ndarray, "ticks 3"]
-    single: Sequence[bool]
-    commands: Sequence[Command]
+    single: Sequence[bool]  # whether one foot was in the air after it
+    commands: Sequence[Command]  # what it commanded
 
     @property
     def missed(self) -> list[bool]:

@@ -114,23 +114,14 @@ class WalkLead:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WalkRecording:
-    """States of a walk, tick by tick.
+    """States of a walk, tick by tick."""
 
-    Attributes:
-        robot: whose walk.
-        plan: its steps.
-        states: what the controller was told.
-        feet: number of feet with contacts that were active at each tick.
-        com_error: distance of the COM from its target [m].
-        hand_error: distance of the left hand from its target [m].
-    """
-
-    robot: Robot
-    plan: FootstepPlan
-    states: tuple[RobotState, ...]
-    feet: Int64[np.ndarray, " ticks"]
-    com_error: Float64[np.ndarray, " ticks"]
-    hand_error: Float64[np.ndarray, " ticks"]
+    robot: Robot  # whose walk
+    plan: FootstepPlan  # its steps
+    states: tuple[RobotState, ...]  # what the controller was told
+    feet: Int64[np.ndarray, " ticks"]  # number of feet with contacts that were active at each tick
+    com_error: Float64[np.ndarray, " ticks"]  # distance of the COM from its target [m]
+    hand_error: Float64[np.ndarray, " ticks"]  # distance of the left hand from its target [m]
 
     def lead(self, kind: str) -> WalkLead:
         """What leads a new stack of this kind along the recorded states.

@@ -29,48 +29,28 @@ SCENARIOS = ("stand", "squat", "reach", "push", "balance_one_leg", "walk_step", 
 
 @dataclass(frozen=True, kw_only=True)
 class WorstBench:
-    """What to run.
+    """Settings of the benchmark."""
 
-    Attributes:
-        scenarios: shipped ones, or files.
-        robot: another robot than the scenarios' own.
-        ticks: of each scenario, in as many runs as that takes.
-    """
-
-    scenarios: Sequence[str] = SCENARIOS
-    robot: str | None = None
-    ticks: int = 100_000
+    scenarios: Sequence[str] = SCENARIOS  # shipped ones, or files
+    robot: str | None = None  # another robot than the scenarios' own
+    ticks: int = 100_000  # of each scenario, in as many runs as that takes
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorstResult(Result):
-    """The ticks of one scenario.
+    """The ticks of one scenario."""
 
-    Attributes:
-        scenario: that ran.
-        robot: on this one.
-        runs: how often.
-        ticks: of one run.
-        p50_us: median of the ticks' own processor times [us].
-        p99_us: 99th percentile of them [us].
-        max_us: the greatest [us].
-        ratio: greatest over median.
-        at_s: when in the run that is [s].
-        slow: ticks that take more than the bound.
-        collection_ms: processor time of the longest collection inside a loop [ms].
-    """
-
-    scenario: str
-    robot: str
-    runs: int
-    ticks: int
-    p50_us: float
-    p99_us: float
-    max_us: float
-    ratio: float
-    at_s: float
-    slow: int
-    collection_ms: float
+    scenario: str  # that ran
+    robot: str  # on this one
+    runs: int  # how often
+    ticks: int  # of one run
+    p50_us: float  # median of the ticks' own processor times [us]
+    p99_us: float  # 99th percentile of them [us]
+    max_us: float  # the greatest [us]
+    ratio: float  # greatest over median
+    at_s: float  # when in the run that is [s]
+    slow: int  # ticks that take more than the bound
+    collection_ms: float  # processor time of the longest collection inside a loop [ms]
 
 
 def bench_worst(plan: WorstBench, progress: Progress | None = None) -> list[WorstResult]:

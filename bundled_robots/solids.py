@@ -15,23 +15,16 @@ _PARALLEL = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """One solid of uniform density, fixed to a link.
+    """One solid of uniform density, fixed to a link."""
 
-    Attributes:
-        kind: which solid.
-        size: box: edge lengths; cylinder: radius and length along its z; sphere: radius [m].
-        position: centre in the link [m].
-        rpy: orientation in the link as URDF's roll, pitch, yaw [rad].
-        colour: name of a colour in the palette.
-        solid: whether it also collides.
-    """
-
-    kind: Literal["box", "cylinder", "sphere"]
+    kind: Literal["box", "cylinder", "sphere"]  # which solid
+    # box: edge lengths; cylinder: radius and length along its z; sphere: radius [m]
     size: tuple[float, ...]
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)  # centre in the link [m]
+    # Orientation in the link as URDF's roll, pitch, yaw [rad]
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    colour: str = "shell"
-    solid: bool = False
+    colour: str = "shell"  # name of a colour in the palette
+    solid: bool = False  # whether it also collides
 
     @property
     def volume(self) -> float:
@@ -73,17 +66,11 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class Inertia:
-    """Mass, centre of mass in the link, and inertia about that centre along the link's axes.
+    """Mass, centre of mass in the link, and inertia about that centre along the link's axes."""
 
-    Attributes:
-        mass: mass [kg].
-        com: centre of mass [m].
-        matrix: rotational inertia about `com` [kg m^2].
-    """
-
-    mass: float
-    com: Float64[np.ndarray, "3"]
-    matrix: Float64[np.ndarray, "3 3"]
+    mass: float  # mass [kg]
+    com: Float64[np.ndarray, "3"]  # centre of mass [m]
+    matrix: Float64[np.ndarray, "3 3"]  # rotational inertia about `com` [kg m^2]
 
 
 def combined_inertia(shapes: Sequence[Shape], mass: float) -> Inertia:

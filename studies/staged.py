@@ -38,23 +38,14 @@ Fault = Callable[[RobotState], RobotState]
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """The end of a run.
+    """The end of a run."""
 
-    Attributes:
-        fell: whether the robot fell, which ends the run.
-        seconds: when the run ended [s].
-        steps: how often a foot was lifted under an operator.
-        tilt: largest angle of the base from upright [rad].
-        torque_steps: changes of a torque from tick to tick by more than half its limit.
-        trace: height and velocities at the end; runs with another motion have another number.
-    """
-
-    fell: bool
-    seconds: float
-    steps: int
-    tilt: float
-    torque_steps: int
-    trace: float
+    fell: bool  # whether the robot fell, which ends the run
+    seconds: float  # when the run ended [s]
+    steps: int  # how often a foot was lifted under an operator
+    tilt: float  # largest angle of the base from upright [rad]
+    torque_steps: int  # changes of a torque from tick to tick by more than half its limit
+    trace: float  # height and velocities at the end; runs with another motion have another number
 
 
 @cache
@@ -174,8 +165,8 @@ def run_staged(
 
     Args:
         scenario: see `episode`.
-        operator: in place of the scenario's own, of a robot that is led by hand.
-        fault: changes what the estimator is told.
+        operator: in place of the scenario's own, of a robot that hands walk.
+        fault: changes the measurements before the estimator.
     """
     stage = stage_scenario(scenario, _robot(scenario.robot))
     leader, plant, estimator = stage.leader, stage.plant, stage.estimator

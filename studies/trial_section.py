@@ -29,62 +29,38 @@ def part(share: float) -> Callable[[Sequence[Any]], float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Bound:
-    """An upper bound on a figure of the outcomes of a case.
+    """An upper bound on a figure of the outcomes of a case."""
 
-    Attributes:
-        name: of the figure.
-        value: computes it.
-        most: its bound.
-        unit: of both.
-        note: added to the finding.
-    """
-
-    name: str
-    value: Callable[[Sequence[Any]], float]
-    most: float
-    unit: str = ""
-    note: str = ""
+    name: str  # of the figure
+    value: Callable[[Sequence[Any]], float]  # computes it
+    most: float  # its bound
+    unit: str = ""  # of both
+    note: str = ""  # added to the finding
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """Trials that are judged together.
+    """Trials that are judged together."""
 
-    Attributes:
-        name: of the case.
-        trials: of any hashable type.
-        allowed: failures that are allowed, by outcomes; None where nothing is asked of them.
-        failed: tests an outcome for a failure.
-        what: a failure in words, in the plural.
-        bounds: figures beside the number of failures.
-    """
-
-    name: str
-    trials: Sequence[Any]
+    name: str  # of the case
+    trials: Sequence[Any]  # of any hashable type
+    # Failures that are allowed, by outcomes; None where nothing is asked of them
     allowed: Callable[[Sequence[Any]], float] | None = none
-    failed: Callable[[Any], bool] = has_fallen
-    what: str = "falls"
-    bounds: tuple[Bound, ...] = ()
+    failed: Callable[[Any], bool] = has_fallen  # tests an outcome for a failure
+    what: str = "falls"  # a failure in words, in the plural
+    bounds: tuple[Bound, ...] = ()  # figures beside the number of failures
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrialSection:
-    """Part of a study: a finding and a row of the table for each case.
+    """Part of a study: a finding and a row of the table for each case."""
 
-    Attributes:
-        title: heading of the table.
-        prose: paragraphs.
-        run: runs one trial; a function of a module.
-        kind: type of its outcome.
-        cases: makes the cases.
-        columns: further columns of the table, each a figure of the outcomes of a case.
-    """
-
-    title: str
-    prose: tuple[str, ...]
-    run: Callable[[Any], Any]
-    kind: type[Any]
-    cases: Callable[[StudyOptions], Sequence[Case]]
+    title: str  # heading of the table
+    prose: tuple[str, ...]  # paragraphs
+    run: Callable[[Any], Any]  # runs one trial; a function of a module
+    kind: type[Any]  # type of its outcome
+    cases: Callable[[StudyOptions], Sequence[Case]]  # makes the cases
+    # Further columns of the table, each a figure of the outcomes of a case
     columns: Mapping[str, Callable[[Sequence[Any]], Cell]] = field(
         default_factory=dict[str, Callable[[Sequence[Any]], Cell]]
     )

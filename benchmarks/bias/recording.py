@@ -34,14 +34,10 @@ class Cubic:
     """A cubic polynomial from rest to rest: displacement (3 r^2 - 2 r^3) with r = t / duration.
 
     Its acceleration jumps at both ends.
-
-    Attributes:
-        displacement: how far [unit].
-        duration: how long [s].
     """
 
-    displacement: float
-    duration: float
+    displacement: float  # how far [unit]
+    duration: float  # how long [s]
 
     def at(self, time: float) -> tuple[float, float, float]:
         """Value, rate [unit/s] and second rate [unit/s^2] at a time [s]; still after the end."""

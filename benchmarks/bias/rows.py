@@ -38,22 +38,15 @@ class BackwardDifferences:
 
 @dataclass(slots=True, eq=False)
 class PaperRows:
-    """Rows J_i dv + Jdot_i v = xdd_i,ref, the contacts first, then level by level.
+    """Rows J_i dv + Jdot_i v = xdd_i,ref, the contacts first, then level by level."""
 
-    Attributes:
-        jacobian: J_i, stacked.
-        drift: Jdot_i v, stacked.
-        reference: xdd_i,ref, stacked.
-        scale: what a row is multiplied by where ranks are decided: its weight over the mobility
-            sqrt(J M^-1 J^T) that its block of rows has in the home posture.
-        slices: rows of each level; a robot on a fixed base has an empty first one.
-    """
-
-    jacobian: Float64[np.ndarray, "t nv"]
-    drift: Float64[np.ndarray, " t"]
-    reference: Float64[np.ndarray, " t"]
+    jacobian: Float64[np.ndarray, "t nv"]  # J_i, stacked
+    drift: Float64[np.ndarray, " t"]  # Jdot_i v, stacked
+    reference: Float64[np.ndarray, " t"]  # xdd_i,ref, stacked
+    # What a row is multiplied by where ranks are decided: its weight over the mobility sqrt(J M^-1
+    # J^T) that its block of rows has in the home posture
     scale: Float64[np.ndarray, " t"]
-    slices: list[slice]
+    slices: list[slice]  # rows of each level; a robot on a fixed base has an empty first one
 
     @property
     def target(self) -> Float64[np.ndarray, " t"]:

@@ -20,17 +20,12 @@ from benchmarks.hqp.race import COLD, WARM, Lap
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
-    """A step function of one method.
+    """A step function of one method."""
 
-    Attributes:
-        method: its name.
-        factors: of the quickest method's time, in rising order; each at least 1.
-        shares: of all problems that are solved within each of them.
-    """
-
-    method: str
+    method: str  # its name
+    # Of the quickest method's time, in rising order; each at least 1
     factors: Float64[np.ndarray, " solved"]
-    shares: Float64[np.ndarray, " solved"]
+    shares: Float64[np.ndarray, " solved"]  # of all problems that are solved within each of them
 
     def at(self, factor: float) -> float:
         """Share of all problems solved within a factor of the quickest method's time.

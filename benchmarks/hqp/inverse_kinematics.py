@@ -131,19 +131,13 @@ _LOST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Singularity:
-    """A posture in which a hand loses a direction.
+    """A posture in which a hand loses a direction."""
 
-    Attributes:
-        robot: name of a robot with a fixed base.
-        posture: joint angles there, those not named as at home [rad].
-        leaves: signs by which joints leave it.
-        trunk: a frame that is held above the hands; None for none.
-    """
-
-    robot: str
-    posture: dict[str, float]
+    robot: str  # name of a robot with a fixed base
+    posture: dict[str, float]  # joint angles there, those not named as at home [rad]
+    # Signs by which joints leave it
     leaves: dict[str, float] = field(default_factory=dict[str, float])
-    trunk: str | None = None
+    trunk: str | None = None  # a frame that is held above the hands; None for none
 
 
 def singular_problems(
@@ -223,21 +217,13 @@ _SUPPORT = np.array([0.06, 0.08])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Where hands and eyes go.
+    """Courses of hands and eyes."""
 
-    Attributes:
-        right: target of the right hand [m].
-        left: of the left hand [m].
-        gaze: point to look at [m].
-        speed: share of the joints' velocity limits that may be used.
-        before: ticks before the first problem that is kept.
-    """
-
-    right: tuple[float, float, float]
-    left: tuple[float, float, float]
-    gaze: tuple[float, float, float]
-    speed: float = 1.0
-    before: int = 150
+    right: tuple[float, float, float]  # target of the right hand [m]
+    left: tuple[float, float, float]  # of the left hand [m]
+    gaze: tuple[float, float, float]  # point to look at [m]
+    speed: float = 1.0  # share of the joints' velocity limits that may be used
+    before: int = 150  # ticks before the first problem that is kept
 
 
 def humanoid_problems(

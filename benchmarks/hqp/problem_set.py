@@ -162,22 +162,16 @@ _HEADER = {"name": "U", "family": "U", "description": "U", "poise": "U", "consec
 class ProblemSequence:
     """Problems of one origin, in order.
 
-    Attributes:
-        name: unique, in small letters, digits and single hyphens; stem of the file's name.
-        family: one of `FAMILIES`.
-        description: one sentence for tables and files.
-        consecutive: whether neighbours are one tick apart, so that warm starts make sense.
-        problems: at least one; all of the same shape where they are consecutive.
-
     Raises:
         ConfigurationError: a name that is none, no problems, or shapes that change between ticks.
         UnknownNameError: no such family.
     """
 
-    name: str
-    family: str
-    description: str
-    consecutive: bool
+    name: str  # unique, in small letters, digits and single hyphens; stem of the file's name
+    family: str  # one of `FAMILIES`
+    description: str  # one sentence for tables and files
+    consecutive: bool  # whether neighbours are one tick apart, so that warm starts make sense
+    # At least one; all of the same shape where they are consecutive
     problems: tuple[HierarchicalProblem, ...]
 
     def __post_init__(self) -> None:
@@ -316,21 +310,13 @@ Make = Callable[[int, Progress | None], Iterable[HierarchicalProblem]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
-    """What a sequence is and how it is made.
+    """A sequence and its origin."""
 
-    Attributes:
-        name: of the sequence.
-        family: one of `FAMILIES`.
-        description: one sentence.
-        consecutive: whether neighbours are one tick apart.
-        make: makes its problems.
-    """
-
-    name: str
-    family: str
-    description: str
-    consecutive: bool
-    make: Make
+    name: str  # of the sequence
+    family: str  # one of `FAMILIES`
+    description: str  # one sentence
+    consecutive: bool  # whether neighbours are one tick apart
+    make: Make  # makes its problems
 
     def sequence(self, count: int, progress: Progress | None = None) -> ProblemSequence:
         """Makes the sequence.

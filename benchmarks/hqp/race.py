@@ -93,31 +93,19 @@ class Runner:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lap:
-    """One method on one sequence, judged.
+    """One method on one sequence, judged."""
 
-    Attributes:
-        sequence: name of the sequence.
-        family: of the sequence.
-        method: name of the method.
-        start: `COLD` or `WARM`.
-        seconds: of each solve that counts [s]; NaN where there was none.
-        claimed: whether the method said that it had the answer.
-        right: whether its point is as good as the best known.
-        gaps: see `Verdict`; NaN where there is no point.
-        cost_gaps: likewise; NaN where a level differs.
-        statuses: how each solve ended.
-    """
-
-    sequence: str
-    family: str
-    method: str
-    start: str
+    sequence: str  # name of the sequence
+    family: str  # of the sequence
+    method: str  # name of the method
+    start: str  # `COLD` or `WARM`
+    # Of each solve that counts [s]; NaN where there was none
     seconds: Float64[np.ndarray, " count"]
-    claimed: Bool[np.ndarray, " count"]
-    right: Bool[np.ndarray, " count"]
-    gaps: Float64[np.ndarray, " count"]
-    cost_gaps: Float64[np.ndarray, " count"]
-    statuses: tuple[str, ...]
+    claimed: Bool[np.ndarray, " count"]  # whether the method said that it had the answer
+    right: Bool[np.ndarray, " count"]  # whether its point is as good as the best known
+    gaps: Float64[np.ndarray, " count"]  # see `Verdict`; NaN where there is no point
+    cost_gaps: Float64[np.ndarray, " count"]  # the same of the cost; NaN where a level differs
+    statuses: tuple[str, ...]  # how each solve ended
 
     @property
     def solved(self) -> Bool[np.ndarray, " count"]:

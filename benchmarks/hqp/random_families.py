@@ -156,15 +156,11 @@ _STEPS = 4096.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """How fast the active set changes.
+    """Speed at which the active set changes."""
 
-    Attributes:
-        changes: rows that become active or inactive a tick, on the average where it is not whole.
-        seed: of everything random.
-    """
-
+    # Rows that become active or inactive a tick, on the average where it is not whole
     changes: float
-    seed: int = 0
+    seed: int = 0  # of everything random
 
     def __post_init__(self) -> None:
         if not 0.0 < self.changes <= _SWINGING / 4:

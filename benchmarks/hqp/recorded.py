@@ -31,22 +31,15 @@ _PATIENCE = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Which ticks of a scenario are recorded.
+    """Which ticks of a scenario are recorded."""
 
-    Attributes:
-        scenario: name of a shipped scenario.
-        robot: name of a robot.
-        at: from when on [s].
-        begins: with how many active contacts it begins, at the tick where their number changes to
-            it; None for the tick at `at`.
-        plan: the controller; the scenario's own when None.
-    """
-
-    scenario: str
-    robot: str
-    at: float
+    scenario: str  # name of a shipped scenario
+    robot: str  # name of a robot
+    at: float  # from when on [s]
+    # With how many active contacts it begins, at the tick where their number changes to it; None
+    # for the tick at `at`
     begins: int | None = None
-    plan: ControllerPlan | None = None
+    plan: ControllerPlan | None = None  # the controller; the scenario's own when None
 
 
 def record_window(

@@ -60,50 +60,30 @@ _PUSH_EVERY = (2.0, 4.0)
 
 @dataclass(frozen=True, kw_only=True)
 class AblationTrial:
-    """A run.
+    """A run."""
 
-    Attributes:
-        seed: of everything random.
-        leader: `TELEOPERATION` or `WALKING`.
-        robot: its name.
-        condition: what is not as the controller takes it to be.
-        operator: of `OPERATORS`; "" for random velocities of a walk.
-        push: change of velocity by each push [m/s].
-        off: names of mechanisms that are switched off.
-        seconds: length unless the robot falls [s].
-    """
-
-    seed: int
-    leader: str
-    robot: str
-    condition: str
-    operator: str
-    push: float
-    off: tuple[str, ...]
-    seconds: float
+    seed: int  # of everything random
+    leader: str  # `TELEOPERATION` or `WALKING`
+    robot: str  # its name
+    condition: str  # what is not as the controller takes it to be
+    operator: str  # of `OPERATORS`; "" for random velocities of a walk
+    push: float  # change of velocity by each push [m/s]
+    off: tuple[str, ...]  # names of mechanisms that are switched off
+    seconds: float  # length unless the robot falls [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class AblationOutcome:
-    """The end of a run.
+    """The end of a run."""
 
-    Attributes:
-        trial: the run.
-        fell: whether the robot fell, which ends the run.
-        time: when the run ended [s].
-        torque_steps: changes of a torque from tick to tick by more than half its limit.
-        trace: height and velocities at the end; runs with another motion have another number.
-        acts: by mechanism that is on, the calls in which it acts.
-        error: what went wrong in a run that has no outcome; "" for nothing.
-    """
-
-    trial: AblationTrial
-    fell: bool
-    time: float
-    torque_steps: int
-    trace: float
+    trial: AblationTrial  # the run
+    fell: bool  # whether the robot fell, which ends the run
+    time: float  # when the run ended [s]
+    torque_steps: int  # changes of a torque from tick to tick by more than half its limit
+    trace: float  # height and velocities at the end; runs with another motion have another number
+    # By mechanism that is on, the calls in which it acts
     acts: dict[str, int] = field(default_factory=dict[str, int])
-    error: str = ""
+    error: str = ""  # what went wrong in a run that has no outcome; "" for nothing
 
 
 def draw(seed: int, seconds: float = SECONDS) -> AblationTrial:

@@ -26,23 +26,14 @@ PUSHED, TELEOPERATED = "pushed", "teleoperated"
 
 @dataclass(frozen=True, kw_only=True)
 class CellTrial:
-    """Run with load cells of a kind.
+    """Run with load cells of a kind."""
 
-    Attributes:
-        robot: name.
-        leader: standing, walking, driven at random, pushed or teleoperated.
-        cells: a fault, see `cell_fault`.
-        foot: with the fault, 0 for the left one.
-        seed: of noise and commands.
-        seconds: length [s].
-    """
-
-    robot: str
-    leader: str
-    cells: str
-    foot: int
-    seed: int
-    seconds: float
+    robot: str  # name
+    leader: str  # standing, walking, driven at random, pushed or teleoperated
+    cells: str  # a fault, see `cell_fault`
+    foot: int  # with the fault, 0 for the left one
+    seed: int  # of noise and commands
+    seconds: float  # length [s]
 
 
 def run_cells(trial: CellTrial) -> Outcome:

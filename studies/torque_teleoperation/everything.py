@@ -1,4 +1,4 @@
-"""`EverythingOperator`: feet, hands, head, body and stick at once, all of them at random.
+"""`EverythingOperator`: feet, hands, head, body and stick, all of them at random.
 
 `everything_section`: robots that it leads.
 """
@@ -95,19 +95,12 @@ def _quaternion(turn: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "4"]:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One run under the operator.
+    """One run under the operator."""
 
-    Attributes:
-        robot: its name.
-        condition: a case of the campaign of bad operators.
-        seed: of everything random.
-        seconds: length unless the robot falls [s].
-    """
-
-    robot: str
-    condition: str
-    seed: int
-    seconds: float
+    robot: str  # its name
+    condition: str  # a case of the campaign of bad operators
+    seed: int  # of everything random
+    seconds: float  # length unless the robot falls [s]
 
 
 DESCRIBED, MIXED = "as described", "all of them"
