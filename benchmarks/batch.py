@@ -11,7 +11,7 @@ from time import perf_counter, thread_time
 import numpy as np
 
 from benchmarks.recording import STACKS, Progress, Recording, bench_stack, record_run
-from benchmarks.result import Figure, Result, text_table
+from benchmarks.result import Figure, Result
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
@@ -197,27 +197,3 @@ def batch_figures(results: Sequence[BatchResult]) -> list[Figure]:
             ),
         ]
     return figures
-
-
-def format_batch_table(results: Sequence[BatchResult]) -> str:
-    """Times of a state, what threads gain, and the figures, for a terminal."""
-    heads = ("single", "batch", "ratio", "first", "threads", "processes")
-    rows = [
-        (
-            f"{r.robot}, {r.stack}, {r.states} states",
-            [
-                f"{r.single_us:.0f}",
-                f"{r.batch_us:.0f}",
-                f"{r.batch_over_single:.2f}",
-                f"{r.first_us:.0f}",
-                f"{r.threads:.2f}",
-                f"{r.processes:.2f}",
-            ],
-            "",
-        )
-        for r in results
-    ]
-    lines = ["processor time of a state [us], and what two threads and processes do by one:"]
-    lines += text_table(heads, rows)
-    lines += [figure.words() for figure in batch_figures(results)]
-    return "\n".join(lines)

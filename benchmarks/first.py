@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.recording import Progress
-from benchmarks.result import Figure, Result, text_table
+from benchmarks.result import Figure, Result
 from poise.control import CONTROLLERS
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 
@@ -149,32 +149,3 @@ def first_figures(results: Sequence[FirstResult]) -> list[Figure]:
         name = f"{result.process}: {what}, {result.controller} on {result.robot} [s]"
         figures.append(Figure(name=name, bound=bound, ours=ours, ok=ours <= bound))
     return figures
-
-
-_HEADS = ("import", "robot", "controller", "by wall", "tick us", "runs")
-
-
-def format_first_table(results: Sequence[FirstResult]) -> str:
-    """The parts, and the figures, for a terminal."""
-    rows = [
-        (
-            r.process,
-            [
-                *(f"{s:.2f}" for s in (r.import_s, r.robot_s, r.controller_s)),
-                f"{r.controller_wall_s:.2f}",
-                f"{r.tick_us:.0f}",
-                str(r.runs),
-            ],
-            "",
-        )
-        for r in results
-    ]
-    first = results[0]
-    title = f"{first.controller} on {first.robot}, processor time [s], 10th percentile of the runs:"
-    return "\n".join(
-        [
-            title,
-            *text_table(_HEADS, rows, 10),
-            *(figure.words() for figure in first_figures(results)),
-        ]
-    )

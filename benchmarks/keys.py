@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.recording import Progress
-from benchmarks.result import Figure, Result, text_table
+from benchmarks.result import Figure, Result
 from poise.apps.live import LiveSession
 from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 from poise.robots import load_robot
@@ -123,18 +123,6 @@ def keys_figures(results: Sequence[KeysResult]) -> list[Figure]:
         for r in results
         for what, ours in (("median", r.p50_ms), ("99th percentile", r.p99_ms))
     ]
-
-
-def format_keys_table(results: Sequence[KeysResult]) -> str:
-    """The times, and the figures, for a terminal."""
-    rows = [(r.event, [f"{ms:.2f}" for ms in (r.p50_ms, r.p99_ms, r.max_ms)], "") for r in results]
-    figures = [figure.words() for figure in keys_figures(results)]
-    first = results[0]
-    head = (
-        f"{first.robot}, {first.presses} presses ({first.stalls} lost to stalls), times in ms, "
-        f"real-time factor {first.real_time_factor:.2f}"
-    )
-    return "\n".join([head, *text_table(("p50", "p99", "max"), rows), "", *figures])
 
 
 class _Page:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.recording import Progress
-from benchmarks.result import Figure, Result, text_table
+from benchmarks.result import Figure, Result
 from poise.apps.live import LiveSession
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, VELOCITY_TELEOP_PLANT
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
@@ -140,18 +140,6 @@ def latency_figures(results: Sequence[LatencyResult]) -> list[Figure]:
         Figure(name=f"{name}: {what} [ms]", bound=BOUND_MS, ours=ours, ok=ours <= BOUND_MS)
         for what, ours in spans.items()
     ]
-
-
-def format_latency_table(results: Sequence[LatencyResult]) -> str:
-    """The stages, and the figures, for a terminal."""
-    first = results[0]
-    rows = [(r.stage, [f"{ms:.2f}" for ms in (r.p50_ms, r.p99_ms, r.max_ms)], "") for r in results]
-    figures = [figure.words() for figure in latency_figures(results)]
-    head = (
-        f"{first.robot}, {first.actuation}, {first.messages} messages, times in ms, "
-        f"real-time factor {first.real_time_factor:.2f}"
-    )
-    return "\n".join([head, *text_table(("p50", "p99", "max"), rows), "", *figures])
 
 
 def _send(session: LiveSession, count: int, rate: float, progress: Progress | None) -> None:

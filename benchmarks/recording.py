@@ -133,7 +133,7 @@ class Path:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Loop:
-    """A point that goes round: centre + displacement s(t) + amplitude r(t) sin(2 pi f t + phase)"""
+    """A point on centre + displacement s(t) + amplitude r(t) sin(2 pi f t + phase)."""
 
     centre: Float64[np.ndarray, "3"]  # where it is before anything moves [m]
     # Of the centre, by a motion of least jerk with the phase s [m]

@@ -1,6 +1,6 @@
 """`TickResult`: what one method needed, as JSON and as a table for a terminal."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -132,6 +132,25 @@ def spread_us(seconds: Float64[np.ndarray, " ticks"], digits: int = 1) -> dict[s
     if not len(seconds):
         return dict.fromkeys(percents)
     return {k: round(1e6 * float(np.percentile(seconds, p)), digits) for k, p in percents.items()}
+
+
+def result_table(results: Sequence[Result]) -> str:
+    """A row a figure and a column a result, for a terminal."""
+    columns = [_flat(result.to_json()) for result in results]
+    rows = [(key, [column[key] for column in columns], "") for key in columns[0]]
+    width = max(len(cell) for _, cells, _ in rows for cell in cells)
+    return "\n".join(text_table([""] * len(columns), rows, width)[1:])
+
+
+def _flat(figures: Mapping[str, Any]) -> dict[str, str]:
+    """Figures as words, those of a part under its name."""
+    found: dict[str, str] = {}
+    for key, value in figures.items():
+        if isinstance(value, Mapping):
+            found |= {f"{key} {part}": text for part, text in _flat(value).items()}
+        else:
+            found[key] = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return found
 
 
 def text_table(

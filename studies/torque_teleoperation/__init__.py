@@ -1,4 +1,4 @@
-"""The study of step teleoperation at torque level: the paper's scenarios, and a random operator of everything."""
+"""The study of step teleoperation at torque level: scenarios, and a random operator."""
 
 from studies.plan import Part, StudyPlan
 from studies.torque_teleoperation.everything import everything_section
