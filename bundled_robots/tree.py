@@ -131,9 +131,9 @@ def _add_link(root: ET.Element, link: Link) -> None:
     element = ET.SubElement(root, "link", name=link.name)
     inertia = combined_inertia(link.shapes, link.mass)
     inertial = ET.SubElement(element, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_text(inertia.com), rpy="0 0 0")
+    ET.SubElement(inertial, "origin", xyz=_text(inertia.lever), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=repr(float(inertia.mass)))
-    matrix = inertia.matrix
+    matrix = inertia.inertia
     ET.SubElement(
         inertial,
         "inertia",

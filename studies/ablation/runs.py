@@ -1,6 +1,5 @@
 """`draw` and `pushed`: a run of the design. `run`: makes it. `Rows`: the file of outcomes."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -9,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from poise.apps.campaigns import RowLog
 from poise.apps.scenarios import Scenario
 from studies.ablation.mechanisms import MECHANISMS, Mechanism, counted, without
 from studies.staged import episode, pushes_on_torso, random_velocities, run_staged
@@ -181,39 +181,22 @@ def _scenario(trial: AblationTrial) -> Scenario:
 
 
 class Rows:
-    """A file with a line of JSON for each run."""
+    """A file with a line of JSON for each run; one that a run left unfinished is passed over."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def read(self) -> list[AblationOutcome]:
-        """All whole lines; one that a run left unfinished as it died is passed over."""
-        if not self.path.exists():
-            return []
-        lines = self.path.read_text(encoding="utf-8").split("\n")
-        return [_outcome(json.loads(line)) for line in lines[:-1] if line]
+        """All whole lines."""
+        return [_outcome(dict(row)) for row in RowLog(self.path).rows]
 
     def append(self, outcome: AblationOutcome) -> None:
         """Write a line, behind a whole one."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("a+b") as file:
-            size = file.seek(0, 2)
-            if size:
-                file.seek(size - 1)
-                if file.read(1) != b"\n":
-                    _cut_last_line(self.path)
-            row = asdict(outcome)
-            row = {**row.pop("trial"), **row}
-            file.write(json.dumps(row).encode() + b"\n")
+        row = asdict(outcome)
+        RowLog(self.path).add({**row.pop("trial"), **row})
 
 
-def _cut_last_line(path: Path) -> None:
-    with path.open("r+b") as file:
-        file.truncate(file.read().rfind(b"\n") + 1)
-
-
-def _outcome(row: dict[str, object]) -> AblationOutcome:
-    names = AblationTrial.__dataclass_fields__
-    trial = {name: row.pop(name) for name in names}
-    trial["off"] = tuple(trial["off"])  # type: ignore[arg-type]
-    return AblationOutcome(trial=AblationTrial(**trial), **row)  # type: ignore[arg-type]
+def _outcome(row: dict[str, Any]) -> AblationOutcome:
+    trial = {name: row.pop(name) for name in AblationTrial.__dataclass_fields__}
+    trial["off"] = tuple(trial["off"])
+    return AblationOutcome(trial=AblationTrial(**trial), **row)
