@@ -91,13 +91,6 @@ def bench_latency(plan: LatencyBench, progress: Progress | None = None) -> list[
     Both read the machine's monotonic clock. Stages: the client sends a message; it has arrived; the
     robot's loop takes it at a tick's beginning; the controller has its command.
 
-    Args:
-        plan: what to time.
-        progress: told how many messages were taken.
-
-    Returns:
-        A result for each of `STAGES`.
-
     Raises:
         PoiseError: the robot cannot be walked, or hardly any message arrives.
     """

@@ -55,9 +55,6 @@ class JointSensors:
 
     Without an encoder both are exact. With one, the angle is quantised and the velocity is the
     backward difference of quantised angles, as in (Park, Jin, Kang 2022); the robot starts at rest.
-
-    Args:
-        encoder: of all joints; None for exact angles.
     """
 
     def __init__(self, encoder: Encoder | None = None) -> None:

@@ -50,12 +50,6 @@ def share_joints(total: int) -> JointCount:
 
     33 joints give arms of 8, a waist of 3 and a head of 2. With fewer, the arms shrink to 4 first
     and then the waist and the head; with more, all three grow.
-
-    Args:
-        total: joints of the whole robot.
-
-    Returns:
-        The count for each part.
     """
     free = total - 2 * LEG_JOINTS
     if free <= _FULL_UNCONSTRAINED:

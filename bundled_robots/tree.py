@@ -70,26 +70,17 @@ class Tree:
 
     def connect(
         self,
-        hinge: Hinge,
-        parent: str,
-        child: str,
+        hinge: Hinge,  # name, axis, limits
+        parent: str,  # the link it hangs from
+        child: str,  # the link it moves
         *,
-        at: tuple[float, float, float],
-        velocity: float,
-        strength: float = 1.0,
+        at: tuple[float, float, float],  # its place in the parent [m]
+        velocity: float,  # velocity limit [rad/s]
+        strength: float = 1.0,  # factor on the torque limit
+        # Of a pair; on the right, limits about x and z are mirrored
         side: Literal["left", "right"] | None = None,
     ) -> None:
-        """Add a hinge between two links.
-
-        Args:
-            hinge: name, axis, limits.
-            parent: the link it hangs from.
-            child: the link it moves.
-            at: its place in the parent [m].
-            velocity: velocity limit [rad/s].
-            strength: factor on the torque limit.
-            side: of a pair; on the right, limits about x and z are mirrored.
-        """
+        """Add a hinge between two links."""
         low, high = (math.radians(angle) for angle in hinge.span)
         if side == "right" and hinge.axis != "y":
             low, high = -high, -low

@@ -149,11 +149,7 @@ class Finding:
 
 
 def number_text(value: int | float | None) -> str:
-    """A number for readers: whole numbers exactly, others with three or four figures.
-
-    Args:
-        value: the number; None gives a dash.
-    """
+    """A number for readers: whole numbers exactly, others with three or four figures."""
     if value is None:
         return "–"
     if isinstance(value, int) or 1e3 <= abs(value) < _IN_FULL:

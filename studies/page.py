@@ -22,14 +22,6 @@ def write_study(study: Study, folder: Path) -> Path:
 
     The same study gives the same bytes. A file that is there already is replaced in one step, so
     that an interruption leaves the former one.
-
-    Args:
-        study: complete, or as far as it came.
-        folder: where `study.json`, `study.html`, a file `NAME.svg` for each figure and `NAME.mp4`
-            for each video go; made if it does not exist.
-
-    Returns:
-        Path of the page.
     """
     folder.mkdir(parents=True, exist_ok=True)
     findings = [finding.to_json() for finding in study.findings]
@@ -50,11 +42,7 @@ def _replace(path: Path, content: str | bytes) -> None:
 
 
 def page_html(study: Study) -> str:
-    """Return the whole page, which refers to nothing outside itself.
-
-    Args:
-        study: complete, or as far as it came.
-    """
+    """Return the whole page, which refers to nothing outside itself."""
     words = verdict(study)
     mark = "✓" if study.ok else "✗"
     return render_page(

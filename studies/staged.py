@@ -59,22 +59,14 @@ def _robot(name: str) -> Robot:
 
 
 def episode(
-    campaign: str,
-    case: str,
-    robot: str,
-    seed: int,
-    seconds: float,
-    values: Mapping[str, Any] | None = None,
+    campaign: str,  # its file, without the suffix
+    case: str,  # of the campaign
+    robot: str,  # name
+    seed: int,  # of all that is drawn
+    seconds: float,  # length [s]; what would begin later is left out
+    values: Mapping[str, Any] | None = None,  # of further fields, by path
 ) -> Scenario:
     """Draw the scenario of a case of a campaign.
-
-    Args:
-        campaign: its file, without the suffix.
-        case: of the campaign.
-        robot: name.
-        seed: of all that is drawn.
-        seconds: length [s]; what would begin later is left out.
-        values: of further fields, by path.
 
     Raises:
         UnknownNameError: the campaign has no such case.
@@ -161,13 +153,7 @@ class TorqueSteps:
 def run_staged(
     scenario: Scenario, operator: MakeDevice | None = None, fault: Fault | None = None
 ) -> Outcome:
-    """Run a scenario to its end or a fall.
-
-    Args:
-        scenario: see `episode`.
-        operator: in place of the scenario's own, of a robot that hands walk.
-        fault: changes the measurements before the estimator.
-    """
+    """Run a scenario to its end or a fall."""
     stage = stage_scenario(scenario, _robot(scenario.robot))
     leader, plant, estimator = stage.leader, stage.plant, stage.estimator
     by_hand = leader if isinstance(leader, StepTeleoperator) else None

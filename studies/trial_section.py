@@ -92,15 +92,7 @@ class TrialSection:
 
 
 def findings_of(case: Case, outcomes: Sequence[Any]) -> list[Finding]:
-    """Compare a case with what is asked of it.
-
-    Args:
-        case: the case.
-        outcomes: of its trials.
-
-    Returns:
-        A finding on failures where something is asked of them, and one for each bound.
-    """
+    """Compare a case with what is asked of it."""
     findings: list[Finding] = []
     if case.allowed is not None:
         failures, allowed = sum(map(case.failed, outcomes)), case.allowed(outcomes)

@@ -48,12 +48,7 @@ class HqpResult(Result):
 
 
 def hqp_results(sequences: Sequence[ProblemSequence], laps: Sequence[Lap]) -> list[HqpResult]:
-    """Figures of every lap.
-
-    Args:
-        sequences: what was raced.
-        laps: one a sequence, method and start; those of `direct` among them.
-    """
+    """Figures of every lap."""
     by_name = {one.name: one for one in sequences}
     reference = {(lap.sequence, lap.start): lap for lap in laps if lap.method == REFERENCE}
     results: list[HqpResult] = []
@@ -78,12 +73,7 @@ def hqp_results(sequences: Sequence[ProblemSequence], laps: Sequence[Lap]) -> li
 
 
 def lap_figures(laps: Sequence[Lap], reference: Sequence[Lap]) -> dict[str, Any]:
-    """The fields of a result that follow from laps of one method, all solves taken together.
-
-    Args:
-        laps: on one sequence or several.
-        reference: of `direct`, on the same.
-    """
+    """The fields of a result that follow from laps of one method, all solves taken together."""
     seconds, base = (_solved_in(own) for own in (laps, reference))
     claimed = np.concatenate([lap.claimed for lap in laps])
     ratio = None
@@ -141,19 +131,14 @@ class HqpRace:
 
 
 def bench_hqp(
-    sequences: Sequence[ProblemSequence],
-    plan: HqpBench | None = None,
-    progress: Progress | None = None,
+    sequences: Sequence[ProblemSequence],  # what to race on
+    plan: HqpBench | None = None,  # methods and cap
+    progress: Progress | None = None,  # told how many problems are done, of how many
 ) -> HqpRace:
     """Races all methods on all sequences, in turn and in one process, and judges their points.
 
     Every method starts cold on every problem; where neighbours are one tick apart, a second
     workspace of each goes through them warm, beside the first.
-
-    Args:
-        sequences: what to race on.
-        plan: methods and cap.
-        progress: told how many problems are done, of how many.
 
     Raises:
         ConfigurationError: no sequences, or warm ones of a single problem.

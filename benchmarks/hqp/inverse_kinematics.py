@@ -85,11 +85,6 @@ def planar_problems(
 
     The elbows go through zero together; at problem number `count // 2` the arm is stretched, and
     the hand still wants to go on.
-
-    Args:
-        links: of the arm, each as long as the others, 1 m together.
-        count: how many ticks.
-        progress: told how many are done.
     """
     share = 1.0 / np.arange(1, links)
     rest = np.concatenate(([0.3], np.full(links - 1, _BEND)))
@@ -176,12 +171,7 @@ def singular_problems(
 
 
 def hand_jacobians(robot: Robot, dynamics: Dynamics) -> list[Float64[np.ndarray, "6 nv"]]:
-    """Jacobians of the robot's hands.
-
-    Args:
-        robot: the robot.
-        dynamics: its state, up to date.
-    """
+    """Jacobians of the robot's hands."""
     return [dynamics.frame(robot.frame_id(hand)).jacobian for hand in robot.hands]
 
 
@@ -231,17 +221,12 @@ def humanoid_problems(
 ) -> Generator[HierarchicalProblem]:
     """Follows the velocities that are solved for, and keeps the problems after a while.
 
-        level 1   joint limits
-        level 2   both feet stay, the COM stays above its rectangle
-        level 3   right hand
-        level 4   left hand
-        level 5   gaze
-        level 6   posture
-
-    Args:
-        reach: where to.
-        count: how many ticks.
-        progress: told how many are done, those before the first problem among them.
+    level 1   joint limits
+    level 2   both feet stay, the COM stays above its rectangle
+    level 3   right hand
+    level 4   left hand
+    level 5   gaze
+    level 6   posture
     """
     robot = load_robot(_ROBOT)
     dynamics, solver = Dynamics(robot), make_solver("direct")

@@ -81,9 +81,6 @@ def best_known(points: Sequence[Measured]) -> Best:
     On each level, of the points that tie on all levels above, those with the least residual come
     into question, up to `TIE_TOLERANCE`; where they are several, the one leads with which most
     points tie. What ties with the leader goes on to the next level.
-
-    Args:
-        points: at least one, of the same problem.
     """
     tied = list(points)
     residuals: list[float] = []

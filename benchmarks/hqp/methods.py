@@ -300,11 +300,7 @@ QUICK = ("direct", "daqp-hard", "daqp-hierarchical")
 
 
 def is_quick(method: str) -> bool:
-    """Whether a method takes turns with the quick ones, which leave it a warm cache.
-
-    Args:
-        method: one of `METHODS`.
-    """
+    """Whether a method takes turns with the quick ones, which leave it a warm cache."""
     return method.partition("/")[0] in QUICK
 
 
@@ -321,9 +317,6 @@ def what_is_missing() -> tuple[str, ...]:
 
 def checked_methods(names: Sequence[str] | None) -> tuple[str, ...]:
     """Everything that is raced: what was asked for, the reference before it.
-
-    Args:
-        names: of `METHODS`; the usual ones when None.
 
     Raises:
         UnknownNameError: no such method.

@@ -60,11 +60,7 @@ class _Pool:
 
 
 def pack_problems(problems: Sequence[HierarchicalProblem]) -> dict[str, np.ndarray]:
-    """The arrays of a file, without its header.
-
-    Args:
-        problems: at least one.
-    """
+    """The arrays of a file, without its header."""
     ragged = (*FLOATS, "rows", "level_names", "label_rows", "label_names")
     pools = {key: _Pool() for key in ragged}
     for problem in problems:
@@ -198,15 +194,7 @@ class ProblemSequence:
 
 
 def save_sequence(sequence: ProblemSequence, folder: Path) -> Path:
-    """Writes a sequence to `folder/NAME.npz`; two saves of equal numbers give equal bytes.
-
-    Args:
-        sequence: what to write.
-        folder: made if it is not there.
-
-    Returns:
-        The file.
-    """
+    """Writes a sequence to `folder/NAME.npz`; two saves of equal numbers give equal bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{sequence.name}.npz"
     arrays = {
@@ -251,9 +239,6 @@ def load_sequence(path: Path) -> ProblemSequence:
 
 def load_folder(folder: Path) -> tuple[ProblemSequence, ...]:
     """Reads every `.npz` of a folder, in the order of their names.
-
-    Args:
-        folder: with at least one.
 
     Raises:
         ProblemError: there is none, or one that cannot be read.
@@ -320,10 +305,6 @@ class Source:
 
     def sequence(self, count: int, progress: Progress | None = None) -> ProblemSequence:
         """Makes the sequence.
-
-        Args:
-            count: how many problems; fewer where the phase that is recorded ends before.
-            progress: told how far it is.
 
         Raises:
             ConfigurationError: `count` is not positive.

@@ -31,11 +31,6 @@ def make_sequence(name: str, count: int, progress: Progress | None = None) -> Pr
 
     Recorded ones are simulated for it, which takes seconds.
 
-    Args:
-        name: one of `sequence_names()`.
-        count: how many problems; a recorded sequence has fewer where its phase is shorter.
-        progress: told how far it is.
-
     Raises:
         UnknownNameError: no such sequence.
         ConfigurationError: `count` is not positive.
@@ -48,14 +43,6 @@ def make_sequence(name: str, count: int, progress: Progress | None = None) -> Pr
 
 def save_all(folder: Path, count: int, progress: Progress | None = None) -> tuple[Path, ...]:
     """Makes and saves every sequence.
-
-    Args:
-        folder: where to; made if it is not there.
-        count: how many problems of each.
-        progress: told how many sequences are done.
-
-    Returns:
-        The files, in the order of `sequence_names()`.
 
     Raises:
         PoiseError: a robot or the simulator is not installed.

@@ -85,14 +85,7 @@ def family_knobs(turn: Turn, seed: int, number: int) -> Knobs:
 def random_problems(
     turn: Turn, seed: int, count: int, progress: Progress | None = None
 ) -> Generator[HierarchicalProblem]:
-    """Problems of a family; the first ones are the same however many there are.
-
-    Args:
-        turn: what the family is about.
-        seed: of the family.
-        count: how many.
-        progress: told how many are done.
-    """
+    """Problems of a family; the first ones are the same however many there are."""
     for number in range(count):
         rng = _rng(seed, number)
         yield random_hierarchy(rng, turn(base_knobs(rng), number)).problem

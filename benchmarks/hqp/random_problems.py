@@ -106,15 +106,7 @@ class RandomHierarchy:
 
 
 def random_hierarchy(rng: np.random.Generator, knobs: Knobs) -> RandomHierarchy:
-    """Makes a hierarchy.
-
-    Args:
-        rng: source of everything that is not asked for.
-        knobs: what is.
-
-    Returns:
-        A problem of one level more than `knobs.levels`; in each, equalities come first.
-    """
+    """Makes a hierarchy."""
     n = knobs.variables
     x = rng.standard_normal(n)
     limits = _short(rng, knobs.limits, n)
@@ -148,11 +140,7 @@ def random_hierarchy(rng: np.random.Generator, knobs: Knobs) -> RandomHierarchy:
 
 
 def balance(made: RandomHierarchy) -> None:
-    """Writes the linear cost by which the optimum is one with these multipliers.
-
-    Args:
-        made: whose problem gets a new `g`.
-    """
+    """Writes the linear cost by which the optimum is one with these multipliers."""
     problem, n = made.problem, made.problem.n
     problem.g[:] = -(problem.H @ made.x)
     problem.g -= made.multipliers[:n] + problem.A.T @ made.multipliers[n:]

@@ -49,11 +49,6 @@ def record_window(
 
     It ends early where the shape of the problem changes: a foot lands or lifts off.
 
-    Args:
-        window: which ticks.
-        count: how many at most.
-        progress: told how many ticks of the run are done; what is not needed is not run.
-
     Raises:
         PoiseError: the robot is not installed, it fell, or what should begin did not.
     """
@@ -91,10 +86,6 @@ def record_window(
 
 def problem_of(controller: object) -> HierarchicalProblem:
     """The hierarchical problem of a controller's last tick, in the controller's own storage.
-
-    Args:
-        controller: one that solves one: whole-body; reduced, whose LQP 1 it is, or the whole
-            problem where it took that; or differential inverse kinematics by "hqp".
 
     Raises:
         PoiseError: it solves none, or has not solved one yet.
@@ -136,22 +127,14 @@ _AHEAD = 20
 
 
 def record_stance(
-    robot: str,
-    stance: str,
-    stack: str,
-    controller: str,
-    count: int,
-    progress: Progress | None = None,
+    robot: str,  # name of a biped
+    stance: str,  # one of `STANCES`
+    stack: str,  # one of `STACKS`
+    controller: str,  # "whole_body" or "reduced"
+    count: int,  # how many ticks at most; fewer where the shape of the problem changes
+    progress: Progress | None = None,  # told how many thousandths of the simulation are done
 ) -> Generator[HierarchicalProblem]:
     """Lets a robot's COM and hands go round, see `record_run`, and copies a controller's problems.
-
-    Args:
-        robot: name of a biped.
-        stance: one of `STANCES`.
-        stack: one of `STACKS`.
-        controller: "whole_body" or "reduced".
-        count: how many ticks at most; fewer where the shape of the problem changes.
-        progress: told how many thousandths of the simulation are done.
 
     Raises:
         PoiseError: the robot fell.
@@ -180,10 +163,6 @@ def record_by_hand(count: int, progress: Progress | None = None) -> Generator[Hi
     `DifferentialIK` by "hqp" on the recorded states while the right foot is in the air: COM and
     right foot, then the pelvis' orientation, then posture, each sent to where the recording is
     0.1 s later.
-
-    Args:
-        count: how many ticks.
-        progress: told how many ticks of the walk are done.
 
     Raises:
         PoiseError: the robot fell, or the right foot was not in the air.

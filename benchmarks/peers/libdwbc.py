@@ -25,12 +25,6 @@ def write_libdwbc_handoff(urdf: Path, run: Path, recording: Recording, kind: str
     tasks by level, then for every tick q, v and, of each task that moves, position, velocity and
     acceleration of its target.
 
-    Args:
-        urdf: the robot without geometry; read and written.
-        run: file to write.
-        recording: the run.
-        kind: the stack that libdwbc should come near to; its posture is left out.
-
     Raises:
         ConfigurationError: a sole is turned against the link that carries it.
     """

@@ -32,11 +32,6 @@ URDF, RUN, RUN_WORDS = "robot.urdf", "run.npz", "run.txt"
 def write_handoff(folder: Path, recording: Recording, kind: str) -> None:
     """Writes `robot.urdf` and `run.npz`.
 
-    Args:
-        folder: where to.
-        recording: the run.
-        kind: the stack that the peer should come near to.
-
     Raises:
         ConfigurationError: the robot does not come from a URDF.
     """
@@ -139,11 +134,7 @@ kinematics."""
 
 
 def peer_variable(name: str) -> str:
-    """The environment variable that names a peer's interpreter or program.
-
-    Args:
-        name: one of `PEERS`.
-    """
+    """The environment variable that names a peer's interpreter or program."""
     return "POISE_LIBDWBC" if name in PROGRAMS else f"POISE_{name.upper()}_PYTHON"
 
 
@@ -303,11 +294,7 @@ _INSTALL = {
 
 
 def how_to_install(name: str) -> str:
-    """How to time a peer that was not timed.
-
-    Args:
-        name: one of `PEERS`.
-    """
+    """How to time a peer that was not timed."""
     if name in PROGRAMS:
         return (
             "libdwbc was not timed. docs/benchmarks.md says how its program is built; then:\n"

@@ -31,22 +31,16 @@ class LateEstimate:
     """The estimator, looking for what the robot carries, with a predictor behind it.
 
     What `poise run` and `poise drive` have, as a rollout asks them.
-
-    Args:
-        robot: the robot.
-        config: of the estimator; its defaults when None.
-        q_start: where the robot begins; home when None.
-        delay: of the sensors [s].
-        fault: changes what is measured; nothing does when None.
     """
 
     def __init__(
         self,
-        robot: Robot,
-        config: EstimatorConfig | None = None,
+        robot: Robot,  # the robot
+        config: EstimatorConfig | None = None,  # of the estimator; its defaults when None
         *,
-        q_start: Float64[np.ndarray, " nq"] | None = None,
-        delay: float = DELAY,
+        q_start: Float64[np.ndarray, " nq"] | None = None,  # where the robot begins; home when None
+        delay: float = DELAY,  # of the sensors [s]
+        # Changes what is measured; nothing does when None
         fault: Callable[[RobotState], RobotState] | None = None,
     ) -> None:
         self._fault = fault
