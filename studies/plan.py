@@ -201,7 +201,6 @@ _MODULES = {
     "bias-acceleration": "studies.bias_acceleration",
     "step-teleoperation": "studies.step_teleoperation",
     "reduced-dynamics": "studies.reduced_dynamics",
-    "bad-operator": "studies.bad_operator",
     "torque-teleoperation": "studies.torque_teleoperation",
     "locomotion": "studies.locomotion",
     "quiet": "studies.quiet",
