@@ -181,19 +181,10 @@ def batch_figures(results: Sequence[BatchResult]) -> list[Figure]:
     figures: list[Figure] = []
     for r in results:
         name = f"{r.states} states of {r.robot}, {r.stack}"
-        ours, threads = r.batch_over_single, r.threads
         figures += [
-            Figure(
-                name=f"{name}: a state of a batch over a single tick",
-                bound=DEAREST,
-                ours=ours,
-                ok=ours <= DEAREST,
+            Figure.at_most(
+                f"{name}: a state of a batch over a single tick", r.batch_over_single, DEAREST
             ),
-            Figure(
-                name=f"{name}: throughput of two threads over one",
-                bound=THROUGHPUT,
-                ours=threads,
-                ok=threads >= THROUGHPUT,
-            ),
+            Figure.at_least(f"{name}: throughput of two threads over one", r.threads, THROUGHPUT),
         ]
     return figures

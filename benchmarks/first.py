@@ -147,5 +147,5 @@ def first_figures(results: Sequence[FirstResult]) -> list[Figure]:
         ours = result.controller_s if empty else result.both_s
         what = "first controller" if empty else "import and first controller"
         name = f"{result.process}: {what}, {result.controller} on {result.robot} [s]"
-        figures.append(Figure(name=name, bound=bound, ours=ours, ok=ours <= bound))
+        figures.append(Figure.at_most(name, ours, bound))
     return figures

@@ -114,12 +114,7 @@ def bench_keys(plan: KeysBench, progress: Progress | None = None) -> list[KeysRe
 def keys_figures(results: Sequence[KeysResult]) -> list[Figure]:
     """What must hold of them."""
     return [
-        Figure(
-            name=f"key {r.event} to changed command, {r.robot}: {what} [ms]",
-            bound=BOUND_MS,
-            ours=ours,
-            ok=ours <= BOUND_MS,
-        )
+        Figure.at_most(f"key {r.event} to changed command, {r.robot}: {what} [ms]", ours, BOUND_MS)
         for r in results
         for what, ours in (("median", r.p50_ms), ("99th percentile", r.p99_ms))
     ]

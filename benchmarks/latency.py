@@ -90,9 +90,6 @@ def bench_latency(plan: LatencyBench, progress: Progress | None = None) -> list[
 
     Both read the machine's monotonic clock. Stages: the client sends a message; it has arrived; the
     robot's loop takes it at a tick's beginning; the controller has its command.
-
-    Raises:
-        PoiseError: the robot cannot be walked, or hardly any message arrives.
     """
     robot = load_robot(plan.robot)
     wanted = plan.messages + _WARM_UP
@@ -129,10 +126,7 @@ def latency_figures(results: Sequence[LatencyResult]) -> list[Figure]:
     whole = results[-1]
     name = f"{whole.stage}, {whole.robot}, {whole.actuation}"
     spans = {"median": whole.p50_ms, "99th percentile": whole.p99_ms}
-    return [
-        Figure(name=f"{name}: {what} [ms]", bound=BOUND_MS, ours=ours, ok=ours <= BOUND_MS)
-        for what, ours in spans.items()
-    ]
+    return [Figure.at_most(f"{name}: {what} [ms]", ours, BOUND_MS) for what, ours in spans.items()]
 
 
 def _send(session: LiveSession, count: int, rate: float, progress: Progress | None) -> None:

@@ -45,6 +45,16 @@ class Figure(Result):
     ours: float  # as measured
     ok: bool  # whether it holds
 
+    @classmethod
+    def at_most(cls, name: str, ours: float, bound: float) -> "Figure":
+        """A figure with an upper bound."""
+        return cls(name=name, bound=bound, ours=ours, ok=ours <= bound)
+
+    @classmethod
+    def at_least(cls, name: str, ours: float, bound: float) -> "Figure":
+        """A figure with a lower bound."""
+        return cls(name=name, bound=bound, ours=ours, ok=ours >= bound)
+
     def words(self) -> str:
         """A line for a terminal."""
         return f"{'ok  ' if self.ok else 'FAIL'}  {self.name}: {self.ours:g} ({self.bound:g})"

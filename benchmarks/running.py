@@ -217,19 +217,13 @@ def run_figures(results: Sequence[RunResult]) -> list[Figure]:
         least, share = REAL_TIME.get(r.scenario), SHARE.get(r.scenario)
         if least is not None:
             what = f"{name}: seconds simulated in one of the processor"
-            figures.append(
-                Figure(name=what, bound=least, ours=r.real_time, ok=r.real_time >= least)
-            )
-        most = {"longest garbage collection inside the loop [ms]": LONGEST_COLLECTION_MS}
-        ours = [r.collection_ms]
+            figures.append(Figure.at_least(what, r.real_time, least))
+        what = f"{name}: longest garbage collection inside the loop [ms]"
+        figures.append(Figure.at_most(what, r.collection_ms, LONGEST_COLLECTION_MS))
         if share is not None:
-            most["median control step over the period"] = share
-            ours.append(r.share_of_period)
+            what = f"{name}: median control step over the period"
+            figures.append(Figure.at_most(what, r.share_of_period, share))
         if r.runs >= 3:
-            most["worst own tick of the controller over the median"] = WORST
-            ours.append(r.worst_over_median)
-        figures += [
-            Figure(name=f"{name}: {what}", bound=bound, ours=value, ok=value <= bound)
-            for (what, bound), value in zip(most.items(), ours, strict=True)
-        ]
+            what = f"{name}: worst own tick of the controller over the median"
+            figures.append(Figure.at_most(what, r.worst_over_median, WORST))
     return figures

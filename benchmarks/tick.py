@@ -127,7 +127,7 @@ def velocity_figures(results: Sequence[TickResult]) -> list[Figure]:
             if mink and controller == "differential_ik":
                 name = f"{controller} {solver} over mink, {rows[0].robot}, stack {kind!r}"
                 ratio = round(time / mink[0], 3)
-                figures.append(Figure(name=name, bound=1.0, ours=ratio, ok=ratio <= 1.0))
+                figures.append(Figure.at_most(name, ratio, 1.0))
     return figures
 
 
@@ -192,7 +192,7 @@ def peer_figures(results: Sequence[TickResult]) -> list[Figure]:
             continue
         ours, where = round(times[0] / times[1], 1), rows[peer]
         name = f"{where.robot}, {where.contacts} support: {peer} over {controller}"
-        figures.append(Figure(name=name, bound=bound, ours=ours, ok=ours >= bound))
+        figures.append(Figure.at_least(name, ours, bound))
     return figures
 
 

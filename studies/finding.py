@@ -84,11 +84,7 @@ def one_legend(canvas: Any, panel: Any) -> None:
 
 
 def require_matplotlib() -> None:
-    """Says early that the figures cannot be drawn.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Says early that the figures cannot be drawn."""
     try:
         import matplotlib  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:

@@ -66,11 +66,7 @@ def episode(
     seconds: float,  # length [s]; what would begin later is left out
     values: Mapping[str, Any] | None = None,  # of further fields, by path
 ) -> Scenario:
-    """Draw the scenario of a case of a campaign.
-
-    Raises:
-        UnknownNameError: the campaign has no such case.
-    """
+    """Draw the scenario of a case of a campaign."""
     design = _design(campaign)
     cases = [*design.campaign.cases]
     if case not in cases:

@@ -102,13 +102,7 @@ def _largest(gaps: Float64[np.ndarray, " count"]) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class HqpBench:
-    """What to race; checked when made.
-
-    Raises:
-        UnknownNameError: no such method.
-        MissingExtraError: a method that is not installed.
-        ConfigurationError: a cap that is not positive.
-    """
+    """What to race; checked when made."""
 
     # Of `METHODS`, all usual ones that are installed when None; `direct` is always raced, because
     # the others are compared with it
@@ -139,9 +133,6 @@ def bench_hqp(
 
     Every method starts cold on every problem; where neighbours are one tick apart, a second
     workspace of each goes through them warm, beside the first.
-
-    Raises:
-        ConfigurationError: no sequences, or warm ones of a single problem.
     """
     plan = HqpBench() if plan is None else plan
     if not sequences:

@@ -80,9 +80,6 @@ def write_profile_figure(laps: Sequence[Lap], path: Path) -> Path:
 
     A line's left end says on how many problems a method is the quickest of those that are right,
     its right end how many it solves at all.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
     """
     starts = [start for start in (COLD, WARM) if any(lap.start == start for lap in laps)]
     methods = list(dict.fromkeys(lap.method for lap in laps))

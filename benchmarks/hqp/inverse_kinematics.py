@@ -141,9 +141,6 @@ def singular_problems(
     """Poses of all hands within joint limits, then posture; a trunk that is held comes first.
 
     The joints come, at problem number `count // 2` they are at the singularity, and go again.
-
-    Raises:
-        PoiseError: the robot is not installed.
     """
     robot = load_robot(singularity.robot)
     dynamics = Dynamics(robot)

@@ -316,12 +316,7 @@ def what_is_missing() -> tuple[str, ...]:
 
 
 def checked_methods(names: Sequence[str] | None) -> tuple[str, ...]:
-    """Everything that is raced: what was asked for, the reference before it.
-
-    Raises:
-        UnknownNameError: no such method.
-        MissingExtraError: one that is not installed.
-    """
+    """Everything that is raced: what was asked for, the reference before it."""
     wanted = usual_methods() if names is None else tuple(names)
     for name in wanted:
         if name not in METHODS:

@@ -83,11 +83,7 @@ def pack_problems(problems: Sequence[HierarchicalProblem]) -> dict[str, np.ndarr
 
 
 def unpack_problems(arrays: Mapping[str, np.ndarray]) -> tuple[HierarchicalProblem, ...]:
-    """The problems of a file whose integers and texts have been found to be there.
-
-    Raises:
-        ProblemError: numbers that are not there, do not fit each other or cannot be a problem.
-    """
+    """The problems of a file whose integers and texts have been found to be there."""
     for key in FLOATS:
         array = arrays.get(key)
         if array is None or array.dtype != np.float64 or array.ndim != 1:
@@ -156,12 +152,7 @@ _HEADER = {"name": "U", "family": "U", "description": "U", "poise": "U", "consec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProblemSequence:
-    """Problems of one origin, in order.
-
-    Raises:
-        ConfigurationError: a name that is none, no problems, or shapes that change between ticks.
-        UnknownNameError: no such family.
-    """
+    """Problems of one origin, in order."""
 
     name: str  # unique, in small letters, digits and single hyphens; stem of the file's name
     family: str  # one of `FAMILIES`
@@ -215,12 +206,7 @@ def save_sequence(sequence: ProblemSequence, folder: Path) -> Path:
 
 
 def load_sequence(path: Path) -> ProblemSequence:
-    """Reads what `save_sequence` wrote; the numbers are the same bit for bit.
-
-    Raises:
-        ProblemError: no such file, not an `.npz`, another format, missing keys, arrays that do not
-            fit each other, or numbers that cannot be a problem.
-    """
+    """Reads what `save_sequence` wrote; the numbers are the same bit for bit."""
     arrays = _read(path)
     _check_keys(arrays, path)
     try:
@@ -238,11 +224,7 @@ def load_sequence(path: Path) -> ProblemSequence:
 
 
 def load_folder(folder: Path) -> tuple[ProblemSequence, ...]:
-    """Reads every `.npz` of a folder, in the order of their names.
-
-    Raises:
-        ProblemError: there is none, or one that cannot be read.
-    """
+    """Reads every `.npz` of a folder, in the order of their names."""
     paths = sorted(folder.glob("*.npz"))
     if not paths:
         raise ProblemError(
@@ -304,12 +286,7 @@ class Source:
     make: Make  # makes its problems
 
     def sequence(self, count: int, progress: Progress | None = None) -> ProblemSequence:
-        """Makes the sequence.
-
-        Raises:
-            ConfigurationError: `count` is not positive.
-            PoiseError: something that it is made with is not installed.
-        """
+        """Makes the sequence."""
         if count < 1:
             raise ConfigurationError("no problems to make", got=count, wanted="count >= 1")
         return ProblemSequence(

@@ -30,11 +30,6 @@ def make_sequence(name: str, count: int, progress: Progress | None = None) -> Pr
     """Makes a sequence; the same one every time on one machine.
 
     Recorded ones are simulated for it, which takes seconds.
-
-    Raises:
-        UnknownNameError: no such sequence.
-        ConfigurationError: `count` is not positive.
-        MissingExtraError: the robot or the simulator is not installed.
     """
     if name not in SOURCES:
         raise UnknownNameError("unknown problem sequence", got=name, choices=SOURCES)
@@ -42,11 +37,7 @@ def make_sequence(name: str, count: int, progress: Progress | None = None) -> Pr
 
 
 def save_all(folder: Path, count: int, progress: Progress | None = None) -> tuple[Path, ...]:
-    """Makes and saves every sequence.
-
-    Raises:
-        PoiseError: a robot or the simulator is not installed.
-    """
+    """Makes and saves every sequence."""
     paths: list[Path] = []
     for source in SOURCES.values():
         paths.append(save_sequence(source.sequence(count), folder))

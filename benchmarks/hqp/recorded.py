@@ -48,9 +48,6 @@ def record_window(
     """Runs a scenario and copies the problems of up to `count` consecutive ticks.
 
     It ends early where the shape of the problem changes: a foot lands or lifts off.
-
-    Raises:
-        PoiseError: the robot is not installed, it fell, or what should begin did not.
     """
     scenario = replace(load_scenario(window.scenario), robot=window.robot)
     if window.plan is not None:
@@ -85,11 +82,7 @@ def record_window(
 
 
 def problem_of(controller: object) -> HierarchicalProblem:
-    """The hierarchical problem of a controller's last tick, in the controller's own storage.
-
-    Raises:
-        PoiseError: it solves none, or has not solved one yet.
-    """
+    """The hierarchical problem of a controller's last tick, in the controller's own storage."""
     problem: HierarchicalProblem | None = None
     if isinstance(controller, WholeBodyController):
         program = controller.strategy.current
@@ -163,9 +156,6 @@ def record_by_hand(count: int, progress: Progress | None = None) -> Generator[Hi
     `DifferentialIK` by "hqp" on the recorded states while the right foot is in the air: COM and
     right foot, then the pelvis' orientation, then posture, each sent to where the recording is
     0.1 s later.
-
-    Raises:
-        PoiseError: the robot fell, or the right foot was not in the air.
     """
     robot = load_robot("biped20")
     walk = Walk.over_an_obstacle(robot)

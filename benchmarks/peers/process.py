@@ -30,11 +30,7 @@ URDF, RUN, RUN_WORDS = "robot.urdf", "run.npz", "run.txt"
 
 
 def write_handoff(folder: Path, recording: Recording, kind: str) -> None:
-    """Writes `robot.urdf` and `run.npz`.
-
-    Raises:
-        ConfigurationError: the robot does not come from a URDF.
-    """
+    """Writes `robot.urdf` and `run.npz`."""
     robot = recording.robot
     (folder / URDF).write_text(_urdf(robot), encoding="utf-8")
     arrays: dict[str, Any] = {
@@ -199,11 +195,7 @@ class PeerProcess:
         self._size = (hello["variables"], hello["rows"])
 
     def run(self, first: int, count: int) -> None:
-        """Lets the peer do a batch of ticks.
-
-        Raises:
-            PoiseError: the peer died or does not answer.
-        """
+        """Lets the peer do a batch of ticks."""
         if self._process is None or self._process.stdin is None:
             raise PoiseError(f"peer {self.name!r} is closed")
         try:
