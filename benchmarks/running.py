@@ -33,7 +33,7 @@ WORST = 5.0
 """The controller's worst own tick may take that many medians."""
 
 SHARE = {"over_an_obstacle_velocity": 0.1}
-"""How much of the control period estimator, leader and controller take at most, at the median."""
+"""Part of the control period that estimator, leader and controller take at most, at the median."""
 
 STEP = ("estimator", "leader", "control")
 """Parts of a control step, from the sensors to the command."""

@@ -176,31 +176,27 @@ def record_walk(
 
 
 class WalkSubject(Clocked):
-    """A controller with a stack and a walker of its own, whose answers are kept.
-
-    Attributes:
-        lead: its walker.
-        acceleration: answers at the ticks that were timed, NaN elsewhere [m/s^2, rad/s^2].
-        torque: likewise [N m].
-        wrench: likewise, of the contacts in the order of the stack, zero of inactive ones [N, N m].
-        variables: unknowns of the problem, of LQP 1 and of LQP 2 where that was solved.
-        lqp: seconds in the solver, of the full problem or of LQP 1 alone.
-        programs: what a tick had to solve: 1 for one problem, which is LQP 1 of the reduced
-            controller, 2 for LQP 2 as well, 3 where the whole problem had to be solved after all.
-    """
+    """A controller with a stack and a walker of its own, whose answers are kept."""
 
     def __init__(self, recording: WalkRecording, kind: str, method: Method) -> None:
-        self.lead: WalkLead = recording.lead(kind)
+        self.lead: WalkLead = recording.lead(kind)  # its walker
         robot, stack = recording.robot, self.lead.stack
         controller = make_controller(robot, stack, method.plan())
         super().__init__(method, controller, recording.states, self._aim_at)
         ticks = len(recording.states)
+        # Answers at the ticks that were timed, NaN elsewhere [m/s^2, rad/s^2]
         self.acceleration: Float64[np.ndarray, "ticks nv"] = np.full((ticks, robot.nv), np.nan)
+        # Torques of the same ticks [N m]
         self.torque: Float64[np.ndarray, "ticks nj"] = np.full((ticks, robot.nj), np.nan)
         width = sum(c.dim for c in stack.contacts)
+        # Wrenches of the contacts in the order of the stack, zero of inactive ones [N, N m]
         self.wrench: Float64[np.ndarray, "ticks nf"] = np.full((ticks, width), np.nan)
+        # Unknowns of the problem, of LQP 1 and of LQP 2 where that was solved
         self.variables: Float64[np.ndarray, " ticks"] = np.full(ticks, np.nan)
+        # Seconds in the solver, of the full problem or of LQP 1 alone
         self.lqp: Float64[np.ndarray, " ticks"] = np.full(ticks, np.nan)
+        # What a tick had to solve: 1 for one problem, which is LQP 1 of the reduced controller, 2
+        # for LQP 2 as well, 3 where the whole problem had to be solved after all
         self.programs: Float64[np.ndarray, " ticks"] = np.full(ticks, np.nan)
 
     def tick(self, index: int) -> None:

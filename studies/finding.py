@@ -1,12 +1,12 @@
 """`Section`: what one part of a study has to show.
 
 `Finding`: one number of a paper beside ours, and whether the paper's claim holds. `Table`.
-`Figure` and `draw`: a drawing in the report's style. `Film`: a video beside the page.
+`Figure` and `draw`: a drawing in the report's style.
 """
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -91,20 +91,6 @@ def require_matplotlib() -> None:
         raise MissingExtraError("matplotlib", "sim", "a study's figures") from None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Film:
-    """A video."""
-
-    name: str  # of its file, unique within the study
-    title: str  # what it shows
-    data: bytes = field(repr=False)  # the mp4 file's contents
-
-    @property
-    def file_name(self) -> str:
-        """Of the file beside the page."""
-        return f"{self.name}.mp4"
-
-
 _IN_FULL = 1e9
 """A number from 1,000 up to here is written out, with separators; beyond, as a power of ten."""
 
@@ -115,11 +101,10 @@ class Finding:
 
     name: str  # what was found, unique within its study
     ours: int | float | None  # our number, in `unit`; None where it could not be computed
-    # Whether what the paper claims (a value, a ratio, an order, a bound) holds, or what is asked
-    # for where it says nothing. It never compares with an earlier run of ours.
+    # True where what the paper claims (a value, a ratio, an order, a bound) holds, or a bound of
+    # ours where it says nothing. It never compares with an earlier run of ours.
     ok: bool
-    # The paper's number, in `unit`; where it has none the bound that is asked for, and None where
-    # there is neither
+    # The paper's number, in `unit`; where it has none our bound, and None where there is neither
     paper: int | float | None = None
     unit: str = ""  # unit of both; empty for a pure number
     note: str = ""  # which claim that is, and where the numbers differ, why
@@ -199,6 +184,5 @@ class Section:
     findings: tuple[Finding, ...] = ()  # numbers beside the paper's
     figures: tuple[Figure, ...] = ()  # drawings
     tables: tuple[Table, ...] = ()  # numbers that are no findings
-    films: tuple[Film, ...] = ()  # videos, which lie beside the page
     name: str = ""  # id of the part, given by the plan
     title: str = ""  # heading, given by the plan

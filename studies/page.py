@@ -29,15 +29,13 @@ def write_study(study: Study, folder: Path) -> Path:
     for section in study.sections:
         for figure in section.figures:
             _replace(folder / f"{figure.name}.svg", figure.to_file())
-        for film in section.films:
-            _replace(folder / film.file_name, film.data)
     _replace(folder / PAGE, page_html(study))
     return folder / PAGE
 
 
-def _replace(path: Path, content: str | bytes) -> None:
+def _replace(path: Path, content: str) -> None:
     beside = path.with_name(path.name + ".part")
-    beside.write_bytes(content.encode() if isinstance(content, str) else content)
+    beside.write_text(content, encoding="utf-8")
     os.replace(beside, path)
 
 

@@ -68,18 +68,14 @@ class PaperRows:
 
 
 class PaperFormulation:
-    """Writes `PaperRows` for a stack whose contacts, if any, carry every wrench of the base.
-
-    Attributes:
-        rows: the rows of the last state.
-    """
+    """Writes `PaperRows` for a stack whose contacts, if any, carry every wrench of the base."""
 
     def __init__(self, robot: Robot, stack: Stack) -> None:
         stack.bind(robot)
         self._contacts, tasks = stack.contacts, [task for _, task in stack.tasks()]
         sizes = [sum(c.dim for c in self._contacts)]
         sizes += [sum(task.dim for task in level) for level in stack.levels]
-        self.rows = PaperRows.allocate(sizes, robot.nv)
+        self.rows = PaperRows.allocate(sizes, robot.nv)  # the rows of the last state
         owners = [*self._contacts, *tasks]
         self._owners = list(zip(owners, spans([o.dim for o in owners]), strict=True))
         home = Dynamics(robot)

@@ -102,7 +102,7 @@ def _largest(gaps: Float64[np.ndarray, " count"]) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class HqpBench:
-    """What to race; checked when made."""
+    """Methods and sequences of a race; checked when made."""
 
     # Of `METHODS`, all usual ones that are installed when None; `direct` is always raced, because
     # the others are compared with it

@@ -300,7 +300,7 @@ QUICK = ("direct", "daqp-hard", "daqp-hierarchical")
 
 
 def is_quick(method: str) -> bool:
-    """Whether a method takes turns with the quick ones, which leave it a warm cache."""
+    """True for a method that takes turns with the quick ones, which leave it a warm cache."""
     return method.partition("/")[0] in QUICK
 
 

@@ -151,16 +151,12 @@ class PeerProcess:
         recording: the run.
         kind: the stack that its problem should come near to.
 
-    Attributes:
-        name: name of the peer.
-        solver: what it solves with, and its version.
-
     Raises:
         PoiseError: the worker did not start; the message holds its own last words.
     """
 
     def __init__(self, name: str, python: Path, recording: Recording, kind: str) -> None:
-        self.name = name
+        self.name = name  # name of the peer
         ticks = len(recording.states)
         self._seconds = np.full((ticks, 2 + len(PHASES)), np.nan)
         self._residual = np.zeros(ticks)
@@ -191,7 +187,7 @@ class PeerProcess:
         except PoiseError:
             self.close()
             raise
-        self.solver = str(hello["solver"])
+        self.solver = str(hello["solver"])  # what it solves with, and its version
         self._size = (hello["variables"], hello["rows"])
 
     def run(self, first: int, count: int) -> None:
@@ -286,7 +282,7 @@ _INSTALL = {
 
 
 def how_to_install(name: str) -> str:
-    """How to time a peer that was not timed."""
+    """Words on timing a peer that was not timed."""
     if name in PROGRAMS:
         return (
             "libdwbc was not timed. docs/benchmarks.md says how its program is built; then:\n"

@@ -44,9 +44,6 @@ class VelocityPeer:
         q: configurations as the package orders them, one a tick.
         q_home: likewise, of the posture.
         run: targets and facts.
-
-    Attributes:
-        solver: name and version, and what it solves with.
     """
 
     def __init__(
@@ -57,7 +54,7 @@ class VelocityPeer:
         q_home: np.ndarray,
         run: dict[str, Any],
     ) -> None:
-        self.solver = package.solver
+        self.solver = package.solver  # name and version, and what it solves with
         self._package, self._configuration, self._q = package, configuration, q
         self._dt = run["facts"]["dt"]
         self._contacts = [

@@ -87,23 +87,19 @@ class CupTrace:
 
 
 class CupTasks:
-    """The two tasks and how their targets move.
-
-    Attributes:
-        start: joint angles at the start [rad].
-        position: task 1, the hand's position.
-        orientation: task 2, the hand's orientation.
-        stack: both, in this order.
-        home: world_R_hand at the start, which is level.
-    """
+    """The two tasks and how their targets move."""
 
     def __init__(self, robot: Robot, kp: float) -> None:
-        self.start = level_start(robot)
+        self.start = level_start(robot)  # joint angles at the start [rad]
         place = _hand_at(robot, self.start)
+        # home: world_R_hand at the start, which is level
         self.home, self._from = place.rotation.copy(), place.translation.copy()
+        # Task 1, the hand's position
         self.position = FrameTask(_HAND, "position", kp=kp, name="position")
+        # Task 2, the hand's orientation
         self.orientation = FrameTask(_HAND, "orientation", kp=kp, name="orientation")
         self.orientation.set_target(rotation=self.home)
+        # Both, in this order
         self.stack = Stack([], [[self.position], [self.orientation]], softening=0.0)
         self._way = Cubic(displacement=WAY, duration=DURATION)
         self.aim(0.0)
@@ -119,16 +115,13 @@ class CupTasks:
 
 
 class PaperController:
-    """Torques of a `PaperRecursion`: no contacts, and no limit that it would keep.
-
-    Attributes:
-        robot: the robot.
-        recursion: with its results of the last tick.
-        outside: whether some joint's acceleration left the bounds of the stack's joint limit at
-            the last tick.
-    """
+    """Torques of a `PaperRecursion`: no contacts, and no limit that it would keep."""
 
     def __init__(self, robot: Robot, stack: Stack, recursion: PaperRecursion) -> None:
+        # robot: the robot
+        # recursion: with its results of the last tick
+        # outside: whether some joint's acceleration left the bounds of the stack's joint limit at
+        # the last tick
         self.robot, self.recursion, self.outside = robot, recursion, False
         self._formulation, self._limit = PaperFormulation(robot, stack), stack.joint_limit
         self._dynamics = Dynamics(robot)
