@@ -112,7 +112,7 @@ def _zmp_error(run: RunSignals, _: str, __: int | None) -> Values:
 
 
 def _base_tilt(run: RunSignals, _: str, __: int | None) -> Values:
-    x, y, *_ = _base_turn(run)
+    x, y = _base_turn(run)[:2]
     return np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
 
 
