@@ -11,7 +11,7 @@ from time import perf_counter, thread_time
 import numpy as np
 
 from benchmarks.recording import STACKS, Progress, Recording, bench_stack, record_run
-from benchmarks.result import Figure, Result, text_table
+from benchmarks.result import Figure, Result
 from poise.control import WholeBodyController
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
@@ -32,17 +32,11 @@ _STATES, _SECONDS = 256, 1.5
 
 @dataclass(frozen=True, kw_only=True)
 class BatchBench:
-    """What to time.
+    """Settings of the benchmark."""
 
-    Attributes:
-        robot: a biped.
-        stack: "table1" or "default".
-        ticks: states of a batch.
-    """
-
-    robot: str = "g1"
-    stack: str = "default"
-    ticks: int = 4096
+    robot: str = "g1"  # a biped
+    stack: str = "default"  # "table1" or "default"
+    ticks: int = 4096  # states of a batch
 
     def __post_init__(self) -> None:
         if self.stack not in STACKS:
@@ -51,31 +45,18 @@ class BatchBench:
 
 @dataclass(frozen=True, kw_only=True)
 class BatchResult(Result):
-    """What a state took.
+    """Times of a state."""
 
-    Attributes:
-        robot: name of the robot.
-        stack: what was solved.
-        states: of a batch.
-        single_us: processor time of a single tick, median of the rounds' means [us].
-        batch_us: processor time of a state of a batch on one thread, likewise [us].
-        batch_over_single: median over the rounds of the ratio.
-        first_us: processor time of a state of the first batch, whose searches begin cold [us].
-        threads: median over the rounds of what two threads do in a second by what one does.
-        processes: the same of two processes of one thread each: what the machine gives.
-        difference: largest difference of a torque to that of the single tick [N m].
-    """
-
-    robot: str
-    stack: str
-    states: int
-    single_us: float
-    batch_us: float
-    batch_over_single: float
-    first_us: float
-    threads: float
-    processes: float
-    difference: float
+    robot: str  # name of the robot
+    stack: str  # what was solved
+    states: int  # of a batch
+    single_us: float  # processor time of a single tick, median of the rounds' means [us]
+    batch_us: float  # processor time of a state of a batch on one thread, the same [us]
+    batch_over_single: float  # median over the rounds of the ratio
+    first_us: float  # processor time of a state of the first batch, whose searches begin cold [us]
+    threads: float  # median over the rounds of what two threads do in a second by what one does
+    processes: float  # the same of two processes of one thread each: what the machine gives
+    difference: float  # largest difference of a torque to that of the single tick [N m]
 
 
 def bench_batch(plan: BatchBench, progress: Progress | None = None) -> list[BatchResult]:
@@ -200,43 +181,10 @@ def batch_figures(results: Sequence[BatchResult]) -> list[Figure]:
     figures: list[Figure] = []
     for r in results:
         name = f"{r.states} states of {r.robot}, {r.stack}"
-        ours, threads = r.batch_over_single, r.threads
         figures += [
-            Figure(
-                name=f"{name}: a state of a batch over a single tick",
-                bound=DEAREST,
-                ours=ours,
-                ok=ours <= DEAREST,
+            Figure.at_most(
+                f"{name}: a state of a batch over a single tick", r.batch_over_single, DEAREST
             ),
-            Figure(
-                name=f"{name}: throughput of two threads over one",
-                bound=THROUGHPUT,
-                ours=threads,
-                ok=threads >= THROUGHPUT,
-            ),
+            Figure.at_least(f"{name}: throughput of two threads over one", r.threads, THROUGHPUT),
         ]
     return figures
-
-
-def format_batch_table(results: Sequence[BatchResult]) -> str:
-    """Times of a state, what threads gain, and the figures, for a terminal."""
-    heads = ("single", "batch", "ratio", "first", "threads", "processes")
-    rows = [
-        (
-            f"{r.robot}, {r.stack}, {r.states} states",
-            [
-                f"{r.single_us:.0f}",
-                f"{r.batch_us:.0f}",
-                f"{r.batch_over_single:.2f}",
-                f"{r.first_us:.0f}",
-                f"{r.threads:.2f}",
-                f"{r.processes:.2f}",
-            ],
-            "",
-        )
-        for r in results
-    ]
-    lines = ["processor time of a state [us], and what two threads and processes do by one:"]
-    lines += text_table(heads, rows)
-    lines += [figure.words() for figure in batch_figures(results)]
-    return "\n".join(lines)

@@ -26,14 +26,7 @@ RELAXED = 1e-8
 
 
 class Clocked:
-    """A controller with its times and what its solver left over.
-
-    Attributes:
-        solver: name of the method.
-        name: of the controller.
-        controller: the controller.
-        command: of the last tick, None before.
-    """
+    """A controller with its times and what its solver left over."""
 
     def __init__(
         self,
@@ -42,8 +35,11 @@ class Clocked:
         states: Sequence[RobotState],
         aim: Callable[[int], None],
     ) -> None:
+        # solver: name of the method
+        # name: of the controller
+        # controller: the controller
         self.solver, self.name, self.controller = method.name, method.controller, controller
-        self.command: Command | None = None
+        self.command: Command | None = None  # of the last tick, None before
         self._states, self._aim = states, aim
         ticks = len(states)
         self._total, self._cpu = np.full(ticks, np.nan), np.full(ticks, np.nan)
@@ -156,16 +152,11 @@ class Turns:
     first few ticks of the batch. Whoever begins finds the caches as somebody else left them, and a
     slow one a state far from its last: the first tick of a batch does not count, nor does the
     first batch.
-
-    Attributes:
-        ticks: of the recording.
-        batch: ticks in a batch.
-        slow: ticks of a batch that slow methods do, the uncounted first one not included.
     """
 
-    ticks: int
-    batch: int = 50
-    slow: int = 5
+    ticks: int  # of the recording
+    batch: int = 50  # ticks in a batch
+    slow: int = 5  # ticks of a batch that slow methods do, the uncounted first one not included
 
     def quick_counted(self) -> Int64[np.ndarray, " n"]:
         """Ticks that count for quick methods."""

@@ -16,24 +16,15 @@ from poise.errors import ConfigurationError, UnknownNameError
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """A benchmark as a command.
+    """A benchmark as a command."""
 
-    Attributes:
-        name: of the command.
-        target: module, then the names of plan, benchmark, table and figures in it; no figures
-            when there is no fifth word.
-        does: its purpose, in a sentence without a subject.
-        example: its options in an example.
-        options: help of each option; each is a field of the plan.
-        unit: of the progress.
-    """
-
-    name: str
-    target: str
-    does: str
-    example: str
+    name: str  # of the command
+    target: str  # module, then the names of plan, benchmark and figures in it
+    does: str  # its purpose, in a sentence without a subject
+    example: str  # its options in an example
+    # Help of each option; each is a field of the plan
     options: Mapping[str, str] = field(default_factory=dict[str, str])
-    unit: str = " ticks"
+    unit: str = " ticks"  # of the progress
 
     def add(self, commands: Any) -> None:
         """Add the command to the command line."""
@@ -43,37 +34,27 @@ class Command:
             parser.add_argument(f"--{option}", metavar=option[0].upper(), type=kind, help=words)
 
     def _act(self, options: argparse.Namespace) -> None:
-        module, plan, bench, table, *figures = self.target.split()
-        found = import_module(f"benchmarks.{module}")
-        made = getattr(found, plan)(**given(options, *self.options))
-        more = getattr(found, figures[0]) if figures else None
-        time_and_print(options, made, getattr(found, bench), getattr(found, table), more, self.unit)
+        from benchmarks.result import result_table
+
+        module, *names = self.target.split()
+        plan, bench, figures = (getattr(import_module(f"benchmarks.{module}"), n) for n in names)
+        made = plan(**given(options, *self.options))
+        time_and_print(options, made, bench, result_table, figures, self.unit)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TickCommand:
-    """A command that times ticks by `benchmarks.tick`, beside peers in other processes.
+    """A command that times ticks by `benchmarks.tick`, beside peers in other processes."""
 
-    Attributes:
-        name: of the command.
-        does: its purpose, in a sentence without a subject.
-        example: its options in an example.
-        robot: default.
-        stacks: default of `--stack`.
-        controller: that is timed; an option where None.
-        peers: name of the tuple of peers in `benchmarks.peers.process` that are expected; none are
-            where "".
-        figures: name of a function of `benchmarks.tick`.
-    """
-
-    name: str
-    does: str
-    example: str
-    robot: str = "humanoid33"
-    stacks: str = "both"
-    controller: str | None = None
+    name: str  # of the command
+    does: str  # its purpose, in a sentence without a subject
+    example: str  # its options in an example
+    robot: str = "humanoid33"  # default
+    stacks: str = "both"  # default of `--stack`
+    controller: str | None = None  # that is timed; an option where None
+    # Name of the tuple of peers in `benchmarks.peers.process` that are expected; none are where ""
     peers: str = ""
-    figures: str = ""
+    figures: str = ""  # name of a function of `benchmarks.tick`
 
     def add(self, commands: Any) -> None:
         """Add the command to the command line."""
@@ -130,10 +111,7 @@ class TickCommand:
             peers=_peers_at_hand(options, expected),
         )
         figures = getattr(tick, self.figures) if self.figures else None
-        results = time_and_print(options, plan, tick.bench_tick, format_table, figures)
-        if figures is not None and not options.json:
-            for figure in figures(results):
-                print(figure.words())
+        time_and_print(options, plan, tick.bench_tick, format_table, figures)
         missing = (process.how_to_install(name) for name in expected if name not in plan.peers)
         for words in dict.fromkeys(missing):
             print(words, file=sys.stderr)
@@ -156,7 +134,7 @@ COMMANDS: tuple[Command | TickCommand, ...] = (
     ),
     Command(
         name="batch",
-        target="batch BatchBench bench_batch format_batch_table batch_figures",
+        target="batch BatchBench bench_batch batch_figures",
         does="times many states in one call beside single ticks, on one thread and on two",
         example="--robot g1",
         options={
@@ -176,7 +154,7 @@ COMMANDS: tuple[Command | TickCommand, ...] = (
     ),
     Command(
         name="first",
-        target="first FirstBench bench_first format_first_table first_figures",
+        target="first FirstBench bench_first first_figures",
         does="times import and first controller, from an empty cache and in a second process",
         example="--controller osf",
         options={
@@ -186,20 +164,8 @@ COMMANDS: tuple[Command | TickCommand, ...] = (
         unit=" processes",
     ),
     Command(
-        name="teleop",
-        target="teleop TeleopBench bench_teleop format_teleop_table",
-        does="times the step teleoperator on a recorded walk over an obstacle, and the whole "
-        "simulation of that walk against real time",
-        example="--robot g1",
-        options={
-            "robot": "a biped (default: biped20)",
-            "actuation": "torque (default) or velocity",
-            "ticks": "timed ticks (default: one walk)",
-        },
-    ),
-    Command(
         name="latency",
-        target="latency LatencyBench bench_latency format_latency_table latency_figures",
+        target="latency LatencyBench bench_latency latency_figures",
         does="times an operator's message over the websocket, stage by stage, until the robot has "
         "its command",
         example="--actuation torque",
@@ -213,7 +179,7 @@ COMMANDS: tuple[Command | TickCommand, ...] = (
     ),
     Command(
         name="keys",
-        target="keys KeysBench bench_keys format_keys_table keys_figures",
+        target="keys KeysBench bench_keys keys_figures",
         does="presses a key in a browser without a screen, and times how soon the commanded "
         "velocity of the robot changes",
         example="--presses 20",
@@ -225,25 +191,15 @@ COMMANDS: tuple[Command | TickCommand, ...] = (
     ),
     Command(
         name="run",
-        target="running RunBench bench_run format_run_table run_figures",
-        does="times a whole scenario, recorded and logged, by processor time and by parts",
-        example="--scenario walk --robot g1",
+        target="running RunBench bench_run run_figures",
+        does="times whole scenarios, recorded and logged, by parts of a tick, and the worst tick",
+        example="--scenarios walk,over_an_obstacle --robot g1 --ticks 50000",
         options={
-            "scenario": "a shipped scenario or a YAML file (default: walk)",
-            "robot": "another than the scenario's",
+            "scenarios": "shipped scenarios or YAML files (default: walk)",
+            "robot": "another than the scenarios'",
+            "ticks": "ticks of each scenario, in as many runs as it takes (default: one run)",
         },
         unit="",
-    ),
-    Command(
-        name="worst",
-        target="worst WorstBench bench_worst format_worst_table worst_figures",
-        does="finds the worst tick of many runs of the same scenarios",
-        example="--scenarios push,walk",
-        options={
-            "scenarios": "shipped scenarios or YAML files (default: seven of torque controllers)",
-            "robot": "another than the scenarios'",
-            "ticks": "ticks of each scenario (default: 100000)",
-        },
     ),
 )
 """Commands but `hqp`, in the order of the documentation's page."""
@@ -282,9 +238,10 @@ def time_and_print(
     folder = folder_of(options.out)
     with Bar("timing", unit) as bar:
         results = bench(plan, bar)
-    objects = [*results, *(more(results) if more is not None else ())]
-    lines = "".join(json.dumps(one.to_json()) + "\n" for one in objects)
-    print(lines if options.json else table(results), end="" if options.json else "\n")
+    figures = more(results) if more is not None else ()
+    lines = "".join(json.dumps(one.to_json()) + "\n" for one in (*results, *figures))
+    words = "\n".join([table(results), *(figure.words() for figure in figures)])
+    print(lines if options.json else words, end="" if options.json else "\n")
     if folder is not None:
         (folder / "bench.json").write_text(lines, encoding="utf-8")
     return results

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.recording import Progress
-from benchmarks.result import Figure, Result, text_table
+from benchmarks.result import Figure, Result
 from poise.control import CONTROLLERS
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 
@@ -50,17 +50,11 @@ print(json.dumps({"times": times, "wall": wall, "tick": tick, "status": status.v
 
 @dataclass(frozen=True, kw_only=True)
 class FirstBench:
-    """What to time; checked when made.
+    """Settings of the benchmark; checked when made."""
 
-    Attributes:
-        robot: name or path of a robot.
-        controller: one of `CONTROLLERS`.
-        runs: second processes.
-    """
-
-    robot: str = "humanoid33"
-    controller: str = "whole_body"
-    runs: int = 10
+    robot: str = "humanoid33"  # name or path of a robot
+    controller: str = "whole_body"  # one of `CONTROLLERS`
+    runs: int = 10  # second processes
 
     def __post_init__(self) -> None:
         if self.controller not in CONTROLLERS:
@@ -73,31 +67,18 @@ class FirstBench:
 
 @dataclass(frozen=True, kw_only=True)
 class FirstResult(Result):
-    """One kind of process; processor times unless it says otherwise.
+    """One kind of process; processor times unless it says otherwise."""
 
-    Attributes:
-        process: "empty cache", or "second" for those that find the machine code.
-        robot: that was loaded.
-        controller: that was made.
-        runs: processes; of several the 10th percentile is given.
-        import_s: `import poise` [s].
-        robot_s: loading the robot [s].
-        controller_s: making the controller [s].
-        controller_wall_s: the same by the clock on the wall [s].
-        tick_us: its first tick, of its thread [us].
-        both_s: import and controller together [s].
-    """
-
-    process: str
-    robot: str
-    controller: str
-    runs: int
-    import_s: float
-    robot_s: float
-    controller_s: float
-    controller_wall_s: float
-    tick_us: float
-    both_s: float
+    process: str  # "empty cache", or "second" for those that find the machine code
+    robot: str  # that was loaded
+    controller: str  # that was made
+    runs: int  # processes; of several the 10th percentile is given
+    import_s: float  # `import poise` [s]
+    robot_s: float  # loading the robot [s]
+    controller_s: float  # making the controller [s]
+    controller_wall_s: float  # the same by the clock on the wall [s]
+    tick_us: float  # its first tick, of its thread [us]
+    both_s: float  # import and controller together [s]
 
 
 def bench_first(plan: FirstBench, progress: Progress | None = None) -> list[FirstResult]:
@@ -166,34 +147,5 @@ def first_figures(results: Sequence[FirstResult]) -> list[Figure]:
         ours = result.controller_s if empty else result.both_s
         what = "first controller" if empty else "import and first controller"
         name = f"{result.process}: {what}, {result.controller} on {result.robot} [s]"
-        figures.append(Figure(name=name, bound=bound, ours=ours, ok=ours <= bound))
+        figures.append(Figure.at_most(name, ours, bound))
     return figures
-
-
-_HEADS = ("import", "robot", "controller", "by wall", "tick us", "runs")
-
-
-def format_first_table(results: Sequence[FirstResult]) -> str:
-    """The parts, and the figures, for a terminal."""
-    rows = [
-        (
-            r.process,
-            [
-                *(f"{s:.2f}" for s in (r.import_s, r.robot_s, r.controller_s)),
-                f"{r.controller_wall_s:.2f}",
-                f"{r.tick_us:.0f}",
-                str(r.runs),
-            ],
-            "",
-        )
-        for r in results
-    ]
-    first = results[0]
-    title = f"{first.controller} on {first.robot}, processor time [s], 10th percentile of the runs:"
-    return "\n".join(
-        [
-            title,
-            *text_table(_HEADS, rows, 10),
-            *(figure.words() for figure in first_figures(results)),
-        ]
-    )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.recording import Progress
-from benchmarks.result import Figure, Result, text_table
+from benchmarks.result import Figure, Result
 from poise.apps.live import LiveSession
 from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 from poise.robots import load_robot
@@ -33,15 +33,10 @@ _ANSWER, _STALLS = 2.0, 10
 
 @dataclass(frozen=True, kw_only=True)
 class KeysBench:
-    """What to time; checked when made.
+    """Settings of the benchmark; checked when made."""
 
-    Attributes:
-        robot: name or path of a humanoid.
-        presses: of a key that count; each is let go again, which counts, too.
-    """
-
-    robot: str = "g1"
-    presses: int = 40
+    robot: str = "g1"  # name or path of a humanoid
+    presses: int = 40  # of a key that count; each is let go again, which counts, too
 
     def __post_init__(self) -> None:
         if self.presses < 1:
@@ -50,27 +45,18 @@ class KeysBench:
 
 @dataclass(frozen=True, kw_only=True)
 class KeysResult(Result):
-    """How long keys take.
+    """Delays of keys."""
 
-    Attributes:
-        robot: name of the robot.
-        event: "pressed" or "let go".
-        p50_ms: median [ms].
-        p99_ms: 99th percentile [ms].
-        max_ms: longest [ms].
-        presses: how many.
-        stalls: presses made again, since the machine stood still for so long that the operator
-            counted as gone and the key with them.
-        real_time_factor: robot time over clock time: below 1 the machine is too slow for the robot.
-    """
-
-    robot: str
-    event: str
-    p50_ms: float
-    p99_ms: float
-    max_ms: float
-    presses: int
+    robot: str  # name of the robot
+    event: str  # "pressed" or "let go"
+    p50_ms: float  # median [ms]
+    p99_ms: float  # 99th percentile [ms]
+    max_ms: float  # longest [ms]
+    presses: int  # how many
+    # Presses made again, since the machine stood still for so long that the operator counted as
+    # gone and the key with them
     stalls: int
+    # Robot time over clock time: below 1 the machine is too slow for the robot
     real_time_factor: float
 
 
@@ -128,27 +114,10 @@ def bench_keys(plan: KeysBench, progress: Progress | None = None) -> list[KeysRe
 def keys_figures(results: Sequence[KeysResult]) -> list[Figure]:
     """What must hold of them."""
     return [
-        Figure(
-            name=f"key {r.event} to changed command, {r.robot}: {what} [ms]",
-            bound=BOUND_MS,
-            ours=ours,
-            ok=ours <= BOUND_MS,
-        )
+        Figure.at_most(f"key {r.event} to changed command, {r.robot}: {what} [ms]", ours, BOUND_MS)
         for r in results
         for what, ours in (("median", r.p50_ms), ("99th percentile", r.p99_ms))
     ]
-
-
-def format_keys_table(results: Sequence[KeysResult]) -> str:
-    """The times, and the figures, for a terminal."""
-    rows = [(r.event, [f"{ms:.2f}" for ms in (r.p50_ms, r.p99_ms, r.max_ms)], "") for r in results]
-    figures = [figure.words() for figure in keys_figures(results)]
-    first = results[0]
-    head = (
-        f"{first.robot}, {first.presses} presses ({first.stalls} lost to stalls), times in ms, "
-        f"real-time factor {first.real_time_factor:.2f}"
-    )
-    return "\n".join([head, *text_table(("p50", "p99", "max"), rows), "", *figures])
 
 
 class _Page:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.recording import Progress
-from benchmarks.result import Figure, Result, text_table
+from benchmarks.result import Figure, Result
 from poise.apps.live import LiveSession
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, VELOCITY_TELEOP_PLANT
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
@@ -52,19 +52,12 @@ with connect(url, proxy=None, max_queue=None) as socket:
 
 @dataclass(frozen=True, kw_only=True)
 class LatencyBench:
-    """What to time; checked when made.
+    """Settings of the benchmark; checked when made."""
 
-    Attributes:
-        robot: name or path of a biped.
-        actuation: what is commanded, "velocity" or "torque".
-        messages: that count.
-        rate: at which a client sends [Hz].
-    """
-
-    robot: str = "biped20"
-    actuation: str = "velocity"
-    messages: int = 1000
-    rate: float = 60.0
+    robot: str = "biped20"  # name or path of a biped
+    actuation: str = "velocity"  # what is commanded, "velocity" or "torque"
+    messages: int = 1000  # that count
+    rate: float = 60.0  # at which a client sends [Hz]
 
     def __post_init__(self) -> None:
         if self.actuation not in _PLANTS:
@@ -79,26 +72,16 @@ class LatencyBench:
 
 @dataclass(frozen=True, kw_only=True)
 class LatencyResult(Result):
-    """How long messages take from one stage to the next.
+    """Delays of messages from one stage to the next."""
 
-    Attributes:
-        robot: name of the robot.
-        actuation: what is commanded.
-        stage: one of `STAGES`.
-        p50_ms: median [ms].
-        p99_ms: 99th percentile [ms].
-        max_ms: longest [ms].
-        messages: that arrived and were not overtaken.
-        real_time_factor: robot time over clock time: below 1 the machine is too slow for the robot.
-    """
-
-    robot: str
-    actuation: str
-    stage: str
-    p50_ms: float
-    p99_ms: float
-    max_ms: float
-    messages: int
+    robot: str  # name of the robot
+    actuation: str  # what is commanded
+    stage: str  # one of `STAGES`
+    p50_ms: float  # median [ms]
+    p99_ms: float  # 99th percentile [ms]
+    max_ms: float  # longest [ms]
+    messages: int  # that arrived and were not overtaken
+    # Robot time over clock time: below 1 the machine is too slow for the robot
     real_time_factor: float
 
 
@@ -107,16 +90,6 @@ def bench_latency(plan: LatencyBench, progress: Progress | None = None) -> list[
 
     Both read the machine's monotonic clock. Stages: the client sends a message; it has arrived; the
     robot's loop takes it at a tick's beginning; the controller has its command.
-
-    Args:
-        plan: what to time.
-        progress: told how many messages were taken.
-
-    Returns:
-        A result for each of `STAGES`.
-
-    Raises:
-        PoiseError: the robot cannot be walked, or hardly any message arrives.
     """
     robot = load_robot(plan.robot)
     wanted = plan.messages + _WARM_UP
@@ -153,22 +126,7 @@ def latency_figures(results: Sequence[LatencyResult]) -> list[Figure]:
     whole = results[-1]
     name = f"{whole.stage}, {whole.robot}, {whole.actuation}"
     spans = {"median": whole.p50_ms, "99th percentile": whole.p99_ms}
-    return [
-        Figure(name=f"{name}: {what} [ms]", bound=BOUND_MS, ours=ours, ok=ours <= BOUND_MS)
-        for what, ours in spans.items()
-    ]
-
-
-def format_latency_table(results: Sequence[LatencyResult]) -> str:
-    """The stages, and the figures, for a terminal."""
-    first = results[0]
-    rows = [(r.stage, [f"{ms:.2f}" for ms in (r.p50_ms, r.p99_ms, r.max_ms)], "") for r in results]
-    figures = [figure.words() for figure in latency_figures(results)]
-    head = (
-        f"{first.robot}, {first.actuation}, {first.messages} messages, times in ms, "
-        f"real-time factor {first.real_time_factor:.2f}"
-    )
-    return "\n".join([head, *text_table(("p50", "p99", "max"), rows), "", *figures])
+    return [Figure.at_most(f"{name}: {what} [ms]", ours, BOUND_MS) for what, ours in spans.items()]
 
 
 def _send(session: LiveSession, count: int, rate: float, progress: Progress | None) -> None:

@@ -33,19 +33,12 @@ def method_names(controller: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """A controller, a strategy and its backend.
+    """A controller, a strategy and its backend."""
 
-    Attributes:
-        controller: one of `CONTROLLERS`.
-        name: "direct", "cascade/osqp", "fused", ...
-        strategy: as the controller takes it.
-        backend: likewise, None for the strategy's own.
-    """
-
-    controller: str
-    name: str
-    strategy: str
-    backend: str | None
+    controller: str  # one of `CONTROLLERS`
+    name: str  # "direct", "cascade/osqp", "fused",
+    strategy: str  # as the controller takes it
+    backend: str | None  # as the controller takes it, None for the strategy's own
 
     def plan(self) -> ControllerPlan:
         """A controller that solves like this."""

@@ -116,17 +116,11 @@ Point = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"], Float64[np.nda
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path:
-    """A target over the ticks of a recording.
+    """A target over the ticks of a recording."""
 
-    Attributes:
-        position: in the world [m].
-        velocity: [m/s].
-        acceleration: [m/s^2].
-    """
-
-    position: Float64[np.ndarray, "ticks 3"]
-    velocity: Float64[np.ndarray, "ticks 3"]
-    acceleration: Float64[np.ndarray, "ticks 3"]
+    position: Float64[np.ndarray, "ticks 3"]  # in the world [m]
+    velocity: Float64[np.ndarray, "ticks 3"]  # [m/s]
+    acceleration: Float64[np.ndarray, "ticks 3"]  # [m/s^2]
 
     @classmethod
     def of(cls, points: list[Point]) -> "Path":
@@ -139,24 +133,16 @@ class Path:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Loop:
-    """A point that goes round: centre + displacement s(t) + amplitude r(t) sin(2 pi f t + phase).
+    """A point on centre + displacement s(t) + amplitude r(t) sin(2 pi f t + phase)."""
 
-    Attributes:
-        centre: where it is before anything moves [m].
-        displacement: of the centre, by a motion of least jerk with the phase s [m].
-        shift: when that motion begins, and how long it takes [s].
-        amplitude: by axis [m].
-        phase: by axis [rad].
-        frequency: f [1/s].
-        swell: when the amplitude begins to grow, r from zero to one, and how long it takes [s].
-    """
-
-    centre: Float64[np.ndarray, "3"]
+    centre: Float64[np.ndarray, "3"]  # where it is before anything moves [m]
+    # Of the centre, by a motion of least jerk with the phase s [m]
     displacement: Float64[np.ndarray, "3"]
-    shift: tuple[float, float]
-    amplitude: Float64[np.ndarray, "3"]
-    phase: Float64[np.ndarray, "3"]
-    frequency: float
+    shift: tuple[float, float]  # when that motion begins, and how long it takes [s]
+    amplitude: Float64[np.ndarray, "3"]  # by axis [m]
+    phase: Float64[np.ndarray, "3"]  # by axis [rad]
+    frequency: float  # f [1/s]
+    # When the amplitude begins to grow, r from zero to one, and how long it takes [s]
     swell: tuple[float, float]
 
     def at(self, time: float) -> Point:
@@ -201,20 +187,13 @@ _FOOT_SHARE = 0.08
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """States and targets of a run, tick by tick.
+    """States and targets of a run, tick by tick."""
 
-    Attributes:
-        robot: whose run.
-        stance: one of `STANCES`.
-        states: what the controller was told, one a tick.
-        paths: moving targets by task name.
-        rotations: orientations that are held, world_R_frame by task name.
-    """
-
-    robot: Robot
-    stance: str
-    states: tuple[RobotState, ...]
-    paths: Mapping[str, Path]
+    robot: Robot  # whose run
+    stance: str  # one of `STANCES`
+    states: tuple[RobotState, ...]  # what the controller was told, one a tick
+    paths: Mapping[str, Path]  # moving targets by task name
+    # Orientations that are held, world_R_frame by task name
     rotations: Mapping[str, Float64[np.ndarray, "3 3"]]
 
     def prepare(self, stack: Stack) -> None:

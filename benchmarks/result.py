@@ -1,6 +1,6 @@
 """`TickResult`: what one method needed, as JSON and as a table for a terminal."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -18,16 +18,12 @@ Ticks = slice | Int64[np.ndarray, " counted"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TickTimes:
-    """Times of the ticks of one method.
+    """Times of the ticks of one method."""
 
-    Attributes:
-        total: from state to command [s].
-        cpu: processor time of the same [s]; NaN where a peer does not tell it.
-        phases: its parts, in the order of `PHASES` [s]; NaN where a peer does not tell them apart.
-    """
-
-    total: Float64[np.ndarray, " ticks"]
+    total: Float64[np.ndarray, " ticks"]  # from state to command [s]
+    # Processor time of the same [s]; NaN where a peer does not tell it
     cpu: Float64[np.ndarray, " ticks"]
+    # Its parts, in the order of `PHASES` [s]; NaN where a peer does not tell them apart
     phases: Float64[np.ndarray, "ticks 4"]
 
 
@@ -42,19 +38,22 @@ class Result:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure(Result):
-    """A figure and what it has to be.
+    """A figure and what it has to be."""
 
-    Attributes:
-        name: of the figure.
-        bound: for it.
-        ours: as measured.
-        ok: whether it holds.
-    """
+    name: str  # of the figure
+    bound: float  # for it
+    ours: float  # as measured
+    ok: bool  # whether it holds
 
-    name: str
-    bound: float
-    ours: float
-    ok: bool
+    @classmethod
+    def at_most(cls, name: str, ours: float, bound: float) -> "Figure":
+        """A figure with an upper bound."""
+        return cls(name=name, bound=bound, ours=ours, ok=ours <= bound)
+
+    @classmethod
+    def at_least(cls, name: str, ours: float, bound: float) -> "Figure":
+        """A figure with a lower bound."""
+        return cls(name=name, bound=bound, ours=ours, ok=ours >= bound)
 
     def words(self) -> str:
         """A line for a terminal."""
@@ -63,64 +62,45 @@ class Figure(Result):
 
 @dataclass(frozen=True, kw_only=True)
 class TickResult(Result):
-    """One method on one stack.
+    """One method on one stack."""
 
-    Attributes:
-        robot: name of the robot.
-        joints: its actuated joints.
-        controller: "whole_body", "reduced", ..., or the peer's name.
-        solver: "direct", "cascade/osqp", ..., or what the peer solves with.
-        stack: "table1" or "default"; for a peer, the stack it comes nearest to.
-        contacts: "double" or "single".
-        schedule: "tick" where methods take turns tick by tick, which leaves each a cold cache;
-            "batch" where they take turns every `BATCH` ticks, as peers in other processes must.
-        variables: unknowns of the problem.
-        rows: two-sided rows, finite bounds on single unknowns among them; None where a peer does
-            not tell.
-        p50_us: median tick from state to command [us].
-        p99_us: 99th percentile [us].
-        max_us: longest tick [us].
-        cpu_min_us: least processor time of a tick, without the times at which another process had
-            the core [us]; None where a peer does not tell it.
-        cpu_p10_us: 10th percentile of the same, which other processes hardly change [us].
-        cpu_p50_us: median [us].
-        cpu_p99_us: 99th percentile [us].
-        phases_us: median of each phase [us]; None where a peer does not tell phases apart.
-        ticks: timed ticks.
-        residual_max: largest relative residual of the physics levels (dynamics with torque limits,
-            contacts with joint limits); for a peer, of the base's equation of motion or of the held
-            contacts; None where it cannot be told.
-        ratio_to_direct: median over the ticks of this method's time by that of `direct` on the
-            same state, stack and schedule.
-        ratio_to_whole: the same by that of the whole-body controller's method of the same name;
-            None where that was not timed.
-        relaxed_ticks: ticks on which some level could not be met in full.
-        missed_ticks: ticks that fell back to a safe command.
-    """
-
-    robot: str
-    joints: int
-    controller: str
-    solver: str
-    stack: str
-    contacts: str
+    robot: str  # name of the robot
+    joints: int  # its actuated joints
+    controller: str  # "whole_body", "reduced", ..., or the peer's name
+    solver: str  # "direct", "cascade/osqp", ..., or what the peer solves with
+    stack: str  # "table1" or "default"; for a peer, the stack it comes nearest to
+    contacts: str  # "double" or "single"
+    # "tick" where methods take turns tick by tick, which leaves each a cold cache; "batch" where
+    # they take turns every `BATCH` ticks, as peers in other processes must
     schedule: str
-    variables: int
+    variables: int  # unknowns of the problem
+    # two-sided rows, finite bounds on single unknowns among them; None where a peer does not tell
     rows: int | None
-    p50_us: float
-    p99_us: float
-    max_us: float
+    p50_us: float  # median tick from state to command [us]
+    p99_us: float  # 99th percentile [us]
+    max_us: float  # longest tick [us]
+    # Least processor time of a tick, without the times at which another process had the core [us];
+    # None where a peer does not tell it
     cpu_min_us: float | None
+    # 10th percentile of the same, which other processes hardly change [us]
     cpu_p10_us: float | None
-    cpu_p50_us: float | None
-    cpu_p99_us: float | None
+    cpu_p50_us: float | None  # median [us]
+    cpu_p99_us: float | None  # 99th percentile [us]
+    # Median of each phase [us]; None where a peer does not tell phases apart
     phases_us: dict[str, float | None]
-    ticks: int
+    ticks: int  # timed ticks
+    # Largest relative residual of the physics levels (dynamics with torque limits, contacts with
+    # joint limits); for a peer, of the base's equation of motion or of the held contacts; None
+    # where it cannot be told
     residual_max: float | None
+    # Median over the ticks of this method's time by that of `direct` on the same state, stack and
+    # schedule
     ratio_to_direct: float
+    # The same by that of the whole-body controller's method of the same name; None where that was
+    # not timed
     ratio_to_whole: float | None
-    relaxed_ticks: int | None
-    missed_ticks: int
+    relaxed_ticks: int | None  # ticks on which some level could not be met in full
+    missed_ticks: int  # ticks that fell back to a safe command
 
 
 def time_statistics(
@@ -162,6 +142,25 @@ def spread_us(seconds: Float64[np.ndarray, " ticks"], digits: int = 1) -> dict[s
     if not len(seconds):
         return dict.fromkeys(percents)
     return {k: round(1e6 * float(np.percentile(seconds, p)), digits) for k, p in percents.items()}
+
+
+def result_table(results: Sequence[Result]) -> str:
+    """A row a figure and a column a result, for a terminal."""
+    columns = [_flat(result.to_json()) for result in results]
+    rows = [(key, [column[key] for column in columns], "") for key in columns[0]]
+    width = max(len(cell) for _, cells, _ in rows for cell in cells)
+    return "\n".join(text_table([""] * len(columns), rows, width)[1:])
+
+
+def _flat(figures: Mapping[str, Any]) -> dict[str, str]:
+    """Figures as words, those of a part under its name."""
+    found: dict[str, str] = {}
+    for key, value in figures.items():
+        if isinstance(value, Mapping):
+            found |= {f"{key} {part}": text for part, text in _flat(value).items()}
+        else:
+            found[key] = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return found
 
 
 def text_table(

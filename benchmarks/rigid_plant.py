@@ -23,15 +23,10 @@ _MOST_BITS = 32
 
 @dataclass(frozen=True, kw_only=True)
 class Encoder:
-    """An encoder on the motor's side of a gear.
+    """An encoder on the motor's side of a gear."""
 
-    Attributes:
-        bits: the encoder tells 2^bits angles of a revolution of the motor apart.
-        gear: revolutions of the motor for one of the joint.
-    """
-
-    bits: int = 17
-    gear: float = 100.0
+    bits: int = 17  # the encoder tells 2^bits angles of a revolution of the motor apart
+    gear: float = 100.0  # revolutions of the motor for one of the joint
 
     def __post_init__(self) -> None:
         if not (isinstance(self.bits, int) and 1 <= self.bits <= _MOST_BITS):  # pyright: ignore[reportUnnecessaryIsInstance]
@@ -60,9 +55,6 @@ class JointSensors:
 
     Without an encoder both are exact. With one, the angle is quantised and the velocity is the
     backward difference of quantised angles, as in (Park, Jin, Kang 2022); the robot starts at rest.
-
-    Args:
-        encoder: of all joints; None for exact angles.
     """
 
     def __init__(self, encoder: Encoder | None = None) -> None:
@@ -102,17 +94,12 @@ STEP = 1e-4
 
 @dataclass(frozen=True, kw_only=True)
 class Gravity:
-    """Vertical gravity that goes from one value to another at a constant rate, then stays.
+    """Vertical gravity that goes from one value to another at a constant rate, then stays."""
 
-    Attributes:
-        first: at time zero; negative is downwards [m/s^2].
-        last: at the end of the sweep; `first` when None, which is constant gravity [m/s^2].
-        duration: length of the sweep [s].
-    """
-
-    first: float = EARTH
+    first: float = EARTH  # at time zero; negative is downwards [m/s^2]
+    # At the end of the sweep; `first` when None, which is constant gravity [m/s^2]
     last: float | None = None
-    duration: float = 1.0
+    duration: float = 1.0  # length of the sweep [s]
 
     def __post_init__(self) -> None:
         values = (self.first, self.first if self.last is None else self.last)
@@ -140,21 +127,13 @@ class Gravity:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moment:
-    """The true robot right after a torque was applied, before it moves on.
+    """The true robot right after a torque was applied, before it moves on."""
 
-    Attributes:
-        q: joint angles [rad].
-        v: joint velocities [rad/s].
-        acceleration: joint accelerations under the torque [rad/s^2].
-        torque: [N m].
-        gravity: vertical gravity [m/s^2].
-    """
-
-    q: Float64[np.ndarray, " n"]
-    v: Float64[np.ndarray, " n"]
-    acceleration: Float64[np.ndarray, " n"]
-    torque: Float64[np.ndarray, " n"]
-    gravity: float
+    q: Float64[np.ndarray, " n"]  # joint angles [rad]
+    v: Float64[np.ndarray, " n"]  # joint velocities [rad/s]
+    acceleration: Float64[np.ndarray, " n"]  # joint accelerations under the torque [rad/s^2]
+    torque: Float64[np.ndarray, " n"]  # [N m]
+    gravity: float  # vertical gravity [m/s^2]
 
 
 class RigidPlant:
@@ -162,35 +141,17 @@ class RigidPlant:
 
     There is no contact and no friction, and joints have no stops. Links may be heavier or lighter
     than the robot's model says; rotor inertias stay, because a data sheet tells them well.
-
-    Args:
-        robot: the robot; it is not changed.
-        q: joint angles at time zero, at rest [rad].
-        gravity: vertical gravity over time.
-        inertia_scale: factor on mass and rotational inertia of every link.
-        step: step of the integration [s].
-        encoder: of all joints; None for exact angles.
-
-    Attributes:
-        robot: the true robot: `robot` with gravity and inertias of the plant.
-        moment: how it was when the last command was applied.
-        time: [s].
-        q: joint angles [rad].
-        v: joint velocities [rad/s].
-
-    Raises:
-        ConfigurationError: a floating base, a joint without an angle, or a number out of range.
     """
 
     def __init__(
         self,
-        robot: Robot,
-        q: Float64[np.ndarray, " n"],
+        robot: Robot,  # it is not changed
+        q: Float64[np.ndarray, " n"],  # joint angles at time zero, at rest [rad]
         *,
-        gravity: Gravity | None = None,
-        inertia_scale: float = 1.0,
-        step: float = STEP,
-        encoder: Encoder | None = None,
+        gravity: Gravity | None = None,  # vertical gravity over time
+        inertia_scale: float = 1.0,  # factor on mass and rotational inertia of every link
+        step: float = STEP,  # of the integration [s]
+        encoder: Encoder | None = None,  # of all joints; None for exact angles
     ) -> None:
         if robot.floating_base or robot.nq != robot.nv:
             raise ConfigurationError(
@@ -207,13 +168,14 @@ class RigidPlant:
         self._gravity = gravity or Gravity()
         self._step = _checked_positive(step, "step of the plant [s]")
         scale = _checked_positive(inertia_scale, "inertia_scale of the plant")
+        # The true robot: with gravity and inertias of the plant.
         self.robot = with_gravity(robot, self._gravity.at(0.0))
         model = self.robot.model
         for i in range(1, model.njoints):
             link = model.inertias[i]
             model.inertias[i] = pin.Inertia(scale * link.mass, link.lever, scale * link.inertia)
         self._data, self._sensors = model.createData(), JointSensors(encoder)
-        self.moment: Moment | None = None
+        self.moment: Moment | None = None  # when the last command was applied
         self.time, self.q, self.v = 0.0, q.copy(), np.zeros(robot.nv)
 
     @property
@@ -240,11 +202,7 @@ class RigidPlant:
         return RobotState(self.q.copy(), self.v.copy(), time=self.time)
 
     def step(self, command: Command) -> None:
-        """Lets one control period pass with the command's torque held.
-
-        Raises:
-            PoiseError: the controller had no answer, so that there is nothing to study.
-        """
+        """Lets one control period pass with the command's torque held."""
         torque = command.torque
         if torque is None or not command.status.ok:
             raise PoiseError(f"the controller failed at {self.time:.3f} s: {command.status}")
@@ -258,23 +216,11 @@ class RigidPlant:
         self.advance(torque, CONTROL_DT)
 
     def acceleration(self, torque: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
-        """Joint accelerations right now under torques.
-
-        Args:
-            torque: [N m].
-
-        Returns:
-            Accelerations [rad/s^2].
-        """
+        """Joint accelerations right now under torques [rad/s^2]."""
         return self._derivative(self.time, self.q, self.v, torque)
 
     def advance(self, torque: Float64[np.ndarray, " n"], duration: float) -> None:
-        """Integrates with torques held.
-
-        Args:
-            torque: [N m].
-            duration: a whole number of steps [s].
-        """
+        """Integrates with torques held, a whole number of steps."""
         f, h = self._derivative, self._step
         steps = round(duration / h)
         start = self.time
@@ -312,22 +258,12 @@ def _checked_positive(value: float, what: str) -> float:
 
 
 def with_gravity(robot: Robot, vertical: float) -> Robot:
-    """The same robot with a model of its own, in another gravity.
-
-    Args:
-        robot: the robot; it is not changed.
-        vertical: vertical gravity, negative downwards [m/s^2].
-    """
+    """The same robot with a model of its own, in another gravity, negative downwards."""
     own = replace(robot, model=robot.model.copy())
     set_gravity(own, vertical)
     return own
 
 
 def set_gravity(robot: Robot, vertical: float) -> None:
-    """Changes the gravity of a robot from `with_gravity`; never of one that others share.
-
-    Args:
-        robot: the robot.
-        vertical: vertical gravity, negative downwards [m/s^2].
-    """
+    """Changes the gravity of a robot from `with_gravity`; never of one that others share."""
     robot.model.gravity.linear = np.array([0.0, 0.0, vertical])

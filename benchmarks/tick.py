@@ -36,28 +36,20 @@ Guest = Subject | PeerProcess
 
 @dataclass(frozen=True, kw_only=True)
 class TickBench:
-    """What to time; checked when made.
+    """Settings of the benchmark; checked when made."""
 
-    Attributes:
-        robot: name or path of a biped.
-        contacts: "double" or "single" support.
-        controller: one of `CONTROLLERS`.
-        stacks: "table1", "default", or both.
-        methods: names of the controller's methods, its usual ones when None; the whole-body
-            controller's `direct` is timed in any case, as the reference, and beside a method of
-            the reduced controller the whole-body controller's of the same name.
-        peers: Python interpreters of other packages' environments, or programs, by name: of
-            `TORQUE_PEERS`, or of `VELOCITY_PEERS` beside a controller that commands velocities.
-        ticks: timed ticks of each method.
-    """
-
-    robot: str = "humanoid33"
-    contacts: str = "double"
-    controller: str = "whole_body"
-    stacks: tuple[str, ...] = STACKS
+    robot: str = "humanoid33"  # name or path of a biped
+    contacts: str = "double"  # "double" or "single" support
+    controller: str = "whole_body"  # one of `CONTROLLERS`
+    stacks: tuple[str, ...] = STACKS  # "table1", "default", or both
+    # Names of the controller's methods, its usual ones when None; the whole-body controller's
+    # `direct` is timed in any case, as the reference, and beside a method of the reduced controller
+    # the whole-body controller's of the same name
     methods: tuple[str, ...] | None = None
+    # Python interpreters of other packages' environments, or programs, by name: of `TORQUE_PEERS`,
+    # or of `VELOCITY_PEERS` beside a controller that commands velocities
     peers: Mapping[str, Path] = field(default_factory=dict)
-    ticks: int = 500
+    ticks: int = 500  # timed ticks of each method
 
     def __post_init__(self) -> None:
         _check_choice("unknown contacts", [self.contacts], STANCES)
@@ -135,7 +127,7 @@ def velocity_figures(results: Sequence[TickResult]) -> list[Figure]:
             if mink and controller == "differential_ik":
                 name = f"{controller} {solver} over mink, {rows[0].robot}, stack {kind!r}"
                 ratio = round(time / mink[0], 3)
-                figures.append(Figure(name=name, bound=1.0, ours=ratio, ok=ratio <= 1.0))
+                figures.append(Figure.at_most(name, ratio, 1.0))
     return figures
 
 
@@ -200,7 +192,7 @@ def peer_figures(results: Sequence[TickResult]) -> list[Figure]:
             continue
         ours, where = round(times[0] / times[1], 1), rows[peer]
         name = f"{where.robot}, {where.contacts} support: {peer} over {controller}"
-        figures.append(Figure(name=name, bound=bound, ours=ours, ok=ours >= bound))
+        figures.append(Figure.at_least(name, ours, bound))
     return figures
 
 

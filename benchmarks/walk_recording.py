@@ -114,23 +114,14 @@ class WalkLead:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WalkRecording:
-    """States of a walk, tick by tick.
+    """States of a walk, tick by tick."""
 
-    Attributes:
-        robot: whose walk.
-        plan: its steps.
-        states: what the controller was told.
-        feet: number of feet with contacts that were active at each tick.
-        com_error: distance of the COM from its target [m].
-        hand_error: distance of the left hand from its target [m].
-    """
-
-    robot: Robot
-    plan: FootstepPlan
-    states: tuple[RobotState, ...]
-    feet: Int64[np.ndarray, " ticks"]
-    com_error: Float64[np.ndarray, " ticks"]
-    hand_error: Float64[np.ndarray, " ticks"]
+    robot: Robot  # whose walk
+    plan: FootstepPlan  # its steps
+    states: tuple[RobotState, ...]  # what the controller was told
+    feet: Int64[np.ndarray, " ticks"]  # number of feet with contacts that were active at each tick
+    com_error: Float64[np.ndarray, " ticks"]  # distance of the COM from its target [m]
+    hand_error: Float64[np.ndarray, " ticks"]  # distance of the left hand from its target [m]
 
     def lead(self, kind: str) -> WalkLead:
         """What leads a new stack of this kind along the recorded states.
@@ -185,31 +176,27 @@ def record_walk(
 
 
 class WalkSubject(Clocked):
-    """A controller with a stack and a walker of its own, whose answers are kept.
-
-    Attributes:
-        lead: its walker.
-        acceleration: answers at the ticks that were timed, NaN elsewhere [m/s^2, rad/s^2].
-        torque: likewise [N m].
-        wrench: likewise, of the contacts in the order of the stack, zero of inactive ones [N, N m].
-        variables: unknowns of the problem, of LQP 1 and of LQP 2 where that was solved.
-        lqp: seconds in the solver, of the full problem or of LQP 1 alone.
-        programs: what a tick had to solve: 1 for one problem, which is LQP 1 of the reduced
-            controller, 2 for LQP 2 as well, 3 where the whole problem had to be solved after all.
-    """
+    """A controller with a stack and a walker of its own, whose answers are kept."""
 
     def __init__(self, recording: WalkRecording, kind: str, method: Method) -> None:
-        self.lead: WalkLead = recording.lead(kind)
+        self.lead: WalkLead = recording.lead(kind)  # its walker
         robot, stack = recording.robot, self.lead.stack
         controller = make_controller(robot, stack, method.plan())
         super().__init__(method, controller, recording.states, self._aim_at)
         ticks = len(recording.states)
+        # Answers at the ticks that were timed, NaN elsewhere [m/s^2, rad/s^2]
         self.acceleration: Float64[np.ndarray, "ticks nv"] = np.full((ticks, robot.nv), np.nan)
+        # Torques of the same ticks [N m]
         self.torque: Float64[np.ndarray, "ticks nj"] = np.full((ticks, robot.nj), np.nan)
         width = sum(c.dim for c in stack.contacts)
+        # Wrenches of the contacts in the order of the stack, zero of inactive ones [N, N m]
         self.wrench: Float64[np.ndarray, "ticks nf"] = np.full((ticks, width), np.nan)
+        # Unknowns of the problem, of LQP 1 and of LQP 2 where that was solved
         self.variables: Float64[np.ndarray, " ticks"] = np.full(ticks, np.nan)
+        # Seconds in the solver, of the full problem or of LQP 1 alone
         self.lqp: Float64[np.ndarray, " ticks"] = np.full(ticks, np.nan)
+        # What a tick had to solve: 1 for one problem, which is LQP 1 of the reduced controller, 2
+        # for LQP 2 as well, 3 where the whole problem had to be solved after all
         self.programs: Float64[np.ndarray, " ticks"] = np.full(ticks, np.nan)
 
     def tick(self, index: int) -> None:

@@ -14,14 +14,7 @@ from bundled_robots.documents import (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the archive, or compare it with what would be written.
-
-    Args:
-        arguments: the command line without the program's name; the process's own when None.
-
-    Returns:
-        The exit status: 0 written or equal, 1 some documents differ.
-    """
+    """Write the archive, or compare it with what would be written."""
     parser = argparse.ArgumentParser(
         prog="python -m bundled_robots",
         description="Makes the URDF documents of humanoid20 to humanoid60, biped20, arm6 and "

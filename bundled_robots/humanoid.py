@@ -43,14 +43,6 @@ def humanoid(name: str, joints: int, proportions: Proportions) -> Tree:
 
     The root is the pelvis, midway between the hips; x is forward and z up; all angles zero means
     that it stands straight with its arms hanging.
-
-    Args:
-        name: name of the robot.
-        joints: number of joints, 20 to 60.
-        proportions: size and mass.
-
-    Returns:
-        Links and joints.
     """
     p, count = proportions, share_joints(joints)
     s = p.scale

@@ -55,30 +55,18 @@ def arm_joints(count: int) -> tuple[_ArmJoint, ...]:
 
 
 def add_arm(
-    tree: Tree,
-    side: Literal["left", "right"],
+    tree: Tree,  # the robot, with the link `parent`
+    side: Literal["left", "right"],  # which arm
     *,
-    joints: int,
-    parent: str,
-    shoulder: tuple[float, float, float],
-    length: float,
-    mass: float,
-    strength: float,
-    accent: str,
+    joints: int,  # number of joints, at least 4
+    parent: str,  # the link that carries the arm
+    shoulder: tuple[float, float, float],  # place of the left shoulder in the parent [m]
+    length: float,  # from shoulder to wrist [m]
+    mass: float,  # mass of the arm [kg]
+    strength: float,  # torque limits against those of a robot of 1.8 m and 100 kg
+    accent: str,  # colour of the covers
 ) -> None:
-    """Hang an arm on the torso. All angles zero means that it hangs straight down.
-
-    Args:
-        tree: the robot, with the link `parent`.
-        side: which arm.
-        joints: number of joints, at least 4.
-        parent: the link that carries the arm.
-        shoulder: place of the left shoulder in the parent [m].
-        length: from shoulder to wrist [m].
-        mass: mass of the arm [kg].
-        strength: torque limits against those of a robot of 1.8 m and 100 kg.
-        accent: colour of the covers.
-    """
+    """Hang an arm on the torso. All angles zero means that it hangs straight down."""
     sign = 1.0 if side == "left" else -1.0
     size = length / 0.55
     chain = arm_joints(joints)
@@ -183,11 +171,6 @@ def add_leg(tree: Tree, side: Literal["left", "right"], p: Proportions) -> None:
     """Hang a leg on the pelvis: hip yaw, roll, pitch, knee, ankle pitch, roll.
 
     Spans are written for the left leg and mirrored for the right: yaw and roll change sign.
-
-    Args:
-        tree: the robot, with its pelvis.
-        side: which leg.
-        p: size and mass.
     """
     sign = 1.0 if side == "left" else -1.0
     mass = p.mass * p.leg_mass_ratio / 2.0

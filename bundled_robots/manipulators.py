@@ -18,9 +18,6 @@ def arm6() -> Tree:
     """A table-top arm like an Indy RP: six joints, a reach of 0.9 m from its shoulder.
 
     Torque limits are the motors' rated torques of 1.3, 0.64 and 0.32 N m behind gears of 100:1.
-
-    Returns:
-        Links and joints; the root stands on the ground.
     """
     tree = Tree("arm6")
     tree.add("base_link", 5.0, _arm_base())
@@ -43,11 +40,7 @@ def arm6() -> Tree:
 
 
 def upper17() -> Tree:
-    """The upper body of a humanoid on a column: a torso of five joints, two arms of six.
-
-    Returns:
-        Links and joints; the root stands on the ground.
-    """
+    """The upper body of a humanoid on a column: a torso of five joints, two arms of six."""
     p = _UPPER_BODY
     s = p.scale
     tree = Tree("upper17")

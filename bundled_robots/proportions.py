@@ -14,27 +14,16 @@ _FULL_UNCONSTRAINED = 21
 
 @dataclass(frozen=True, kw_only=True)
 class Proportions:
-    """Size and mass of a humanoid. Lengths not named here scale with the height.
+    """Size and mass of a humanoid. Lengths not named here scale with the height."""
 
-    Attributes:
-        height: from sole to crown, knees straight [m].
-        mass: total mass [kg].
-        sole_length: length of a foot [m].
-        sole_width: width of a foot [m].
-        hip_offset: from the middle to a hip [m].
-        hip_height: height of the hips over the soles, over the height.
-        leg_mass_ratio: mass of both legs over the whole.
-        accent: colour of the covers.
-    """
-
-    height: float
-    mass: float
-    sole_length: float
-    sole_width: float
-    hip_offset: float
-    hip_height: float = 0.494
-    leg_mass_ratio: float = 0.45
-    accent: str = "accent"
+    height: float  # from sole to crown, knees straight [m]
+    mass: float  # total mass [kg]
+    sole_length: float  # length of a foot [m]
+    sole_width: float  # width of a foot [m]
+    hip_offset: float  # from the middle to a hip [m]
+    hip_height: float = 0.494  # height of the hips over the soles, over the height
+    leg_mass_ratio: float = 0.45  # mass of both legs over the whole
+    accent: str = "accent"  # colour of the covers
 
     @property
     def scale(self) -> float:
@@ -49,17 +38,11 @@ class Proportions:
 
 @dataclass(frozen=True, kw_only=True)
 class JointCount:
-    """How many joints each part of a humanoid has.
+    """Joints of each part of a humanoid."""
 
-    Attributes:
-        arm: joints of one arm.
-        waist: joints between pelvis and torso.
-        head: joints between torso and head.
-    """
-
-    arm: int
-    waist: int
-    head: int
+    arm: int  # joints of one arm
+    waist: int  # joints between pelvis and torso
+    head: int  # joints between torso and head
 
 
 def share_joints(total: int) -> JointCount:
@@ -67,12 +50,6 @@ def share_joints(total: int) -> JointCount:
 
     33 joints give arms of 8, a waist of 3 and a head of 2. With fewer, the arms shrink to 4 first
     and then the waist and the head; with more, all three grow.
-
-    Args:
-        total: joints of the whole robot.
-
-    Returns:
-        The count for each part.
     """
     free = total - 2 * LEG_JOINTS
     if free <= _FULL_UNCONSTRAINED:

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import Literal
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
 
 _PARALLEL = 1e-9
 """Directions closer than this to the z axis need no rotation."""
@@ -15,23 +16,16 @@ _PARALLEL = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """One solid of uniform density, fixed to a link.
+    """One solid of uniform density, fixed to a link."""
 
-    Attributes:
-        kind: which solid.
-        size: box: edge lengths; cylinder: radius and length along its z; sphere: radius [m].
-        position: centre in the link [m].
-        rpy: orientation in the link as URDF's roll, pitch, yaw [rad].
-        colour: name of a colour in the palette.
-        solid: whether it also collides.
-    """
-
-    kind: Literal["box", "cylinder", "sphere"]
+    kind: Literal["box", "cylinder", "sphere"]  # which solid
+    # box: edge lengths; cylinder: radius and length along its z; sphere: radius [m]
     size: tuple[float, ...]
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)  # centre in the link [m]
+    # Orientation in the link as URDF's roll, pitch, yaw [rad]
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    colour: str = "shell"
-    solid: bool = False
+    colour: str = "shell"  # name of a colour in the palette
+    solid: bool = False  # whether it also collides
 
     @property
     def volume(self) -> float:
@@ -42,71 +36,21 @@ class Shape:
             return math.pi * self.size[0] ** 2 * self.size[1]
         return 4.0 / 3.0 * math.pi * self.size[0] ** 3
 
-    @property
-    def rotation(self) -> Float64[np.ndarray, "3 3"]:
-        """Orientation in the link, link_R_shape."""
-        return pin.rpy.rpyToMatrix(*self.rpy)
-
-    def inertia(self, mass: float) -> Float64[np.ndarray, "3 3"]:
-        """Inertia about the solid's own centre, along the link's axes [kg m^2]."""
-        if self.kind == "box":
-            x, y, z = (edge**2 for edge in self.size)
-            diagonal = np.array([y + z, x + z, x + y]) / 12.0
-        elif self.kind == "cylinder":
-            radius, length = self.size
-            across = (3.0 * radius**2 + length**2) / 12.0
-            diagonal = np.array([across, across, radius**2 / 2.0])
-        else:
-            diagonal = np.full(3, 0.4 * self.size[0] ** 2)
-        return mass * self.rotation @ np.diag(diagonal) @ self.rotation.T
-
-    def extent(self, direction: Float64[np.ndarray, "3"]) -> float:
-        """How far the solid reaches from its centre along a unit vector of the link [m]."""
-        local = self.rotation.T @ direction
-        if self.kind == "box":
-            return float(np.abs(local) @ np.array(self.size)) / 2.0
-        if self.kind == "cylinder":
-            radius, length = self.size
-            return float(radius * math.hypot(local[0], local[1]) + abs(local[2]) * length / 2.0)
-        return self.size[0]
+    def inertia(self, mass: float) -> pin.Inertia:
+        """Inertia of the solid in the link's frame."""
+        makers = {
+            "box": pin.Inertia.FromBox,
+            "cylinder": pin.Inertia.FromCylinder,
+            "sphere": pin.Inertia.FromSphere,
+        }
+        link_T_shape = pin.SE3(pin.rpy.rpyToMatrix(*self.rpy), np.array(self.position))
+        return link_T_shape.act(makers[self.kind](mass, *self.size))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Inertia:
-    """Mass, centre of mass in the link, and inertia about that centre along the link's axes.
-
-    Attributes:
-        mass: mass [kg].
-        com: centre of mass [m].
-        matrix: rotational inertia about `com` [kg m^2].
-    """
-
-    mass: float
-    com: Float64[np.ndarray, "3"]
-    matrix: Float64[np.ndarray, "3 3"]
-
-
-def combined_inertia(shapes: Sequence[Shape], mass: float) -> Inertia:
-    """Inertia of several solids of one density that weigh `mass` together.
-
-    Parallel axis theorem: I = sum of I_i + m_i (|r_i|^2 E - r_i r_i^T), r_i from the common centre.
-
-    Args:
-        shapes: the solids; where they overlap, the mass counts twice.
-        mass: their mass together [kg].
-
-    Returns:
-        The inertia.
-    """
-    volumes = np.array([s.volume for s in shapes])
-    masses = mass * volumes / volumes.sum()
-    centres = np.array([s.position for s in shapes])
-    com = masses @ centres / mass
-    matrix = np.zeros((3, 3))
-    for shape, m, centre in zip(shapes, masses, centres, strict=True):
-        r = centre - com
-        matrix += shape.inertia(float(m)) + m * (r @ r * np.eye(3) - np.outer(r, r))
-    return Inertia(mass=mass, com=com, matrix=(matrix + matrix.T) / 2.0)
+def combined_inertia(shapes: Sequence[Shape], mass: float) -> pin.Inertia:
+    """Inertia of solids of one density that weigh `mass` [kg]; an overlap counts twice."""
+    volume = sum(shape.volume for shape in shapes)
+    return reduce(add, (shape.inertia(mass * shape.volume / volume) for shape in shapes))
 
 
 def box(

@@ -24,74 +24,44 @@ _AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
 
 @dataclass(frozen=True, kw_only=True)
 class Link:
-    """A rigid body: solids of one density.
+    """A rigid body: solids of one density."""
 
-    Attributes:
-        name: name of the link.
-        mass: mass [kg].
-        shapes: its solids; their volumes share the mass.
-    """
-
-    name: str
-    mass: float
-    shapes: tuple[Shape, ...]
+    name: str  # name of the link
+    mass: float  # mass [kg]
+    shapes: tuple[Shape, ...]  # its solids; their volumes share the mass
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """A hinge between two links, or a weld where `axis` is "fixed".
+    """A hinge between two links, or a weld where `axis` is "fixed"."""
 
-    Attributes:
-        name: name of the joint.
-        parent: the link it hangs from.
-        child: the link it moves; its frame lies in the joint.
-        position: place of the joint in the parent [m].
-        axis: the joint's axis, along the child's own axes.
-        lower: lower limit [rad].
-        upper: upper limit [rad].
-        torque: torque limit [N m].
-        velocity: velocity limit [rad/s].
-    """
-
-    name: str
-    parent: str
-    child: str
-    position: tuple[float, float, float]
-    axis: Literal["x", "y", "z", "fixed"]
-    lower: float = 0.0
-    upper: float = 0.0
-    torque: float = 0.0
-    velocity: float = 0.0
+    name: str  # name of the joint
+    parent: str  # the link it hangs from
+    child: str  # the link it moves; its frame lies in the joint
+    position: tuple[float, float, float]  # place of the joint in the parent [m]
+    axis: Literal["x", "y", "z", "fixed"]  # the joint's axis, along the child's own axes
+    lower: float = 0.0  # lower limit [rad]
+    upper: float = 0.0  # upper limit [rad]
+    torque: float = 0.0  # torque limit [N m]
+    velocity: float = 0.0  # velocity limit [rad/s]
 
 
 class Hinge(NamedTuple):
-    """What is known of a hinge before it stands in a robot.
+    """Data of a hinge before it stands in a robot."""
 
-    Attributes:
-        name: name of the joint, without its side.
-        axis: the joint's axis.
-        span: position limits, of the left one of a pair [deg].
-        torque: torque limit, of a robot of 1.8 m and 100 kg where strengths are scaled [N m].
-    """
-
-    name: str
-    axis: Literal["x", "y", "z"]
-    span: tuple[float, float]
-    torque: float
+    name: str  # name of the joint, without its side
+    axis: Literal["x", "y", "z"]  # the joint's axis
+    span: tuple[float, float]  # position limits, of the left one of a pair [deg]
+    torque: float  # torque limit, of a robot of 1.8 m and 100 kg where strengths are scaled [N m]
 
 
 @dataclass
 class Tree:
-    """Links and joints under construction.
+    """Links and joints under construction."""
 
-    Attributes:
-        name: name of the robot.
-        links: the links, the root first.
-        joints: the joints, in the order they were added.
-    """
-
-    name: str
-    links: list[Link] = field(default_factory=list[Link])
+    name: str  # name of the robot
+    links: list[Link] = field(default_factory=list[Link])  # the links, the root first
+    # The joints, in the order they were added
     joints: list[Joint] = field(default_factory=list[Joint])
 
     def add(self, name: str, mass: float, shapes: Iterable[Shape]) -> None:
@@ -100,26 +70,17 @@ class Tree:
 
     def connect(
         self,
-        hinge: Hinge,
-        parent: str,
-        child: str,
+        hinge: Hinge,  # name, axis, limits
+        parent: str,  # the link it hangs from
+        child: str,  # the link it moves
         *,
-        at: tuple[float, float, float],
-        velocity: float,
-        strength: float = 1.0,
+        at: tuple[float, float, float],  # its place in the parent [m]
+        velocity: float,  # velocity limit [rad/s]
+        strength: float = 1.0,  # factor on the torque limit
+        # Of a pair; on the right, limits about x and z are mirrored
         side: Literal["left", "right"] | None = None,
     ) -> None:
-        """Add a hinge between two links.
-
-        Args:
-            hinge: name, axis, limits.
-            parent: the link it hangs from.
-            child: the link it moves.
-            at: its place in the parent [m].
-            velocity: velocity limit [rad/s].
-            strength: factor on the torque limit.
-            side: of a pair; on the right, limits about x and z are mirrored.
-        """
+        """Add a hinge between two links."""
         low, high = (math.radians(angle) for angle in hinge.span)
         if side == "right" and hinge.axis != "y":
             low, high = -high, -low
@@ -161,9 +122,9 @@ def _add_link(root: ET.Element, link: Link) -> None:
     element = ET.SubElement(root, "link", name=link.name)
     inertia = combined_inertia(link.shapes, link.mass)
     inertial = ET.SubElement(element, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_text(inertia.com), rpy="0 0 0")
+    ET.SubElement(inertial, "origin", xyz=_text(inertia.lever), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=repr(float(inertia.mass)))
-    matrix = inertia.matrix
+    matrix = inertia.inertia
     ET.SubElement(
         inertial,
         "inertia",

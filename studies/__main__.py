@@ -13,14 +13,7 @@ from studies.plan import STUDIES, Study, StudyOptions, load_study
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one study.
-
-    Args:
-        arguments: the command line without the program's name; the process's own when None.
-
-    Returns:
-        The exit status: 0 all findings hold, 1 one failed or a part has no result, 2 bad input.
-    """
+    """Runs one study."""
     parser = argparse.ArgumentParser(
         prog="python -m studies",
         description="Runs a paper's experiments and writes study.html, study.json and the figures. "

@@ -1,12 +1,12 @@
 """`Section`: what one part of a study has to show.
 
 `Finding`: one number of a paper beside ours, and whether the paper's claim holds. `Table`.
-`Figure` and `draw`: a drawing in the report's style. `Film`: a video beside the page.
+`Figure` and `draw`: a drawing in the report's style.
 """
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -24,19 +24,12 @@ _VIEW_BOX = re.compile(r'viewBox="0 0 ([\d.]+) ([\d.]+)"')
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """A finished drawing.
+    """A finished drawing."""
 
-    Attributes:
-        name: id in the page and name of the file, unique within the study: `figure-1`.
-        title: its heading.
-        caption: what it shows and how to read it.
-        svg: the drawing as an element of the page.
-    """
-
-    name: str
-    title: str
-    caption: str
-    svg: str
+    name: str  # id in the page and name of the file, unique within the study: `figure-1`
+    title: str  # its heading
+    caption: str  # what it shows and how to read it
+    svg: str  # the drawing as an element of the page
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
@@ -91,35 +84,11 @@ def one_legend(canvas: Any, panel: Any) -> None:
 
 
 def require_matplotlib() -> None:
-    """Says early that the figures cannot be drawn.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """Says early that the figures cannot be drawn."""
     try:
         import matplotlib  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
         raise MissingExtraError("matplotlib", "sim", "a study's figures") from None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Film:
-    """A video.
-
-    Attributes:
-        name: of its file, unique within the study.
-        title: what it shows.
-        data: the mp4 file's contents.
-    """
-
-    name: str
-    title: str
-    data: bytes = field(repr=False)
-
-    @property
-    def file_name(self) -> str:
-        """Of the file beside the page."""
-        return f"{self.name}.mp4"
 
 
 _IN_FULL = 1e9
@@ -128,25 +97,17 @@ _IN_FULL = 1e9
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One number beside what a paper says of it, or what is asked for.
+    """One number beside what a paper says of it, or a bound."""
 
-    Attributes:
-        name: what was found, unique within its study.
-        paper: the paper's number, in `unit`; where it has none the bound that is asked for, and
-            None where there is neither.
-        ours: our number, in `unit`; None where it could not be computed.
-        unit: unit of both; empty for a pure number.
-        ok: whether what the paper claims (a value, a ratio, an order, a bound) holds, or what is
-            asked for where it says nothing. It never compares with an earlier run of ours.
-        note: which claim that is, and where the numbers differ, why.
-    """
-
-    name: str
-    ours: int | float | None
+    name: str  # what was found, unique within its study
+    ours: int | float | None  # our number, in `unit`; None where it could not be computed
+    # True where what the paper claims (a value, a ratio, an order, a bound) holds, or a bound of
+    # ours where it says nothing. It never compares with an earlier run of ours.
     ok: bool
+    # The paper's number, in `unit`; where it has none our bound, and None where there is neither
     paper: int | float | None = None
-    unit: str = ""
-    note: str = ""
+    unit: str = ""  # unit of both; empty for a pure number
+    note: str = ""  # which claim that is, and where the numbers differ, why
 
     def __post_init__(self) -> None:
         if not self.name.strip():
@@ -169,11 +130,7 @@ class Finding:
 
 
 def number_text(value: int | float | None) -> str:
-    """A number for readers: whole numbers exactly, others with three or four figures.
-
-    Args:
-        value: the number; None gives a dash.
-    """
+    """A number for readers: whole numbers exactly, others with three or four figures."""
     if value is None:
         return "–"
     if isinstance(value, int) or 1e3 <= abs(value) < _IN_FULL:
@@ -197,19 +154,12 @@ Cell = str | int | float | None
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Rows under a header.
+    """Rows under a header."""
 
-    Attributes:
-        title: its heading.
-        header: names of the columns with their units in brackets, a ` | ` between them.
-        rows: cells in the order of the header.
-        caption: what the reader should see in it.
-    """
-
-    title: str
-    header: str
-    rows: tuple[tuple[Cell, ...], ...]
-    caption: str = ""
+    title: str  # its heading
+    header: str  # names of the columns with their units in brackets, a ` | ` between them
+    rows: tuple[tuple[Cell, ...], ...]  # cells in the order of the header
+    caption: str = ""  # what the reader should see in it
 
     def __post_init__(self) -> None:
         for row in self.rows:
@@ -228,22 +178,11 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """What one part of a study found.
+    """Findings of one part of a study."""
 
-    Attributes:
-        prose: paragraphs of plain text; words between backticks are set as code.
-        findings: numbers beside the paper's.
-        figures: drawings.
-        tables: numbers that are no findings.
-        films: videos, which lie beside the page.
-        name: id of the part, given by the plan.
-        title: heading, given by the plan.
-    """
-
-    prose: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    figures: tuple[Figure, ...] = ()
-    tables: tuple[Table, ...] = ()
-    films: tuple[Film, ...] = ()
-    name: str = ""
-    title: str = ""
+    prose: tuple[str, ...] = ()  # paragraphs of plain text; words between backticks are set as code
+    findings: tuple[Finding, ...] = ()  # numbers beside the paper's
+    figures: tuple[Figure, ...] = ()  # drawings
+    tables: tuple[Table, ...] = ()  # numbers that are no findings
+    name: str = ""  # id of the part, given by the plan
+    title: str = ""  # heading, given by the plan

@@ -22,14 +22,6 @@ def write_study(study: Study, folder: Path) -> Path:
 
     The same study gives the same bytes. A file that is there already is replaced in one step, so
     that an interruption leaves the former one.
-
-    Args:
-        study: complete, or as far as it came.
-        folder: where `study.json`, `study.html`, a file `NAME.svg` for each figure and `NAME.mp4`
-            for each video go; made if it does not exist.
-
-    Returns:
-        Path of the page.
     """
     folder.mkdir(parents=True, exist_ok=True)
     findings = [finding.to_json() for finding in study.findings]
@@ -37,24 +29,18 @@ def write_study(study: Study, folder: Path) -> Path:
     for section in study.sections:
         for figure in section.figures:
             _replace(folder / f"{figure.name}.svg", figure.to_file())
-        for film in section.films:
-            _replace(folder / film.file_name, film.data)
     _replace(folder / PAGE, page_html(study))
     return folder / PAGE
 
 
-def _replace(path: Path, content: str | bytes) -> None:
+def _replace(path: Path, content: str) -> None:
     beside = path.with_name(path.name + ".part")
-    beside.write_bytes(content.encode() if isinstance(content, str) else content)
+    beside.write_text(content, encoding="utf-8")
     os.replace(beside, path)
 
 
 def page_html(study: Study) -> str:
-    """Return the whole page, which refers to nothing outside itself.
-
-    Args:
-        study: complete, or as far as it came.
-    """
+    """Return the whole page, which refers to nothing outside itself."""
     words = verdict(study)
     mark = "✓" if study.ok else "✗"
     return render_page(

@@ -16,19 +16,12 @@ from studies.finding import Finding, Section, require_matplotlib
 
 @dataclass(frozen=True, kw_only=True)
 class Unfinished:
-    """A part of a study that has no result.
+    """A part of a study that has no result."""
 
-    Attributes:
-        name: id of the part.
-        title: its heading.
-        reason: why, in one line.
-        details: the traceback where an error was the reason.
-    """
-
-    name: str
-    title: str
-    reason: str
-    details: str = ""
+    name: str  # id of the part
+    title: str  # its heading
+    reason: str  # why, in one line
+    details: str = ""  # the traceback where an error was the reason
 
     def finding(self) -> Finding:
         """The part's place in the list of findings: one that does not hold."""
@@ -50,25 +43,19 @@ _NOT_COMPUTED = "not computed"
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """How a study is run.
+    """Options of a run of a study."""
 
-    Attributes:
-        quick: shorter motions and fewer samples, for tests; claims are checked all the same.
-        seed: of everything random, a whole number >= 0.
-        seeds: how many seeds a case has, where a part goes through several; None for the part's
-            own number.
-        folder: where outcomes of trials are kept, and taken from when the study is run again;
-            None for nowhere.
-        rows: file with a row for each run, of studies that have one; in `folder` when None.
-        processes: how many make runs, in studies that ask; one a core when None.
-    """
-
+    # Shorter motions and fewer samples, for tests; claims are checked all the same
     quick: bool = False
-    seed: int = 0
+    seed: int = 0  # of everything random, a whole number >= 0
+    # How many seeds a case has, where a part goes through several; None for the part's own number
     seeds: int | None = None
+    # Where outcomes of trials are kept, and taken from when the study is run again; None for
+    # nowhere
     folder: Path | None = None
+    # File with a row for each run, of studies that have one; in `folder` when None
     rows: Path | None = None
-    processes: int | None = None
+    processes: int | None = None  # how many make runs, in studies that ask; one a core when None
 
     def __post_init__(self) -> None:
         if self.seed < 0:
@@ -93,36 +80,22 @@ class StudyOptions:
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a study, to be computed.
+    """One part of a study, to be computed."""
 
-    Attributes:
-        name: its id, unique within the study.
-        title: heading of its section.
-        compute: gives the section.
-    """
-
-    name: str
-    title: str
-    compute: Callable[[StudyOptions, Progress], Section]
+    name: str  # its id, unique within the study
+    title: str  # heading of its section
+    compute: Callable[[StudyOptions, Progress], Section]  # gives the section
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyPlan:
-    """A study before it is run.
+    """A study before it is run."""
 
-    Attributes:
-        name: as the command line has it.
-        title: heading of its page.
-        introduction: paragraphs of plain text, as in sections.
-        source: the paper, as one cites it.
-        parts: in the order in which they are computed and shown.
-    """
-
-    name: str
-    title: str
-    introduction: tuple[str, ...]
-    source: str
-    parts: tuple[Part, ...]
+    name: str  # as the command line has it
+    title: str  # heading of its page
+    introduction: tuple[str, ...]  # paragraphs of plain text, as in sections
+    source: str  # the paper, as one cites it
+    parts: tuple[Part, ...]  # in the order in which they are computed and shown
 
     def only(self, names: Sequence[str]) -> "StudyPlan":
         """The plan of some of its parts."""
@@ -157,17 +130,11 @@ class StudyPlan:
 
 @dataclass(frozen=True)
 class Study:
-    """What a study found, complete or as far as it came.
+    """Findings of a study, complete or as far as it came."""
 
-    Attributes:
-        plan: what was to be computed.
-        options: length and seed.
-        outcomes: of the parts, in order.
-    """
-
-    plan: StudyPlan
-    options: StudyOptions
-    outcomes: tuple[Section | Unfinished, ...]
+    plan: StudyPlan  # what was to be computed
+    options: StudyOptions  # length and seed
+    outcomes: tuple[Section | Unfinished, ...]  # of the parts, in order
 
     @property
     def sections(self) -> tuple[Section, ...]:
@@ -234,7 +201,6 @@ _MODULES = {
     "bias-acceleration": "studies.bias_acceleration",
     "step-teleoperation": "studies.step_teleoperation",
     "reduced-dynamics": "studies.reduced_dynamics",
-    "bad-operator": "studies.bad_operator",
     "torque-teleoperation": "studies.torque_teleoperation",
     "locomotion": "studies.locomotion",
     "quiet": "studies.quiet",

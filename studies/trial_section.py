@@ -1,15 +1,29 @@
-"""`TrialSection`: a part of a study that counts failures of trials, case by case."""
+"""`TrialSection`: a part of a study that counts failures of trials, case by case.
 
+`run_each`: its trials, in processes of their own, none of them lost.
+"""
+
+import hashlib
+import pickle
+from base64 import b64decode, b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.stats import binomtest
 
+import poise
+import studies
+from poise.apps.campaigns import LocalWorkers, RowLog
+from poise.errors import PoiseError
 from studies.finding import Cell, Finding, Section, Table
 from studies.plan import Progress, StudyOptions
-from studies.trials import run_each
+
+Trial = TypeVar("Trial")
+Outcome = TypeVar("Outcome")
 
 
 def has_fallen(outcome: Any) -> bool:
@@ -29,62 +43,38 @@ def part(share: float) -> Callable[[Sequence[Any]], float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Bound:
-    """An upper bound on a figure of the outcomes of a case.
+    """An upper bound on a figure of the outcomes of a case."""
 
-    Attributes:
-        name: of the figure.
-        value: computes it.
-        most: its bound.
-        unit: of both.
-        note: added to the finding.
-    """
-
-    name: str
-    value: Callable[[Sequence[Any]], float]
-    most: float
-    unit: str = ""
-    note: str = ""
+    name: str  # of the figure
+    value: Callable[[Sequence[Any]], float]  # computes it
+    most: float  # its bound
+    unit: str = ""  # of both
+    note: str = ""  # added to the finding
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """Trials that are judged together.
+    """Trials that are judged together."""
 
-    Attributes:
-        name: of the case.
-        trials: of any hashable type.
-        allowed: failures that are allowed, by outcomes; None where nothing is asked of them.
-        failed: tests an outcome for a failure.
-        what: a failure in words, in the plural.
-        bounds: figures beside the number of failures.
-    """
-
-    name: str
-    trials: Sequence[Any]
+    name: str  # of the case
+    trials: Sequence[Any]  # of any hashable type
+    # Failures that are allowed, by outcomes; None where nothing is asked of them
     allowed: Callable[[Sequence[Any]], float] | None = none
-    failed: Callable[[Any], bool] = has_fallen
-    what: str = "falls"
-    bounds: tuple[Bound, ...] = ()
+    failed: Callable[[Any], bool] = has_fallen  # tests an outcome for a failure
+    what: str = "falls"  # a failure in words, in the plural
+    bounds: tuple[Bound, ...] = ()  # figures beside the number of failures
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrialSection:
-    """Part of a study: a finding and a row of the table for each case.
+    """Part of a study: a finding and a row of the table for each case."""
 
-    Attributes:
-        title: heading of the table.
-        prose: paragraphs.
-        run: runs one trial; a function of a module.
-        kind: type of its outcome.
-        cases: makes the cases.
-        columns: further columns of the table, each a figure of the outcomes of a case.
-    """
-
-    title: str
-    prose: tuple[str, ...]
-    run: Callable[[Any], Any]
-    kind: type[Any]
-    cases: Callable[[StudyOptions], Sequence[Case]]
+    title: str  # heading of the table
+    prose: tuple[str, ...]  # paragraphs
+    run: Callable[[Any], Any]  # runs one trial; a function of a module
+    kind: type[Any]  # type of its outcome
+    cases: Callable[[StudyOptions], Sequence[Case]]  # makes the cases
+    # Further columns of the table, each a figure of the outcomes of a case
     columns: Mapping[str, Callable[[Sequence[Any]], Cell]] = field(
         default_factory=dict[str, Callable[[Sequence[Any]], Cell]]
     )
@@ -116,15 +106,7 @@ class TrialSection:
 
 
 def findings_of(case: Case, outcomes: Sequence[Any]) -> list[Finding]:
-    """Compare a case with what is asked of it.
-
-    Args:
-        case: the case.
-        outcomes: of its trials.
-
-    Returns:
-        A finding on failures where something is asked of them, and one for each bound.
-    """
+    """Compare a case with what is asked of it."""
     findings: list[Finding] = []
     if case.allowed is not None:
         failures, allowed = sum(map(case.failed, outcomes)), case.allowed(outcomes)
@@ -171,3 +153,45 @@ def total(attribute: str, scale: float = 1.0) -> Callable[[Sequence[Any]], float
 def median(attribute: str) -> Callable[[Sequence[Any]], float]:
     """Figure: the median of an attribute of outcomes."""
     return lambda outcomes: float(np.median([getattr(o, attribute) for o in outcomes]))
+
+
+def run_each(
+    run: Callable[[Trial], Outcome],
+    kind: type[Outcome],
+    trials: Sequence[Trial],
+    progress: Progress,
+    options: StudyOptions | None = None,
+    *,
+    workers: int | None = None,
+) -> dict[Trial, Outcome]:
+    """Run a function of a module, `run`, with each of the trials that no former run has done.
+
+    `progress` counts trials. Outcomes of that `kind` are kept in the folder of the `options`, if
+    any, and come in the order of the trials; they do not depend on the number of workers, one a
+    core when None. A trial that has ended every process that tried it raises a `PoiseError`.
+    """
+    log, outcomes = None, dict[Trial, Outcome]()
+    if options is not None and options.folder is not None:
+        module = (run.__module__ or "").removeprefix("studies.")
+        log = RowLog(options.folder / "trials" / f"{module}.{run.__name__}-{_code()}.jsonl")
+        outcomes |= (pickle.loads(b64decode(row["pickle"])) for row in log.rows)
+    left = [trial for trial in trials if trial not in outcomes]
+    with LocalWorkers(workers) as crew:
+        for done, (trial, outcome) in enumerate(crew.each(run, left), len(trials) - len(left) + 1):
+            if not isinstance(outcome, kind):
+                raise PoiseError(f"no outcome of {trial}: {outcome}")
+            outcomes[trial] = outcome
+            if log is not None:
+                log.add({"pickle": b64encode(pickle.dumps((trial, outcome))).decode()})
+            progress(float(done), float(len(trials)))
+    return {trial: outcomes[trial] for trial in trials}
+
+
+@cache
+def _code() -> str:
+    """The first letters of a digest of the sources of Poise and of all studies."""
+    digest = hashlib.sha256()
+    for root in (Path(package.__path__[0]) for package in (poise, studies)):
+        for path in sorted([*root.rglob("*.py"), *root.rglob("*.yaml")]):
+            digest.update(f"{path.relative_to(root)}\n".encode() + path.read_bytes())
+    return digest.hexdigest()[:8]

@@ -14,13 +14,13 @@ SURFACE = set(poise.__all__)
 MOST_NAMES = 135
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
-The last ones: a campaign from a program, workers for whoever runs anything else many times, the bad
-operator, whom scenarios and studies share, the bridge to a user's own MuJoCo model; `describe`,
-`try_out` and `write_page`, a stranger's description, its trial and its page, for programs that go
-through many models; and the state estimator with its configuration and status, its two parts that
-are of use alone, and what a state carries for it; the balance limit and the
-self-collision limit, which stacks have or not;
-and the plant and the grounds of step teleoperation, for studies of it;
+The last ones: a campaign from a program, its episodes as scenarios, workers for whoever runs
+anything else many times, the bad operator, whom scenarios and studies share, the bridge to a user's
+own MuJoCo model; `describe`, `try_out` and `write_page`, a stranger's description, its trial and
+its page, for programs that go through many models; and the state estimator with its configuration
+and status, its two parts that are of use alone, and what a state carries for it; the balance limit
+and the self-collision limit, which stacks have or not;
+and the plant of step teleoperation, for studies of it;
 and the walker that is led by commands with the limits of those, which nothing that follows a plan
 made before could be, and the session in which somebody drives it;
 and the poor link, which scenarios and studies put between an operator and a robot; and the

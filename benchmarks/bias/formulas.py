@@ -33,29 +33,18 @@ FIRM_RANK = RankTreatment(low=1e-5, high=1e-4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PrioritisedTask:
-    """What all formulas share about task i, in the letters of (Park, Jin, Kang 2022).
+    """Terms that all formulas share about task i, in the letters of (Park, Jin, Kang 2022)."""
 
-    Attributes:
-        J: J_i.
-        J_p: J_i|p = J_i N_i, eq. (5).
-        Lambda_p: Lambda_i|p, eq. (8).
-        Lambda_p_inverse: Lambda_i|p^-1, the inverse of `Lambda_p` where that has lost rank too.
-        Jbar_p: Jbar_i|p, eq. (7).
-        drift: Jdot_i v.
-        drift_p: Jdot_i|p v.
-        mu_p: mu_i|p + p_i|p, eqs (11) and (12).
-        scale: scale of each row, as in `PaperRows`.
-    """
-
-    J: Float64[np.ndarray, "m n"]
-    J_p: Float64[np.ndarray, "m n"]
-    Lambda_p: Float64[np.ndarray, "m m"]
+    J: Float64[np.ndarray, "m n"]  # J_i
+    J_p: Float64[np.ndarray, "m n"]  # J_i|p = J_i N_i, eq. (5).
+    Lambda_p: Float64[np.ndarray, "m m"]  # Lambda_i|p, eq. (8).
+    # Lambda_i|p^-1, the inverse of `Lambda_p` where that has lost rank too
     Lambda_p_inverse: Float64[np.ndarray, "m m"]
-    Jbar_p: Float64[np.ndarray, "n m"]
-    drift: Float64[np.ndarray, " m"]
-    drift_p: Float64[np.ndarray, " m"]
-    mu_p: Float64[np.ndarray, " m"]
-    scale: Float64[np.ndarray, " m"]
+    Jbar_p: Float64[np.ndarray, "n m"]  # Jbar_i|p, eq. (7).
+    drift: Float64[np.ndarray, " m"]  # Jdot_i v
+    drift_p: Float64[np.ndarray, " m"]  # Jdot_i|p v
+    mu_p: Float64[np.ndarray, " m"]  # mu_i|p + p_i|p, eqs (11) and (12)
+    scale: Float64[np.ndarray, " m"]  # scale of each row, as in `PaperRows`
 
 
 def invert(
@@ -140,27 +129,17 @@ Biases = list[Float64[np.ndarray, " _"]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BiasTick:
-    """One tick's quantities that the torque needs anyway.
+    """One tick's quantities that the torque needs anyway."""
 
-    Attributes:
-        tasks: tasks 1 to k.
-        references: xdd_i,ref.
-        references_p: xdd_i|p,ref, by (24).
-        torques_above: sum of the torques of the tasks above, for tasks 2 to k.
-        M_inverse: M^-1.
-        h: V + G.
-        v: joint velocities.
-        before: (J_i - J_i|p) v of the tick before, for tasks 2 to k.
-    """
-
-    tasks: list[PrioritisedTask]
-    references: list[Float64[np.ndarray, " _"]]
-    references_p: list[Float64[np.ndarray, " _"]]
+    tasks: list[PrioritisedTask]  # tasks 1 to k
+    references: list[Float64[np.ndarray, " _"]]  # xdd_i,ref
+    references_p: list[Float64[np.ndarray, " _"]]  # xdd_i|p,ref, by (24)
+    # Sum of the torques of the tasks above, for tasks 2 to k
     torques_above: list[Float64[np.ndarray, " n"]]
-    M_inverse: Float64[np.ndarray, "n n"]
-    h: Float64[np.ndarray, " n"]
-    v: Float64[np.ndarray, " n"]
-    before: Biases
+    M_inverse: Float64[np.ndarray, "n n"]  # M^-1
+    h: Float64[np.ndarray, " n"]  # V + G
+    v: Float64[np.ndarray, " n"]  # joint velocities
+    before: Biases  # (J_i - J_i|p) v of the tick before, for tasks 2 to k
 
 
 def original(tick: BiasTick, *, plain: bool = False) -> Biases:

@@ -34,14 +34,10 @@ class Cubic:
     """A cubic polynomial from rest to rest: displacement (3 r^2 - 2 r^3) with r = t / duration.
 
     Its acceleration jumps at both ends.
-
-    Attributes:
-        displacement: how far [unit].
-        duration: how long [s].
     """
 
-    displacement: float
-    duration: float
+    displacement: float  # how far [unit]
+    duration: float  # how long [s]
 
     def at(self, time: float) -> tuple[float, float, float]:
         """Value, rate [unit/s] and second rate [unit/s^2] at a time [s]; still after the end."""
@@ -61,9 +57,6 @@ class BiasMotion:
     It is the second study of (Park, Jin, Kang 2022): the first joint of the torso turns by 15
     degrees while its other joints are held (task 1), and each hand keeps its pose (tasks 2 and 3),
     as if they held a tray. It starts in the home posture.
-
-    Attributes:
-        stack: the tasks, bound to the robot.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -77,6 +70,7 @@ class BiasMotion:
             task = FrameTask(hand, kp=_KP)
             task.set_target(position=place.position.copy(), rotation=place.rotation.copy())
             tasks.append(task)
+        # The tasks, bound to the robot
         self.stack = Stack([], [[task] for task in tasks], softening=0.0)
         self.stack.bind(robot)
         self.aim(0.0)

@@ -31,11 +31,6 @@ class PaperRecursion:
 
     Ranks are treated as Poise treats them. Jdot_i|p is found by backward differences, as in the
     paper.
-
-    Attributes:
-        bias: bias acceleration of each level at the last state.
-        tasks: what the recursion found for each level at the last state.
-        regular: whether every level kept its rank at the last state.
     """
 
     def __init__(self, formula: str, rank: RankTreatment | None = None) -> None:
@@ -43,9 +38,11 @@ class PaperRecursion:
             raise UnknownNameError("no such bias formula", got=formula, choices=PAPER_FORMULAS)
         self._formula, self._rank = formula, rank or RankTreatment()
         self._rates, self._velocities = BackwardDifferences(), BackwardDifferences()
+        # Bias acceleration of each level at the last state
         self.bias: list[Float64[np.ndarray, " m"]] = []
+        # What the recursion found for each level at the last state
         self.tasks: list[PrioritisedTask] = []
-        self.regular = True
+        self.regular = True  # whether every level kept its rank at the last state
 
     def resolve(self, rows: PaperRows, dynamics: Dynamics) -> Float64[np.ndarray, " n"]:
         """The acceleration of one state."""

@@ -38,22 +38,15 @@ class BackwardDifferences:
 
 @dataclass(slots=True, eq=False)
 class PaperRows:
-    """Rows J_i dv + Jdot_i v = xdd_i,ref, the contacts first, then level by level.
+    """Rows J_i dv + Jdot_i v = xdd_i,ref, the contacts first, then level by level."""
 
-    Attributes:
-        jacobian: J_i, stacked.
-        drift: Jdot_i v, stacked.
-        reference: xdd_i,ref, stacked.
-        scale: what a row is multiplied by where ranks are decided: its weight over the mobility
-            sqrt(J M^-1 J^T) that its block of rows has in the home posture.
-        slices: rows of each level; a robot on a fixed base has an empty first one.
-    """
-
-    jacobian: Float64[np.ndarray, "t nv"]
-    drift: Float64[np.ndarray, " t"]
-    reference: Float64[np.ndarray, " t"]
+    jacobian: Float64[np.ndarray, "t nv"]  # J_i, stacked
+    drift: Float64[np.ndarray, " t"]  # Jdot_i v, stacked
+    reference: Float64[np.ndarray, " t"]  # xdd_i,ref, stacked
+    # What a row is multiplied by where ranks are decided: its weight over the mobility sqrt(J M^-1
+    # J^T) that its block of rows has in the home posture
     scale: Float64[np.ndarray, " t"]
-    slices: list[slice]
+    slices: list[slice]  # rows of each level; a robot on a fixed base has an empty first one
 
     @property
     def target(self) -> Float64[np.ndarray, " t"]:
@@ -75,18 +68,14 @@ class PaperRows:
 
 
 class PaperFormulation:
-    """Writes `PaperRows` for a stack whose contacts, if any, carry every wrench of the base.
-
-    Attributes:
-        rows: the rows of the last state.
-    """
+    """Writes `PaperRows` for a stack whose contacts, if any, carry every wrench of the base."""
 
     def __init__(self, robot: Robot, stack: Stack) -> None:
         stack.bind(robot)
         self._contacts, tasks = stack.contacts, [task for _, task in stack.tasks()]
         sizes = [sum(c.dim for c in self._contacts)]
         sizes += [sum(task.dim for task in level) for level in stack.levels]
-        self.rows = PaperRows.allocate(sizes, robot.nv)
+        self.rows = PaperRows.allocate(sizes, robot.nv)  # the rows of the last state
         owners = [*self._contacts, *tasks]
         self._owners = list(zip(owners, spans([o.dim for o in owners]), strict=True))
         home = Dynamics(robot)

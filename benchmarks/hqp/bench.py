@@ -21,56 +21,34 @@ from poise.errors import ConfigurationError
 
 @dataclass(frozen=True, kw_only=True)
 class HqpResult(Result):
-    """One method on one sequence, cold or warm.
+    """One method on one sequence, cold or warm."""
 
-    Attributes:
-        sequence: name of the sequence.
-        family: of the sequence.
-        n: most variables of its problems.
-        rows: most two-sided rows, finite bounds on single variables among them.
-        levels: most levels.
-        count: solves that count; one less than there are problems where it is warm.
-        method: "direct", "cascade/osqp", ...
-        start: "cold" or "warm".
-        p50_us: median solve, right or wrong [us]; None where none took place.
-        p99_us: 99th percentile [us]; likewise.
-        max_us: longest [us]; likewise.
-        solved: share of the problems that the method says it solved, and did.
-        silent: number of problems that it says it solved, and did not.
-        gap: by how much, relative to its scale, a level was worse than the best known at most,
-            where the method says it solved the problem; None where it never does.
-        cost_gap: likewise of the final cost, where all levels are as good; None likewise.
-        ratio_to_direct: median by that of `direct` on the same sequence from the same start; None
-            where no solve took place.
-        statuses: how often solves ended in which way.
-    """
-
-    sequence: str
-    family: str
-    n: int
-    rows: int
-    levels: int
-    count: int
-    method: str
-    start: str
-    p50_us: float | None
-    p99_us: float | None
-    max_us: float | None
-    solved: float
-    silent: int
+    sequence: str  # name of the sequence
+    family: str  # of the sequence
+    n: int  # most variables of its problems
+    rows: int  # most two-sided rows, finite bounds on single variables among them
+    levels: int  # most levels
+    count: int  # solves that count; one less than there are problems where it is warm
+    method: str  # "direct", "cascade/osqp",
+    start: str  # "cold" or "warm"
+    p50_us: float | None  # median solve, right or wrong [us]; None where none took place
+    p99_us: float | None  # 99th percentile [us]; None where p50_us is
+    max_us: float | None  # longest [us]; None where p50_us is
+    solved: float  # share of the problems that the method says it solved, and did
+    silent: int  # number of problems that it says it solved, and did not
+    # By how much, relative to its scale, a level was worse than the best known at most, where the
+    # method says it solved the problem; None where it never does
     gap: float | None
+    # The same of the final cost, where all levels are as good; None where that is
     cost_gap: float | None
+    # Median by that of `direct` on the same sequence from the same start; None where no solve took
+    # place
     ratio_to_direct: float | None
-    statuses: dict[str, int]
+    statuses: dict[str, int]  # how often solves ended in which way
 
 
 def hqp_results(sequences: Sequence[ProblemSequence], laps: Sequence[Lap]) -> list[HqpResult]:
-    """Figures of every lap.
-
-    Args:
-        sequences: what was raced.
-        laps: one a sequence, method and start; those of `direct` among them.
-    """
+    """Figures of every lap."""
     by_name = {one.name: one for one in sequences}
     reference = {(lap.sequence, lap.start): lap for lap in laps if lap.method == REFERENCE}
     results: list[HqpResult] = []
@@ -95,12 +73,7 @@ def hqp_results(sequences: Sequence[ProblemSequence], laps: Sequence[Lap]) -> li
 
 
 def lap_figures(laps: Sequence[Lap], reference: Sequence[Lap]) -> dict[str, Any]:
-    """The fields of a result that follow from laps of one method, all solves taken together.
-
-    Args:
-        laps: on one sequence or several.
-        reference: of `direct`, on the same.
-    """
+    """The fields of a result that follow from laps of one method, all solves taken together."""
     seconds, base = (_solved_in(own) for own in (laps, reference))
     claimed = np.concatenate([lap.claimed for lap in laps])
     ratio = None
@@ -129,21 +102,12 @@ def _largest(gaps: Float64[np.ndarray, " count"]) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class HqpBench:
-    """What to race; checked when made.
+    """Methods and sequences of a race; checked when made."""
 
-    Attributes:
-        methods: of `METHODS`, all usual ones that are installed when None; `direct` is always
-            raced, because the others are compared with it.
-        cap: on a solve [s]; what takes longer counts as not solved.
-
-    Raises:
-        UnknownNameError: no such method.
-        MissingExtraError: a method that is not installed.
-        ConfigurationError: a cap that is not positive.
-    """
-
+    # Of `METHODS`, all usual ones that are installed when None; `direct` is always raced, because
+    # the others are compared with it
     methods: tuple[str, ...] | None = None
-    cap: float = 1.0
+    cap: float = 1.0  # on a solve [s]; what takes longer counts as not solved
 
     def __post_init__(self) -> None:
         checked_methods(self.methods)
@@ -153,36 +117,22 @@ class HqpBench:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HqpRace:
-    """What came out.
+    """Results of all methods."""
 
-    Attributes:
-        sequences: what was raced.
-        laps: one a sequence, method and start.
-        results: the same as figures.
-    """
-
-    sequences: tuple[ProblemSequence, ...]
-    laps: tuple[Lap, ...]
-    results: tuple[HqpResult, ...]
+    sequences: tuple[ProblemSequence, ...]  # what was raced
+    laps: tuple[Lap, ...]  # one a sequence, method and start
+    results: tuple[HqpResult, ...]  # the same as figures
 
 
 def bench_hqp(
-    sequences: Sequence[ProblemSequence],
-    plan: HqpBench | None = None,
-    progress: Progress | None = None,
+    sequences: Sequence[ProblemSequence],  # what to race on
+    plan: HqpBench | None = None,  # methods and cap
+    progress: Progress | None = None,  # told how many problems are done, of how many
 ) -> HqpRace:
     """Races all methods on all sequences, in turn and in one process, and judges their points.
 
     Every method starts cold on every problem; where neighbours are one tick apart, a second
     workspace of each goes through them warm, beside the first.
-
-    Args:
-        sequences: what to race on.
-        plan: methods and cap.
-        progress: told how many problems are done, of how many.
-
-    Raises:
-        ConfigurationError: no sequences, or warm ones of a single problem.
     """
     plan = HqpBench() if plan is None else plan
     if not sequences:

@@ -130,11 +130,7 @@ def _made(options: argparse.Namespace) -> list[Any]:
 
 
 def _names(text: str | None, choices: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Reads `a,b` or `all`.
-
-    Raises:
-        UnknownNameError: a name that is none of the choices.
-    """
+    """Reads `a,b` or `all`."""
     if text is None:
         return usual
     names = choices if text == "all" else words_of(text)

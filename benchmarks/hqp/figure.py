@@ -20,35 +20,21 @@ from benchmarks.hqp.race import COLD, WARM, Lap
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
-    """A step function of one method.
+    """A step function of one method."""
 
-    Attributes:
-        method: its name.
-        factors: of the quickest method's time, in rising order; each at least 1.
-        shares: of all problems that are solved within each of them.
-    """
-
-    method: str
+    method: str  # its name
+    # Of the quickest method's time, in rising order; each at least 1
     factors: Float64[np.ndarray, " solved"]
-    shares: Float64[np.ndarray, " solved"]
+    shares: Float64[np.ndarray, " solved"]  # of all problems that are solved within each of them
 
     def at(self, factor: float) -> float:
-        """Share of all problems solved within a factor of the quickest method's time.
-
-        Args:
-            factor: 1 for the share on which this method is the quickest.
-        """
+        """Share of all problems solved within a factor of the quickest method's time."""
         within = int(np.searchsorted(self.factors, factor, side="right"))
         return float(self.shares[within - 1]) if within else 0.0
 
 
 def profiles_of(laps: Sequence[Lap], start: str) -> list[Profile]:
-    """Profiles of all methods over all problems of all sequences.
-
-    Args:
-        laps: of a race.
-        start: "cold" or "warm".
-    """
+    """Profiles of all methods over all problems of all sequences."""
     own = [lap for lap in laps if lap.start == start]
     sequences = list(dict.fromkeys(lap.sequence for lap in own))
     seconds: dict[str, Float64[np.ndarray, " all"]] = {}
@@ -62,16 +48,13 @@ def profiles_of(laps: Sequence[Lap], start: str) -> list[Profile]:
 
 
 def make_profiles(
-    seconds: Mapping[str, Float64[np.ndarray, " all"]],
+    seconds: Mapping[str, Float64[np.ndarray, " all"]],  # time of each method on each problem [s]
+    # Whether it solved it; a wrong answer has no time
     solved: Mapping[str, Bool[np.ndarray, " all"]],
 ) -> list[Profile]:
     """Profiles of methods on the same problems, which weigh the same.
 
     A problem that nobody solves counts for nobody.
-
-    Args:
-        seconds: time of each method on each problem [s].
-        solved: whether it solved it; a wrong answer has no time.
     """
     if not seconds:
         return []
@@ -97,16 +80,6 @@ def write_profile_figure(laps: Sequence[Lap], path: Path) -> Path:
 
     A line's left end says on how many problems a method is the quickest of those that are right,
     its right end how many it solves at all.
-
-    Args:
-        laps: of one race.
-        path: file to write; its suffix says the format.
-
-    Returns:
-        The path.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
     """
     starts = [start for start in (COLD, WARM) if any(lap.start == start for lap in laps)]
     methods = list(dict.fromkeys(lap.method for lap in laps))

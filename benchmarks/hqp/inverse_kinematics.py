@@ -85,11 +85,6 @@ def planar_problems(
 
     The elbows go through zero together; at problem number `count // 2` the arm is stretched, and
     the hand still wants to go on.
-
-    Args:
-        links: of the arm, each as long as the others, 1 m together.
-        count: how many ticks.
-        progress: told how many are done.
     """
     share = 1.0 / np.arange(1, links)
     rest = np.concatenate(([0.3], np.full(links - 1, _BEND)))
@@ -131,19 +126,13 @@ _LOST = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Singularity:
-    """A posture in which a hand loses a direction.
+    """A posture in which a hand loses a direction."""
 
-    Attributes:
-        robot: name of a robot with a fixed base.
-        posture: joint angles there, those not named as at home [rad].
-        leaves: signs by which joints leave it.
-        trunk: a frame that is held above the hands; None for none.
-    """
-
-    robot: str
-    posture: dict[str, float]
+    robot: str  # name of a robot with a fixed base
+    posture: dict[str, float]  # joint angles there, those not named as at home [rad]
+    # Signs by which joints leave it
     leaves: dict[str, float] = field(default_factory=dict[str, float])
-    trunk: str | None = None
+    trunk: str | None = None  # a frame that is held above the hands; None for none
 
 
 def singular_problems(
@@ -152,9 +141,6 @@ def singular_problems(
     """Poses of all hands within joint limits, then posture; a trunk that is held comes first.
 
     The joints come, at problem number `count // 2` they are at the singularity, and go again.
-
-    Raises:
-        PoiseError: the robot is not installed.
     """
     robot = load_robot(singularity.robot)
     dynamics = Dynamics(robot)
@@ -182,12 +168,7 @@ def singular_problems(
 
 
 def hand_jacobians(robot: Robot, dynamics: Dynamics) -> list[Float64[np.ndarray, "6 nv"]]:
-    """Jacobians of the robot's hands.
-
-    Args:
-        robot: the robot.
-        dynamics: its state, up to date.
-    """
+    """Jacobians of the robot's hands."""
     return [dynamics.frame(robot.frame_id(hand)).jacobian for hand in robot.hands]
 
 
@@ -223,21 +204,13 @@ _SUPPORT = np.array([0.06, 0.08])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Where hands and eyes go.
+    """Courses of hands and eyes."""
 
-    Attributes:
-        right: target of the right hand [m].
-        left: of the left hand [m].
-        gaze: point to look at [m].
-        speed: share of the joints' velocity limits that may be used.
-        before: ticks before the first problem that is kept.
-    """
-
-    right: tuple[float, float, float]
-    left: tuple[float, float, float]
-    gaze: tuple[float, float, float]
-    speed: float = 1.0
-    before: int = 150
+    right: tuple[float, float, float]  # target of the right hand [m]
+    left: tuple[float, float, float]  # of the left hand [m]
+    gaze: tuple[float, float, float]  # point to look at [m]
+    speed: float = 1.0  # share of the joints' velocity limits that may be used
+    before: int = 150  # ticks before the first problem that is kept
 
 
 def humanoid_problems(
@@ -245,17 +218,12 @@ def humanoid_problems(
 ) -> Generator[HierarchicalProblem]:
     """Follows the velocities that are solved for, and keeps the problems after a while.
 
-        level 1   joint limits
-        level 2   both feet stay, the COM stays above its rectangle
-        level 3   right hand
-        level 4   left hand
-        level 5   gaze
-        level 6   posture
-
-    Args:
-        reach: where to.
-        count: how many ticks.
-        progress: told how many are done, those before the first problem among them.
+    level 1   joint limits
+    level 2   both feet stay, the COM stays above its rectangle
+    level 3   right hand
+    level 4   left hand
+    level 5   gaze
+    level 6   posture
     """
     robot = load_robot(_ROBOT)
     dynamics, solver = Dynamics(robot), make_solver("direct")

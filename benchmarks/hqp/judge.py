@@ -23,51 +23,35 @@ much below, and would pass for a better answer there."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
-    """What a point amounts to.
+    """Value of a point."""
 
-    Attributes:
-        slacks: weighted slack `W w` of each level's rows, divided by the level's scale, which is
-            `max(1, |W w|)` at `x = 0`.
-        residuals: their Euclidean norms, one a level.
-        cost: the final cost `x^T H x / 2 + g^T x`.
-        cost_terms: the size of what is added up in it, `x^T H x / 2 + |g^T x|`.
-    """
-
+    # Weighted slack `W w` of each level's rows, divided by the level's scale, which is `max(1, |W
+    # w|)` at `x = 0`
     slacks: tuple[Float64[np.ndarray, " _"], ...]
-    residuals: Float64[np.ndarray, " p"]
-    cost: float
-    cost_terms: float
+    residuals: Float64[np.ndarray, " p"]  # their Euclidean norms, one a level
+    cost: float  # the final cost `x^T H x / 2 + g^T x`
+    cost_terms: float  # the size of what is added up in it, `x^T H x / 2 + |g^T x|`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Best:
-    """The best known: least residuals, level by level, and the least cost below them.
+    """The best known: least residuals, level by level, and the least cost below them."""
 
-    Attributes:
-        residuals: relative, one a level.
-        cost: final cost.
-        cost_scale: what differences of costs are relative to: the terms of the best, at least 1.
-    """
-
-    residuals: Float64[np.ndarray, " p"]
-    cost: float
+    residuals: Float64[np.ndarray, " p"]  # relative, one a level
+    cost: float  # final cost
+    # What differences of costs are relative to: the terms of the best, at least 1
     cost_scale: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """How a point stands beside the best known.
+    """A point beside the best known."""
 
-    Attributes:
-        right: no level is worse than the best known by more than `LEVEL_TOLERANCE`.
-        gap: by how much the worst level is worse, of those down to the first that differs by more
-            than the tolerance; what comes below that one is another problem. Zero if none is worse.
-        cost_gap: by how much the cost is worse, relative; None where a level differs.
-    """
-
-    right: bool
+    right: bool  # no level is worse than the best known by more than `LEVEL_TOLERANCE`
+    # By how much the worst level is worse, of those down to the first that differs by more than the
+    # tolerance; what comes below that one is another problem. Zero if none is worse.
     gap: float
-    cost_gap: float | None
+    cost_gap: float | None  # by how much the cost is worse, relative; None where a level differs
 
 
 def measure_point(problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]) -> Measured:
@@ -97,9 +81,6 @@ def best_known(points: Sequence[Measured]) -> Best:
     On each level, of the points that tie on all levels above, those with the least residual come
     into question, up to `TIE_TOLERANCE`; where they are several, the one leads with which most
     points tie. What ties with the leader goes on to the next level.
-
-    Args:
-        points: at least one, of the same problem.
     """
     tied = list(points)
     residuals: list[float] = []

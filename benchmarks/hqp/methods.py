@@ -20,17 +20,11 @@ from poise.hqp import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What a method says.
+    """Answer of a method."""
 
-    Attributes:
-        x: its point.
-        status: how its solve ended, in its own words.
-        claimed: whether it says that this is the answer.
-    """
-
-    x: Float64[np.ndarray, " n"]
-    status: str
-    claimed: bool
+    x: Float64[np.ndarray, " n"]  # its point
+    status: str  # how its solve ended, in its own words
+    claimed: bool  # whether it says that this is the answer
 
 
 @runtime_checkable
@@ -117,23 +111,15 @@ class DaqpRows:
     """Rows in the order of their levels, simple bounds among those of their level.
 
     Where bounds are more numerous than rows of `A`, DAQP takes the first as simple bounds on x.
-
-    Attributes:
-        H: final cost.
-        g: linear final cost.
-        A: coefficients.
-        lower: lower bounds.
-        upper: upper bounds.
-        weights: of the slacks.
-        ends: where each level begins, and where the last one ends: DAQP's `break_points`.
     """
 
-    H: Float64[np.ndarray, "n n"]
-    g: Float64[np.ndarray, " n"]
-    A: Float64[np.ndarray, "m n"]
-    lower: Float64[np.ndarray, " k"]
-    upper: Float64[np.ndarray, " k"]
-    weights: Float64[np.ndarray, " k"]
+    H: Float64[np.ndarray, "n n"]  # final cost
+    g: Float64[np.ndarray, " n"]  # linear final cost
+    A: Float64[np.ndarray, "m n"]  # coefficients
+    lower: Float64[np.ndarray, " k"]  # lower bounds
+    upper: Float64[np.ndarray, " k"]  # upper bounds
+    weights: Float64[np.ndarray, " k"]  # of the slacks
+    # Where each level begins, and where the last one ends: DAQP's `break_points`
     ends: Int32[np.ndarray, " p1"]
 
 
@@ -314,11 +300,7 @@ QUICK = ("direct", "daqp-hard", "daqp-hierarchical")
 
 
 def is_quick(method: str) -> bool:
-    """Whether a method takes turns with the quick ones, which leave it a warm cache.
-
-    Args:
-        method: one of `METHODS`.
-    """
+    """True for a method that takes turns with the quick ones, which leave it a warm cache."""
     return method.partition("/")[0] in QUICK
 
 
@@ -334,15 +316,7 @@ def what_is_missing() -> tuple[str, ...]:
 
 
 def checked_methods(names: Sequence[str] | None) -> tuple[str, ...]:
-    """Everything that is raced: what was asked for, the reference before it.
-
-    Args:
-        names: of `METHODS`; the usual ones when None.
-
-    Raises:
-        UnknownNameError: no such method.
-        MissingExtraError: one that is not installed.
-    """
+    """Everything that is raced: what was asked for, the reference before it."""
     wanted = usual_methods() if names is None else tuple(names)
     for name in wanted:
         if name not in METHODS:

@@ -60,11 +60,7 @@ class _Pool:
 
 
 def pack_problems(problems: Sequence[HierarchicalProblem]) -> dict[str, np.ndarray]:
-    """The arrays of a file, without its header.
-
-    Args:
-        problems: at least one.
-    """
+    """The arrays of a file, without its header."""
     ragged = (*FLOATS, "rows", "level_names", "label_rows", "label_names")
     pools = {key: _Pool() for key in ragged}
     for problem in problems:
@@ -87,11 +83,7 @@ def pack_problems(problems: Sequence[HierarchicalProblem]) -> dict[str, np.ndarr
 
 
 def unpack_problems(arrays: Mapping[str, np.ndarray]) -> tuple[HierarchicalProblem, ...]:
-    """The problems of a file whose integers and texts have been found to be there.
-
-    Raises:
-        ProblemError: numbers that are not there, do not fit each other or cannot be a problem.
-    """
+    """The problems of a file whose integers and texts have been found to be there."""
     for key in FLOATS:
         array = arrays.get(key)
         if array is None or array.dtype != np.float64 or array.ndim != 1:
@@ -160,24 +152,13 @@ _HEADER = {"name": "U", "family": "U", "description": "U", "poise": "U", "consec
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProblemSequence:
-    """Problems of one origin, in order.
+    """Problems of one origin, in order."""
 
-    Attributes:
-        name: unique, in small letters, digits and single hyphens; stem of the file's name.
-        family: one of `FAMILIES`.
-        description: one sentence for tables and files.
-        consecutive: whether neighbours are one tick apart, so that warm starts make sense.
-        problems: at least one; all of the same shape where they are consecutive.
-
-    Raises:
-        ConfigurationError: a name that is none, no problems, or shapes that change between ticks.
-        UnknownNameError: no such family.
-    """
-
-    name: str
-    family: str
-    description: str
-    consecutive: bool
+    name: str  # unique, in small letters, digits and single hyphens; stem of the file's name
+    family: str  # one of `FAMILIES`
+    description: str  # one sentence for tables and files
+    consecutive: bool  # whether neighbours are one tick apart, so that warm starts make sense
+    # At least one; all of the same shape where they are consecutive
     problems: tuple[HierarchicalProblem, ...]
 
     def __post_init__(self) -> None:
@@ -204,15 +185,7 @@ class ProblemSequence:
 
 
 def save_sequence(sequence: ProblemSequence, folder: Path) -> Path:
-    """Writes a sequence to `folder/NAME.npz`; two saves of equal numbers give equal bytes.
-
-    Args:
-        sequence: what to write.
-        folder: made if it is not there.
-
-    Returns:
-        The file.
-    """
+    """Writes a sequence to `folder/NAME.npz`; two saves of equal numbers give equal bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{sequence.name}.npz"
     arrays = {
@@ -233,12 +206,7 @@ def save_sequence(sequence: ProblemSequence, folder: Path) -> Path:
 
 
 def load_sequence(path: Path) -> ProblemSequence:
-    """Reads what `save_sequence` wrote; the numbers are the same bit for bit.
-
-    Raises:
-        ProblemError: no such file, not an `.npz`, another format, missing keys, arrays that do not
-            fit each other, or numbers that cannot be a problem.
-    """
+    """Reads what `save_sequence` wrote; the numbers are the same bit for bit."""
     arrays = _read(path)
     _check_keys(arrays, path)
     try:
@@ -256,14 +224,7 @@ def load_sequence(path: Path) -> ProblemSequence:
 
 
 def load_folder(folder: Path) -> tuple[ProblemSequence, ...]:
-    """Reads every `.npz` of a folder, in the order of their names.
-
-    Args:
-        folder: with at least one.
-
-    Raises:
-        ProblemError: there is none, or one that cannot be read.
-    """
+    """Reads every `.npz` of a folder, in the order of their names."""
     paths = sorted(folder.glob("*.npz"))
     if not paths:
         raise ProblemError(
@@ -316,33 +277,16 @@ Make = Callable[[int, Progress | None], Iterable[HierarchicalProblem]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
-    """What a sequence is and how it is made.
+    """A sequence and its origin."""
 
-    Attributes:
-        name: of the sequence.
-        family: one of `FAMILIES`.
-        description: one sentence.
-        consecutive: whether neighbours are one tick apart.
-        make: makes its problems.
-    """
-
-    name: str
-    family: str
-    description: str
-    consecutive: bool
-    make: Make
+    name: str  # of the sequence
+    family: str  # one of `FAMILIES`
+    description: str  # one sentence
+    consecutive: bool  # whether neighbours are one tick apart
+    make: Make  # makes its problems
 
     def sequence(self, count: int, progress: Progress | None = None) -> ProblemSequence:
-        """Makes the sequence.
-
-        Args:
-            count: how many problems; fewer where the phase that is recorded ends before.
-            progress: told how far it is.
-
-        Raises:
-            ConfigurationError: `count` is not positive.
-            PoiseError: something that it is made with is not installed.
-        """
+        """Makes the sequence."""
         if count < 1:
             raise ConfigurationError("no problems to make", got=count, wanted="count >= 1")
         return ProblemSequence(

@@ -30,16 +30,6 @@ def make_sequence(name: str, count: int, progress: Progress | None = None) -> Pr
     """Makes a sequence; the same one every time on one machine.
 
     Recorded ones are simulated for it, which takes seconds.
-
-    Args:
-        name: one of `sequence_names()`.
-        count: how many problems; a recorded sequence has fewer where its phase is shorter.
-        progress: told how far it is.
-
-    Raises:
-        UnknownNameError: no such sequence.
-        ConfigurationError: `count` is not positive.
-        MissingExtraError: the robot or the simulator is not installed.
     """
     if name not in SOURCES:
         raise UnknownNameError("unknown problem sequence", got=name, choices=SOURCES)
@@ -47,19 +37,7 @@ def make_sequence(name: str, count: int, progress: Progress | None = None) -> Pr
 
 
 def save_all(folder: Path, count: int, progress: Progress | None = None) -> tuple[Path, ...]:
-    """Makes and saves every sequence.
-
-    Args:
-        folder: where to; made if it is not there.
-        count: how many problems of each.
-        progress: told how many sequences are done.
-
-    Returns:
-        The files, in the order of `sequence_names()`.
-
-    Raises:
-        PoiseError: a robot or the simulator is not installed.
-    """
+    """Makes and saves every sequence."""
     paths: list[Path] = []
     for source in SOURCES.values():
         paths.append(save_sequence(source.sequence(count), folder))

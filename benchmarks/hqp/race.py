@@ -28,26 +28,17 @@ LATE, GIVEN_UP = "time_limit", "given up"
 
 
 class Runner:
-    """A contestant on one sequence, with its times and points.
-
-    Args:
-        method: its name.
-        start: `COLD` or `WARM`.
-        quick: whether it takes turns with the quick ones.
-        contestant: with a workspace of its own.
-        problems: of the sequence.
-        cap: on a solve [s].
-    """
+    """A contestant on one sequence, with its times and points."""
 
     def __init__(
         self,
-        method: str,
-        start: str,
-        contestant: Contestant,
-        problems: Sequence[HierarchicalProblem],
-        cap: float,
+        method: str,  # its name
+        start: str,  # `COLD` or `WARM`
+        contestant: Contestant,  # with a workspace of its own
+        problems: Sequence[HierarchicalProblem],  # of the sequence
+        cap: float,  # on a solve [s]
         *,
-        quick: bool,
+        quick: bool,  # whether it takes turns with the quick ones
     ) -> None:
         self.method, self.start, self.quick = method, start, quick
         self.seconds = np.full(len(problems), np.nan)
@@ -58,12 +49,7 @@ class Runner:
         self._late = 0
 
     def rouse(self, first: int) -> None:
-        """Solves once without counting, so that a batch finds the caches as the method has them.
-
-        Args:
-            first: the problem with which the batch begins. A cold runner solves that one; a warm
-                one the problem before, whose solution it already has.
-        """
+        """Solves once without counting, so that a batch finds the caches as the method has them."""
         if self._late < PATIENCE:
             self._run(first if self.start == COLD else max(first - 1, 0))
 
@@ -93,31 +79,19 @@ class Runner:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lap:
-    """One method on one sequence, judged.
+    """One method on one sequence, judged."""
 
-    Attributes:
-        sequence: name of the sequence.
-        family: of the sequence.
-        method: name of the method.
-        start: `COLD` or `WARM`.
-        seconds: of each solve that counts [s]; NaN where there was none.
-        claimed: whether the method said that it had the answer.
-        right: whether its point is as good as the best known.
-        gaps: see `Verdict`; NaN where there is no point.
-        cost_gaps: likewise; NaN where a level differs.
-        statuses: how each solve ended.
-    """
-
-    sequence: str
-    family: str
-    method: str
-    start: str
+    sequence: str  # name of the sequence
+    family: str  # of the sequence
+    method: str  # name of the method
+    start: str  # `COLD` or `WARM`
+    # Of each solve that counts [s]; NaN where there was none
     seconds: Float64[np.ndarray, " count"]
-    claimed: Bool[np.ndarray, " count"]
-    right: Bool[np.ndarray, " count"]
-    gaps: Float64[np.ndarray, " count"]
-    cost_gaps: Float64[np.ndarray, " count"]
-    statuses: tuple[str, ...]
+    claimed: Bool[np.ndarray, " count"]  # whether the method said that it had the answer
+    right: Bool[np.ndarray, " count"]  # whether its point is as good as the best known
+    gaps: Float64[np.ndarray, " count"]  # see `Verdict`; NaN where there is no point
+    cost_gaps: Float64[np.ndarray, " count"]  # the same of the cost; NaN where a level differs
+    statuses: tuple[str, ...]  # how each solve ended
 
     @property
     def solved(self) -> Bool[np.ndarray, " count"]:
@@ -135,10 +109,6 @@ def take_turns(runners: Sequence[Runner], count: int) -> Generator[int]:
 
     In every batch of `BATCH` problems the quick runners take turns problem by problem (A B C,
     B C A, ...); then the slow ones do the same batch in the same way.
-
-    Args:
-        runners: all of one sequence.
-        count: how many problems there are.
 
     Yields:
         The number of problems done, a batch at a time.

@@ -85,14 +85,7 @@ def family_knobs(turn: Turn, seed: int, number: int) -> Knobs:
 def random_problems(
     turn: Turn, seed: int, count: int, progress: Progress | None = None
 ) -> Generator[HierarchicalProblem]:
-    """Problems of a family; the first ones are the same however many there are.
-
-    Args:
-        turn: what the family is about.
-        seed: of the family.
-        count: how many.
-        progress: told how many are done.
-    """
+    """Problems of a family; the first ones are the same however many there are."""
     for number in range(count):
         rng = _rng(seed, number)
         yield random_hierarchy(rng, turn(base_knobs(rng), number)).problem
@@ -156,15 +149,11 @@ _STEPS = 4096.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """How fast the active set changes.
+    """Speed at which the active set changes."""
 
-    Attributes:
-        changes: rows that become active or inactive a tick, on the average where it is not whole.
-        seed: of everything random.
-    """
-
+    # Rows that become active or inactive a tick, on the average where it is not whole
     changes: float
-    seed: int = 0
+    seed: int = 0  # of everything random
 
     def __post_init__(self) -> None:
         if not 0.0 < self.changes <= _SWINGING / 4:

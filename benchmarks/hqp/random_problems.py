@@ -36,32 +36,22 @@ class Knobs:
 
     Level 0 holds limits, inequalities all of them; simple bounds on all variables count to it.
     Every level below has equalities and inequalities.
-
-    Attributes:
-        variables: n.
-        limits: rows of level 0.
-        equalities: of each level below.
-        inequalities: of each level below.
-        rank: of the equalities of each level, as a share of their number.
-        condition: largest over smallest singular value, those that are zero apart, of the
-            equalities of each level.
-        blocked: equalities that cannot be met because two limits stand in their way.
-        contradiction: slack of each level's equalities that contradict each other; they must depend
-            on each other.
-        active: inequality rows and bounds that hold the optimum, those of blocked rows among them.
-        weight_range: largest over smallest weight.
     """
 
-    variables: int
-    limits: int
-    equalities: tuple[int, ...]
-    inequalities: tuple[int, ...]
-    rank: float = 1.0
+    variables: int  # n
+    limits: int  # rows of level 0
+    equalities: tuple[int, ...]  # of each level below
+    inequalities: tuple[int, ...]  # of each level below
+    rank: float = 1.0  # of the equalities of each level, as a share of their number
+    # Largest over smallest singular value, those that are zero apart, of the equalities of each
+    # level
     condition: float = 10.0
-    blocked: int = 0
+    blocked: int = 0  # equalities that cannot be met because two limits stand in their way
+    # Slack of each level's equalities that contradict each other; they must depend on each other
     contradiction: float = 0.0
+    # Inequality rows and bounds that hold the optimum, those of blocked rows among them
     active: int = 0
-    weight_range: float = 1.0
+    weight_range: float = 1.0  # largest over smallest weight
 
     def __post_init__(self) -> None:
         possible = self.limits - _PAIR * self.blocked + sum(self.inequalities) + self.variables
@@ -107,29 +97,16 @@ class Knobs:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RandomHierarchy:
-    """A hierarchy with its solution.
+    """A hierarchy with its solution."""
 
-    Attributes:
-        problem: the hierarchy.
-        x: its optimum.
-        multipliers: of the final cost over bounds and rows: `H x + g + [I; A]^T multipliers = 0`.
-    """
-
-    problem: HierarchicalProblem
-    x: Float64[np.ndarray, " n"]
+    problem: HierarchicalProblem  # the hierarchy
+    x: Float64[np.ndarray, " n"]  # its optimum
+    # Of the final cost over bounds and rows: `H x + g + [I; A]^T multipliers = 0`
     multipliers: Float64[np.ndarray, " nm"]
 
 
 def random_hierarchy(rng: np.random.Generator, knobs: Knobs) -> RandomHierarchy:
-    """Makes a hierarchy.
-
-    Args:
-        rng: source of everything that is not asked for.
-        knobs: what is.
-
-    Returns:
-        A problem of one level more than `knobs.levels`; in each, equalities come first.
-    """
+    """Makes a hierarchy."""
     n = knobs.variables
     x = rng.standard_normal(n)
     limits = _short(rng, knobs.limits, n)
@@ -163,11 +140,7 @@ def random_hierarchy(rng: np.random.Generator, knobs: Knobs) -> RandomHierarchy:
 
 
 def balance(made: RandomHierarchy) -> None:
-    """Writes the linear cost by which the optimum is one with these multipliers.
-
-    Args:
-        made: whose problem gets a new `g`.
-    """
+    """Writes the linear cost by which the optimum is one with these multipliers."""
     problem, n = made.problem, made.problem.n
     problem.g[:] = -(problem.H @ made.x)
     problem.g -= made.multipliers[:n] + problem.A.T @ made.multipliers[n:]

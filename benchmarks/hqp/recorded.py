@@ -31,22 +31,15 @@ _PATIENCE = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Which ticks of a scenario are recorded.
+    """Which ticks of a scenario are recorded."""
 
-    Attributes:
-        scenario: name of a shipped scenario.
-        robot: name of a robot.
-        at: from when on [s].
-        begins: with how many active contacts it begins, at the tick where their number changes to
-            it; None for the tick at `at`.
-        plan: the controller; the scenario's own when None.
-    """
-
-    scenario: str
-    robot: str
-    at: float
+    scenario: str  # name of a shipped scenario
+    robot: str  # name of a robot
+    at: float  # from when on [s]
+    # With how many active contacts it begins, at the tick where their number changes to it; None
+    # for the tick at `at`
     begins: int | None = None
-    plan: ControllerPlan | None = None
+    plan: ControllerPlan | None = None  # the controller; the scenario's own when None
 
 
 def record_window(
@@ -55,14 +48,6 @@ def record_window(
     """Runs a scenario and copies the problems of up to `count` consecutive ticks.
 
     It ends early where the shape of the problem changes: a foot lands or lifts off.
-
-    Args:
-        window: which ticks.
-        count: how many at most.
-        progress: told how many ticks of the run are done; what is not needed is not run.
-
-    Raises:
-        PoiseError: the robot is not installed, it fell, or what should begin did not.
     """
     scenario = replace(load_scenario(window.scenario), robot=window.robot)
     if window.plan is not None:
@@ -97,15 +82,7 @@ def record_window(
 
 
 def problem_of(controller: object) -> HierarchicalProblem:
-    """The hierarchical problem of a controller's last tick, in the controller's own storage.
-
-    Args:
-        controller: one that solves one: whole-body; reduced, whose LQP 1 it is, or the whole
-            problem where it took that; or differential inverse kinematics by "hqp".
-
-    Raises:
-        PoiseError: it solves none, or has not solved one yet.
-    """
+    """The hierarchical problem of a controller's last tick, in the controller's own storage."""
     problem: HierarchicalProblem | None = None
     if isinstance(controller, WholeBodyController):
         program = controller.strategy.current
@@ -143,22 +120,14 @@ _AHEAD = 20
 
 
 def record_stance(
-    robot: str,
-    stance: str,
-    stack: str,
-    controller: str,
-    count: int,
-    progress: Progress | None = None,
+    robot: str,  # name of a biped
+    stance: str,  # one of `STANCES`
+    stack: str,  # one of `STACKS`
+    controller: str,  # "whole_body" or "reduced"
+    count: int,  # how many ticks at most; fewer where the shape of the problem changes
+    progress: Progress | None = None,  # told how many thousandths of the simulation are done
 ) -> Generator[HierarchicalProblem]:
     """Lets a robot's COM and hands go round, see `record_run`, and copies a controller's problems.
-
-    Args:
-        robot: name of a biped.
-        stance: one of `STANCES`.
-        stack: one of `STACKS`.
-        controller: "whole_body" or "reduced".
-        count: how many ticks at most; fewer where the shape of the problem changes.
-        progress: told how many thousandths of the simulation are done.
 
     Raises:
         PoiseError: the robot fell.
@@ -187,13 +156,6 @@ def record_by_hand(count: int, progress: Progress | None = None) -> Generator[Hi
     `DifferentialIK` by "hqp" on the recorded states while the right foot is in the air: COM and
     right foot, then the pelvis' orientation, then posture, each sent to where the recording is
     0.1 s later.
-
-    Args:
-        count: how many ticks.
-        progress: told how many ticks of the walk are done.
-
-    Raises:
-        PoiseError: the robot fell, or the right foot was not in the air.
     """
     robot = load_robot("biped20")
     walk = Walk.over_an_obstacle(robot)

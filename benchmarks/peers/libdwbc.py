@@ -24,15 +24,6 @@ def write_libdwbc_handoff(urdf: Path, run: Path, recording: Recording, kind: str
     such a link's frame, targets in the world. What is written: the joints' links, limits, contacts,
     tasks by level, then for every tick q, v and, of each task that moves, position, velocity and
     acceleration of its target.
-
-    Args:
-        urdf: the robot without geometry; read and written.
-        run: file to write.
-        recording: the run.
-        kind: the stack that libdwbc should come near to; its posture is left out.
-
-    Raises:
-        ConfigurationError: a sole is turned against the link that carries it.
     """
     robot = recording.robot
     stack = bench_stack(robot, kind, recording.stance)
@@ -58,11 +49,7 @@ def write_libdwbc_handoff(urdf: Path, run: Path, recording: Recording, kind: str
 
 
 def _order_joints(root: ET.Element, robot: Robot, soles: Iterable[str]) -> dict[str, str]:
-    """Gives joints names by whose order those that carry soles come first.
-
-    Returns:
-        The link that each joint moves, the base's first.
-    """
+    """Gives joints names by whose order those that carry soles come first."""
     model = robot.model
     legs = {
         model.names[joint]

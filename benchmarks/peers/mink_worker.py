@@ -15,12 +15,7 @@ from velocity_peer import SOLVER, Package, VelocityPeer
 
 
 class Peer(VelocityPeer):
-    """mink's inverse kinematics.
-
-    Args:
-        urdf: path of the robot.
-        run: states, targets and facts.
-    """
+    """mink's inverse kinematics."""
 
     def __init__(self, urdf: str, run: dict[str, Any]) -> None:
         joints = run["facts"]["joints"]

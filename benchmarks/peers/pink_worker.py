@@ -14,12 +14,7 @@ from velocity_peer import SOLVER, Package, VelocityPeer
 
 
 class Peer(VelocityPeer):
-    """pink's inverse kinematics.
-
-    Args:
-        urdf: path of the robot.
-        run: states, targets and facts.
-    """
+    """pink's inverse kinematics."""
 
     def __init__(self, urdf: str, run: dict[str, Any]) -> None:
         model = pin.buildModelFromUrdf(urdf, pin.JointModelFreeFlyer())

@@ -21,10 +21,6 @@ class Peer:
 
     Hard: base dynamics, still contacts with friction and centre of pressure, torque bounds. Soft:
     COM, pelvis orientation, poses of the end effectors, posture. placo's joint bounds are left out.
-
-    Args:
-        urdf: path of the robot.
-        run: states, targets and facts.
     """
 
     def __init__(self, urdf: str, run: dict[str, Any]) -> None:

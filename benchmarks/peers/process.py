@@ -30,16 +30,7 @@ URDF, RUN, RUN_WORDS = "robot.urdf", "run.npz", "run.txt"
 
 
 def write_handoff(folder: Path, recording: Recording, kind: str) -> None:
-    """Writes `robot.urdf` and `run.npz`.
-
-    Args:
-        folder: where to.
-        recording: the run.
-        kind: the stack that the peer should come near to.
-
-    Raises:
-        ConfigurationError: the robot does not come from a URDF.
-    """
+    """Writes `robot.urdf` and `run.npz`."""
     robot = recording.robot
     (folder / URDF).write_text(_urdf(robot), encoding="utf-8")
     arrays: dict[str, Any] = {
@@ -139,11 +130,7 @@ kinematics."""
 
 
 def peer_variable(name: str) -> str:
-    """The environment variable that names a peer's interpreter or program.
-
-    Args:
-        name: one of `PEERS`.
-    """
+    """The environment variable that names a peer's interpreter or program."""
     return "POISE_LIBDWBC" if name in PROGRAMS else f"POISE_{name.upper()}_PYTHON"
 
 
@@ -164,16 +151,12 @@ class PeerProcess:
         recording: the run.
         kind: the stack that its problem should come near to.
 
-    Attributes:
-        name: name of the peer.
-        solver: what it solves with, and its version.
-
     Raises:
         PoiseError: the worker did not start; the message holds its own last words.
     """
 
     def __init__(self, name: str, python: Path, recording: Recording, kind: str) -> None:
-        self.name = name
+        self.name = name  # name of the peer
         ticks = len(recording.states)
         self._seconds = np.full((ticks, 2 + len(PHASES)), np.nan)
         self._residual = np.zeros(ticks)
@@ -204,15 +187,11 @@ class PeerProcess:
         except PoiseError:
             self.close()
             raise
-        self.solver = str(hello["solver"])
+        self.solver = str(hello["solver"])  # what it solves with, and its version
         self._size = (hello["variables"], hello["rows"])
 
     def run(self, first: int, count: int) -> None:
-        """Lets the peer do a batch of ticks.
-
-        Raises:
-            PoiseError: the peer died or does not answer.
-        """
+        """Lets the peer do a batch of ticks."""
         if self._process is None or self._process.stdin is None:
             raise PoiseError(f"peer {self.name!r} is closed")
         try:
@@ -303,11 +282,7 @@ _INSTALL = {
 
 
 def how_to_install(name: str) -> str:
-    """How to time a peer that was not timed.
-
-    Args:
-        name: one of `PEERS`.
-    """
+    """Words on timing a peer that was not timed."""
     if name in PROGRAMS:
         return (
             "libdwbc was not timed. docs/benchmarks.md says how its program is built; then:\n"

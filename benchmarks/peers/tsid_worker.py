@@ -23,10 +23,6 @@ class Peer:
     Hard: base dynamics (eliminated torques), still contacts, friction pyramids, torque bounds,
     bounds of joint velocity and acceleration. Weighted below: COM, pelvis orientation, poses of
     the end effectors, posture. TSID has no level below that.
-
-    Args:
-        urdf: path of the robot.
-        run: states, targets and facts.
     """
 
     def __init__(self, urdf: str, run: dict[str, Any]) -> None:

@@ -17,27 +17,18 @@ _DAMPING = 1e-8
 
 @dataclass(frozen=True, kw_only=True)
 class Package:
-    """What differs between the two.
+    """Differences between the two."""
 
-    Attributes:
-        solver: its name and version, and what it solves with.
-        solve: its `solve_ik`.
-        no_solution: what that raises.
-        frame_task: makes a task of a frame, its costs of position and orientation and its gain.
-        com_task: likewise of a cost and a gain.
-        posture_task: likewise of a cost, a gain and a configuration.
-        pose: of a rotation and a point.
-        limits: of joint positions and velocities.
-    """
-
-    solver: str
-    solve: Callable[..., Any]
-    no_solution: type[Exception]
+    solver: str  # its name and version, and what it solves with
+    solve: Callable[..., Any]  # its `solve_ik`
+    no_solution: type[Exception]  # what that raises
+    # Makes a task of a frame, its costs of position and orientation and its gain
     frame_task: Callable[[str, float, float, float], Any]
-    com_task: Callable[[float, float], Any]
+    com_task: Callable[[float, float], Any]  # made of a cost and a gain
+    # Made of a cost, a gain and a configuration
     posture_task: Callable[[float, float, np.ndarray], Any]
-    pose: Callable[[np.ndarray, np.ndarray], Any]
-    limits: list[Any]
+    pose: Callable[[np.ndarray, np.ndarray], Any]  # of a rotation and a point
+    limits: list[Any]  # of joint positions and velocities
 
 
 class VelocityPeer:
@@ -53,9 +44,6 @@ class VelocityPeer:
         q: configurations as the package orders them, one a tick.
         q_home: likewise, of the posture.
         run: targets and facts.
-
-    Attributes:
-        solver: name and version, and what it solves with.
     """
 
     def __init__(
@@ -66,7 +54,7 @@ class VelocityPeer:
         q_home: np.ndarray,
         run: dict[str, Any],
     ) -> None:
-        self.solver = package.solver
+        self.solver = package.solver  # name and version, and what it solves with
         self._package, self._configuration, self._q = package, configuration, q
         self._dt = run["facts"]["dt"]
         self._contacts = [

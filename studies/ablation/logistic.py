@@ -28,17 +28,11 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Coefficients b of P(y = 1) = 1 / (1 + exp(-X b)).
+    """Coefficients b of P(y = 1) = 1 / (1 + exp(-X b))."""
 
-    Attributes:
-        design: X, a row for each outcome.
-        coefficients: b, log odds.
-        covariance: of b: the inverse of the penalised information.
-    """
-
-    design: Float64[np.ndarray, "n k"]
-    coefficients: Float64[np.ndarray, " k"]
-    covariance: Float64[np.ndarray, "k k"]
+    design: Float64[np.ndarray, "n k"]  # X, a row for each outcome
+    coefficients: Float64[np.ndarray, " k"]  # b, log odds
+    covariance: Float64[np.ndarray, "k k"]  # of b: the inverse of the penalised information
 
     def log_odds(self, column: int) -> Estimate:
         """One coefficient."""

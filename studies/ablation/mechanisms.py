@@ -32,20 +32,15 @@ _LOW = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mechanism:
-    """A mechanism, and how it is switched off.
+    """A mechanism, and how it is switched off."""
 
-    Attributes:
-        name: in tables and rows.
-        off: for each attribute, by its dotted name, the value that it has while switched off.
-        watched: dotted name of a function of it.
-        acts: says from arguments and result of a call of that whether the mechanism acts.
-        walks: whether `Walker` has it by itself, too, and not only the step teleoperator.
-    """
-
-    name: str
+    name: str  # in tables and rows
+    # For each attribute, by its dotted name, the value that it has while switched off
     off: Mapping[str, object]
-    watched: str
+    watched: str  # dotted name of a function of it
+    # Says from arguments and result of a call of that whether the mechanism acts
     acts: Callable[[tuple[Any, ...], Any], bool]
+    # Whether `Walker` has it by itself, too, and not only the step teleoperator
     walks: bool = False
 
 

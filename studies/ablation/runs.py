@@ -1,23 +1,17 @@
 """`draw` and `pushed`: a run of the design. `run`: makes it. `Rows`: the file of outcomes."""
 
-import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from poise.apps.teleoperation import BadOperator
-from poise.locomotion import Device, StepTeleoperator
-from poise.robots import Robot, load_robot
-from poise.sim import Plant, SensorConfig, rollout
+from poise.apps.campaigns import RowLog
+from poise.apps.scenarios import Scenario
 from studies.ablation.mechanisms import MECHANISMS, Mechanism, counted, without
-from studies.bad_operator.conditions import MIXED, changed_plant, push
-from studies.locomotion.courses import Course, make_course
-from studies.locomotion.late_estimate import typical_sensors
-from studies.locomotion.led_walk import LedTrial, TorqueSteps, walk_course
+from studies.staged import episode, pushes_on_torso, random_velocities, run_staged
 from studies.torque_teleoperation.everything import EverythingOperator
 
 SECONDS = 20.0
@@ -30,26 +24,25 @@ TELEOPERATION, WALKING = "step teleoperation", "walking"
 _TELEOPERATED, _G1 = 0.75, 0.75
 """Parts of the runs that are teleoperated, and of those on G1."""
 
-OPERATORS: dict[str, Callable[[StepTeleoperator, int], Device]] = {
-    "everything": EverythingOperator,
-    "bad": BadOperator,
-}
+EVERYTHING = "everything"
+OPERATORS = (EVERYTHING, "bad")
 """Operators of step teleoperation."""
 
-_GROUNDS = (
-    "bumps of 2 cm",
-    "sensors off by a constant",
-    "all of another plant",
-    MIXED,
-)
-"""Conditions of step teleoperation, of `CONDITIONS` and `OTHER_PLANTS`."""
+_GROUNDS = {
+    "bumps of 2 cm": "bad_operators",
+    "sensors off by a constant": "bad_operators",
+    "all of another plant": "other_plants",
+    "all of them": "bad_operators",
+}
+"""Conditions of step teleoperation: cases, each with its campaign."""
 
-_LATE, _SLIPPERY, _CELL_ERROR, _CELL_LEVER = 0.006, 0.5, 0.01, 0.1
-"""Delay [s], friction, and errors of load cells by the weight and by their forces [m]."""
-
-TILES, OFF_CELLS, LATE = "tiles", "tiles, load cells off", "tiles, late and slippery"
-_COURSES = (TILES, OFF_CELLS, LATE)
-"""Conditions of walking."""
+_TILES, _OFF_CELLS, _LATE = "tiles", "tiles, load cells off", "tiles, late and slippery"
+_COURSES: dict[str, dict[str, Any]] = {
+    _TILES: {},
+    _OFF_CELLS: {"plant.sensors.force_bias": 4.0, "plant.sensors.moment_bias": 0.4},
+    _LATE: {"plant.sensors.delay": 0.006, "plant.friction": 0.5},
+}
+"""Conditions of walking, each with what it changes in the campaign's wandering over tiles."""
 
 _FIRST_PUSH = {TELEOPERATION: 0.35, WALKING: 0.55}
 """Change of velocity by each push in the first run of a case [m/s]."""
@@ -67,50 +60,30 @@ _PUSH_EVERY = (2.0, 4.0)
 
 @dataclass(frozen=True, kw_only=True)
 class AblationTrial:
-    """A run.
+    """A run."""
 
-    Attributes:
-        seed: of everything random.
-        leader: `TELEOPERATION` or `WALKING`.
-        robot: its name.
-        condition: what is not as the controller takes it to be.
-        operator: of `OPERATORS`; "" for random velocities of a walk.
-        push: change of velocity by each push [m/s].
-        off: names of mechanisms that are switched off.
-        seconds: length unless the robot falls [s].
-    """
-
-    seed: int
-    leader: str
-    robot: str
-    condition: str
-    operator: str
-    push: float
-    off: tuple[str, ...]
-    seconds: float
+    seed: int  # of everything random
+    leader: str  # `TELEOPERATION` or `WALKING`
+    robot: str  # its name
+    condition: str  # what is not as the controller takes it to be
+    operator: str  # of `OPERATORS`; "" for random velocities of a walk
+    push: float  # change of velocity by each push [m/s]
+    off: tuple[str, ...]  # names of mechanisms that are switched off
+    seconds: float  # length unless the robot falls [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class AblationOutcome:
-    """The end of a run.
+    """The end of a run."""
 
-    Attributes:
-        trial: the run.
-        fell: whether the robot fell, which ends the run.
-        time: when the run ended [s].
-        torque_steps: changes of a torque from tick to tick by more than half its limit.
-        trace: height and velocities at the end; runs with another motion have another number.
-        acts: by mechanism that is on, the calls in which it acts.
-        error: what went wrong in a run that has no outcome; "" for nothing.
-    """
-
-    trial: AblationTrial
-    fell: bool
-    time: float
-    torque_steps: int
-    trace: float
+    trial: AblationTrial  # the run
+    fell: bool  # whether the robot fell, which ends the run
+    time: float  # when the run ended [s]
+    torque_steps: int  # changes of a torque from tick to tick by more than half its limit
+    trace: float  # height and velocities at the end; runs with another motion have another number
+    # By mechanism that is on, the calls in which it acts
     acts: dict[str, int] = field(default_factory=dict[str, int])
-    error: str = ""
+    error: str = ""  # what went wrong in a run that has no outcome; "" for nothing
 
 
 def draw(seed: int, seconds: float = SECONDS) -> AblationTrial:
@@ -118,9 +91,9 @@ def draw(seed: int, seconds: float = SECONDS) -> AblationTrial:
     rng = np.random.default_rng((seed, 23))
     leader = TELEOPERATION if rng.random() < _TELEOPERATED else WALKING
     robot = "g1" if rng.random() < _G1 else "humanoid33"
-    conditions = _GROUNDS if leader == TELEOPERATION else _COURSES
+    conditions = [*(_GROUNDS if leader == TELEOPERATION else _COURSES)]
     condition = conditions[int(rng.integers(len(conditions)))]
-    operator = list(OPERATORS)[int(rng.integers(len(OPERATORS)))]
+    operator = OPERATORS[int(rng.integers(len(OPERATORS)))]
     off = rng.random(len(MECHANISMS)) < OFF
     return AblationTrial(
         seed=seed,
@@ -165,8 +138,18 @@ def run(trial: AblationTrial) -> AblationOutcome:
     on = [m.name for m in MECHANISMS if m.name not in trial.off and has(trial.leader, m)]
     with without(trial.off), counted(on) as acts:
         try:
-            made = _teleoperated(trial) if trial.leader == TELEOPERATION else _walked(trial)
-            return replace(made, acts=acts)
+            operator = None
+            if trial.operator == EVERYTHING:
+                operator = lambda leader: EverythingOperator(leader, trial.seed)  # noqa: E731
+            made = run_staged(_scenario(trial), operator)
+            return AblationOutcome(
+                trial=trial,
+                fell=made.fell,
+                time=made.seconds,
+                torque_steps=made.torque_steps,
+                trace=made.trace,
+                acts=acts,
+            )
         except Exception as error:
             # A mechanism may be what keeps another one from an error: a row says so, and hours of
             # other runs go on.
@@ -174,11 +157,6 @@ def run(trial: AblationTrial) -> AblationOutcome:
             return AblationOutcome(
                 trial=trial, fell=False, time=0.0, torque_steps=0, trace=0.0, error=text
             )
-
-
-@cache
-def _robot(name: str) -> Robot:
-    return load_robot(name)
 
 
 def _push_times(trial: AblationTrial) -> list[tuple[float, float]]:
@@ -191,101 +169,34 @@ def _push_times(trial: AblationTrial) -> list[tuple[float, float]]:
     return found
 
 
-def _teleoperated(trial: AblationTrial) -> AblationOutcome:
-    robot, seed = _robot(trial.robot), trial.seed
-    config = changed_plant(robot, "torque", trial.condition, seed)
-    leader = StepTeleoperator(robot)
-    leader.device = OPERATORS[trial.operator](leader, seed)
-    plant, changes = Plant(robot, config, seed=seed), TorqueSteps(robot)
-    plant.reset(None)
-    for time, angle in _push_times(trial):
-        tick, force, seconds = push(robot, trial.push, angle, time, config.control_dt)
-        plant.push(robot.torso, force, seconds, tick * config.control_dt)
-    height = spin = 0.0
-    ticks = rollout(
-        plant,
-        leader.controller(),
-        leader,
-        estimator=leader.estimator,
-        duration=trial.seconds,
-    )
-    for tick in ticks:
-        changes.take(tick.command)
-        height, spin = float(tick.truth.q[2]), float(tick.truth.v.sum())
-        if plant.fallen:
-            break
-    return AblationOutcome(
-        trial=trial,
-        fell=plant.fallen,
-        time=plant.time,
-        torque_steps=changes.large,
-        trace=height + spin,
-    )
-
-
-def _walked(trial: AblationTrial) -> AblationOutcome:
-    course, sensors = _course(trial)
-    outcome = walk_course(
-        LedTrial(robot=trial.robot, seed=trial.seed, seconds=trial.seconds, velocity=None),
-        course,
-        [(time, trial.push, angle) for time, angle in _push_times(trial)],
-        sensors,
-    )
-    return AblationOutcome(
-        trial=trial,
-        fell=outcome.fell,
-        time=outcome.seconds,
-        torque_steps=outcome.torque_steps,
-        trace=sum(outcome.reached) + outcome.torque_step,
-    )
-
-
-def _course(trial: AblationTrial) -> tuple[Course, SensorConfig]:
-    course = replace(make_course("wandering", trial.seed), seconds=trial.seconds)
-    sensors = typical_sensors(course.delay)
-    if trial.condition == OFF_CELLS:
-        force = _CELL_ERROR * _robot(trial.robot).weight
-        sensors = replace(sensors, force_bias=force, moment_bias=_CELL_LEVER * force)
-    if trial.condition == LATE:
-        course = replace(course, delay=_LATE, friction=_SLIPPERY)
-        sensors = typical_sensors(_LATE)
-    return course, sensors
+def _scenario(trial: AblationTrial) -> Scenario:
+    pushes = [(time, trial.push, angle) for time, angle in _push_times(trial)]
+    values: dict[str, Any] = {"pushes": pushes_on_torso(pushes)}
+    campaign, case = _GROUNDS.get(trial.condition), trial.condition
+    if campaign is None:
+        campaign, case = "ground", "wandering over tiles"
+        values |= _COURSES[trial.condition]
+        values["drive.velocities"] = random_velocities(trial.seed, trial.seconds)
+    return episode(campaign, case, trial.robot, trial.seed, trial.seconds, values)
 
 
 class Rows:
-    """A file with a line of JSON for each run."""
+    """A file with a line of JSON for each run; one that a run left unfinished is passed over."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def read(self) -> list[AblationOutcome]:
-        """All whole lines; one that a run left unfinished as it died is passed over."""
-        if not self.path.exists():
-            return []
-        lines = self.path.read_text(encoding="utf-8").split("\n")
-        return [_outcome(json.loads(line)) for line in lines[:-1] if line]
+        """All whole lines."""
+        return [_outcome(dict(row)) for row in RowLog(self.path).rows]
 
     def append(self, outcome: AblationOutcome) -> None:
         """Write a line, behind a whole one."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("a+b") as file:
-            size = file.seek(0, 2)
-            if size:
-                file.seek(size - 1)
-                if file.read(1) != b"\n":
-                    _cut_last_line(self.path)
-            row = asdict(outcome)
-            row = {**row.pop("trial"), **row}
-            file.write(json.dumps(row).encode() + b"\n")
+        row = asdict(outcome)
+        RowLog(self.path).add({**row.pop("trial"), **row})
 
 
-def _cut_last_line(path: Path) -> None:
-    with path.open("r+b") as file:
-        file.truncate(file.read().rfind(b"\n") + 1)
-
-
-def _outcome(row: dict[str, object]) -> AblationOutcome:
-    names = AblationTrial.__dataclass_fields__
-    trial = {name: row.pop(name) for name in names}
-    trial["off"] = tuple(trial["off"])  # type: ignore[arg-type]
-    return AblationOutcome(trial=AblationTrial(**trial), **row)  # type: ignore[arg-type]
+def _outcome(row: dict[str, Any]) -> AblationOutcome:
+    trial = {name: row.pop(name) for name in AblationTrial.__dataclass_fields__}
+    trial["off"] = tuple(trial["off"])
+    return AblationOutcome(trial=AblationTrial(**trial), **row)

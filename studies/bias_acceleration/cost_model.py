@@ -40,19 +40,12 @@ Step = Callable[[Fraction, Fraction], Fraction]
 
 @dataclass(frozen=True)
 class Row:
-    """One row of Table 1: what a calculation costs each of its k - 1 times.
+    """One row of Table 1: what a calculation costs each of its k - 1 times."""
 
-    Attributes:
-        name: the calculation, as the table writes it.
-        original: cost within the original formula (23); None where it has no such step.
-        proposed: cost within the proposed formula (31); None likewise.
-        source: how the cost comes about.
-    """
-
-    name: str
-    original: Step | None
-    proposed: Step | None
-    source: str
+    name: str  # the calculation, as the table writes it
+    original: Step | None  # cost within the original formula (23); None where it has no such step
+    proposed: Step | None  # cost within the proposed formula (31); None where there is none
+    source: str  # how the cost comes about
 
 
 def _drift(n: Fraction, m: Fraction) -> Fraction:
@@ -193,25 +186,15 @@ SWEEPS: dict[str, tuple[Size, ...]] = {
 
 @dataclass(frozen=True)
 class Quoted:
-    """What the paper's section III.F quotes for one size.
+    """Numbers that the paper's section III.F quotes for one size."""
 
-    Attributes:
-        size: n, k, m.
-        bias_original: operations of the original formula [FLOP].
-        osf_original: operations of the formulation with it [FLOP].
-        share: of the former in the latter [%].
-        bias_proposed: operations of the proposed formula [FLOP].
-        ratio: of the proposed formula to the original [%].
-        saved: by how much the formulation becomes smaller [%].
-    """
-
-    size: Size
-    bias_original: int
-    osf_original: int
-    share: float
-    bias_proposed: int
-    ratio: float
-    saved: float
+    size: Size  # n, k, m
+    bias_original: int  # operations of the original formula [FLOP]
+    osf_original: int  # operations of the formulation with it [FLOP]
+    share: float  # of the former in the latter [%]
+    bias_proposed: int  # operations of the proposed formula [FLOP]
+    ratio: float  # of the proposed formula to the original [%]
+    saved: float  # by how much the formulation becomes smaller [%]
 
 
 QUOTED = (

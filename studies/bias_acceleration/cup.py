@@ -49,23 +49,15 @@ _SHOULDER, _ELBOW = 0.5, 1.2
 
 @dataclass(frozen=True, kw_only=True)
 class CupRun:
-    """One carrying of the cup.
+    """One carrying of the cup."""
 
-    Attributes:
-        formula: of the bias acceleration.
-        kp: stiffness of both tasks [1/s^2].
-        encoder: of all joints; None for exact angles.
-        gravity: of the plant, and of the controller's model.
-        inertia_scale: factor on the plant's link masses and inertias.
-        share: share of the motion that is simulated.
-    """
-
-    formula: str
-    kp: float = KP
-    encoder: Encoder | None = None
+    formula: str  # of the bias acceleration
+    kp: float = KP  # stiffness of both tasks [1/s^2]
+    encoder: Encoder | None = None  # of all joints; None for exact angles
+    # Of the plant, and of the controller's model
     gravity: Gravity = field(default_factory=lambda: Gravity(first=PAPER_GRAVITY))
-    inertia_scale: float = 1.0
-    share: float = 1.0
+    inertia_scale: float = 1.0  # factor on the plant's link masses and inertias
+    share: float = 1.0  # share of the motion that is simulated
 
     @property
     def ticks(self) -> int:
@@ -75,57 +67,39 @@ class CupRun:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CupTrace:
-    """What was recorded, tick by tick, right after each torque was applied.
+    """Record of a run, tick by tick, right after each torque was applied."""
 
-    Attributes:
-        states: what the controller was told.
-        time: [s].
-        torque: [N m].
-        gravity: vertical gravity of the plant [m/s^2].
-        bias: bias acceleration of the second task, NaN with `fused`, which has none by itself
-            [rad/s^2].
-        sigma: (49): acceleration that the controller asked of the second task minus the true
-            one [rad/s^2].
-        sigma_true: the same with what it would have asked had it known the true state [rad/s^2].
-        tilt: angle between the cup and the horizontal plane [rad].
-        turn: angle between the hand and its target orientation [rad].
-        distance: of the hand from its target [m].
-        regular: whether every level kept its rank.
-        held: ticks on which a joint came to a limit.
-    """
-
-    states: tuple[RobotState, ...] = field(repr=False)
-    time: Float64[np.ndarray, " T"]
-    torque: Float64[np.ndarray, "T n"]
-    gravity: Float64[np.ndarray, " T"]
+    states: tuple[RobotState, ...] = field(repr=False)  # what the controller was told
+    time: Float64[np.ndarray, " T"]  # [s]
+    torque: Float64[np.ndarray, "T n"]  # [N m]
+    gravity: Float64[np.ndarray, " T"]  # vertical gravity of the plant [m/s^2]
+    # Bias acceleration of the second task, NaN with `fused`, which has none by itself [rad/s^2]
     bias: Float64[np.ndarray, "T 3"]
+    # (49): acceleration that the controller asked of the second task minus the true one [rad/s^2]
     sigma: Float64[np.ndarray, " T"]
+    # The same with what it would have asked had it known the true state [rad/s^2]
     sigma_true: Float64[np.ndarray, " T"]
-    tilt: Float64[np.ndarray, " T"]
-    turn: Float64[np.ndarray, " T"]
-    distance: Float64[np.ndarray, " T"]
-    regular: bool
-    held: int
+    tilt: Float64[np.ndarray, " T"]  # angle between the cup and the horizontal plane [rad]
+    turn: Float64[np.ndarray, " T"]  # angle between the hand and its target orientation [rad]
+    distance: Float64[np.ndarray, " T"]  # of the hand from its target [m]
+    regular: bool  # whether every level kept its rank
+    held: int  # ticks on which a joint came to a limit
 
 
 class CupTasks:
-    """The two tasks and how their targets move.
-
-    Attributes:
-        start: joint angles at the start [rad].
-        position: task 1, the hand's position.
-        orientation: task 2, the hand's orientation.
-        stack: both, in this order.
-        home: world_R_hand at the start, which is level.
-    """
+    """The two tasks and how their targets move."""
 
     def __init__(self, robot: Robot, kp: float) -> None:
-        self.start = level_start(robot)
+        self.start = level_start(robot)  # joint angles at the start [rad]
         place = _hand_at(robot, self.start)
+        # home: world_R_hand at the start, which is level
         self.home, self._from = place.rotation.copy(), place.translation.copy()
+        # Task 1, the hand's position
         self.position = FrameTask(_HAND, "position", kp=kp, name="position")
+        # Task 2, the hand's orientation
         self.orientation = FrameTask(_HAND, "orientation", kp=kp, name="orientation")
         self.orientation.set_target(rotation=self.home)
+        # Both, in this order
         self.stack = Stack([], [[self.position], [self.orientation]], softening=0.0)
         self._way = Cubic(displacement=WAY, duration=DURATION)
         self.aim(0.0)
@@ -141,16 +115,13 @@ class CupTasks:
 
 
 class PaperController:
-    """Torques of a `PaperRecursion`: no contacts, and no limit that it would keep.
-
-    Attributes:
-        robot: the robot.
-        recursion: with its results of the last tick.
-        outside: whether some joint's acceleration left the bounds of the stack's joint limit at
-            the last tick.
-    """
+    """Torques of a `PaperRecursion`: no contacts, and no limit that it would keep."""
 
     def __init__(self, robot: Robot, stack: Stack, recursion: PaperRecursion) -> None:
+        # robot: the robot
+        # recursion: with its results of the last tick
+        # outside: whether some joint's acceleration left the bounds of the stack's joint limit at
+        # the last tick
         self.robot, self.recursion, self.outside = robot, recursion, False
         self._formulation, self._limit = PaperFormulation(robot, stack), stack.joint_limit
         self._dynamics = Dynamics(robot)

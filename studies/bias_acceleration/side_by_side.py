@@ -16,15 +16,11 @@ from studies.bias_acceleration.cup import PAPER_GRAVITY, CupTasks, CupTrace
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideBySide:
-    """What each formula says along one run.
+    """Answers of each formula along one run."""
 
-    Attributes:
-        bias: bias acceleration of the second task by formula, without `fused` [rad/s^2].
-        torque: torque of both tasks by formula [N m].
-    """
-
+    # Bias acceleration of the second task by formula, without `fused` [rad/s^2]
     bias: dict[str, Float64[np.ndarray, "T 3"]]
-    torque: dict[str, Float64[np.ndarray, "T n"]]
+    torque: dict[str, Float64[np.ndarray, "T n"]]  # torque of both tasks by formula [N m]
 
     def bias_difference(self, formula: str) -> Float64[np.ndarray, " T"]:
         """(47) and (48): distance of a formula's bias acceleration from the original's [rad/s^2].

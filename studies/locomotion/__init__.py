@@ -1,12 +1,7 @@
-"""The study of locomotion: walks on the estimate of the base, by commands and pushed."""
+"""The study of locomotion: walks on the estimate of the base, and faulty load cells."""
 
 from studies.locomotion.cells import cells_section
-from studies.locomotion.walks import (
-    estimation_section,
-    ground_section,
-    led_section,
-    standing_section,
-)
+from studies.locomotion.estimation import estimation_section
 from studies.plan import Part, StudyPlan
 
 PLAN = StudyPlan(
@@ -22,9 +17,6 @@ PLAN = StudyPlan(
     parts=(
         Part("estimation", "The estimate on walks", estimation_section),
         Part("cells", "Load cells with faults", cells_section),
-        Part("led", "Led by velocities", led_section),
-        Part("standing", "Pushed without a step", standing_section),
-        Part("ground", "Ground and bodies that are not in the model", ground_section),
     ),
 )
 """The study."""

@@ -1,22 +1,17 @@
 """`cells_section`: robots with a faulty load cell, or none: standing, walking, and teleoperated."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from poise.apps.teleoperation import BadOperator
-from poise.dynamics import RobotState
-from poise.locomotion import StepTeleoperator
+from poise.apps.scenarios import Scenario
 from poise.robots import load_robot
-from poise.sim import Plant, rollout
-from studies.bad_operator.conditions import DESCRIBED, changed_plant
-from studies.locomotion.courses import Course
 from studies.locomotion.estimated_walk import FAULTS, GOOD, NO_CELLS, cell_fault
-from studies.locomotion.led_walk import LedTrial, walk_course
 from studies.plan import StudyOptions
+from studies.staged import Outcome, episode, pushes_on_torso, random_velocities, run_staged
 from studies.trial_section import Case, TrialSection, total
 
 _SECONDS, _LONG, _QUICK = 10.0, 600.0, 4.0
@@ -31,74 +26,36 @@ PUSHED, TELEOPERATED = "pushed", "teleoperated"
 
 @dataclass(frozen=True, kw_only=True)
 class CellTrial:
-    """Run with load cells of a kind.
+    """Run with load cells of a kind."""
 
-    Attributes:
-        robot: name.
-        leader: standing, walking, driven at random, pushed or teleoperated.
-        cells: a fault, see `cell_fault`.
-        foot: with the fault, 0 for the left one.
-        seed: of noise and commands.
-        seconds: length [s].
-    """
-
-    robot: str
-    leader: str
-    cells: str
-    foot: int
-    seed: int
-    seconds: float
+    robot: str  # name
+    leader: str  # standing, walking, driven at random, pushed or teleoperated
+    cells: str  # a fault, see `cell_fault`
+    foot: int  # with the fault, 0 for the left one
+    seed: int  # of noise and commands
+    seconds: float  # length [s]
 
 
-@dataclass(frozen=True, kw_only=True)
-class CellOutcome:
-    """End of a run: whether the robot fell, and when it ended [s]."""
-
-    trial: CellTrial
-    fell: bool
-    seconds: float
-
-
-def run_cells(trial: CellTrial) -> CellOutcome:
+def run_cells(trial: CellTrial) -> Outcome:
     """Make a run."""
     fault = cell_fault(load_robot(trial.robot), trial.cells, trial.foot)
+    return run_staged(_scenario(trial), fault=fault)
+
+
+def _scenario(trial: CellTrial) -> Scenario:
+    robot, seed, seconds = trial.robot, trial.seed, trial.seconds
     if trial.leader == TELEOPERATED:
-        return _teleoperated(trial, fault)
-    led = LedTrial(robot=trial.robot, seed=trial.seed, seconds=trial.seconds)
-    velocity = (0.0 if trial.leader == STANDING else _PACE, 0.0, 0.0)
-    commands = () if trial.leader == DRIVEN else ((1.0, velocity),)
-    course = Course(seconds=trial.seconds, commands=commands)
-    pushes: list[tuple[float, float, float]] = []
+        return episode("bad_operators", "as described", robot, seed, seconds)
+    pace = 0.0 if trial.leader == STANDING else _PACE
+    values: dict[str, Any] = {"drive.velocities": [{"at": 1.0, "velocity": [pace, 0.0, 0.0]}]}
+    if trial.leader == DRIVEN:
+        values = {"drive.velocities": random_velocities(seed, seconds)}
     if trial.leader == PUSHED:
-        rng = np.random.default_rng(trial.seed)
-        times = np.arange(_PUSH_EVERY, trial.seconds, _PUSH_EVERY).tolist()
+        rng = np.random.default_rng(seed)
+        times = np.arange(_PUSH_EVERY, seconds, _PUSH_EVERY).tolist()
         pushes = [(t, _PUSH, float(rng.uniform(0.0, 2.0 * math.pi))) for t in times]
-    outcome = walk_course(led, course, pushes, fault=fault)
-    return CellOutcome(trial=trial, fell=outcome.fell, seconds=outcome.seconds)
-
-
-class _Behind:
-    """Estimator of a teleoperator behind a fault."""
-
-    def __init__(self, leader: StepTeleoperator, fault: Callable[[RobotState], RobotState]) -> None:
-        self._estimator, self._fault = leader.estimator, fault
-        self.command = leader.estimator.command
-
-    def update(self, state: RobotState) -> RobotState:
-        """Return the estimate."""
-        return self._estimator.update(self._fault(state))
-
-
-def _teleoperated(trial: CellTrial, fault: Callable[[RobotState], RobotState]) -> CellOutcome:
-    robot, seed = load_robot(trial.robot), trial.seed
-    plant = Plant(robot, changed_plant(robot, "torque", DESCRIBED, seed), seed=seed)
-    leader = StepTeleoperator(robot)
-    leader.device = BadOperator(leader, seed)
-    estimator, seconds = _Behind(leader, fault), trial.seconds
-    for _ in rollout(plant, leader.controller(), leader, estimator=estimator, duration=seconds):
-        if plant.fallen:
-            break
-    return CellOutcome(trial=trial, fell=plant.fallen, seconds=plant.time)
+        values["pushes"] = pushes_on_torso(pushes)
+    return episode("ground", "flat ground", robot, seed, seconds, values)
 
 
 def _cases(options: StudyOptions) -> list[Case]:
@@ -143,7 +100,7 @@ cells_section = TrialSection(
         f"{_PACE:g} m/s; pushed robots are pushed by {_PUSH:g} m/s every {_PUSH_EVERY:g} s.",
     ),
     run=run_cells,
-    kind=CellOutcome,
+    kind=Outcome,
     cases=_cases,
     columns={"time [s]": total("seconds")},
 )

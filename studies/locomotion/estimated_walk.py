@@ -39,45 +39,27 @@ _EVERY = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One walk.
+    """One walk."""
 
-    Attributes:
-        robot: its name.
-        seed: of the sensors' noise and biases.
-        seconds: length of the walk [s].
-        friction: of the floor.
-        cells: the right sole's fault, one of `FAULTS`, or `NO_CELLS`, or `GOOD`.
-    """
-
-    robot: str
-    seed: int
-    seconds: float
-    friction: float = 1.0
-    cells: str = GOOD
+    robot: str  # its name
+    seed: int  # of the sensors' noise and biases
+    seconds: float  # length of the walk [s]
+    friction: float = 1.0  # of the floor
+    cells: str = GOOD  # the right sole's fault, one of `FAULTS`, or `NO_CELLS`, or `GOOD`
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """Errors of the estimate on a walk.
+    """Errors of the estimate on a walk."""
 
-    Attributes:
-        trial: the trial.
-        fell: whether the robot fell.
-        way: of the base over the floor [m].
-        velocity_rms: root mean square of the base velocity's error [m/s].
-        tilt_rms: of the angle between true and estimated vertical [rad].
-        drift: largest error of the base's position over the way so far, once that is a metre.
-        height: largest error of the base's height [m].
-        nees: mean normalised square of the error of tilt and velocity, 5 where it is consistent.
-    """
-
-    trial: Trial
-    fell: bool
-    way: float
-    velocity_rms: float
-    tilt_rms: float
-    drift: float
-    height: float
+    trial: Trial  # the trial
+    fell: bool  # whether the robot fell
+    way: float  # of the base over the floor [m]
+    velocity_rms: float  # root mean square of the base velocity's error [m/s]
+    tilt_rms: float  # of the angle between true and estimated vertical [rad]
+    drift: float  # largest error of the base's position over the way so far, once that is a metre
+    height: float  # largest error of the base's height [m]
+    # Mean normalised square of the error of tilt and velocity, 5 where it is consistent
     nees: float
 
 

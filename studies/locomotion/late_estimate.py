@@ -1,13 +1,12 @@
 """`LateEstimate`: what studies control by, an estimate carried on over the sensors' delay."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise.dynamics import RobotState
-from poise.estimation import EstimatorConfig, PayloadEstimator, StateEstimator, StatePredictor
+from poise.estimation import PayloadEstimator, StateEstimator, StatePredictor
 from poise.robots import Robot
 from poise.sim import SensorConfig
 
@@ -18,46 +17,27 @@ DELAY = 0.002
 """Of all sensors [s]."""
 
 
-def typical_sensors(delay: float = DELAY) -> SensorConfig:
-    """Sensors with the errors of a real robot's, late.
-
-    Args:
-        delay: of all of them [s].
-    """
-    return replace(SensorConfig.typical(), delay=delay)
+def typical_sensors() -> SensorConfig:
+    """Sensors with the errors of a real robot's, late."""
+    return replace(SensorConfig.typical(), delay=DELAY)
 
 
 class LateEstimate:
-    """The estimator, looking for what the robot carries, with a predictor behind it.
-
-    What `poise run` and `poise drive` have, as a rollout asks them.
-
-    Args:
-        robot: the robot.
-        config: of the estimator; its defaults when None.
-        q_start: where the robot begins; home when None.
-        delay: of the sensors [s].
-        fault: changes what is measured; nothing does when None.
-    """
+    """The estimator, looking for what the robot carries, with a predictor behind it."""
 
     def __init__(
         self,
         robot: Robot,
-        config: EstimatorConfig | None = None,
         *,
-        q_start: Float64[np.ndarray, " nq"] | None = None,
-        delay: float = DELAY,
-        fault: Callable[[RobotState], RobotState] | None = None,
+        q_start: Float64[np.ndarray, " nq"] | None = None,  # home when None
     ) -> None:
-        self._fault = fault
         payload = PayloadEstimator(robot)
-        self._estimator = StateEstimator(robot, config, q_start=q_start, payload=payload)
-        self._predictor = StatePredictor(robot, delay, PERIOD)
+        self._estimator = StateEstimator(robot, q_start=q_start, payload=payload)
+        self._predictor = StatePredictor(robot, DELAY, PERIOD)
 
     def update(self, state: RobotState) -> RobotState:
         """The state of now."""
-        measured = state if self._fault is None else self._fault(state)
-        return self._predictor.predict(self._estimator.update(measured))
+        return self._predictor.predict(self._estimator.update(state))
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
         """Takes in what the robot was commanded."""

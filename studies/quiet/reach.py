@@ -42,42 +42,25 @@ Move = tuple[str, tuple[float, float, float]]
 
 @dataclass(frozen=True, kw_only=True)
 class Reach:
-    """One trial.
+    """One trial."""
 
-    Attributes:
-        robot: its name.
-        controller: "whole_body", "reduced", "osf" or "differential_ik".
-        moves: displacement of each task's target [m].
-        softening: of the stack; 0 for strict levels and feedback without bounds.
-        rate_limited: whether torques have the rate limit of the default stack.
-        sensed: whether sensors have noise and the state is estimated.
-        seconds: how long [s].
-    """
-
-    robot: str
-    controller: str = "whole_body"
-    moves: tuple[Move, ...] = ()
-    softening: float | None = None
-    rate_limited: bool = True
-    sensed: bool = False
-    seconds: float = 5.0
+    robot: str  # its name
+    controller: str = "whole_body"  # "whole_body", "reduced", "osf" or "differential_ik"
+    moves: tuple[Move, ...] = ()  # displacement of each task's target [m]
+    softening: float | None = None  # of the stack; 0 for strict levels and feedback without bounds
+    rate_limited: bool = True  # whether torques have the rate limit of the default stack
+    sensed: bool = False  # whether sensors have noise and the state is estimated
+    seconds: float = 5.0  # how long [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rest:
-    """Outcome of a trial.
+    """Outcome of a trial."""
 
-    Attributes:
-        step: largest change of a command from tick to tick in the last second, over its limit.
-        speed: largest joint speed in the last second [rad/s].
-        error: distance of the targets from the frames at the end [m].
-        fell: whether the robot fell.
-    """
-
-    step: float
-    speed: float
-    error: float
-    fell: bool
+    step: float  # largest change of a command from tick to tick in the last second, over its limit
+    speed: float  # largest joint speed in the last second [rad/s]
+    error: float  # distance of the targets from the frames at the end [m]
+    fell: bool  # whether the robot fell
 
 
 @cache

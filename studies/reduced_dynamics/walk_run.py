@@ -28,17 +28,11 @@ _RECORDING_SHARE = 0.15
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WalkRun:
-    """Answers and times along a walk.
+    """Answers and times along a walk."""
 
-    Attributes:
-        recording: the walk.
-        turns: who was timed when.
-        subjects: by (controller, solver).
-    """
-
-    recording: WalkRecording
-    turns: Turns
-    subjects: dict[tuple[str, str], WalkSubject]
+    recording: WalkRecording  # the walk
+    turns: Turns  # who was timed when
+    subjects: dict[tuple[str, str], WalkSubject]  # by (controller, solver)
 
     def counted(self, solver: str, stance: str) -> Int64[np.ndarray, " n"]:
         """Ticks in a stance that count for a method."""

@@ -16,14 +16,6 @@ class CartFlywheelTable:
     p is the COM, r the ZMP, L the angular momentum about the COM in the sense that moves the ZMP
     back (for a robot that walks along x, L is -L_Gx for the axis y and L_Gy for the axis x). With
     u_2 = 0 it is the cart-table model.
-
-    Attributes:
-        omega: sqrt(g / H) [1/s].
-        weight: W = m g [N].
-        position: p [m].
-        velocity: pdot [m/s].
-        momentum: L [kg m^2/s].
-        zmp: r under the last inputs [m].
     """
 
     def __init__(
@@ -39,12 +31,12 @@ class CartFlywheelTable:
                 got=(height, mass, gravity),
                 wanted="three numbers > 0",
             )
-        self.omega = math.sqrt(gravity / height)
-        self.weight = mass * gravity
-        self.position = position.copy()
-        self.velocity = np.zeros_like(position)
-        self.momentum = np.zeros_like(position)
-        self.zmp = position.copy()
+        self.omega = math.sqrt(gravity / height)  # sqrt(g / H) [1/s]
+        self.weight = mass * gravity  # W = m g [N]
+        self.position = position.copy()  # p [m]
+        self.velocity = np.zeros_like(position)  # pdot [m/s]
+        self.momentum = np.zeros_like(position)  # L [kg m^2/s]
+        self.zmp = position.copy()  # r under the last inputs [m]
 
     def step(
         self,

@@ -214,11 +214,9 @@ class PaperWeights(StepTeleoperator):
 
     And nothing keeps one leg off the other: where that held the foot the ZMP would be compared for
     another swing than the paper's.
-
-    Attributes:
-        weighs_single: whether (39c) holds in single support; otherwise (39d) does in every mode.
     """
 
+    # Whether (39c) holds in single support; otherwise (39d) does in every mode
     weighs_single: ClassVar[bool] = True
 
     def lead(self, state: RobotState) -> None:

@@ -14,15 +14,10 @@ from poise.sim import PlantConfig
 
 
 class Servos(NamedTuple):
-    """Gains of the servos of a plant, over the joint's torque limit.
+    """Gains of the servos of a plant, over the joint's torque limit."""
 
-    Attributes:
-        stiffness: [1/rad].
-        damping: [s/rad].
-    """
-
-    stiffness: float
-    damping: float
+    stiffness: float  # [1/rad]
+    damping: float  # [s/rad]
 
     def __str__(self) -> str:
         """As in names: `70/2.5`."""

@@ -119,7 +119,7 @@ def test_scenario_blocks_are_read():
 
 def test_campaign_blocks_are_read(tmp_path):
     texts = [text for _, text in blocks(ROOT / "docs" / "campaigns.md", "yaml")]
-    assert len(texts) == 2
+    assert len(texts) == 3
     for text in texts:
         (tmp_path / "block.yaml").write_text(text)
         warm_up([([Design.load(tmp_path / "block.yaml").job(0)], False)])

@@ -7,9 +7,12 @@ from poise.locomotion import StepTeleoperator
 
 pytest.importorskip("mujoco")
 
-from studies.bad_operator.conditions import DESCRIBED
-from studies.bad_operator.led_trial import Trial
-from studies.torque_teleoperation.everything import EverythingOperator, run_trial
+from studies.torque_teleoperation.everything import (
+    DESCRIBED,
+    EverythingOperator,
+    Trial,
+    run_trial,
+)
 
 SECONDS = 30.0
 
@@ -60,7 +63,7 @@ def test_a_seed_decides_all_of_it(get_robot, heard):
 
 
 def test_a_robot_stands_it_for_a_while():
-    trial = Trial(robot="biped20", level="torque", condition=DESCRIBED, seed=3, seconds=3.0)
+    trial = Trial(robot="biped20", condition=DESCRIBED, seed=3, seconds=3.0)
     outcome = run_trial(trial)
     assert not outcome.fell
     assert outcome.seconds == pytest.approx(3.0, abs=0.01)

@@ -1,6 +1,5 @@
-"""The study of torque-level teleoperation: its trials, and its measure of shifts."""
+"""The study of torque-level teleoperation: its measure of shifts."""
 
-from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -11,10 +10,7 @@ from poise.locomotion import Mode
 pytest.importorskip("mujoco")
 
 from poise.apps.teleoperation import MODES, TeleopLog
-from studies.plan import StudyOptions
-from studies.torque_teleoperation.cuts import Outcome, Trial, cuts_section, run_trial
 from studies.torque_teleoperation.scenarios import shift_times
-from studies.trial_section import findings_of
 
 
 def shift_log(modes, off, dt=0.01):
@@ -50,24 +46,3 @@ def test_a_shift_takes_until_the_foot_is_up_and_the_zmp_stays_where_it_should_be
 def test_a_zmp_that_comes_after_the_mode_has_not_settled(modes, times):
     log = shift_log(modes, lambda t: 0.05 if 1.0 <= t < 2.35 else 0.0)
     assert shift_times(log) == pytest.approx(times, abs=0.011, nan_ok=True)
-
-
-@pytest.mark.slow
-def test_a_foot_in_the_air_comes_down_and_the_robot_rests():
-    outcome = run_trial(Trial(robot="biped20", cut=1.6))
-    assert outcome.mode == "SR"
-    assert not outcome.fell
-    assert outcome.rests
-    # Half a second of patience, and the way down.
-    assert 0.5 < outcome.down_after < 1.5
-
-
-def test_a_fall_or_a_robot_that_does_not_rest_fails_the_finding():
-    trial = Trial(robot="biped20", cut=1.6)
-    outcome = Outcome(trial=trial, mode="SR", fell=False, down_after=0.9, rests=True, tilt=0.01)
-    (case,) = cuts_section.cases(StudyOptions(quick=True))
-    assert len(case.trials) == 10
-    assert findings_of(case, [outcome])[0].ok
-    for bad in (replace(outcome, fell=True), replace(outcome, rests=False)):
-        (finding,) = findings_of(case, [outcome, bad])
-        assert (finding.ok, finding.ours) == (False, 1)

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from poise.errors import PoiseError
-from studies import trials as module
+from studies import trial_section as module
 from studies.plan import StudyOptions
-from studies.trials import run_each
+from studies.trial_section import run_each
 
 
 @dataclass(frozen=True)

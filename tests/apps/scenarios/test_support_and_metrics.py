@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from poise.apps.report import BaseErrors, SupportPhase
 from poise.apps.scenarios._metrics import METRICS
@@ -96,10 +97,15 @@ def signals():
     torque[4] = [-30.0, 5.0]
     residuals = np.zeros((n, 3))
     residuals[6] = [1e-9, 2e-3, NAN]
+    # Turned by 0.4 rad a tick to the left, and tilted ahead by 0.3 rad once.
+    turns = Rotation.from_euler("z", 0.4 * np.arange(n)[:, None])
+    tilts = Rotation.from_euler("y", np.where(np.arange(n) == 5, 0.3, 0.0)[:, None])
+    q = np.zeros((n, 9))
+    q[:, 3:7] = (turns * tilts).as_quat()
     return RunSignals(
         robot="r", controller="c", scenario="s", joint_names=("a", "b"),
         position=np.zeros((n, 2)), position_min=-np.ones(2), position_max=np.ones(2),
-        time=time, q=np.zeros((n, 9)), torque=torque, torque_max=np.array([60.0, 50.0]),
+        time=time, q=q, torque=torque, torque_max=np.array([60.0, 50.0]),
         com=com, com_reference=reference, zmp=np.zeros((n, 2)),
         zmp_reference=np.linspace([0.0, 0.0], [0.3, 0.4], n),
         zmp_margin=np.array([NAN, 0.03, 0.02, -0.01, *[0.05] * 7]), support=(),
@@ -132,6 +138,8 @@ CASES = [
     ("task_error_end", "hand", None, 0.05),
     ("torque_ratio_max", "", None, 0.5),
     ("torque_step_max", "", None, 0.5),
+    ("base_tilt_max", "", None, 0.3),
+    ("base_turned", "", None, 4.0),
     ("sole_force_max", "s", None, 100.0),
     ("sole_height_min", "s", None, -0.02),
     ("residual_max", "1", None, 1e-9),

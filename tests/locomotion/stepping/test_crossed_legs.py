@@ -13,7 +13,6 @@ from poise.locomotion._stepping import _velocity_tasks
 from poise.robots import capsules_of
 from poise.sim import Plant
 from poise.stack import SelfCollisionLimit
-from studies.bad_operator.conditions import SOLID, changed_plant
 
 SEED = 21001
 """Of a bad operator under whom the feet of `biped20` met with 900 N, and it fell, after 2.3 s."""
@@ -51,15 +50,18 @@ def free(monkeypatch):
     monkeypatch.setattr(_velocity_tasks, "SelfCollisionLimit", lambda **_: off)
 
 
-def cross(touched, robot, foot):
+def touching(error=(0.0087, 0.0)):
     plant = replace(VELOCITY_TELEOP_PLANT.with_noise(), self_contact=True)
     # An attitude that is off by half a degree has feet where they are not taken to be.
-    sensors = replace(plant.sensors, base_orientation_error=(0.0087, 0.0))
-    return touched(robot, crossing(foot), replace(plant, sensors=sensors), duration=3.4)
+    return replace(plant, sensors=replace(plant.sensors, base_orientation_error=error))
+
+
+def cross(touched, robot, foot):
+    return touched(robot, crossing(foot), touching(), duration=3.4)
 
 
 def lead_badly(touched, robot):
-    plant = changed_plant(robot, "velocity", SOLID, SEED)
+    plant = touching((-0.004091, 0.007708))
     return touched(robot, lambda t: BadOperator(t, SEED), plant, duration=3.2, seed=SEED)
 
 

@@ -1,6 +1,6 @@
 """Campaigns: many episodes of a scenario, over processes here or a cluster, to a table."""
 
-from poise.apps.campaigns._campaign import Design as Design, robot_files as robot_files
+from poise.apps.campaigns._campaign import Design, robot_files as robot_files
 from poise.apps.campaigns._cluster import (
     DaskWorkers as DaskWorkers,
     SlurmWorkers as SlurmWorkers,
@@ -34,6 +34,7 @@ from poise.apps.campaigns._workers import (
 )
 
 __all__ = [
+    "Design",
     "LocalWorkers",
     "RowLog",
     "run_campaign",

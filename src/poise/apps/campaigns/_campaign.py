@@ -14,7 +14,7 @@ from pydantic import BeforeValidator
 from poise._schema import Bounds, Count, Number, Text, Vector, checked, read
 from poise._yaml import read_text, read_yaml
 from poise.apps.campaigns._episode import ABOUT, FIGURES, TIMINGS, Job
-from poise.apps.campaigns._fields import with_fields
+from poise.apps.campaigns._fields import spread, with_fields
 from poise.apps.campaigns._folder import CampaignFolder
 from poise.apps.scenarios import Measurement, make_scenario, read_scenario
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
@@ -92,7 +92,14 @@ def _as_grid(value: Any) -> Any:
     return {"grid": list(value)} if isinstance(value, list) else value
 
 
+def _as_draw(value: Any) -> Any:
+    """A plain value stands for itself."""
+    drawn = isinstance(value, dict) and [*value] in (["uniform"], ["log_uniform"], ["choice"])
+    return value if drawn else {"choice": [value]}
+
+
 _Draws = dict[Text, Annotated[Draw, BeforeValidator(_as_grid)]]
+_Case = dict[Text, Annotated[Draw, BeforeValidator(_as_draw)]]
 
 
 @checked()
@@ -142,6 +149,8 @@ class Campaign:
     episodes: Count | None = None  # once through the grid when None; those of a tuning are its own
     set: dict[Text, Any] = field(default_factory=dict[str, Any])  # by path, for all episodes
     vary: _Draws = field(default_factory=dict[str, Draw])  # by path, for each episode
+    # By name, values or draws of fields that go together: a grid of their own, which changes last
+    cases: dict[Text, _Case] = field(default_factory=dict[str, _Case])
     figures: dict[Text, Measurement] = field(default_factory=dict[str, Measurement])
     tune: TunePlan | None = None
 
@@ -180,7 +189,8 @@ class Design:
         self.scenario = _located(with_fields(scenario, self.campaign.set))
         draws = self.campaign.vary
         self._grids = {path: draw.grid for path, draw in draws.items() if draw.grid is not None}
-        self._points = math.prod(len(values) for values in self._grids.values())
+        points = math.prod(len(values) for values in self._grids.values())
+        self._points = points * max(1, len(self.campaign.cases))
         self._check()
 
     @classmethod
@@ -229,11 +239,13 @@ class Design:
         """One episode; it does not depend on how many there are."""
         rng = np.random.default_rng([self.campaign.seed, number])
         seed = int(rng.integers(_SEEDS))
-        point = self._point(number)
-        drawn = {
-            path: point[path] if path in point else draw.draw(rng)
-            for path, draw in self.campaign.vary.items()
-        }
+        point, name = self._point(number)
+        case, drawn = self.campaign.cases.get(name, {}), dict[str, Any]()
+        # Lists of a case are there before their items vary, and it has the last word on a field.
+        for path, draw in {**case, **self.campaign.vary, **case}.items():
+            given = path in point and path not in case
+            for each in self._spread(path, drawn):
+                drawn[each] = point[path] if given else draw.draw(rng)
         return Job(
             number=number,
             scenario=self.scenario,
@@ -241,6 +253,7 @@ class Design:
             values=_located(drawn),
             seed=seed,
             figures=self.campaign.figures,
+            labels={"case": name} if name else {},
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -254,27 +267,38 @@ class Design:
     def _sections(self) -> dict[str, dict[str, Draw]]:
         """Fields that differ between episodes, by the section of the file that names them."""
         tune = self.campaign.tune
-        return {"vary": self.campaign.vary, "tune: fields": {} if tune is None else tune.fields}
+        cases = {f"cases: {name!r}": draws for name, draws in self.campaign.cases.items()}
+        tuned = {} if tune is None else tune.fields
+        return {"vary": self.campaign.vary, "tune: fields": tuned, **cases}
 
-    def _point(self, index: int) -> dict[str, Any]:
-        """The point of the grid of an episode: the last field changes first."""
+    def _spread(self, path: str, values: Mapping[str, Any]) -> list[str]:
+        """Paths that one with `[*]` stands for, beside other values."""
+        return spread(with_fields(self.scenario, values), path) if "[*]" in path else [path]
+
+    def _point(self, index: int) -> tuple[dict[str, Any], str]:
+        """The point of the grid of an episode, the last field changes first, and its case."""
         point: dict[str, Any] = {}
         for path, values in reversed(self._grids.items()):
             index, place = divmod(index, len(values))
             point[path] = values[place]
-        return point
+        cases = [*self.campaign.cases]
+        return point, cases[index % len(cases)] if cases else ""
 
     def _check(self) -> None:
         """Try every value that can be counted, and some of every range, once."""
         make_scenario(self.scenario, self.campaign.scenario)
         for section, draws in self._sections.items():
+            beside: dict[str, Any] = {}
             for path, draw in draws.items():
                 if path in _OWN:
                     raise ConfigurationError(
                         f"{self._where}: {section} names a field that cannot be varied", got=path
                     )
                 for value in draw.samples:
-                    self._try({path: value}, f"{section}: {path!r}")
+                    own = dict.fromkeys(self._spread(path, beside), value)
+                    self._try({**beside, **own}, f"{section}: {path!r}")
+                    if section.startswith("cases"):
+                        beside |= own
         if self.campaign.tune is not None:
             self._try(self.campaign.tune.start, "tune: start")
 

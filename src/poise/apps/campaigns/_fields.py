@@ -12,6 +12,7 @@ from typing import Any
 from poise.errors import ConfigurationError
 
 _PATH = re.compile(r"[A-Za-z_]\w*(\[\d+\]|\.[A-Za-z_]\w*)*")
+_EACH = "[*]"  # every item of a list
 _STEP = re.compile(r"[A-Za-z_]\w*|\d+")
 
 Step = str | int  # a key, or a place in a list
@@ -24,6 +25,21 @@ def steps(path: str) -> tuple[Step, ...]:
             "not the path of a field", got=path, wanted="one as in pushes[0].velocity_change[1]"
         )
     return tuple(int(s) if s.isdigit() else s for s in _STEP.findall(path))
+
+
+def spread(data: Mapping[str, Any], path: str) -> list[str]:
+    """Paths of a field in every item of the lists that `[*]` stands for; one without any."""
+    before, each, after = path.partition(_EACH)
+    if not each:
+        return [path]
+    place: Any = data
+    for step in steps(before):
+        place = _inside(place, step, path)
+    if not isinstance(place, list):
+        raise ConfigurationError(
+            f"the scenario has no list for {path!r}", got=place, wanted=f"a list {before!r}"
+        )
+    return [p for i in range(len(place)) for p in spread(data, f"{before}[{i}]{after}")]
 
 
 def with_fields(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:

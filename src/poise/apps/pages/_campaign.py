@@ -60,8 +60,9 @@ def _facts(table: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
 
 
 def _values(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of the varied fields by path."""
-    return json.loads(row.get("values") or "{}")
+    """Values of the varied fields by path, behind the case where there are some."""
+    case = {"case": row["case"]} if row.get("case") else {}
+    return {**case, **json.loads(row.get("values") or "{}")}
 
 
 def _in_words(row: Mapping[str, Any]) -> str:

@@ -111,6 +111,28 @@ def _zmp_error(run: RunSignals, _: str, __: int | None) -> Values:
     return np.linalg.norm(np.broadcast_to(error, run.zmp.shape), axis=1)
 
 
+def _base_tilt(run: RunSignals, _: str, __: int | None) -> Values:
+    x, y = _base_turn(run)[:2]
+    return np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
+
+
+def _base_yaw(run: RunSignals, _: str, __: int | None) -> Values:
+    x, y, z, w = _base_turn(run)
+    return np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def _base_turn(run: RunSignals) -> Float64[np.ndarray, "4 T"]:
+    """Quaternions of the base, NaN of a fixed one."""
+    if run.q.shape[1] == len(run.joint_names):
+        return np.full((4, len(run.time)), np.nan)
+    return run.q[:, 3:7].T
+
+
+def _gain(values: Values, rows: Rows) -> Reading:
+    found = values[rows]
+    return Reading(float(found[-1] - found[0]), None)
+
+
 def _base_errors(run: RunSignals) -> BaseErrors:
     """Errors of the base's estimate; zeros where the controller has the truth."""
     if run.base_errors is not None:
@@ -180,6 +202,10 @@ METRICS = {
         _largest,
         "level",
     ),
+    "base_tilt_max": Metric(
+        "rad", "largest angle of the base from where it is upright", _base_tilt, _largest
+    ),
+    "base_turned": Metric("rad", "how far the base turned to the left", _base_yaw, _gain),
     "zmp_margin_min": Metric(
         "m",
         "least distance of the ZMP from the edge of the support polygon",

@@ -317,6 +317,7 @@ class DevicePlan:
     latency: Seconds = 0.0
     # Probability that the sample of a tick does not arrive
     loss: Annotated[float, Bounds(least=0.0, most=1.0)] = 0.0
+    cut: Seconds = float("inf")  # nothing arrives from this time on [s]
 
     def __post_init__(self) -> None:
         if self.script and self.script not in SCRIPTS:
@@ -345,6 +346,8 @@ class Scenario:
         duration: length of the run [s].
         seed: seed of everything random.
         plant: the plant.
+        terrain: blocks besides those of the plant, by a name that `terrain_blocks` knows, drawn by
+            the seed; a walk does not know of them.
         ground_truth: feed controller and leader the base's pose and velocity as the plant measures
             them, which no robot can, in place of an estimate. A robot that is walked by hand has an
             estimator of its own either way, and a fixed base needs none.
@@ -372,6 +375,7 @@ class Scenario:
     duration: Duration
     seed: _Seed = 0
     plant: PlantConfig = field(default_factory=PlantConfig)
+    terrain: AnyText = "flat"
     ground_truth: Truth = False
     actuation_given: bool = field(default=True, metadata=NOT_IN_FILES)
     stack: StackPlan | None = None

@@ -11,7 +11,14 @@ from poise.apps.scenarios._checks import validate_checks
 from poise.apps.scenarios._director import Director
 from poise.apps.scenarios._scenario import DevicePlan, Scenario
 from poise.apps.scenarios._size import size_ratio, sized, sized_checks, without_hands
-from poise.apps.teleoperation import SCRIPTS, BadOperator, PoorLink, Script, read_recording
+from poise.apps.teleoperation import (
+    SCRIPTS,
+    BadOperator,
+    PoorLink,
+    Script,
+    read_recording,
+    terrain_blocks,
+)
 from poise.control import (
     CONTROLLERS,
     Controller,
@@ -29,7 +36,8 @@ from poise.sim import Estimator, Plant, Push
 from poise.stack import Leader
 
 _BY_HAND, _STRATEGY = "step_teleoperation", "com_shifter"
-"""Controller of a robot that an operator walks, in scenario files, and its only strategy."""
+"""Controller of a robot that an operator walks, in scenario files, and its usual strategy: others
+are names of controllers that solve its stack."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,6 +73,7 @@ def stage_scenario(scenario: Scenario, robot: Robot | None = None) -> Stage:
     ratio = size_ratio(scenario, robot)
     scenario = without_hands(sized(scenario, ratio), robot)
     _check_limbs(scenario, robot)
+    scenario = _with_terrain(scenario, robot)
     q_start, estimator = None, None
     if scenario.devices is not None:
         scenario, leader, q_start = _by_hand(scenario, scenario.devices, robot)
@@ -98,6 +107,15 @@ def stage_scenario(scenario: Scenario, robot: Robot | None = None) -> Stage:
     )
 
 
+def _with_terrain(scenario: Scenario, robot: Robot) -> Scenario:
+    """The scenario with the blocks of its terrain."""
+    if scenario.terrain == "flat":
+        return scenario
+    blocks = terrain_blocks(scenario.terrain, robot, seed=scenario.seed)
+    plant, unknown = scenario.plant, tuple(replace(block, told=False) for block in blocks)
+    return replace(scenario, plant=replace(plant, blocks=plant.blocks + unknown))
+
+
 def _by_hand(
     scenario: Scenario, devices: DevicePlan, robot: Robot
 ) -> tuple[Scenario, StepTeleoperator, Float64[np.ndarray, " nq"]]:
@@ -107,7 +125,13 @@ def _by_hand(
     script = SCRIPTS[devices.script](robot) if devices.script else None
     q_start = robot.q_home if script is None else script.posture(robot)
     plant = scenario.plant
-    teleoperator = StepTeleoperator(robot, q_start=q_start, actuation=plant.commanded)
+    solver = scenario.controller.strategy
+    teleoperator = StepTeleoperator(
+        robot,
+        q_start=q_start,
+        actuation=plant.commanded,
+        solved_by=None if solver == _STRATEGY else solver,
+    )
     if plant.control_dt != teleoperator.parameters.dt:
         raise ConfigurationError(
             f"controller {_BY_HAND} has another control period than the plant",
@@ -130,8 +154,9 @@ def _device(
     else:
         points = plan.points if script is None else script.points
         device = ScriptedDevice(points, *teleoperator.estimator.anchors)
-    if plan.latency or plan.loss:
-        device = PoorLink(device, latency=plan.latency, loss=plan.loss, seed=seed)
+    if plan.latency or plan.loss or plan.cut < float("inf"):
+        link = {"latency": plan.latency, "loss": plan.loss, "cut": plan.cut}
+        device = PoorLink(device, **link, seed=seed)
     return device
 
 
@@ -182,9 +207,11 @@ def _check_by_hand(scenario: Scenario) -> None:
             f"controller {_BY_HAND} needs devices, and scenario {scenario.name!r} has none",
             wanted="the section devices in the scenario's file",
         )
-    if plan.strategy not in (None, _STRATEGY):
+    if plan.strategy not in (None, _STRATEGY, *CONTROLLERS):
         raise UnknownNameError(
-            f"no such strategy of controller {_BY_HAND}", got=plan.strategy, choices=(_STRATEGY,)
+            f"no such strategy of controller {_BY_HAND}",
+            got=plan.strategy,
+            choices=(_STRATEGY, *CONTROLLERS),
         )
     refuse_solver_settings(plan)
     given = {

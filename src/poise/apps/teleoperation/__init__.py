@@ -29,7 +29,11 @@ from poise.apps.teleoperation._run import (
     replay_teleop,
     run_teleop,
 )
-from poise.apps.teleoperation._scripts import SCRIPTS, Script, terrain_blocks
+from poise.apps.teleoperation._scripts import (
+    SCRIPTS,
+    Script,
+    terrain_blocks as terrain_blocks,
+)
 from poise.apps.teleoperation._teleop_file import convert_recording as convert_recording
 
 __all__ = [
@@ -47,5 +51,4 @@ __all__ = [
     "TeleopRun",
     "replay_teleop",
     "run_teleop",
-    "terrain_blocks",
 ]

@@ -1,7 +1,9 @@
 """Scripts, way-points that a careful operator would take, and grounds to walk on."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -147,7 +149,7 @@ def _careful_step(
     return [WayPoint(at=begin + t, **{foot: place}) for t, place in places]
 
 
-TERRAINS = ("flat", "obstacle", "steps", "bumps")
+TERRAINS = ("flat", "obstacle", "steps", "bumps", "tiles")
 
 # Heights of the stairs [m]: down by less than up, for a foot is sent no deeper than 5 cm below
 # the other one, and has to press
@@ -160,6 +162,10 @@ _BUMP_HEIGHT, _BUMP_SIDE = (0.01, 0.02), (0.05, 0.15)  # least and largest [m]
 _FIELD = ((-0.6, 2.4), (-0.8, 0.8))  # of the bumps, forward and sideways [m]
 _CLEAR = 0.02  # room between a sole at the start and the nearest bump [m]
 
+_TILE = 0.15  # side of a tile [m]
+_TILED, _TILED_PART = 3.0, 0.3  # reach of the tiles [m], and how much of that floor they cover
+_CENTRE = 0.35  # no tile's middle is nearer to where the robot starts [m]
+
 
 def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ...]:
     """Make the blocks of a ground, for a robot that stands at the origin as at home.
@@ -168,13 +174,14 @@ def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ..
     - obstacle: the two blocks of the paper's scenario 1, across the way.
     - steps: three stairs, up by 5 cm and 3 cm, down by 4 cm twice, each 1.3 soles deep.
     - bumps: boxes 1 to 2 cm high at random places, none under the feet at the start.
+    - tiles: squares of 15 cm, up to 2 cm high, on a third of the floor, none under the feet.
 
     Lengths are for a robot whose COM is at 0.765 m, and go with its height.
 
     Args:
-        name: flat, obstacle, steps or bumps.
+        name: flat, obstacle, steps, bumps or tiles.
         robot: a biped.
-        seed: of the bumps.
+        seed: of the bumps and tiles.
 
     Raises:
         UnknownNameError: no such ground.
@@ -183,8 +190,9 @@ def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ..
     if name not in TERRAINS:
         raise UnknownNameError("no such terrain", got=name, choices=TERRAINS)
     home = HomePose(robot)
-    if name == "bumps":
-        return _bumps(robot, home, np.random.default_rng(checked_count(seed, "seed of the bumps")))
+    if name in ("bumps", "tiles"):
+        rng = np.random.default_rng(checked_count(seed, f"seed of the {name}"))
+        return _bumps(robot, home, rng) if name == "bumps" else _tiles(home.size, rng)
     if name != "steps":
         return over_an_obstacle(robot).blocks if name == "obstacle" else ()
     size, depth = home.size, _TREAD * home.length
@@ -209,4 +217,14 @@ def _bumps(robot: Robot, home: HomePose, rng: np.random.Generator) -> tuple[Bloc
         outside = np.maximum(np.abs(np.array([x, y]) - home.soles) - half, 0.0)
         if float(np.linalg.norm(outside, axis=1).min()) > apart:
             blocks.append(Block(center=(x, y), size=(length, width, height), yaw=yaw))
+    return tuple(blocks)
+
+
+def _tiles(size: float, rng: np.random.Generator) -> tuple[Block, ...]:
+    blocks: list[Block] = []
+    for x, y in product(np.arange(-_TILED, _TILED, _TILE).tolist(), repeat=2):
+        height = float(rng.uniform(1e-3, _BUMP_HEIGHT[1]))
+        if rng.random() < _TILED_PART and math.hypot(x, y) >= _CENTRE:
+            sides = (size * _TILE, size * _TILE, size * height)
+            blocks.append(Block(center=(size * x, size * y), size=sides))
     return tuple(blocks)
