@@ -91,6 +91,15 @@ def _without_legs(leg_ratios: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *arguments: leg_ratios(*arguments)._replace(ahead=0.0)
 
 
+def _update_without_settling(rows: Any, dynamics: Any) -> None:
+    """Rows of a stack with joint limits as they are, beside contacts too."""
+    rows._stack.joint_limit.evaluate(dynamics)
+    rows.evaluation.update(dynamics)
+    for contact, cone in rows._cones:
+        cone[:] = contact.cone
+    rows.update_own(dynamics)
+
+
 _region = _of_any_width(resolve_name(f"{_WALKING}._parts.single_support_region"))
 _margin = resolve_name(f"{_TASKS}._CAUGHT_MARGIN")
 
@@ -196,9 +205,9 @@ MECHANISMS = (
     ),
     Mechanism(
         name="bound_settling",
-        off={"poise.stack._rows.StackRows._settle": _nothing},
-        watched="poise.stack._rows.StackRows._settle",
-        acts=lambda call, _: bool(call[0].settling_room.velocity.any()),
+        off={"poise.stack._rows.StackRows.update": _update_without_settling},
+        watched="poise.stack._rows.StackRows.update",
+        acts=lambda call, _: bool(call[0].settling.velocity.any()),
         walks=True,
     ),
 )
