@@ -26,7 +26,6 @@ from poise.apps.scenarios._scenario import (
     read_scenario as read_scenario,
     shipped_scenarios as shipped_scenarios,
 )
-from poise.apps.scenarios._signals import RunSignals as RunSignals
 from poise.apps.scenarios._stage import (
     Stage as Stage,
     controller_names as controller_names,

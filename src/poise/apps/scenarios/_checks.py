@@ -6,10 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from poise.apps.report import Check
+from poise.apps.report import Check, RunSignals
 from poise.apps.scenarios._metrics import METRICS, Reading
 from poise.apps.scenarios._scenario import CheckPlan, Measurement, Scenario
-from poise.apps.scenarios._signals import RunSignals
 from poise.apps.scenarios._symptoms import PHYSICS_RESIDUAL, explain, symptoms_of
 from poise.control import PHYSICS_LEVELS, CommandStatus
 from poise.errors import ConfigurationError, UnknownNameError

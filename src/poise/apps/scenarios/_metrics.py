@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float64, Shaped
 
-from poise.apps.report import BaseErrors
-from poise.apps.scenarios._signals import RunSignals
+from poise.apps.report import BaseErrors, RunSignals
 
 
 class Reading(NamedTuple):
@@ -88,7 +87,7 @@ def _com_error(run: RunSignals, _: str, axis: int | None) -> Values:
 
 
 def _task_error(run: RunSignals, task: str, _: int | None) -> Values:
-    return run.task_errors[task]
+    return next(track.error for track in run.tasks if track.name == task)
 
 
 def _most(ratios: Float64[np.ndarray, "T nj"]) -> Float64[np.ndarray, " T"]:
@@ -102,13 +101,12 @@ def _torque_step(run: RunSignals, _: str, __: int | None) -> Values:
 
 
 def _planned(run: RunSignals, _: str, __: int | None) -> Values:
-    planned = [planned > 0.5 for planned in run.sole_planned.values()]
+    planned = [sole.planned > 0.5 for sole in run.soles.values()]
     return np.reshape(planned, (-1, len(run.time))).astype(np.bool_).T
 
 
 def _zmp_error(run: RunSignals, _: str, __: int | None) -> Values:
-    error = np.nan if run.zmp_reference is None else run.zmp_reference - run.zmp
-    return np.linalg.norm(np.broadcast_to(error, run.zmp.shape), axis=1)
+    return np.linalg.norm(run.zmp_reference - run.zmp, axis=1)
 
 
 def _base_errors(run: RunSignals) -> BaseErrors:
@@ -162,14 +160,14 @@ METRICS = {
     "sole_force_max": Metric(
         "N",
         "largest normal force of a sole",
-        lambda run, sole, _: run.sole_forces[sole],
+        lambda run, sole, _: run.soles[sole].force,
         _largest,
         "sole",
     ),
     "sole_height_min": Metric(
         "m",
         "least height of a sole's centre above the floor or the block under it",
-        lambda run, sole, _: run.sole_heights[sole],
+        lambda run, sole, _: run.soles[sole].height,
         _least,
         "sole",
     ),

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from poise.apps.report import write_report
+from poise.apps.report import RunSignals, write_report
 from poise.apps.scenarios._checks import missed_ticks
 from poise.apps.scenarios._replay import make_replay
 from poise.apps.scenarios._run import Progress, Run
-from poise.apps.scenarios._signals import RunSignals, collect_signals
+from poise.apps.scenarios._signals import collect_signals
 from poise.apps.teleoperation import plant_from_json, recorded_robot
 from poise.errors import ConfigurationError, MissingExtraError
 from poise.robots import Robot
@@ -26,7 +26,7 @@ def summarise(run: Run) -> dict[str, object]:
     signals = run.signals
     ratio = np.abs(signals.torque) / signals.torque_max
     steps = np.abs(np.diff(signals.torque, axis=0)) / signals.torque_max
-    total = _finite(np.sum(list(signals.tick_us.values()), axis=0))
+    total = _finite(signals.total_tick)
     return {
         "robot": run.robot.name,
         "controller": run.scenario.controller.name,

@@ -14,10 +14,10 @@ import numpy as np
 
 from poise._progress import Bar
 from poise._show import html_table, new_figure
-from poise.apps.report import Check
+from poise.apps.report import Check, RunSignals
 from poise.apps.scenarios._checks import evaluate_checks
 from poise.apps.scenarios._scenario import Scenario, load_scenario
-from poise.apps.scenarios._signals import RunSignals, collect_signals
+from poise.apps.scenarios._signals import collect_signals
 from poise.apps.scenarios._stage import describe, stage_scenario
 from poise.control import Controller
 from poise.robots import Robot
@@ -97,10 +97,10 @@ class Run:
         ratio = np.abs(signals.torque) / signals.torque_max
         panels: dict[str, dict[str, np.ndarray]] = {
             "COM error [m]": {"": np.linalg.norm(signals.com_reference - signals.com, axis=1)},
-            "task errors [m, rad]": dict(signals.task_errors),
+            "task errors [m, rad]": {task.name: task.error for task in signals.tasks},
             "ZMP margin [m]": {"": signals.zmp_margin},
             "torque / limit": {"": np.max(ratio, axis=1, initial=0.0)},
-            "sole loads [N]": dict(signals.sole_forces),
+            "sole loads [N]": {name: sole.force for name, sole in signals.soles.items()},
         }
         if signals.base_errors is not None:
             panels["drift of the estimate [m]"] = {"": signals.base_errors.drift}

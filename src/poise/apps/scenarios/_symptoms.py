@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from poise.apps.report import RunSignals
 from poise.apps.scenarios._scenario import Scenario
-from poise.apps.scenarios._signals import RunSignals
 from poise.control import CommandStatus
 from poise.robots import Robot
 
@@ -44,7 +44,7 @@ class Symptom(NamedTuple):
 def symptoms_of(signals: RunSignals, robot: Robot, scenario: Scenario) -> list[Symptom]:
     """Everything that goes wrong after the first push, or where there is none, in the run."""
     since = max(_SETTLED, min((push.at for push in scenario.pushes), default=0.0))
-    joints, soles = robot.joint_names, tuple(signals.sole_positions)
+    joints, soles = robot.joint_names, tuple(signals.soles)
     missed = np.array([s != CommandStatus.OK.value for s in signals.status])
     full = np.abs(signals.torque) >= _FULL * signals.torque_max
     found = [
@@ -91,17 +91,17 @@ def _each(
 
 def _at_stop(signals: RunSignals, robot: Robot, since: float) -> Bool[np.ndarray, "T nj"]:
     """Joints at a limit that they were not at before."""
-    joints = signals.q[:, robot.nq - robot.nj :]
+    joints = signals.position
     near = (joints < robot.q_min + _STOP) | (joints > robot.q_max - _STOP)
     before = near[max(int(np.searchsorted(signals.time, since)) - 1, 0)]
     return near & ~before
 
 
 def _slipping(signals: RunSignals, robot: Robot) -> Bool[np.ndarray, "T n"]:
-    if len(signals.time) < 2 or not signals.sole_positions:
-        return np.zeros((len(signals.time), len(signals.sole_positions)), dtype=np.bool_)
-    slips: list[Bool[np.ndarray, " T"]] = []
-    for name, places in signals.sole_positions.items():
-        speed = np.linalg.norm(np.gradient(places[:, :2], signals.time, axis=0), axis=1)
-        slips.append((speed > _SLIP) & (signals.sole_forces[name] > _CARRIES * robot.weight))
-    return np.stack(slips, axis=1)
+    slips = np.zeros((len(signals.time), len(signals.soles)), dtype=np.bool_)
+    if len(signals.time) < 2:
+        return slips
+    for i, sole in enumerate(signals.soles.values()):
+        speed = np.linalg.norm(np.gradient(sole.position[:, :2], signals.time, axis=0), axis=1)
+        slips[:, i] = (speed > _SLIP) & (sole.force > _CARRIES * robot.weight)
+    return slips
