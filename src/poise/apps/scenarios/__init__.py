@@ -1,6 +1,10 @@
 """Scenarios: files of robot, controller, references, disturbances and checks, and their runs."""
 
-from poise.apps.scenarios._checks import measure as measure, validate_checks as validate_checks
+from poise.apps.scenarios._checks import (
+    measure as measure,
+    missed_ticks as missed_ticks,
+    validate_checks as validate_checks,
+)
 from poise.apps.scenarios._outputs import (
     LOG as LOG,
     discard_video as discard_video,
@@ -31,7 +35,7 @@ from poise.apps.scenarios._stage import (
     controller_names as controller_names,
     stage_scenario,
 )
-from poise.apps.scenarios._symptoms import symptoms_of as symptoms_of
+from poise.apps.scenarios._symptoms import explain as explain, symptoms_of as symptoms_of
 
 __all__ = [
     "Run",

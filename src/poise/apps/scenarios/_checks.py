@@ -9,12 +9,13 @@ import numpy as np
 from poise.apps.report import Check, RunSignals
 from poise.apps.scenarios._metrics import METRICS, Reading
 from poise.apps.scenarios._scenario import CheckPlan, Measurement, Scenario
-from poise.apps.scenarios._symptoms import PHYSICS_RESIDUAL, explain, symptoms_of
+from poise.apps.scenarios._symptoms import LASTING, PHYSICS_RESIDUAL, explain, symptoms_of
 from poise.control import PHYSICS_LEVELS, CommandStatus
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack import ComTask, Stack
 
+_BEFORE = 0.25  # causes come so shortly before the worst moment of a check [s]
 _PHYSICS = ("dynamics and torque limits", "contacts and joint limits")
 
 
@@ -68,7 +69,10 @@ def evaluate_checks(
             return result
         # A fall takes its time: its causes come first.
         whole = result.metric in ("fell", "ended_early")
-        return replace(result, mechanism=explain(symptoms, run.time, result.time, whole=whole))
+        # A symptom that begins at the worst moment lasts beyond it.
+        begin, end = (-np.inf, 0.0) if whole else (-_BEFORE, LASTING)
+        window = (result.time + begin, result.time + end)
+        return replace(result, mechanism=explain(symptoms, run.time, *window))
 
     return tuple(map(explained, results))
 

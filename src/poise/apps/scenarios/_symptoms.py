@@ -14,13 +14,12 @@ PHYSICS_RESIDUAL = 1e-6
 """Relative residual that dynamics, contacts and limits may have in any run."""
 
 _SETTLED = 0.05  # the robot is put down before this [s]
-_LASTING = 0.01  # shorter events bring no robot down [s]
+LASTING = 0.01  # shorter events bring no robot down [s]
 _EDGE = 7e-3  # a ZMP nearer to the edge of the feet is at it: contacts leave 5 mm [m]
 _STOP = 5e-3  # a joint nearer to its limit is at it [rad]
 _FULL = 0.999  # torque over its limit from which it is at it
 _SLIP = 0.1  # a loaded sole slips along the ground above this speed [m/s]
 _CARRIES = 0.2  # share of the robot's weight from which a sole carries load
-_BEFORE = 0.25  # causes come so shortly before the worst moment of a check [s]
 _SAID = 3  # symptoms named of a check
 
 
@@ -30,7 +29,7 @@ class Symptom(NamedTuple):
     kind: str  # one word for all of its kind, such as those of one joint and another
     what: str  # in words
     there: Bool[np.ndarray, " T"]  # ticks that have it
-    lasting: float = _LASTING  # least duration within twice that, for rocking feet come and go [s]
+    lasting: float = LASTING  # least duration within twice that, for rocking feet come and go [s]
 
     def begin(self, time: Float64[np.ndarray, " T"]) -> float | None:
         """Return when it begins for `lasting` of the time that follows [s]; None for never."""
@@ -59,24 +58,36 @@ def symptoms_of(signals: RunSignals, robot: Robot, scenario: Scenario) -> list[S
         for level, what in enumerate(words):
             unmet = signals.residuals[:, level] > PHYSICS_RESIDUAL
             found.append(Symptom(f"level {level + 1}", what, unmet))
+    for at, mode in signals.modes:
+        if "lost" in mode:
+            what = f"walk: {mode.split()[-1]}"
+            found.append(Symptom("walk", what, signals.time >= at, lasting=0.0))
     late = signals.time >= since
     found = [symptom._replace(there=symptom.there & late) for symptom in found]
     return [symptom for symptom in found if symptom.there.any()]
 
 
 def explain(
-    symptoms: list[Symptom], time: Float64[np.ndarray, " T"], worst: float, *, whole: bool
+    symptoms: list[Symptom],
+    time: Float64[np.ndarray, " T"],
+    begin: float = -np.inf,
+    end: float = np.inf,
 ) -> str:
-    """The first symptoms, one of a kind, in words: of the whole run, or shortly before a moment."""
-    # A symptom that begins at that very moment lasts beyond it.
-    begin, end = (float(time[0]), worst) if whole else (worst - _BEFORE, worst + _LASTING)
+    """The first symptoms between two times [s], one of a kind, in words."""
     window = (time >= begin) & (time <= end)
+    seen = [symptom._replace(there=symptom.there & window) for symptom in symptoms]
+    found = beginnings(seen, time)[:_SAID]
+    return "; then ".join(f"{what} ({at:.2f} s)" for at, what in found)
+
+
+def beginnings(symptoms: list[Symptom], time: Float64[np.ndarray, " T"]) -> list[tuple[float, str]]:
+    """Times at which symptoms begin [s], the first of each kind, and their words, in order."""
     first: dict[str, tuple[float, str]] = {}
     for symptom in symptoms:
-        at = symptom._replace(there=symptom.there & window).begin(time)
+        at = symptom.begin(time)
         if at is not None:
             first[symptom.kind] = min(first.get(symptom.kind, (np.inf, "")), (at, symptom.what))
-    return "; then ".join(f"{what} ({at:.2f} s)" for at, what in sorted(first.values())[:_SAID])
+    return sorted(first.values())
 
 
 def _each(
