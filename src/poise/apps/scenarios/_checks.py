@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from poise._schema import LARGEST
 from poise.apps.report import Check, RunSignals
 from poise.apps.scenarios._metrics import METRICS, Reading
 from poise.apps.scenarios._scenario import CheckPlan, Measurement, Scenario
@@ -128,7 +129,7 @@ def _describe(plan: CheckPlan) -> str:
         parts.append(plan.subject if metric.subject == "level" else f"of {plan.subject!r}")
     if plan.axis is not None:
         parts.append(f"along {plan.axis}")
-    if plan.begin > 0.0 or np.isfinite(plan.end):
-        until = f"{plan.end:g} s" if np.isfinite(plan.end) else "the end"
+    if plan.begin > 0.0 or plan.end < LARGEST:
+        until = f"{plan.end:g} s" if plan.end < LARGEST else "the end"
         parts.append(f"from {plan.begin:g} s until {until}")
     return " ".join(parts)

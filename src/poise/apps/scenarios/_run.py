@@ -34,31 +34,18 @@ _SHOWN_EVERY = 0.05  # simulated time from one call of `Progress` to the next [s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """A finished run.
-
-    Attributes:
-        scenario: the scenario.
-        robot: the robot.
-        plant: the plant as it was at the end.
-        controller: the controller as it was at the end.
-        record: of the run.
-        signals: the record, tick by tick.
-        checks: results of all checks.
-        fell: True where the robot fell.
-        ended_early: reason of an end before the scenario's, "" for none.
-        wall_seconds: time that the loop took [s].
-    """
+    """A finished run."""
 
     scenario: Scenario
     robot: Robot
-    plant: Plant = field(repr=False)
-    controller: Controller = field(repr=False)
+    plant: Plant = field(repr=False)  # as it was at the end
+    controller: Controller = field(repr=False)  # as it was at the end
     record: RunRecord = field(repr=False)
-    signals: RunSignals = field(repr=False)
-    checks: tuple[Check, ...]
+    signals: RunSignals = field(repr=False)  # the record, tick by tick
+    checks: tuple[Check, ...]  # results of all
     fell: bool
-    ended_early: str
-    wall_seconds: float
+    ended_early: str  # reason of an end before the scenario's, "" for none
+    wall_seconds: float  # time that the loop took [s]
 
     @property
     def ok(self) -> bool:
@@ -93,7 +80,7 @@ class Run:
         Raises:
             MissingExtraError: matplotlib is not installed.
         """
-        signals = self.signals
+        signals, base = self.signals, self.signals.base_errors
         ratio = np.abs(signals.torque) / signals.torque_max
         panels: dict[str, dict[str, np.ndarray]] = {
             "COM error [m]": {"": np.linalg.norm(signals.com_reference - signals.com, axis=1)},
@@ -101,14 +88,9 @@ class Run:
             "ZMP margin [m]": {"": signals.zmp_margin},
             "torque / limit": {"": np.max(ratio, axis=1, initial=0.0)},
             "sole loads [N]": {name: sole.force for name, sole in signals.soles.items()},
+            "drift of the estimate [m]": {} if base is None else {"": base.drift},
         }
-        if signals.base_errors is not None:
-            panels["drift of the estimate [m]"] = {"": signals.base_errors.drift}
-        panels = {
-            title: lines
-            for title, lines in panels.items()
-            if any(np.isfinite(values).any() for values in lines.values())
-        }
+        panels = {t: of for t, of in panels.items() if np.isfinite([*of.values()]).any()}
         figure = new_figure(8.0, 1.0 + 1.6 * len(panels))
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for ax, (title, lines) in zip(axes, panels.items(), strict=True):

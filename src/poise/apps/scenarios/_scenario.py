@@ -15,6 +15,7 @@ from jaxtyping import Float64
 from pydantic import BeforeValidator, Field
 
 from poise._schema import (
+    LARGEST,
     NOT_IN_FILES,
     AnyText,
     Bounds,
@@ -189,7 +190,7 @@ class Measurement:
     level: Annotated[int, Bounds(least=0.0, whole=True)] | None = None
     axis: Literal["x", "y", "z"] | None = None
     begin: Annotated[Seconds, Field(alias="from")] = 0.0
-    end: Annotated[Duration, Field(alias="until")] = float("inf")
+    end: Annotated[Duration, Field(alias="until")] = LARGEST  # of the window [s]: of the run then
 
     def __post_init__(self) -> None:
         if self.metric not in METRICS:
@@ -332,56 +333,37 @@ class DevicePlan:
 @checked()
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scenario:
-    """One run: robot, controller, stack, references over time, disturbances and checks.
+    """One run: robot, controller, stack, references over time, disturbances and checks."""
 
-    Attributes:
-        name: of the scenario and of folders of its runs.
-        description: a sentence or two.
-        robot: name or path of the robot.
-        controller: name, strategy and settings of the controller.
-        reference_com_height: height of the centre of mass at home of the robot for which lengths
-            and bounds in the file are written; for another robot they are scaled by the ratio of
-            their heights [m]. Lengths are absolute when None.
-        duration: length of the run [s].
-        seed: seed of everything random.
-        plant: the plant.
-        ground_truth: feed controller and leader the base's pose and velocity as the plant measures
-            them, which no robot can, in place of an estimate. A robot that is walked by hand has an
-            estimator of its own either way, and a fixed base needs none.
-        actuation_given: the plant's actuation was given by name; otherwise the controller's own is
-            taken.
-        stack: contacts, limits and tasks; None for the default stack of the robot.
-        devices: motion of the foot devices of a robot that is walked by hand; None for others.
-        walk: footsteps of a robot that walks; None for one that does not walk by steps.
-        drive: velocities of a robot that walks, in place of `walk`.
-        motions: motions of targets, by time.
-        contact_changes: contacts loaded and unloaded, by time.
-        pushes: pushes, by time.
-        checks: bounds that must hold besides: no fall, no missed tick, physics levels met.
-    """
-
-    name: Text
-    description: AnyText = ""
-    robot: AnyText = "humanoid33"
+    name: Text  # of the scenario and of folders of its runs
+    description: AnyText = ""  # a sentence or two
+    robot: AnyText = "humanoid33"  # name or path
     controller: Annotated[ControllerPlan, BeforeValidator(_named)] = field(
         default_factory=ControllerPlan
     )
+    # Height of the centre of mass at home of the robot for which lengths and bounds in the file are
+    # written; for another robot they are scaled by the ratio of their heights [m]. Lengths are
+    # absolute when None
     reference_com_height: (
         Annotated[float, Bounds(positive=True, most=_LARGEST, unit="m")] | None
     ) = None
     duration: Duration
-    seed: _Seed = 0
+    seed: _Seed = 0  # of everything random
     plant: PlantConfig = field(default_factory=PlantConfig)
+    # Feed controller and leader the base's pose and velocity as the plant measures them, which no
+    # robot can, in place of an estimate. A robot that is walked by hand has an estimator of its own
+    # either way, and a fixed base needs none
     ground_truth: Truth = False
+    # The plant's actuation was given by name; otherwise the controller's own is taken
     actuation_given: bool = field(default=True, metadata=NOT_IN_FILES)
-    stack: StackPlan | None = None
-    devices: DevicePlan | None = None
-    walk: WalkPlan | None = None
-    drive: DrivePlan | None = None
+    stack: StackPlan | None = None  # the robot's default when None
+    devices: DevicePlan | None = None  # of the feet of a robot that is walked by hand
+    walk: WalkPlan | None = None  # by footsteps
+    drive: DrivePlan | None = None  # by velocities, in place of `walk`
     motions: tuple[Motion, ...] = ()
     contact_changes: Annotated[tuple[ContactChange, ...], Field(alias="contacts")] = ()
     pushes: tuple[PushPlan, ...] = ()
-    checks: tuple[CheckPlan, ...] = ()
+    checks: tuple[CheckPlan, ...] = ()  # besides: no fall, no missed tick, physics levels met
 
     def __post_init__(self) -> None:
         if _NAME.fullmatch(self.name) is None:
