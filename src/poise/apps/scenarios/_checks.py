@@ -83,12 +83,8 @@ def missed_ticks(run: RunSignals) -> int:
     return sum(status != CommandStatus.OK.value for status in run.status)
 
 
-def measure(plan: Measurement, run: RunSignals) -> float:
+def measure(plan: Measurement, run: RunSignals) -> Reading:
     """Measure a run, in the metric's unit; NaN where that cannot be done."""
-    return _read(plan, run).value
-
-
-def _read(plan: Measurement, run: RunSignals) -> Reading:
     rows = (run.time >= plan.begin) & (run.time <= plan.end)
     return METRICS[plan.metric].measure(run, plan.subject, plan.axis_index, rows)
 
@@ -97,7 +93,7 @@ def _measured(plan: CheckPlan, run: RunSignals, name: str) -> Check:
     metric = METRICS[plan.metric]
     units = {task.name: task.unit for task in run.tasks}
     unit = units[plan.subject] if metric.subject == "task" else metric.unit
-    return _result(name, plan.metric, _read(plan, run), run, plan.relation, plan.bound, unit)
+    return _result(name, plan.metric, measure(plan, run), run, plan.relation, plan.bound, unit)
 
 
 def _result(

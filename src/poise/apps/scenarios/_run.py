@@ -138,7 +138,7 @@ def run_scenario(
         PoiseError: there is no such scenario, or it does not fit its robot.
     """
     if isinstance(progress, bool):
-        with Bar("simulating", "s") if progress else nullcontext(_ignore) as bar:
+        with Bar("simulating", "s") if progress else nullcontext(lambda *_: None) as bar:
             return run_scenario(scenario, robot=robot, log=log, view=view, progress=bar)
     stated = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     stage = stage_scenario(stated, robot)
@@ -191,10 +191,6 @@ def run_scenario(
         ended_early=ended_early,
         wall_seconds=wall,
     )
-
-
-def _ignore(done: float, duration: float) -> None:
-    pass
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal, cast, get_args
 
 import numpy as np
 from jaxtyping import Float64
@@ -67,7 +67,7 @@ _Goal = Annotated[
 _Seed = Annotated[int, Bounds(least=0.0, whole=True)]
 
 MotionKind = Literal["to", "by", "above", "reach", "turn", "joints"]
-_GOALS: tuple[MotionKind, ...] = ("to", "by", "above", "reach", "turn", "joints")
+_GOALS: tuple[MotionKind, ...] = get_args(MotionKind)
 
 
 def _given(plan: object, keys: Sequence[str]) -> str:
@@ -263,11 +263,6 @@ class WalkPlan:
                 wanted=f"at least one and at most {_MOST_STEPS}",
             )
 
-    def walker(self, robot: Robot, stack: Stack, ground: Ground) -> Walker:
-        """Make the walker of a robot in its home posture."""
-        plan = plan_footsteps(robot, self.strides, self.gait, ground=ground)
-        return Walker(robot, stack, settings=self.feedback, plan=plan, carry=self.carry)
-
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
@@ -298,12 +293,6 @@ class DrivePlan:
                 got=times,
                 wanted="one or more, at times that grow",
             )
-
-    def walker(self, robot: Robot, stack: Stack, ground: Ground) -> Walker:
-        """Make the walker of a robot in its home posture."""
-        return Walker(
-            robot, stack, self.gait, self.feedback, self.limits, ground=ground, carry=self.carry
-        )
 
 
 @checked()
@@ -404,7 +393,7 @@ class Scenario:
         return self.walk is not None or self.drive is not None
 
     def walker(self, robot: Robot, stack: Stack) -> Walker | None:
-        """Make the leader of a robot that walks; None for one that stays.
+        """Make the leader of a robot that walks from its home posture; None for one that stays.
 
         Args:
             robot: the robot.
@@ -413,12 +402,16 @@ class Scenario:
         Raises:
             PoiseError: the robot cannot walk so, or its stack cannot be used for it.
         """
-        plan = self.walk or self.drive
-        if plan is None:
-            return None
         told = [b for b in self.plant.blocks if b.told]
         platforms = [Ground.Platform(center=b.center, size=b.size, yaw=b.yaw) for b in told]
-        return plan.walker(robot, stack, Ground(platforms=tuple(platforms)))
+        ground, walk, drive = Ground(platforms=tuple(platforms)), self.walk, self.drive
+        if walk is not None:
+            plan = plan_footsteps(robot, walk.strides, walk.gait, ground=ground)
+            return Walker(robot, stack, settings=walk.feedback, plan=plan, carry=walk.carry)
+        if drive is None:
+            return None
+        settings = (drive.gait, drive.feedback, drive.limits)
+        return Walker(robot, stack, *settings, ground=ground, carry=drive.carry)
 
 
 def shipped_scenarios() -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int
+from jaxtyping import Float64
 
 from poise.apps.pages import COM, EVENT, INK, SUPPORT, ZMP, inline_svg, line_style, plain
 from poise.apps.report._plots._sheet import (
@@ -26,19 +26,6 @@ _LEAST_VIEW = 0.12
 """Least half-width of the view from above [m]."""
 _WIDE = 1.8
 """A ground this many times longer than wide gets its two views one above the other."""
-
-
-def support_over_time(
-    run: RunSignals,
-) -> tuple[Float64[np.ndarray, "T 2"], Float64[np.ndarray, "T 2"]]:
-    """Least and greatest x, y of the support polygon, tick by tick; NaN in flight."""
-    low = np.full((len(run.time), 2), np.nan)
-    high = low.copy()
-    for phase in run.support:
-        if len(phase.vertices):
-            ticks = (run.time >= phase.start) & (run.time < phase.end)
-            low[ticks], high[ticks] = phase.vertices.min(axis=0), phase.vertices.max(axis=0)
-    return low, high
 
 
 def draw_forces(run: RunSignals) -> list[PlotFigure]:
@@ -94,13 +81,14 @@ def _from_above(run: RunSignals) -> PlotFigure:
 
 
 def _over_time(run: RunSignals) -> PlotFigure:
-    low, high = support_over_time(run)
     sheet = TimeSheet(run, [1.35, 1.35, 1.15])
-    kept = _changes(low, high)
+    flight = np.full((1, 2), np.nan)
+    edges = [time for phase in run.support for time in (phase.start, phase.end)]
+    corners = [p.vertices if len(p.vertices) else flight for p in run.support for _ in range(2)]
     for i, name in enumerate(("x", "y")):
         ax = sheet.axes[i]
-        bounds = (run.time[kept], low[kept, i], high[kept, i])
-        ax.fill_between(*bounds, color=SUPPORT, alpha=0.16, linewidth=0, label="support")
+        bounds = ([min(c[:, i]) for c in corners], [max(c[:, i]) for c in corners])
+        ax.fill_between(edges, *bounds, color=SUPPORT, alpha=0.16, linewidth=0, label="support")
         sheet.plot(ax, run.zmp[:, i], color=ZMP, label="ZMP")
         if np.isfinite(run.zmp_reference).any():
             sheet.plot(ax, run.zmp_reference[:, i], label="reference", **DASHED)
@@ -112,15 +100,6 @@ def _over_time(run: RunSignals) -> PlotFigure:
     for ax in (sheet.axes[0], sheet.axes[2]):
         legend_beside(ax)
     return sheet.finish("zmp", "ZMP over time")
-
-
-def _changes(
-    low: Float64[np.ndarray, "T 2"], high: Float64[np.ndarray, "T 2"]
-) -> Int[np.ndarray, " n"]:
-    """Ticks at which the bounds change, with the ticks before them: all that a band needs."""
-    both = np.nan_to_num(np.concatenate([low, high], axis=1), nan=np.inf)
-    new = np.flatnonzero((both[1:] != both[:-1]).any(axis=1))
-    return np.unique(np.concatenate([[0], new, new + 1, [len(both) - 1]]))
 
 
 def _draw_polygons(ax: Any, run: RunSignals) -> None:
@@ -160,19 +139,18 @@ def _draw_trail(
 
 def _view(run: RunSignals) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
     """Centre and half-widths [m] of what the view from above must show."""
-    points = [run.zmp, run.com[:, :2], *(p.vertices for p in run.support)]
-    everything = np.concatenate(points)
+    corners = [phase.vertices for phase in run.support if len(phase.vertices)]
+    everything = np.concatenate([run.zmp, run.com[:, :2], *corners])
     everything = everything[np.isfinite(everything).all(axis=1)]
     if len(everything) == 0:
         return np.zeros(2), np.full(2, 0.5)
     # A fall throws the ZMP far away for a few ticks; they must not shrink everything else.
     low, high = np.percentile(everything, [0.2, 99.8], axis=0)
-    solid = [p.vertices for p in run.support if len(p.vertices)]
-    if solid:
-        corners = np.concatenate(solid)
-        size = np.ptp(corners, axis=0) + 0.3
-        low = np.minimum(np.maximum(low, corners.min(axis=0) - size), corners.min(axis=0))
-        high = np.maximum(np.minimum(high, corners.max(axis=0) + size), corners.max(axis=0))
+    if corners:
+        soles = np.concatenate(corners)
+        first, last = soles.min(axis=0), soles.max(axis=0)
+        room = last - first + 0.3
+        low, high = np.clip(low, first - room, first), np.clip(high, last, last + room)
     half = np.maximum((high - low) / 2.0 * 1.1, _LEAST_VIEW)
     return (low + high) / 2.0, half
 
