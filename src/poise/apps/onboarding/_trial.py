@@ -66,7 +66,7 @@ def try_out(robot: Robot) -> Trial:
         still = [{"metric": "com_error_max", "at_most": _DRIFT}]
     name = "stand" if robot.soles else "hold"
     attempts: list[Attempt] = []
-    plans = [{"name": name, "duration": 2.0, "checks": still}]
+    plans: list[dict[str, Any]] = [{"name": name, "duration": 2.0, "checks": still}]
     while plans:
         content = {**_content(robot), **plans.pop(0)}
         try:
