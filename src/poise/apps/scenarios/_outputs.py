@@ -40,9 +40,15 @@ def summarise(run: Run) -> dict[str, object]:
         "fell": run.fell,
         "checks": [
             {
-                **{key: value for key, value in vars(c).items() if key != "time"},
+                "name": c.name,
+                "metric": c.metric,
                 "value": c.value if np.isfinite(c.value) else None,
+                "relation": c.relation,
+                "bound": c.bound,
+                "unit": c.unit,
+                "ok": c.ok,
                 "worst_time_s": c.time,
+                "mechanism": c.mechanism,
             }
             for c in run.checks
         ],
