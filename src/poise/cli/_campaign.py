@@ -239,14 +239,13 @@ def _card_rows(card: Any) -> Iterator[str]:
     yield f"{card.robot} with {card.title}"
     for trial in card.trials:
         for case in trial.cases:
-            name = f"{trial.title} {case.label}".strip()
-            yield f"  {name:44}{result_text(case, trial.unit)}"
+            yield f"  {trial.named(case):44}{result_text(case, trial.unit)}"
     for reason, titles in reasons_of(card).items():
         yield f"left out: {', '.join(titles)}: {reason}"
     if card.worst is not None:
         trial, case = card.worst
         why = f": {case.mechanism}" if case.mechanism else ""
-        yield f"worst: {trial.title} {case.label}".rstrip() + why
+        yield f"worst: {trial.named(case)}{why}"
 
 
 def _difference_rows(first: Any, second: Any) -> Iterator[str]:
@@ -256,8 +255,7 @@ def _difference_rows(first: Any, second: Any) -> Iterator[str]:
     yield f"{first.robot}: {first.title} | {second.title}"
     for difference in compare(first, second):
         trial = difference.trial
-        case = difference.first or difference.second
-        name = f"{trial.title} {case.label if case else ''}".strip()
+        name = trial.named(difference.either)
         texts = [result_text(c, trial.unit) for c in (difference.first, difference.second)]
         verdict = VERDICTS[difference.verdict]
         yield f"  {name:44}{texts[0]:34}{texts[1]:34}{verdict}".rstrip()

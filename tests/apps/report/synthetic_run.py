@@ -9,13 +9,13 @@ from poise.apps.report import (
     Event,
     ForceTrack,
     Geometry,
-    MarkerTrack,
     Replay,
-    RunView,
+    RunSignals,
     SoleTrack,
     SupportPhase,
     TaskTrack,
 )
+from poise.apps.scenarios._signals import zmp_margins
 
 STEP = 0.8  # [s]
 STRIDE = 0.18  # [m]
@@ -159,12 +159,11 @@ def replay_of(time, com, feet, forces, mesh=None):
     target[t < 3.0] = np.nan
     return Replay(
         time=t,
-        body_names=tuple(names),
         position=np.stack(places, axis=1),
         quaternion=np.stack(turns, axis=1),
         geometries=tuple(geometries),
         forces=tuple(tracks),
-        markers=(MarkerTrack(name="left hand target", position=target),),
+        markers={"left hand target": target},
     )
 
 
@@ -275,17 +274,16 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, mesh=None, **cha
         "joint_names": joint_names(joints),
         "torque": torque,
         "torque_max": torque_max,
-        "position": 0.5 * size * wave,
+        "q": 0.5 * size * wave,
         "position_min": np.full(joints, -0.32),
         "position_max": np.linspace(0.34, 2.0, joints),
         "tasks": tasks,
         "com": com,
         "com_reference": reference,
         "zmp": zmp,
+        "zmp_reference": np.full((ticks, 2), np.nan),
         "support": support_phases(time, feet),
-        "soles": tuple(
-            SoleTrack(name=f"{s}_sole", normal_force=forces[s], planned=feet[s][1]) for s in forces
-        ),
+        "soles": {f"{s}_sole": sole(forces[s], feet[s][1], feet[s][0]) for s in forces},
         "residuals": residuals,
         "level_names": ("contacts, dynamics", "COM, pelvis, feet", "hands, posture"),
         "status": tuple(status),
@@ -316,4 +314,18 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, mesh=None, **cha
         "replay": replay_of(time, com, feet, forces, mesh),
         "notes": ("No video: this machine has no OpenGL. Install libegl1 or libosmesa6.",),
     }
-    return RunView(**{**fields, **changes})
+    fields |= changes
+    margin = zmp_margins(fields["time"], fields["zmp"], fields["support"])
+    nothing = np.full(len(time), np.nan)
+    others = {"targets": {}, "clearance": nothing, "self_contact": nothing, "beyond": nothing}
+    return RunSignals(**fields, **others, zmp_margin=margin, modes=())
+
+
+def sole(force, planned, position=None):
+    """A sole with a normal force, on a level floor."""
+    wrench = np.zeros((len(force), 6))
+    wrench[:, 2] = force
+    position = np.zeros((len(force), 3)) if position is None else position
+    return SoleTrack(
+        position=position, height=position[:, 2], wrench=wrench, planned=planned.astype(float)
+    )

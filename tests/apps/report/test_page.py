@@ -7,10 +7,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from markupsafe import escape
-from synthetic_run import walking_record
+from synthetic_run import sole, walking_record
 
 from poise.apps.pages import house_style
-from poise.apps.report import Check, Event, SoleTrack, SupportPhase, TaskTrack, write_report
+from poise.apps.report import Check, Event, SupportPhase, TaskTrack, write_report
 from poise.apps.report._page import page_html
 from poise.apps.report._plots import draw_plots
 from poise.errors import MissingExtraError
@@ -81,10 +81,7 @@ def no_contact_record():
         duration=2.0,
         zmp=np.full((ticks, 2), np.nan),
         support=(SupportPhase(start=0.0, end=2.0, vertices=np.zeros((0, 2))),),
-        soles=tuple(
-            SoleTrack(name=n, normal_force=np.zeros(ticks), planned=np.zeros(ticks, dtype=bool))
-            for n in ("left", "right")
-        ),
+        soles={n: sole(np.zeros(ticks), np.zeros(ticks)) for n in ("left", "right")},
     )
 
 
@@ -96,7 +93,7 @@ def all_nan_record():
     full = walking_record(duration=1.0)
     nan = {
         name: np.full_like(getattr(full, name), np.nan)
-        for name in ("torque", "position", "com", "com_reference", "zmp", "residuals")
+        for name in ("torque", "q", "com", "com_reference", "zmp", "residuals")
     }
     tick = {k: np.full_like(v, np.nan) for k, v in full.tick_us.items()}
     task = TaskTrack(name="hand", level=0, unit="m", error=np.full(250, np.nan))
@@ -152,8 +149,9 @@ def test_an_unusual_run_still_gets_a_whole_page(case, tmp_path):
 
 def test_parts_that_do_not_exist_are_left_out_and_the_rest_stays(tmp_path):
     bare = walking_record(
-        duration=1.0, tasks=(), soles=(), support=(), events=(), checks=(), summary={}, notes=(),
-        replay=None, residuals=np.zeros((250, 0)), level_names=(), tick_us={},
+        duration=1.0, tasks=(), soles={}, support=(), events=(), checks=(), summary={}, notes=(),
+        replay=None, residuals=np.zeros((250, 0)), level_names=(),
+        tick_us={"solve": np.full(250, np.nan)},
     )  # fmt: skip
     page = written(bare, tmp_path)
     parse(page)

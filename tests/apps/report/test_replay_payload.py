@@ -5,7 +5,7 @@ import numpy as np
 from synthetic_run import walking_record
 
 from poise.apps.report import Geometry, Replay
-from poise.apps.report._replay_payload import replay_json
+from poise.apps.report._replay import replay_json
 
 
 def array(text, kind):
@@ -43,7 +43,6 @@ def test_a_mesh_comes_back_to_a_fraction_of_a_millimetre_and_is_stored_once():
     mesh = Geometry(body=0, shape="mesh", vertices=vertices, faces=faces)
     replay = Replay(
         time=np.zeros(1),
-        body_names=("a",),
         position=np.zeros((1, 1, 3)),
         quaternion=np.array([[[0.0, 0.0, 0.0, 1.0]]]),
         geometries=(mesh, mesh),
@@ -62,7 +61,7 @@ def test_faces_of_a_large_mesh_keep_all_their_bits():
     faces = np.array([[0, 69_998, 69_999]])
     mesh = Geometry(body=0, shape="mesh", vertices=vertices, faces=faces)
     record = walking_record(duration=1.0)
-    fields = {k: getattr(record.replay, k) for k in ("time", "body_names", "position")}
+    fields = {k: getattr(record.replay, k) for k in ("time", "position")}
     replay = Replay(**fields, quaternion=record.replay.quaternion, geometries=(mesh,))
     packed = payload_of(record, replay)["meshes"][0]
     assert packed["wide"]

@@ -66,7 +66,7 @@ def test_way_points_of_ones_own_lift_a_foot(own):
     signals = own.signals
     assert own.ok
     assert [mode for _, mode in signals.modes] == ["D", "TL", "SL"]
-    assert signals.sole_positions["right_sole"][-1, 2] > 0.05
+    assert signals.soles["right_sole"].position[-1, 2] > 0.05
     assert {"estimator", "leader", "solve"} <= set(signals.tick_us)
     # The devices are in the replay, where the operator held them as the robot knows the world.
     device = signals.targets["right device"]
@@ -212,7 +212,7 @@ def test_a_recording_leads_another_robot_by_torques(get_robot, tmp_path):
     led = run_scenario(parse_scenario(text, "led.yaml"))
     assert led.ok
     assert [mode for _, mode in led.signals.modes] == ["D", "TL", "SL"]
-    assert led.signals.sole_positions["right_sole"][-1, 2] > 0.05
+    assert led.signals.soles["right_sole"].position[-1, 2] > 0.05
 
 
 @pytest.mark.parametrize(

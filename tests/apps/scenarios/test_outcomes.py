@@ -89,10 +89,10 @@ def test_a_payload_and_a_heavier_plant_are_the_plants_alone():
 
 def test_the_height_of_a_sole_is_that_over_the_slope_below_it():
     signals = run(stand(0.005, "plant: {floor_slope: [0.1, 0.0]}")).signals
-    assert set(signals.sole_heights) == {"left_sole", "right_sole"}
-    for name, heights in signals.sole_heights.items():
-        _, y, z = signals.sole_positions[name].T
-        np.testing.assert_allclose(heights, z - y * np.tan(0.1), atol=1e-12)
+    assert set(signals.soles) == {"left_sole", "right_sole"}
+    for sole in signals.soles.values():
+        _, y, z = sole.position.T
+        np.testing.assert_allclose(sole.height, z - y * np.tan(0.1), atol=1e-12)
 
 
 def test_a_scenario_without_a_stack_stands_on_the_default_one():

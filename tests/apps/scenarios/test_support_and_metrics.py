@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from poise.apps.report import BaseErrors, SupportPhase
+from poise.apps.report import BaseErrors, RunSignals, SoleTrack, SupportPhase, TaskTrack
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._scenario import PushPlan
 from poise.apps.scenarios._signals import (
-    RunSignals,
     ground_heights,
     support_phases,
     zmp_margins,
@@ -102,20 +101,26 @@ def signals():
     tilts = Rotation.from_euler("y", np.where(np.arange(n) == 5, 0.3, 0.0)[:, None])
     q = np.zeros((n, 9))
     q[:, 3:7] = (turns * tilts).as_quat()
+    wrench = np.zeros((n, 6))
+    wrench[:, 2] = np.linspace(0.0, 100.0, n)
+    sole = SoleTrack(
+        position=np.linspace([0.0, 0.0, 0.1], np.zeros(3), n),
+        height=np.linspace(0.08, -0.02, n),
+        wrench=wrench,
+        planned=np.array([1.0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0]),
+    )
+    error = np.array([NAN, 0.3, *[0.1] * 8, 0.05])
+    hand = TaskTrack(name="hand", level=0, unit="m", error=error)
     return RunSignals(
         robot="r", controller="c", scenario="s", joint_names=("a", "b"),
-        position=np.zeros((n, 2)), position_min=-np.ones(2), position_max=np.ones(2),
+        position_min=-np.ones(2), position_max=np.ones(2),
         time=time, q=q, torque=torque, torque_max=np.array([60.0, 50.0]),
         com=com, com_reference=reference, zmp=np.zeros((n, 2)),
         zmp_reference=np.linspace([0.0, 0.0], [0.3, 0.4], n),
         zmp_margin=np.array([NAN, 0.03, 0.02, -0.01, *[0.05] * 7]), support=(),
-        sole_forces={"s": np.linspace(0.0, 100.0, n)},
-        sole_positions={"s": np.linspace([0.0, 0.0, 0.1], np.zeros(3), n)},
-        sole_heights={"s": np.linspace(0.08, -0.02, n)},
-        sole_planned={"s": np.array([1.0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0])},
-        wrenches={"s": np.zeros((n, 6))}, targets={},
-        task_errors={"hand": np.array([NAN, 0.3, *[0.1] * 8, 0.05])},
+        soles={"s": sole}, targets={}, tasks=(hand,), level_names=("a", "b", "c"),
         residuals=residuals, status=("ok",) * n, tick_us={"solve": np.ones(n)},
+        tick_budget_us=1000.0,
         base_errors=BaseErrors(
             drift=np.linspace(0.0, 0.04, n), tilt=np.full(n, 0.01), speed=np.full(n, 0.02)
         ),

@@ -12,7 +12,7 @@ from poise.apps.scenarios import read_scenario
 from poise.apps.scorecard import TRIALS, Plan
 from poise.apps.scorecard._plan import _SCENES
 from poise.apps.scorecard._trials import STEP_BEGIN, STEP_TIME, Place
-from poise.locomotion import Ground, walking_stack
+from poise.locomotion import walking_stack
 
 BY_NAME = {trial.name: trial for trial in TRIALS}
 
@@ -69,8 +69,8 @@ def test_a_slope_goes_down_in_its_direction(place):
 
 def test_phases_are_those_of_the_walks_second_step(place):
     scene, where = read_scenario(_SCENES / "walk.yaml")
-    walk = Job(number=0, scenario=scene, where=where).make().walk
-    plan = walk.walker(place.robot, walking_stack(place.robot), Ground()).plan
+    walk = Job(number=0, scenario=scene, where=where).make()
+    plan = walk.walker(place.robot, walking_stack(place.robot)).plan
     assert pytest.approx(plan.lift_off(1)) == STEP_BEGIN
     assert plan.lift_off(2) - plan.lift_off(1) == pytest.approx(STEP_TIME)
     assert [*place.robot.soles][plan.steps[1].foot] == "right_sole"

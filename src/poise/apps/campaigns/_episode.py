@@ -124,7 +124,7 @@ def row_of(job: Job, run: Run) -> Row:
         **{f"check: {check['name']}": check["value"] for check in summary["checks"]},
     }
     for name, plan in job.figures.items():
-        value = float(measure(plan, run.signals))
+        value = measure(plan, run.signals).value
         row[name] = value if math.isfinite(value) else None
     return row
 

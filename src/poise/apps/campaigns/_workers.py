@@ -60,12 +60,11 @@ class Workers(AbstractContextManager["Workers"]):
         function(item)
 
     def each(
-        self, function: Callable[[T], R], items: Iterable[T], attempts: int = ATTEMPTS
+        self, function: Callable[[T], R], items: Iterable[T]
     ) -> Iterator[tuple[T, R | WorkerLostError]]:
         """Call a function with each of many items, as many at a time as there are workers.
 
-        An item whose worker dies goes to another one, `attempts` times in all. Items are taken when
-        a worker is free.
+        An item whose worker dies goes to another one. Items are taken when a worker is free.
         """
         left, again = iter(items), deque[tuple[T, int]]()
         running: dict[Future[tuple[bool, Any]], tuple[T, int]] = {}
@@ -82,7 +81,7 @@ class Workers(AbstractContextManager["Workers"]):
                 try:
                     raised, result = future.result()
                 except WorkerLostError as lost:
-                    if tried < attempts:
+                    if tried < ATTEMPTS:
                         again.append((item, tried + 1))
                         continue
                     raised, result = False, lost

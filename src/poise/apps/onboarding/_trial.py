@@ -1,18 +1,15 @@
 """`try_out`: a robot stands, squats and reaches in simulation, or holds still on a fixed base."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from poise.apps.campaigns import Job, Row, row_of, run_episode
-from poise.apps.scenarios import Run, summarise
-from poise.errors import RobotError
+from poise.apps.scenarios import INTERRUPTED, Run, make_scenario, run_scenario, summarise
+from poise.errors import PoiseError, RobotError
 from poise.robots import Robot, standing_posture, swings
 
-_DEPTHS = (0.1, 0.075, 0.05, 0.025)  # of a squat by the COM's height: the first that limits allow
 _DEPTHS = (0.1, 0.075, 0.05, 0.025)  # of a squat by the COM's height: the first that limits allow
 _BELOW = 1.2  # depth that limits must allow by that of the squat: the controller brakes before them
 _SWING = 0.5  # [rad] by which one joint leads a reach, which can therefore be done
@@ -69,24 +66,26 @@ def try_out(robot: Robot) -> Trial:
         still = [{"metric": "com_error_max", "at_most": _DRIFT}]
     name = "stand" if robot.soles else "hold"
     attempts: list[Attempt] = []
-
-    def described(job: Job, run: Run) -> Row:
-        attempts.append(_attempt(job, run))
-        return row_of(job, run)
-
-    plans = [{"name": name, "duration": 2.0, "checks": still}]
+    plans: list[dict[str, Any]] = [{"name": name, "duration": 2.0, "checks": still}]
     while plans:
-        row = run_episode(_job(robot, plans.pop(0)), described, robot)
-        if row["outcome"] in ("refused", "error"):
-            raise RobotError(row["reason"])
-        if len(attempts) == 1 and attempts[0].ok:
+        content = {**_content(robot), **plans.pop(0)}
+        try:
+            run = run_scenario(make_scenario(content, content["name"]), robot=robot)
+        except PoiseError as error:
+            raise RobotError(str(error)) from None
+        except Exception as error:  # Of MuJoCo or a library.
+            raise RobotError(f"{type(error).__name__}: {error}") from None
+        if run.ended_early == INTERRUPTED:
+            raise KeyboardInterrupt
+        attempts.append(_attempt(run))
+        if len(attempts) == 1 and run.ok:
             plans += [_squat(robot)] if robot.soles else []
             plans += [_reach(robot)] if robot.hands else []
     return Trial(tuple(attempts))
 
 
-def _job(robot: Robot, plan: Mapping[str, Any]) -> Job:
-    """A scenario, given as in a file, with a stack that any robot has."""
+def _content(robot: Robot) -> dict[str, Any]:
+    """Content of a scenario's file, with a stack that any robot has."""
     com = [{"com": {"kp": 60}}] if robot.soles else []
     frame = {"axes": "position", "kp": 60}
     hands = [{"frame": {"frame": hand, "name": hand, **frame}} for hand in robot.hands]
@@ -94,11 +93,10 @@ def _job(robot: Robot, plan: Mapping[str, Any]) -> Job:
     pelvis = [{"frame": {"frame": robot.pelvis, "axes": "orientation", "kp": 100}}] if com else []
     contacts = [{"surface": {"frame": sole}} for sole in robot.soles]
     levels = [level for level in (com, hands, pelvis, ["posture"]) if level]
-    about = {"ground_truth": True, "stack": {"contacts": contacts, "levels": levels}}
-    return Job(number=0, scenario={**about, **plan}, where=plan["name"])
+    return {"ground_truth": True, "stack": {"contacts": contacts, "levels": levels}}
 
 
-def _attempt(job: Job, run: Run) -> Attempt:
+def _attempt(run: Run) -> Attempt:
     words: list[str] = []
     for check in [check for check in run.checks if not check.ok]:
         value = f"{check.value:.3g} {check.unit}, wanted {check.relation} {check.bound:.3g}"
@@ -106,7 +104,7 @@ def _attempt(job: Job, run: Run) -> Attempt:
         words.append(": ".join(filter(None, (f"{check.name} {what}", check.mechanism))))
     ratios = np.max(np.nan_to_num(np.abs(run.signals.torque) / run.robot.tau_max), axis=0)
     return Attempt(
-        name=job.where,
+        name=run.scenario.name,
         ok=run.ok,
         words=tuple(words[:1] if run.fell else words),
         weakest=run.robot.joint_names[int(np.argmax(ratios))],

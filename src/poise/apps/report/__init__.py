@@ -8,17 +8,14 @@ from poise.apps.report._record import (
     BaseErrors as BaseErrors,
     Check as Check,
     Event as Event,
-    RunView as RunView,
+    ForceTrack as ForceTrack,
+    Geometry as Geometry,
+    Replay as Replay,
+    RunSignals as RunSignals,
     SoleTrack as SoleTrack,
     SupportPhase as SupportPhase,
     TaskTrack as TaskTrack,
 )
-from poise.apps.report._replay import (
-    ForceTrack as ForceTrack,
-    Geometry as Geometry,
-    MarkerTrack as MarkerTrack,
-    Replay as Replay,
-)
-from poise.apps.report._replay_payload import shapes_payload as shapes_payload
+from poise.apps.report._replay import shapes_payload as shapes_payload
 
 __all__: list[str] = []

@@ -1,19 +1,18 @@
 """`write_report`: from the record of a run to `report.html`, a page with plots and a 3D replay."""
 
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from importlib.resources import files
 from pathlib import Path, PurePosixPath
-from typing import cast
+from typing import Any
 
 from poise.apps.pages import house_style, number, render_page, replace_file
-from poise.apps.report._plots import PlotFigure, draw_plots, largest_errors, tick_percentiles
-from poise.apps.report._record import RunView
-from poise.apps.report._replay_payload import replay_json
+from poise.apps.report._plots import PlotFigure, draw_plots, greatest, tick_percentiles
+from poise.apps.report._record import RunSignals
+from poise.apps.report._replay import replay_json
 
 
-def write_report(run: RunView, directory: Path) -> Path:
+def write_report(run: RunSignals, directory: Path) -> Path:
     """Write one self-contained page about a run; it needs no network and no server.
 
     The same record gives the same bytes.
@@ -23,7 +22,7 @@ def write_report(run: RunView, directory: Path) -> Path:
     return replace_file(directory / "report.html", page_html(run, figures))
 
 
-def page_html(run: RunView, figures: Iterable[PlotFigure]) -> str:
+def page_html(run: RunSignals, figures: Iterable[PlotFigure]) -> str:
     """Return the whole page as text."""
     early = [f"The run stopped before its end: {run.ended_early}"] if run.ended_early else []
     scripts = ("page.js", "three.bundle.min.js", "scene.js", "replay.js")
@@ -39,11 +38,11 @@ def page_html(run: RunView, figures: Iterable[PlotFigure]) -> str:
             ("duration", f"{number(float(run.time[-1] - run.time[0]))} s"),
         ),
         verdict=_verdict(run),
-        cards=_cards(run),
+        cards=list(_cards(run)),
         notes=[*early, *run.notes],
         checks=sorted(run.checks, key=lambda check: check.ok),
         poster=str(PurePosixPath(run.video or "").with_suffix(".jpg")) if run.video else "",
-        tasks=[(t.name, t.level + 1, e, t.unit) for t, e in largest_errors(run)],
+        tasks=[(t.name, t.level + 1, number(greatest(t.error)), t.unit) for t in run.tasks],
         ticks=tick_percentiles(run),
         summary=json.dumps(run.summary, indent=2, default=str, ensure_ascii=False),
         replay=replay_json(run, run.replay) if run.replay else "",
@@ -56,7 +55,7 @@ def asset(name: str) -> str:
     return files("poise.apps.report").joinpath("assets", name).read_text(encoding="utf-8")
 
 
-def _verdict(run: RunView) -> tuple[str, bool]:
+def _verdict(run: RunSignals) -> tuple[str, bool]:
     """End of the run in a few words; true where it is good."""
     failed, count = sum(not check.ok for check in run.checks), len(run.checks)
     if run.fell:
@@ -70,19 +69,8 @@ def _verdict(run: RunView) -> tuple[str, bool]:
     return f"✓ All {count} checks hold", True
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Card:
-    """A figure at the head of the page."""
-
-    name: str
-    figure: str
-    unit: str = ""
-    more: str = ""
-    bad: bool = False
-
-
-def _cards(run: RunView) -> list[_Card]:
-    """Figures of the summary, as far as they are there."""
+def _cards(run: RunSignals) -> Iterator[dict[str, Any]]:
+    """Figures of the summary at the head of the page, as far as they are there."""
     # A torque at its limit is legal: the controller keeps it there. Beyond it is not.
     plain = (
         ("com_error_max_m", "largest COM error", 1e3, "mm", None),
@@ -91,27 +79,20 @@ def _cards(run: RunView) -> list[_Card]:
         ("missed_ticks", "missed ticks", 1.0, f"of {len(run.time)}", 0.0),
         ("real_time_factor", "speed of the run", 1.0, "× real time", None),
     )
-    cards: list[_Card] = []
+    summary: Any = run.summary
+    card = {"unit": "", "bad": False}
     for key, name, scale, unit, most in plain:
-        for value in _numbers(run.summary.get(key)):
+        value = summary.get(key)
+        if value is not None:
             bad = most is not None and value > most
-            cards.append(_Card(name=name, figure=number(scale * value), unit=unit, bad=bad))
-    levels = [number(value) for value in _numbers(run.summary.get("residual_max"))]
+            yield {"name": name, "figure": number(scale * value), "unit": unit, "bad": bad}
+    levels = [number(v) for v in summary.get("residual_max", ()) if v is not None]
     if levels:
         more = " · ".join(f"{i}: {v}" for i, v in enumerate(levels[1:3], 2))
         more = f"level {more}" if more else ""
-        cards.append(_Card(name="residual, level 1", figure=levels[0], more=more))
-    ticks = run.summary.get("tick_us")
-    if isinstance(ticks, Mapping):
-        named = cast("Mapping[str, object]", ticks)
-        found = {k: number(v) for k in ("p50", "p99", "max") for v in _numbers(named.get(k))}
-        if middle := found.pop("p50", None):
-            more = " · ".join(f"{name} {value}" for name, value in found.items())
-            cards.append(_Card(name="tick time, p50", figure=middle, unit="µs", more=more))
-    return cards
-
-
-def _numbers(value: object) -> list[float]:
-    """Numbers of a value or list of the summary, without what is no number."""
-    values = cast("list[object]", value) if isinstance(value, list | tuple) else [value]
-    return [float(v) for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
+        yield {**card, "name": "residual, level 1", "figure": levels[0], "more": more}
+    ticks = summary.get("tick_us", {})
+    if ticks.get("p50") is not None:
+        more = " · ".join(f"{name} {number(ticks[name])}" for name in ("p99", "max"))
+        p50 = number(ticks["p50"])
+        yield {**card, "name": "tick time, p50", "figure": p50, "unit": "µs", "more": more}

@@ -1,13 +1,12 @@
-"""`RunView`: everything that the report of one run is made from; NaN stands for "not measured"."""
+"""`RunSignals`: the record of a run as arrays with one row a tick, judged and shown by a page."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Float64, Int
 
-from poise.apps.report._replay import Replay, check_shapes
 from poise.errors import ConfigurationError
 
 
@@ -34,14 +33,6 @@ class Event:
     label: str  # in a few words
     duration: float | int = 0.0  # [s], zero for an instant
 
-    def __post_init__(self) -> None:
-        if not np.isfinite(self.time):
-            raise ConfigurationError(
-                f"the time of event {self.label!r} is not a number",
-                got=self.time,
-                wanted="a finite time [s]",
-            )
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TaskTrack:
@@ -55,11 +46,17 @@ class TaskTrack:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SoleTrack:
-    """Load of one sole over the run."""
+    """Place and load of one sole over the run."""
 
-    name: str
-    normal_force: Float64[np.ndarray, " T"]  # of the ground along the sole's normal [N]
-    planned: Bool[np.ndarray, " T"]  # whether the controller counted on this contact
+    position: Float64[np.ndarray, "T 3"]  # of the centre [m]
+    height: Float64[np.ndarray, " T"]  # of the centre over floor or block [m]
+    wrench: Float64[np.ndarray, "T 6"]  # measured, in the sole's frame [N, N m]
+    planned: Float64[np.ndarray, " T"]  # 1 where the controller counted on it
+
+    @property
+    def force(self) -> Float64[np.ndarray, " T"]:
+        """Normal force [N]."""
+        return self.wrench[:, 2]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,8 +81,52 @@ class BaseErrors:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RunView:
-    """Course of one run; arrays have a row a control tick (T ticks, nj joints)."""
+class Geometry:
+    """A shape fixed to a body."""
+
+    body: int  # its index
+    shape: Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "mesh"]
+    # half lengths along x, y, z for a box; radius for a sphere; radii along x, y, z for an
+    # ellipsoid; radius and half length (of the straight part) along z for cylinder and capsule [m]
+    size: tuple[float | int, ...] = ()
+    position: Float64[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))  # [m]
+    # orientation of the shape in its body (x, y, z, w)
+    quaternion: Float64[np.ndarray, "4"] = field(default_factory=lambda: np.eye(4)[3])
+    rgba: tuple[float | int, float | int, float | int, float | int] = (0.7, 0.7, 0.72, 1.0)
+    vertices: Float64[np.ndarray, "nvert 3"] | None = field(default=None, repr=False)  # [m]
+    faces: Int[np.ndarray, "nface 3"] | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ForceTrack:
+    """A force on the robot, drawn as an arrow that starts (contact) or ends (push) at its point."""
+
+    name: str
+    kind: Literal["contact", "push"] = "contact"
+    point: Float64[np.ndarray, "F 3"]  # in the world [m]
+    force: Float64[np.ndarray, "F 3"]  # in the world [N]; zero or NaN where there is none
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Replay:
+    """Body poses over time, about 30 frames a second, and what the bodies look like."""
+
+    time: Float64[np.ndarray, " F"]  # [s]
+    position: Float64[np.ndarray, "F B 3"]  # of each body's origin in the world [m]
+    quaternion: Float64[np.ndarray, "F B 4"]  # of each body in the world (x, y, z, w)
+    geometries: tuple[Geometry, ...]
+    forces: tuple[ForceTrack, ...] = ()
+    # Points shown as small balls, such as a hand's target, in the world [m]
+    markers: Mapping[str, Float64[np.ndarray, "F 3"]] = field(default_factory=dict[str, Any])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class RunSignals:
+    """Course of one run of T ticks with nj joints; NaN where a signal was not recorded.
+
+    References and targets, which the robot follows by its estimate, are shifted to where they lie
+    for the true robot as they do for the estimated one.
+    """
 
     robot: str
     controller: str
@@ -94,61 +135,55 @@ class RunView:
     seed: int = 0
     fell: bool = False
     ended_early: str = ""  # why the run stopped before its end
-    time: Float64[np.ndarray, " T"] = field(repr=False)  # of each tick, increasing [s]
-    joint_names: tuple[str, ...] = field(repr=False)
-    torque: Float64[np.ndarray, "T nj"] = field(repr=False)  # [N m]
-    torque_max: Float64[np.ndarray, " nj"] = field(repr=False)  # [N m]
-    position: Float64[np.ndarray, "T nj"] = field(repr=False)  # [rad]
-    position_min: Float64[np.ndarray, " nj"] = field(repr=False)  # [rad]
-    position_max: Float64[np.ndarray, " nj"] = field(repr=False)  # [rad]
-    tasks: tuple[TaskTrack, ...] = field(default=(), repr=False)
-    com: Float64[np.ndarray, "T 3"] = field(repr=False)  # in the world [m]
-    com_reference: Float64[np.ndarray, "T 3"] = field(repr=False)  # [m]
-    zmp: Float64[np.ndarray, "T 2"] = field(repr=False)  # on the ground [m], NaN in flight
-    zmp_reference: Float64[np.ndarray, "T 2"] | None = field(default=None, repr=False)  # [m]
-    support: tuple[SupportPhase, ...] = field(default=(), repr=False)  # in order of time
-    soles: tuple[SoleTrack, ...] = field(default=(), repr=False)
-    # None where the robot knows the truth
-    base_errors: BaseErrors | None = field(default=None, repr=False)
+    time: Float64[np.ndarray, " T"]  # of each tick, increasing [s]
+    joint_names: tuple[str, ...]
+    q: Float64[np.ndarray, "T nq"]  # true configuration [m, rad]
+    torque: Float64[np.ndarray, "T nj"]  # [N m]
+    torque_max: Float64[np.ndarray, " nj"]  # [N m]
+    position_min: Float64[np.ndarray, " nj"]  # [rad]
+    position_max: Float64[np.ndarray, " nj"]  # [rad]
+    tasks: tuple[TaskTrack, ...] = ()
+    com: Float64[np.ndarray, "T 3"]  # in the world [m]
+    com_reference: Float64[np.ndarray, "T 3"]  # [m]
+    zmp: Float64[np.ndarray, "T 2"]  # on the ground [m], NaN in flight
+    zmp_reference: Float64[np.ndarray, "T 2"]  # [m]
+    zmp_margin: Float64[np.ndarray, " T"]  # from the support polygon's edge, negative outside [m]
+    support: tuple[SupportPhase, ...] = ()  # in order of time
+    soles: Mapping[str, SoleTrack] = field(default_factory=dict[str, SoleTrack])
+    targets: Mapping[str, Float64[np.ndarray, "T 3"]]  # of the points that tasks move [m]
+    clearance: Float64[np.ndarray, " T"]  # distance of the robot from the nearest block [m]
+    self_contact: Float64[np.ndarray, " T"]  # force of links on each other [N]
+    beyond: Float64[np.ndarray, " T"]  # hindmost heel ahead of the last block [m]
+    modes: tuple[tuple[float, str], ...]  # mode walked by hand or status of a walk, from a time [s]
+    base_errors: BaseErrors | None = None  # None where the robot knows the truth
     # mass beyond the description's [kg], and offset of the centre of mass of all but what hands
     # hold along the torso's axes [m], as estimated; None where nobody does
-    payload: Float64[np.ndarray, "T 4"] | None = field(default=None, repr=False)
-    # what each level could not meet, relative to the level's scale [-]
-    residuals: Float64[np.ndarray, "T nl"] = field(repr=False)
-    level_names: tuple[str, ...] = ()  # empty to call them by their number
-    status: tuple[str, ...] = field(repr=False)  # of each command, as `CommandStatus.value`
+    payload: Float64[np.ndarray, "T 4"] | None = None
+    residuals: Float64[np.ndarray, "T nl"]  # of each level, relative to the level's scale [-]
+    level_names: tuple[str, ...]
+    status: tuple[str, ...]  # of each command, as `CommandStatus.value`
     # time each tick took, by phase, in the order of the phases [us]
-    tick_us: Mapping[str, Float64[np.ndarray, " T"]] = field(repr=False)
-    tick_budget_us: float | None = None  # time between two ticks [us]
-    events: tuple[Event, ...] = field(default=(), repr=False)
-    checks: tuple[Check, ...] = field(default=(), repr=False)
-    summary: Mapping[str, object] = field(default_factory=dict, repr=False)  # `summary.json`
-    replay: Replay | None = field(default=None, repr=False)  # None to leave it out
+    tick_us: Mapping[str, Float64[np.ndarray, " T"]]
+    tick_budget_us: float  # time between two ticks [us]
+    events: tuple[Event, ...] = ()
+    checks: tuple[Check, ...] = ()
+    summary: Mapping[str, object] = field(default_factory=dict[str, object])  # `summary.json`
+    replay: Replay | None = None  # None to leave it out
     # name of the file beside the page; a picture of the same name, with `.jpg` behind, is shown
     # until it is played
     video: str | None = None
     notes: tuple[str, ...] = ()  # for the reader, such as why there is no video
 
     def __post_init__(self) -> None:
-        if self.time.ndim != 1 or len(self.time) == 0:
-            raise ConfigurationError(
-                "a record without a tick", got=self.time.shape, wanted="one time or more [s]"
-            )
-        if not np.isfinite(self.time).all() or (np.diff(self.time) <= 0.0).any():
-            raise ConfigurationError(
-                "the times of a record do not increase", wanted="finite, increasing times [s]"
-            )
-        sizes = {"T": len(self.time), "nj": len(self.joint_names)}
-        check_shapes(self, "record", sizes)
-        for track in (*self.tasks, *self.soles):
-            check_shapes(track, repr(track.name), sizes)
-        if self.base_errors is not None:
-            check_shapes(self.base_errors, "base's estimate", sizes)
-        lengths = {"status": (len(self.status), len(self.time))}
-        if self.level_names:
-            lengths["level_names"] = (len(self.level_names), sizes["nl"])
-        for phase, values in self.tick_us.items():
-            lengths[f"tick times of phase {phase!r}"] = (len(values), len(self.time))
-        for name, (got, wanted) in lengths.items():
-            if got != wanted:
-                raise ConfigurationError(f"wrong length of {name}", got=got, wanted=str(wanted))
+        if len(self.time) == 0:
+            raise ConfigurationError("a record without a tick", got=0, wanted="one tick or more")
+
+    @property
+    def position(self) -> Float64[np.ndarray, "T nj"]:
+        """Joint positions [rad]."""
+        return self.q[:, self.q.shape[1] - len(self.joint_names) :]
+
+    @property
+    def total_tick(self) -> Float64[np.ndarray, " T"]:
+        """Time of the whole tick [us], the sum of its phases."""
+        return np.sum([*self.tick_us.values()], axis=0)

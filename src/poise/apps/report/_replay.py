@@ -1,116 +1,93 @@
-"""The motion of a run as the 3D replay needs it: bodies, their shapes, forces and markers."""
+"""The replay's data as compact JSON: typed arrays in base64, meshes quantised to 16 bits."""
 
-from dataclasses import dataclass, field
-from typing import Literal, get_args, get_type_hints
+import base64
+import json
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int
+from jaxtyping import Float64, Int, Shaped
 
-from poise.errors import ConfigurationError
+from poise.apps.report._record import Geometry, Replay, RunSignals
 
-SHAPE_SIZES = {"box": 3, "sphere": 1, "ellipsoid": 3, "cylinder": 2, "capsule": 2, "mesh": 0}
-"""How many sizes each shape takes."""
-
-
-def check_shapes(tracks: object, name: str, sizes: dict[str, int]) -> None:
-    """Refuse arrays of a dataclass whose shapes are not those of their annotations.
-
-    Args:
-        tracks: the dataclass.
-        name: of it, for messages.
-        sizes: lengths by the letters of the annotations; new letters are added.
-    """
-    for key, hint in get_type_hints(type(tracks)).items():
-        value = getattr(tracks, key)
-        letters = [h.dim_str.split() for h in (hint, *get_args(hint)) if hasattr(h, "dim_str")]
-        if not letters or not isinstance(value, np.ndarray):
-            continue
-        if len(letters[0]) == value.ndim:
-            for letter, length in zip(letters[0], value.shape, strict=True):
-                sizes.setdefault(letter, int(letter) if letter.isdecimal() else length)
-        wanted = tuple(sizes.get(letter, letter) for letter in letters[0])
-        if value.shape != wanted:
-            raise ConfigurationError(
-                f"wrong shape of the {name}'s {key}", got=value.shape, wanted=str(wanted)
-            )
+_QUATERNION_SCALE = 32767
+"""A quaternion's parts as 16-bit integers: wrong by at most 2e-5."""
+_STEPS = 65535
+"""Steps between a mesh's least and greatest coordinate: a hundredth of a millimetre on a body."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Geometry:
-    """A shape fixed to a body."""
-
-    body: int  # index of the body in `Replay.body_names`
-    shape: Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "mesh"]
-    # half lengths along x, y, z for a box; radius for a sphere; radii along x, y, z for an
-    # ellipsoid; radius and half length (of the straight part) along z for cylinder and capsule [m]
-    size: tuple[float | int, ...] = ()
-    position: Float64[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))  # [m]
-    # orientation of the shape in its body (x, y, z, w)
-    quaternion: Float64[np.ndarray, "4"] = field(default_factory=lambda: np.eye(4)[3])
-    rgba: tuple[float | int, float | int, float | int, float | int] = (0.7, 0.7, 0.72, 1.0)
-    vertices: Float64[np.ndarray, "nvert 3"] | None = field(default=None, repr=False)  # [m]
-    faces: Int[np.ndarray, "nface 3"] | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        if self.shape not in SHAPE_SIZES:
-            raise ConfigurationError("unknown shape", got=self.shape, choices=SHAPE_SIZES)
-        if len(self.size) != SHAPE_SIZES[self.shape] or any(s <= 0.0 for s in self.size):
-            raise ConfigurationError(
-                f"wrong size of a {self.shape}",
-                got=self.size,
-                wanted=f"{SHAPE_SIZES[self.shape]} lengths above zero [m]",
-            )
-        if self.shape != "mesh":
-            return
-        if self.vertices is None or self.faces is None:
-            raise ConfigurationError("a mesh without vertices or faces", wanted="both arrays")
-        if self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < len(self.vertices):
-            raise ConfigurationError(
-                "a face of a mesh names a vertex that does not exist",
-                got=(int(self.faces.min()), int(self.faces.max())),
-                wanted=f"indices from 0 to {len(self.vertices) - 1}",
-            )
+def replay_json(run: RunSignals, replay: Replay) -> str:
+    """Everything the page's 3D replay draws, as one JSON object that is safe inside a script."""
+    # The tick nearest to each frame.
+    ticks = np.rint(np.interp(replay.time, run.time, np.arange(len(run.time)))).astype(int)
+    last = float(run.time[-1])
+    payload = {
+        "bodies": replay.position.shape[1],
+        "time": _floats(replay.time),
+        "position": _floats(replay.position),
+        "quaternion": _encode(np.round(replay.quaternion * _QUATERNION_SCALE).astype("<i2")),
+        "com": _floats(run.com[ticks]),
+        "zmp": _floats(run.zmp[ticks]),
+        **shapes_payload(replay.geometries),
+        "phases": [
+            {
+                "start": phase.start,
+                "end": min(phase.end, last),
+                "vertices": [_short(v) for v in phase.vertices],
+            }
+            for phase in run.support
+        ],
+        "forces": [
+            {"name": f.name, "kind": f.kind, "point": _floats(f.point), "force": _floats(f.force)}
+            for f in replay.forces
+        ],
+        "markers": [{"name": n, "position": _floats(p)} for n, p in replay.markers.items()],
+        "events": [{"time": e.time, "duration": e.duration, "label": e.label} for e in run.events],
+    }
+    text = json.dumps(payload, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ForceTrack:
-    """A force on the robot, drawn as an arrow that starts (contact) or ends (push) at its point."""
+def shapes_payload(geometries: Iterable[Geometry]) -> dict[str, list[dict[str, Any]]]:
+    """Return the bodies of `scene.js` as JSON can hold them; shared meshes are there once."""
+    meshes: dict[bytes, dict[str, Any]] = {}
+    placed: list[dict[str, Any]] = []
+    for geometry in geometries:
+        entry: dict[str, Any] = {"body": geometry.body, "shape": geometry.shape}
+        for name in ("size", "position", "quaternion", "rgba"):
+            entry[name] = _short(getattr(geometry, name))
+        if geometry.vertices is not None and geometry.faces is not None:
+            key = geometry.vertices.tobytes() + geometry.faces.tobytes()
+            if key not in meshes:
+                meshes[key] = _mesh(geometry.vertices, geometry.faces)
+            entry["mesh"] = list(meshes).index(key)
+        placed.append(entry)
+    return {"geometries": placed, "meshes": list(meshes.values())}
 
-    name: str
-    kind: Literal["contact", "push"] = "contact"
-    point: Float64[np.ndarray, "F 3"]  # in the world [m]
-    force: Float64[np.ndarray, "F 3"]  # in the world [N]; zero or NaN where there is none
+
+def _mesh(
+    vertices: Float64[np.ndarray, "nvert 3"], faces: Int[np.ndarray, "nface 3"]
+) -> dict[str, Any]:
+    low = vertices.min(axis=0)
+    step = np.maximum(np.ptp(vertices, axis=0) / _STEPS, 1e-12)  # [m]
+    wide = len(vertices) > _STEPS
+    return {
+        "low": _short(low, 9),
+        "step": [float(s) for s in step],
+        "vertices": _encode(np.round((vertices - low) / step).astype("<u2")),
+        "faces": _encode(faces.astype("<u4" if wide else "<u2")),
+        "wide": wide,
+    }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MarkerTrack:
-    """A point to show as a small ball, such as a hand's target."""
-
-    name: str
-    position: Float64[np.ndarray, "F 3"]  # in the world [m]; NaN where there is nothing to show
+def _short(values: Any, digits: int = 6) -> list[float]:
+    """Plain numbers without figures that nobody can see."""
+    return [round(float(v), digits) for v in values]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Replay:
-    """Body poses over time, about 30 frames a second, and what the bodies look like."""
+def _floats(values: Float64[np.ndarray, "..."]) -> str:
+    return _encode(values.astype("<f4"))
 
-    time: Float64[np.ndarray, " F"]  # [s]
-    body_names: tuple[str, ...]  # the world itself may be one of them
-    position: Float64[np.ndarray, "F B 3"]  # of each body's origin in the world [m]
-    quaternion: Float64[np.ndarray, "F B 4"]  # of each body in the world (x, y, z, w)
-    geometries: tuple[Geometry, ...]
-    forces: tuple[ForceTrack, ...] = ()
-    markers: tuple[MarkerTrack, ...] = ()
 
-    def __post_init__(self) -> None:
-        sizes = {"F": len(self.time), "B": len(self.body_names)}
-        check_shapes(self, "replay", sizes)
-        for track in (*self.forces, *self.markers):
-            check_shapes(track, repr(track.name), sizes)
-        for geometry in self.geometries:
-            if not 0 <= geometry.body < sizes["B"]:
-                raise ConfigurationError(
-                    f"a {geometry.shape} on a body that does not exist",
-                    got=geometry.body,
-                    wanted=f"an index from 0 to {sizes['B'] - 1}",
-                )
+def _encode(values: Shaped[np.ndarray, "..."]) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")

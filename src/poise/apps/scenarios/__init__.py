@@ -1,6 +1,10 @@
 """Scenarios: files of robot, controller, references, disturbances and checks, and their runs."""
 
-from poise.apps.scenarios._checks import measure as measure, validate_checks as validate_checks
+from poise.apps.scenarios._checks import (
+    measure as measure,
+    missed_ticks as missed_ticks,
+    validate_checks as validate_checks,
+)
 from poise.apps.scenarios._outputs import (
     LOG as LOG,
     discard_video as discard_video,
@@ -26,13 +30,12 @@ from poise.apps.scenarios._scenario import (
     read_scenario as read_scenario,
     shipped_scenarios as shipped_scenarios,
 )
-from poise.apps.scenarios._signals import RunSignals as RunSignals
 from poise.apps.scenarios._stage import (
     Stage as Stage,
     controller_names as controller_names,
     stage_scenario,
 )
-from poise.apps.scenarios._symptoms import symptoms_of as symptoms_of
+from poise.apps.scenarios._symptoms import explain as explain, symptoms_of as symptoms_of
 
 __all__ = [
     "Run",

@@ -6,16 +6,17 @@ from typing import Literal
 
 import numpy as np
 
-from poise.apps.report import Check
+from poise._schema import LARGEST
+from poise.apps.report import Check, RunSignals
 from poise.apps.scenarios._metrics import METRICS, Reading
 from poise.apps.scenarios._scenario import CheckPlan, Measurement, Scenario
-from poise.apps.scenarios._signals import RunSignals
-from poise.apps.scenarios._symptoms import PHYSICS_RESIDUAL, explain, symptoms_of
+from poise.apps.scenarios._symptoms import LASTING, PHYSICS_RESIDUAL, explain, symptoms_of
 from poise.control import PHYSICS_LEVELS, CommandStatus
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack import ComTask, Stack
 
+_BEFORE = 0.25  # causes come so shortly before the worst moment of a check [s]
 _PHYSICS = ("dynamics and torque limits", "contacts and joint limits")
 
 
@@ -69,7 +70,10 @@ def evaluate_checks(
             return result
         # A fall takes its time: its causes come first.
         whole = result.metric in ("fell", "ended_early")
-        return replace(result, mechanism=explain(symptoms, run.time, result.time, whole=whole))
+        # A symptom that begins at the worst moment lasts beyond it.
+        begin, end = (-np.inf, 0.0) if whole else (-_BEFORE, LASTING)
+        window = (result.time + begin, result.time + end)
+        return replace(result, mechanism=explain(symptoms, run.time, *window))
 
     return tuple(map(explained, results))
 
@@ -79,12 +83,8 @@ def missed_ticks(run: RunSignals) -> int:
     return sum(status != CommandStatus.OK.value for status in run.status)
 
 
-def measure(plan: Measurement, run: RunSignals) -> float:
+def measure(plan: Measurement, run: RunSignals) -> Reading:
     """Measure a run, in the metric's unit; NaN where that cannot be done."""
-    return _read(plan, run).value
-
-
-def _read(plan: Measurement, run: RunSignals) -> Reading:
     rows = (run.time >= plan.begin) & (run.time <= plan.end)
     return METRICS[plan.metric].measure(run, plan.subject, plan.axis_index, rows)
 
@@ -93,7 +93,7 @@ def _measured(plan: CheckPlan, run: RunSignals, name: str) -> Check:
     metric = METRICS[plan.metric]
     units = {task.name: task.unit for task in run.tasks}
     unit = units[plan.subject] if metric.subject == "task" else metric.unit
-    return _result(name, plan.metric, _read(plan, run), run, plan.relation, plan.bound, unit)
+    return _result(name, plan.metric, measure(plan, run), run, plan.relation, plan.bound, unit)
 
 
 def _result(
@@ -125,7 +125,7 @@ def _describe(plan: CheckPlan) -> str:
         parts.append(plan.subject if metric.subject == "level" else f"of {plan.subject!r}")
     if plan.axis is not None:
         parts.append(f"along {plan.axis}")
-    if plan.begin > 0.0 or np.isfinite(plan.end):
-        until = f"{plan.end:g} s" if np.isfinite(plan.end) else "the end"
+    if plan.begin > 0.0 or plan.end < LARGEST:
+        until = f"{plan.end:g} s" if plan.end < LARGEST else "the end"
         parts.append(f"from {plan.begin:g} s until {until}")
     return " ".join(parts)

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float64, Shaped
 
-from poise.apps.report import BaseErrors
-from poise.apps.scenarios._signals import RunSignals
+from poise.apps.report import RunSignals
 
 
 class Reading(NamedTuple):
@@ -82,13 +81,30 @@ def _rises(on: Values, rows: Rows) -> Reading:
     return Reading(float(np.count_nonzero(counted[1:] & ~counted[:-1])), None)
 
 
+def _signal(name: str) -> Callable[[RunSignals, str, int | None], Values]:
+    return lambda run, *_: getattr(run, name)
+
+
+def _base_error(name: str) -> Callable[[RunSignals, str, int | None], Values]:
+    """An error of the base's estimate; zeros where the controller has the truth."""
+    return lambda run, *_: getattr(run.base_errors, name, np.zeros(len(run.time)))
+
+
+def _com(run: RunSignals, _: str, axis: int | None) -> Values:
+    return run.com if axis is None else run.com[:, axis]
+
+
+def _timed_com(run: RunSignals, _: str, __: int | None) -> Values:
+    return np.column_stack([run.time, run.com])
+
+
 def _com_error(run: RunSignals, _: str, axis: int | None) -> Values:
     error = run.com_reference - run.com
     return np.linalg.norm(error, axis=1) if axis is None else np.abs(error[:, axis])
 
 
 def _task_error(run: RunSignals, task: str, _: int | None) -> Values:
-    return run.task_errors[task]
+    return next(track.error for track in run.tasks if track.name == task)
 
 
 def _most(ratios: Float64[np.ndarray, "T nj"]) -> Float64[np.ndarray, " T"]:
@@ -96,19 +112,34 @@ def _most(ratios: Float64[np.ndarray, "T nj"]) -> Float64[np.ndarray, " T"]:
     return np.max(ratios, axis=1, initial=-np.inf, where=np.isfinite(ratios))
 
 
+def _torque(run: RunSignals, _: str, __: int | None) -> Values:
+    return _most(np.abs(run.torque) / run.torque_max)
+
+
 def _torque_step(run: RunSignals, _: str, __: int | None) -> Values:
     # From the tick before; the first has none.
     return _most(np.abs(np.diff(run.torque, axis=0, prepend=np.nan)) / run.torque_max)
 
 
+def _residual(run: RunSignals, level: str, _: int | None) -> Values:
+    return run.residuals[:, int(level) - 1]
+
+
+def _sole_force(run: RunSignals, sole: str, _: int | None) -> Values:
+    return run.soles[sole].force
+
+
+def _sole_height(run: RunSignals, sole: str, _: int | None) -> Values:
+    return run.soles[sole].height
+
+
 def _planned(run: RunSignals, _: str, __: int | None) -> Values:
-    planned = [planned > 0.5 for planned in run.sole_planned.values()]
+    planned = [sole.planned > 0.5 for sole in run.soles.values()]
     return np.reshape(planned, (-1, len(run.time))).astype(np.bool_).T
 
 
 def _zmp_error(run: RunSignals, _: str, __: int | None) -> Values:
-    error = np.nan if run.zmp_reference is None else run.zmp_reference - run.zmp
-    return np.linalg.norm(np.broadcast_to(error, run.zmp.shape), axis=1)
+    return np.linalg.norm(run.zmp_reference - run.zmp, axis=1)
 
 
 def _base_tilt(run: RunSignals, _: str, __: int | None) -> Values:
@@ -133,14 +164,6 @@ def _gain(values: Values, rows: Rows) -> Reading:
     return Reading(float(found[-1] - found[0]), None)
 
 
-def _base_errors(run: RunSignals) -> BaseErrors:
-    """Errors of the base's estimate; zeros where the controller has the truth."""
-    if run.base_errors is not None:
-        return run.base_errors
-    nothing = np.zeros(len(run.time))
-    return BaseErrors(drift=nothing, tilt=nothing, speed=nothing)
-
-
 METRICS = {
     "com_error_max": Metric(
         "m", "largest distance of the COM from its reference", _com_error, _largest, takes_axis=True
@@ -153,17 +176,10 @@ METRICS = {
         takes_axis=True,
     ),
     "com_travel": Metric(
-        "m",
-        "how far the COM moved, from least to most",
-        lambda run, _, axis: run.com if axis is None else run.com[:, axis],
-        _extent,
-        takes_axis=True,
+        "m", "how far the COM moved, from least to most", _com, _extent, takes_axis=True
     ),
     "com_speed_end": Metric(
-        "m/s",
-        "mean speed of the COM over the last 0.1 s",
-        lambda run, *_: np.column_stack([run.time, run.com]),
-        _end_speed,
+        "m/s", "mean speed of the COM over the last 0.1 s", _timed_com, _end_speed
     ),
     "task_error_max": Metric("", "largest error of a task", _task_error, _largest, "task"),
     "task_error_rms": Metric(
@@ -172,35 +188,20 @@ METRICS = {
     "task_error_end": Metric(
         "", "error of a task at the end of the window", _task_error, _last, "task"
     ),
-    "torque_ratio_max": Metric(
-        "",
-        "largest torque over its limit",
-        lambda run, *_: _most(np.abs(run.torque) / run.torque_max),
-        _largest,
-    ),
+    "torque_ratio_max": Metric("", "largest torque over its limit", _torque, _largest),
     "torque_step_max": Metric(
         "", "largest change of a torque from tick to tick over its limit", _torque_step, _largest
     ),
-    "sole_force_max": Metric(
-        "N",
-        "largest normal force of a sole",
-        lambda run, sole, _: run.sole_forces[sole],
-        _largest,
-        "sole",
-    ),
+    "sole_force_max": Metric("N", "largest normal force of a sole", _sole_force, _largest, "sole"),
     "sole_height_min": Metric(
         "m",
         "least height of a sole's centre above the floor or the block under it",
-        lambda run, sole, _: run.sole_heights[sole],
+        _sole_height,
         _least,
         "sole",
     ),
     "residual_max": Metric(
-        "",
-        "largest relative residual of a level, 1 is the physics",
-        lambda run, level, _: run.residuals[:, int(level) - 1],
-        _largest,
-        "level",
+        "", "largest relative residual of a level, 1 is the physics", _residual, _largest, "level"
     ),
     "base_tilt_max": Metric(
         "rad", "largest angle of the base from where it is upright", _base_tilt, _largest
@@ -209,50 +210,41 @@ METRICS = {
     "zmp_margin_min": Metric(
         "m",
         "least distance of the ZMP from the edge of the support polygon",
-        lambda run, *_: run.zmp_margin,
+        _signal("zmp_margin"),
         _least,
     ),
     "zmp_error_max": Metric(
-        "m",
-        "largest distance of the ZMP from its reference",
-        _zmp_error,
-        _largest,
+        "m", "largest distance of the ZMP from its reference", _zmp_error, _largest
     ),
     "steps_made": Metric("", "how often a sole was put down and counted on", _planned, _rises),
     "clearance_min": Metric(
-        "m",
-        "least distance of the robot from a block, 0.2 m at most",
-        lambda run, *_: run.clearance,
-        _least,
+        "m", "least distance of the robot from a block, 0.2 m at most", _signal("clearance"), _least
     ),
     "self_contact_max": Metric(
         "N",
         "largest force of one link of the robot on another; needs plant.self_contact",
-        lambda run, *_: run.self_contact,
+        _signal("self_contact"),
         _largest,
     ),
     "beyond_blocks_end": Metric(
-        "m",
-        "how far the hindmost heel ends ahead of the last block",
-        lambda run, *_: run.beyond,
-        _last,
+        "m", "how far the hindmost heel ends ahead of the last block", _signal("beyond"), _last
     ),
     "drift_max": Metric(
         "m",
         "largest level distance of the estimated base from the true one",
-        lambda run, *_: _base_errors(run).drift,
+        _base_error("drift"),
         _largest,
     ),
     "tilt_error_rms": Metric(
         "rad",
         "root mean square angle of the estimated vertical to the true one",
-        lambda run, *_: _base_errors(run).tilt,
+        _base_error("tilt"),
         _root_mean_square,
     ),
     "velocity_error_rms": Metric(
         "m/s",
         "root mean square error of the estimated base velocity",
-        lambda run, *_: _base_errors(run).speed,
+        _base_error("speed"),
         _root_mean_square,
     ),
 }

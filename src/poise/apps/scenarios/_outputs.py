@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from poise.apps.report import write_report
+from poise.apps.report import RunSignals, write_report
 from poise.apps.scenarios._checks import missed_ticks
+from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._replay import make_replay
 from poise.apps.scenarios._run import Progress, Run
-from poise.apps.scenarios._signals import RunSignals, collect_signals
+from poise.apps.scenarios._signals import collect_signals
 from poise.apps.teleoperation import plant_from_json, recorded_robot
 from poise.errors import ConfigurationError, MissingExtraError
 from poise.robots import Robot
@@ -23,10 +24,14 @@ VIDEO, POSTER = "video.mp4", "video.jpg"
 
 def summarise(run: Run) -> dict[str, object]:
     """Figures of `summary.json`."""
-    signals = run.signals
-    ratio = np.abs(signals.torque) / signals.torque_max
-    steps = np.abs(np.diff(signals.torque, axis=0)) / signals.torque_max
-    total = _finite(np.sum(list(signals.tick_us.values()), axis=0))
+    signals, rows = run.signals, np.ones(len(run.signals.time), dtype=np.bool_)
+    ticks = signals.total_tick[np.isfinite(signals.total_tick)]
+    percentiles = np.percentile(ticks, (50.0, 99.0, 100.0)).tolist() if ticks.size else [None] * 3
+
+    def measured(metric: str, subject: str = "") -> float | None:
+        value = METRICS[metric].measure(signals, subject, None, rows).value
+        return value if np.isfinite(value) else None
+
     return {
         "robot": run.robot.name,
         "controller": run.scenario.controller.name,
@@ -47,27 +52,16 @@ def summarise(run: Run) -> dict[str, object]:
             }
             for c in run.checks
         ],
-        "com_error_max_m": _max(np.linalg.norm(signals.com_reference - signals.com, axis=1)),
-        "torque_ratio_max": _max(ratio),
-        "torque_step_max": _max(steps),
-        "residual_max": [_max(column) for column in signals.residuals.T],
+        "com_error_max_m": measured("com_error_max"),
+        "torque_ratio_max": measured("torque_ratio_max"),
+        "torque_step_max": measured("torque_step_max"),
+        "residual_max": [
+            measured("residual_max", str(level + 1)) for level in range(signals.residuals.shape[1])
+        ],
         "missed_ticks": missed_ticks(signals),
-        "tick_us": {
-            "p50": float(np.percentile(total, 50.0)) if total.size else None,
-            "p99": float(np.percentile(total, 99.0)) if total.size else None,
-            "max": _max(total),
-        },
+        "tick_us": dict(zip(("p50", "p99", "max"), percentiles, strict=True)),
         "real_time_factor": float(signals.time[-1] / run.wall_seconds),
     }
-
-
-def _finite(values: np.ndarray) -> np.ndarray:
-    return values[np.isfinite(values)]
-
-
-def _max(values: np.ndarray) -> float | None:
-    finite = _finite(values)
-    return float(finite.max()) if finite.size else None
 
 
 def write_summary(summary: dict[str, object], directory: Path) -> Path:

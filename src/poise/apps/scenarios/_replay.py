@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64, Int
 
-from poise.apps.report import ForceTrack, Geometry, MarkerTrack, Replay
-from poise.apps.scenarios._signals import RunSignals
+from poise.apps.report import ForceTrack, Geometry, Replay, RunSignals
 from poise.sim import Plant, Push
 
 FRAMES_PER_SECOND = 30.0
@@ -31,10 +30,13 @@ _PRIMITIVES: dict[int, tuple[_Primitive, int]] = {
 
 def make_replay(plant: Plant, run: RunSignals, pushes: Sequence[Push] = ()) -> Replay:
     """Body poses at 30 frames a second, with shapes, contact forces, pushes and targets."""
-    rows, model, data = _frame_rows(run.time), plant.model, mujoco.MjData(plant.model)
+    model, data, last = plant.model, mujoco.MjData(plant.model), len(run.time) - 1
+    period = 1.0 / FRAMES_PER_SECOND
+    moments = np.arange(run.time[0], run.time[-1] + 0.5 * period, period)
+    rows = np.unique(np.minimum(np.searchsorted(run.time, moments), last))
     time, count = run.time[rows], len(rows)
     position, quaternion = np.empty((count, model.nbody, 3)), np.empty((count, model.nbody, 4))
-    contacts = [_force_track(name, "contact", count) for name in run.wrenches]
+    contacts = [_force_track(name, "contact", count) for name in run.soles]
     acting = [_force_track(f"push {push.body}", "push", count) for push in pushes]
     for i, row in enumerate(rows):
         data.qpos[:] = plant.map.qpos(run.q[row])
@@ -44,7 +46,7 @@ def make_replay(plant: Plant, run: RunSignals, pushes: Sequence[Push] = ()) -> R
         for track in contacts:
             site = data.site(track.name)
             track.point[i] = site.xpos
-            track.force[i] = site.xmat.reshape(3, 3) @ run.wrenches[track.name][row, :3]
+            track.force[i] = site.xmat.reshape(3, 3) @ run.soles[track.name].wrench[row, :3]
         for push, track in zip(pushes, acting, strict=True):
             if push.start <= time[i] < push.start + push.duration:
                 # A frame with a part to play is a site, where the plant lets the push act.
@@ -53,14 +55,11 @@ def make_replay(plant: Plant, run: RunSignals, pushes: Sequence[Push] = ()) -> R
                 track.force[i] = push.force
     return Replay(
         time=time,
-        body_names=tuple(model.body(i).name for i in range(model.nbody)),
         position=position,
         quaternion=quaternion,
         geometries=tuple(drawn_shapes(plant.drawn_model())),
         forces=(*contacts, *acting),
-        markers=tuple(
-            MarkerTrack(name=name, position=target[rows]) for name, target in run.targets.items()
-        ),
+        markers={name: target[rows] for name, target in run.targets.items()},
     )
 
 
@@ -68,11 +67,6 @@ def _force_track(name: str, kind: Literal["contact", "push"], count: int) -> For
     """A force that never acts, to be filled."""
     points, forces = np.full((count, 3), np.nan), np.zeros((count, 3))
     return ForceTrack(name=name, kind=kind, point=points, force=forces)
-
-
-def _frame_rows(time: Float64[np.ndarray, " T"]) -> Int[np.ndarray, " F"]:
-    moments = np.arange(time[0], time[-1] + 0.5 / FRAMES_PER_SECOND, 1.0 / FRAMES_PER_SECOND)
-    return np.unique(np.clip(np.searchsorted(time, moments), 0, len(time) - 1))
 
 
 def drawn_shapes(model: mujoco.MjModel) -> list[Geometry]:

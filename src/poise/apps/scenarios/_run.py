@@ -14,10 +14,10 @@ import numpy as np
 
 from poise._progress import Bar
 from poise._show import html_table, new_figure
-from poise.apps.report import Check
+from poise.apps.report import Check, RunSignals
 from poise.apps.scenarios._checks import evaluate_checks
 from poise.apps.scenarios._scenario import Scenario, load_scenario
-from poise.apps.scenarios._signals import RunSignals, collect_signals
+from poise.apps.scenarios._signals import collect_signals
 from poise.apps.scenarios._stage import describe, stage_scenario
 from poise.control import Controller
 from poise.robots import Robot
@@ -34,31 +34,18 @@ _SHOWN_EVERY = 0.05  # simulated time from one call of `Progress` to the next [s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """A finished run.
-
-    Attributes:
-        scenario: the scenario.
-        robot: the robot.
-        plant: the plant as it was at the end.
-        controller: the controller as it was at the end.
-        record: of the run.
-        signals: the record, tick by tick.
-        checks: results of all checks.
-        fell: True where the robot fell.
-        ended_early: reason of an end before the scenario's, "" for none.
-        wall_seconds: time that the loop took [s].
-    """
+    """A finished run."""
 
     scenario: Scenario
     robot: Robot
-    plant: Plant = field(repr=False)
-    controller: Controller = field(repr=False)
+    plant: Plant = field(repr=False)  # as it was at the end
+    controller: Controller = field(repr=False)  # as it was at the end
     record: RunRecord = field(repr=False)
-    signals: RunSignals = field(repr=False)
-    checks: tuple[Check, ...]
+    signals: RunSignals = field(repr=False)  # the record, tick by tick
+    checks: tuple[Check, ...]  # results of all
     fell: bool
-    ended_early: str
-    wall_seconds: float
+    ended_early: str  # reason of an end before the scenario's, "" for none
+    wall_seconds: float  # time that the loop took [s]
 
     @property
     def ok(self) -> bool:
@@ -93,22 +80,17 @@ class Run:
         Raises:
             MissingExtraError: matplotlib is not installed.
         """
-        signals = self.signals
+        signals, base = self.signals, self.signals.base_errors
         ratio = np.abs(signals.torque) / signals.torque_max
         panels: dict[str, dict[str, np.ndarray]] = {
             "COM error [m]": {"": np.linalg.norm(signals.com_reference - signals.com, axis=1)},
-            "task errors [m, rad]": dict(signals.task_errors),
+            "task errors [m, rad]": {task.name: task.error for task in signals.tasks},
             "ZMP margin [m]": {"": signals.zmp_margin},
             "torque / limit": {"": np.max(ratio, axis=1, initial=0.0)},
-            "sole loads [N]": dict(signals.sole_forces),
+            "sole loads [N]": {name: sole.force for name, sole in signals.soles.items()},
+            "drift of the estimate [m]": {} if base is None else {"": base.drift},
         }
-        if signals.base_errors is not None:
-            panels["drift of the estimate [m]"] = {"": signals.base_errors.drift}
-        panels = {
-            title: lines
-            for title, lines in panels.items()
-            if any(np.isfinite(values).any() for values in lines.values())
-        }
+        panels = {t: of for t, of in panels.items() if np.isfinite([*of.values()]).any()}
         figure = new_figure(8.0, 1.0 + 1.6 * len(panels))
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for ax, (title, lines) in zip(axes, panels.items(), strict=True):
@@ -156,7 +138,7 @@ def run_scenario(
         PoiseError: there is no such scenario, or it does not fit its robot.
     """
     if isinstance(progress, bool):
-        with Bar("simulating", "s") if progress else nullcontext(_ignore) as bar:
+        with Bar("simulating", "s") if progress else nullcontext(lambda *_: None) as bar:
             return run_scenario(scenario, robot=robot, log=log, view=view, progress=bar)
     stated = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     stage = stage_scenario(stated, robot)
@@ -209,10 +191,6 @@ def run_scenario(
         ended_early=ended_early,
         wall_seconds=wall,
     )
-
-
-def _ignore(done: float, duration: float) -> None:
-    pass
 
 
 @contextmanager

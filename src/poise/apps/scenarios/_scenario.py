@@ -8,13 +8,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal, cast, get_args
 
 import numpy as np
 from jaxtyping import Float64
 from pydantic import BeforeValidator, Field
 
 from poise._schema import (
+    LARGEST,
     NOT_IN_FILES,
     AnyText,
     Bounds,
@@ -66,7 +67,7 @@ _Goal = Annotated[
 _Seed = Annotated[int, Bounds(least=0.0, whole=True)]
 
 MotionKind = Literal["to", "by", "above", "reach", "turn", "joints"]
-_GOALS: tuple[MotionKind, ...] = ("to", "by", "above", "reach", "turn", "joints")
+_GOALS: tuple[MotionKind, ...] = get_args(MotionKind)
 
 
 def _given(plan: object, keys: Sequence[str]) -> str:
@@ -189,7 +190,7 @@ class Measurement:
     level: Annotated[int, Bounds(least=0.0, whole=True)] | None = None
     axis: Literal["x", "y", "z"] | None = None
     begin: Annotated[Seconds, Field(alias="from")] = 0.0
-    end: Annotated[Duration, Field(alias="until")] = float("inf")
+    end: Annotated[Duration, Field(alias="until")] = LARGEST  # of the window [s]: of the run then
 
     def __post_init__(self) -> None:
         if self.metric not in METRICS:
@@ -262,11 +263,6 @@ class WalkPlan:
                 wanted=f"at least one and at most {_MOST_STEPS}",
             )
 
-    def walker(self, robot: Robot, stack: Stack, ground: Ground) -> Walker:
-        """Make the walker of a robot in its home posture."""
-        plan = plan_footsteps(robot, self.strides, self.gait, ground=ground)
-        return Walker(robot, stack, settings=self.feedback, plan=plan, carry=self.carry)
-
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
@@ -298,12 +294,6 @@ class DrivePlan:
                 wanted="one or more, at times that grow",
             )
 
-    def walker(self, robot: Robot, stack: Stack, ground: Ground) -> Walker:
-        """Make the walker of a robot in its home posture."""
-        return Walker(
-            robot, stack, self.gait, self.feedback, self.limits, ground=ground, carry=self.carry
-        )
-
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
@@ -333,59 +323,40 @@ class DevicePlan:
 @checked()
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scenario:
-    """One run: robot, controller, stack, references over time, disturbances and checks.
+    """One run: robot, controller, stack, references over time, disturbances and checks."""
 
-    Attributes:
-        name: of the scenario and of folders of its runs.
-        description: a sentence or two.
-        robot: name or path of the robot.
-        controller: name, strategy and settings of the controller.
-        reference_com_height: height of the centre of mass at home of the robot for which lengths
-            and bounds in the file are written; for another robot they are scaled by the ratio of
-            their heights [m]. Lengths are absolute when None.
-        duration: length of the run [s].
-        seed: seed of everything random.
-        plant: the plant.
-        terrain: blocks besides those of the plant, by a name that `terrain_blocks` knows, drawn by
-            the seed; a walk does not know of them.
-        ground_truth: feed controller and leader the base's pose and velocity as the plant measures
-            them, which no robot can, in place of an estimate. A robot that is walked by hand has an
-            estimator of its own either way, and a fixed base needs none.
-        actuation_given: the plant's actuation was given by name; otherwise the controller's own is
-            taken.
-        stack: contacts, limits and tasks; None for the default stack of the robot.
-        devices: motion of the foot devices of a robot that is walked by hand; None for others.
-        walk: footsteps of a robot that walks; None for one that does not walk by steps.
-        drive: velocities of a robot that walks, in place of `walk`.
-        motions: motions of targets, by time.
-        contact_changes: contacts loaded and unloaded, by time.
-        pushes: pushes, by time.
-        checks: bounds that must hold besides: no fall, no missed tick, physics levels met.
-    """
-
-    name: Text
-    description: AnyText = ""
-    robot: AnyText = "humanoid33"
+    name: Text  # of the scenario and of folders of its runs
+    description: AnyText = ""  # a sentence or two
+    robot: AnyText = "humanoid33"  # name or path
     controller: Annotated[ControllerPlan, BeforeValidator(_named)] = field(
         default_factory=ControllerPlan
     )
+    # Height of the centre of mass at home of the robot for which lengths and bounds in the file are
+    # written; for another robot they are scaled by the ratio of their heights [m]. Lengths are
+    # absolute when None
     reference_com_height: (
         Annotated[float, Bounds(positive=True, most=_LARGEST, unit="m")] | None
     ) = None
     duration: Duration
-    seed: _Seed = 0
+    seed: _Seed = 0  # of everything random
     plant: PlantConfig = field(default_factory=PlantConfig)
+    # Blocks besides those of the plant, by a name that `terrain_blocks` knows, drawn by the seed;
+    # a walk does not know of them
     terrain: AnyText = "flat"
+    # Feed controller and leader the base's pose and velocity as the plant measures them, which no
+    # robot can, in place of an estimate. A robot that is walked by hand has an estimator of its own
+    # either way, and a fixed base needs none
     ground_truth: Truth = False
+    # The plant's actuation was given by name; otherwise the controller's own is taken
     actuation_given: bool = field(default=True, metadata=NOT_IN_FILES)
-    stack: StackPlan | None = None
-    devices: DevicePlan | None = None
-    walk: WalkPlan | None = None
-    drive: DrivePlan | None = None
+    stack: StackPlan | None = None  # the robot's default when None
+    devices: DevicePlan | None = None  # of the feet of a robot that is walked by hand
+    walk: WalkPlan | None = None  # by footsteps
+    drive: DrivePlan | None = None  # by velocities, in place of `walk`
     motions: tuple[Motion, ...] = ()
     contact_changes: Annotated[tuple[ContactChange, ...], Field(alias="contacts")] = ()
     pushes: tuple[PushPlan, ...] = ()
-    checks: tuple[CheckPlan, ...] = ()
+    checks: tuple[CheckPlan, ...] = ()  # besides: no fall, no missed tick, physics levels met
 
     def __post_init__(self) -> None:
         if _NAME.fullmatch(self.name) is None:
@@ -426,7 +397,7 @@ class Scenario:
         return self.walk is not None or self.drive is not None
 
     def walker(self, robot: Robot, stack: Stack) -> Walker | None:
-        """Make the leader of a robot that walks; None for one that stays.
+        """Make the leader of a robot that walks from its home posture; None for one that stays.
 
         Args:
             robot: the robot.
@@ -435,12 +406,16 @@ class Scenario:
         Raises:
             PoiseError: the robot cannot walk so, or its stack cannot be used for it.
         """
-        plan = self.walk or self.drive
-        if plan is None:
-            return None
         told = [b for b in self.plant.blocks if b.told]
         platforms = [Ground.Platform(center=b.center, size=b.size, yaw=b.yaw) for b in told]
-        return plan.walker(robot, stack, Ground(platforms=tuple(platforms)))
+        ground, walk, drive = Ground(platforms=tuple(platforms)), self.walk, self.drive
+        if walk is not None:
+            plan = plan_footsteps(robot, walk.strides, walk.gait, ground=ground)
+            return Walker(robot, stack, settings=walk.feedback, plan=plan, carry=walk.carry)
+        if drive is None:
+            return None
+        settings = (drive.gait, drive.feedback, drive.limits)
+        return Walker(robot, stack, *settings, ground=ground, carry=drive.carry)
 
 
 def shipped_scenarios() -> tuple[str, ...]:

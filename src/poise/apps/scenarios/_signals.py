@@ -1,43 +1,19 @@
-"""`RunSignals`: the record of a run as arrays with one row a tick, from which it is judged."""
+"""`collect_signals`: the record of a run as arrays with one row a tick, from which it is judged."""
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.apps.report import BaseErrors, Event, RunView, SoleTrack, SupportPhase, TaskTrack
+from poise.apps.report import BaseErrors, Event, RunSignals, SoleTrack, SupportPhase, TaskTrack
 from poise.apps.teleoperation import plant_from_json
 from poise.control import PHYSICS_LEVELS
 from poise.locomotion import signed_margin, soles_outline
 from poise.robots import Robot
 from poise.sim import Block, PlantConfig, RunRecord
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class RunSignals(RunView):
-    """Recorded signals of a run of T ticks, NaN where there is none, of which a report is made.
-
-    References and targets, which the robot follows by its estimate, are shifted to where they lie
-    for the true robot as they do for the estimated one.
-    """
-
-    q: Float64[np.ndarray, "T nq"]  # true configuration [m, rad]
-    zmp_margin: Float64[np.ndarray, " T"]  # from the support polygon's edge, negative outside [m]
-    sole_forces: dict[str, Float64[np.ndarray, " T"]]  # normal force [N]
-    sole_positions: dict[str, Float64[np.ndarray, "T 3"]]  # of the centre [m]
-    sole_heights: dict[str, Float64[np.ndarray, " T"]]  # of the centre over floor or block [m]
-    sole_planned: dict[str, Float64[np.ndarray, " T"]]  # 1 where the controller counted on it
-    wrenches: dict[str, Float64[np.ndarray, "T 6"]]  # measured, in the sole's frame [N, N m]
-    targets: dict[str, Float64[np.ndarray, "T 3"]]  # of the points that tasks move [m]
-    task_errors: dict[str, Float64[np.ndarray, " T"]]  # norms [unit]
-    clearance: Float64[np.ndarray, " T"]  # distance of the robot from the nearest block [m]
-    self_contact: Float64[np.ndarray, " T"]  # force of links on each other [N]
-    beyond: Float64[np.ndarray, " T"]  # hindmost heel ahead of the last block [m]
-    modes: tuple[tuple[float, str], ...]  # mode walked by hand or status of a walk, from a time [s]
 
 
 def support_phases(
@@ -165,12 +141,17 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
 
     base = BaseKnowledge(record)
     poses = {name: _sole_poses(robot, name, q) for name in robot.soles}
-    places = {name: position for name, (position, _) in poses.items()}
-    planned = {name: np.nan_to_num(aligned(f"planned/{name}")) for name in robot.soles}
-    wrenches = {name: record[f"wrench/{name}"] for name in robot.soles}
-    forces = {name: wrench[:, 2].copy() for name, wrench in wrenches.items()}
+    soles = {
+        name: SoleTrack(
+            position=at,
+            height=at[:, 2] - ground_heights(plant, at[:, :2]),
+            wrench=record[f"wrench/{name}"],
+            planned=np.nan_to_num(aligned(f"planned/{name}")),
+        )
+        for name, (at, _) in poses.items()
+    }
     # A foot that touches down early carries load before the controller counts on it.
-    standing = {n: np.maximum(planned[n], forces[n] > TOUCHING) for n in robot.soles}
+    standing = {n: np.maximum(sole.planned, sole.force > TOUCHING) for n, sole in soles.items()}
     support = support_phases(robot, time, standing, poses)
     tasks = tuple(
         TaskTrack(
@@ -189,27 +170,17 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
         joint_names=robot.joint_names,
         torque=record["torque"],
         torque_max=robot.tau_max,
-        position=q[:, robot.nq - robot.nj :],
         position_min=robot.q_min,
         position_max=robot.q_max,
         q=q,
         tasks=tasks,
-        task_errors={task.name: task.error for task in tasks},
         com=record["com"],
         com_reference=base.in_world(aligned("com_reference", 3)),
         zmp=record["zmp"],
         zmp_reference=base.in_world(aligned("zmp_reference", 2)),
         zmp_margin=zmp_margins(time, record["zmp"], support),
         support=support,
-        soles=tuple(
-            SoleTrack(name=name, normal_force=forces[name], planned=planned[name] > 0.5)
-            for name in robot.soles
-        ),
-        sole_forces=forces,
-        sole_positions=places,
-        sole_heights={n: p[:, 2] - ground_heights(plant, p[:, :2]) for n, p in places.items()},
-        sole_planned=planned,
-        wrenches=wrenches,
+        soles=soles,
         targets={name: base.in_world(aligned(n, 3)) for n, name in named(_TARGET).items()},
         residuals=aligned("residuals", len(level_names)),
         level_names=level_names,
@@ -220,7 +191,7 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
         payload=_payload(record),
         clearance=aligned("clearance"),
         self_contact=aligned("self_contact"),
-        beyond=_beyond(robot, places, plant.blocks, len(time)),
+        beyond=_beyond(robot, soles, plant.blocks, len(time)),
         modes=record.notes("mode"),
         events=_events(record, float(time[-1])),
     )
@@ -259,7 +230,7 @@ def _sole_poses(
 
 def _beyond(
     robot: Robot,
-    soles: Mapping[str, Float64[np.ndarray, "T 3"]],
+    soles: Mapping[str, SoleTrack],
     blocks: Sequence[Block],
     ticks: int,
 ) -> Float64[np.ndarray, " T"]:
@@ -267,7 +238,7 @@ def _beyond(
     if not blocks or not soles:
         return np.full(ticks, np.nan)
     end = max(block.center[0] + 0.5 * block.size[0] for block in blocks)
-    heels = [soles[name][:, 0] - 0.5 * sole.length for name, sole in robot.soles.items()]
+    heels = [soles[name].position[:, 0] - 0.5 * sole.length for name, sole in robot.soles.items()]
     return np.min(heels, axis=0) - end
 
 

@@ -96,17 +96,10 @@ def sized_checks(
 ) -> tuple[CheckPlan, ...]:
     """Scale bounds in metres and metres a second, but not those of whole poses, in m and rad."""
     units = {task.name: task.unit for _, task in stack.tasks()}
-    return tuple(
-        _check(check, ratio)
-        if (METRICS[check.metric].unit or units.get(check.task or "")) in ("m", "m/s")
-        else check
-        for check in checks
-    )
-
-
-def _check(check: CheckPlan, ratio: float) -> CheckPlan:
-    # Only what differs from its default: that of the window's end, infinity, cannot be given.
-    given = {f.name: getattr(check, f.name) for f in fields(check)}
-    given = {f.name: given[f.name] for f in fields(check) if given[f.name] != f.default}
-    given["at_least" if check.at_most is None else "at_most"] = ratio * check.bound
-    return CheckPlan(**given)
+    made: list[CheckPlan] = []
+    for check in checks:
+        if (METRICS[check.metric].unit or units.get(check.task or "")) in ("m", "m/s"):
+            side = "at_least" if check.at_most is None else "at_most"
+            check = replace(check, **{side: ratio * check.bound})
+        made.append(check)
+    return tuple(made)

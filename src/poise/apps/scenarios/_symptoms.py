@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from poise.apps.report import RunSignals
 from poise.apps.scenarios._scenario import Scenario
-from poise.apps.scenarios._signals import RunSignals
 from poise.control import CommandStatus
 from poise.robots import Robot
 
@@ -14,13 +14,12 @@ PHYSICS_RESIDUAL = 1e-6
 """Relative residual that dynamics, contacts and limits may have in any run."""
 
 _SETTLED = 0.05  # the robot is put down before this [s]
-_LASTING = 0.01  # shorter events bring no robot down [s]
+LASTING = 0.01  # shorter events bring no robot down [s]
 _EDGE = 7e-3  # a ZMP nearer to the edge of the feet is at it: contacts leave 5 mm [m]
 _STOP = 5e-3  # a joint nearer to its limit is at it [rad]
 _FULL = 0.999  # torque over its limit from which it is at it
 _SLIP = 0.1  # a loaded sole slips along the ground above this speed [m/s]
 _CARRIES = 0.2  # share of the robot's weight from which a sole carries load
-_BEFORE = 0.25  # causes come so shortly before the worst moment of a check [s]
 _SAID = 3  # symptoms named of a check
 
 
@@ -30,7 +29,7 @@ class Symptom(NamedTuple):
     kind: str  # one word for all of its kind, such as those of one joint and another
     what: str  # in words
     there: Bool[np.ndarray, " T"]  # ticks that have it
-    lasting: float = _LASTING  # least duration within twice that, for rocking feet come and go [s]
+    lasting: float = LASTING  # least duration within twice that, for rocking feet come and go [s]
 
     def begin(self, time: Float64[np.ndarray, " T"]) -> float | None:
         """Return when it begins for `lasting` of the time that follows [s]; None for never."""
@@ -44,7 +43,7 @@ class Symptom(NamedTuple):
 def symptoms_of(signals: RunSignals, robot: Robot, scenario: Scenario) -> list[Symptom]:
     """Everything that goes wrong after the first push, or where there is none, in the run."""
     since = max(_SETTLED, min((push.at for push in scenario.pushes), default=0.0))
-    joints, soles = robot.joint_names, tuple(signals.sole_positions)
+    joints, soles = robot.joint_names, tuple(signals.soles)
     missed = np.array([s != CommandStatus.OK.value for s in signals.status])
     full = np.abs(signals.torque) >= _FULL * signals.torque_max
     found = [
@@ -59,24 +58,36 @@ def symptoms_of(signals: RunSignals, robot: Robot, scenario: Scenario) -> list[S
         for level, what in enumerate(words):
             unmet = signals.residuals[:, level] > PHYSICS_RESIDUAL
             found.append(Symptom(f"level {level + 1}", what, unmet))
+    for at, mode in signals.modes:
+        if "lost" in mode:
+            what = f"walk: {mode.split()[-1]}"
+            found.append(Symptom("walk", what, signals.time >= at, lasting=0.0))
     late = signals.time >= since
     found = [symptom._replace(there=symptom.there & late) for symptom in found]
     return [symptom for symptom in found if symptom.there.any()]
 
 
 def explain(
-    symptoms: list[Symptom], time: Float64[np.ndarray, " T"], worst: float, *, whole: bool
+    symptoms: list[Symptom],
+    time: Float64[np.ndarray, " T"],
+    begin: float = -np.inf,
+    end: float = np.inf,
 ) -> str:
-    """The first symptoms, one of a kind, in words: of the whole run, or shortly before a moment."""
-    # A symptom that begins at that very moment lasts beyond it.
-    begin, end = (float(time[0]), worst) if whole else (worst - _BEFORE, worst + _LASTING)
+    """The first symptoms between two times [s], one of a kind, in words."""
     window = (time >= begin) & (time <= end)
+    seen = [symptom._replace(there=symptom.there & window) for symptom in symptoms]
+    found = beginnings(seen, time)[:_SAID]
+    return "; then ".join(f"{what} ({at:.2f} s)" for at, what in found)
+
+
+def beginnings(symptoms: list[Symptom], time: Float64[np.ndarray, " T"]) -> list[tuple[float, str]]:
+    """Times at which symptoms begin [s], the first of each kind, and their words, in order."""
     first: dict[str, tuple[float, str]] = {}
     for symptom in symptoms:
-        at = symptom._replace(there=symptom.there & window).begin(time)
+        at = symptom.begin(time)
         if at is not None:
             first[symptom.kind] = min(first.get(symptom.kind, (np.inf, "")), (at, symptom.what))
-    return "; then ".join(f"{what} ({at:.2f} s)" for at, what in sorted(first.values())[:_SAID])
+    return sorted(first.values())
 
 
 def _each(
@@ -91,17 +102,17 @@ def _each(
 
 def _at_stop(signals: RunSignals, robot: Robot, since: float) -> Bool[np.ndarray, "T nj"]:
     """Joints at a limit that they were not at before."""
-    joints = signals.q[:, robot.nq - robot.nj :]
+    joints = signals.position
     near = (joints < robot.q_min + _STOP) | (joints > robot.q_max - _STOP)
     before = near[max(int(np.searchsorted(signals.time, since)) - 1, 0)]
     return near & ~before
 
 
 def _slipping(signals: RunSignals, robot: Robot) -> Bool[np.ndarray, "T n"]:
-    if len(signals.time) < 2 or not signals.sole_positions:
-        return np.zeros((len(signals.time), len(signals.sole_positions)), dtype=np.bool_)
-    slips: list[Bool[np.ndarray, " T"]] = []
-    for name, places in signals.sole_positions.items():
-        speed = np.linalg.norm(np.gradient(places[:, :2], signals.time, axis=0), axis=1)
-        slips.append((speed > _SLIP) & (signals.sole_forces[name] > _CARRIES * robot.weight))
-    return np.stack(slips, axis=1)
+    slips = np.zeros((len(signals.time), len(signals.soles)), dtype=np.bool_)
+    if len(signals.time) < 2:
+        return slips
+    for i, sole in enumerate(signals.soles.values()):
+        speed = np.linalg.norm(np.gradient(sole.position[:, :2], signals.time, axis=0), axis=1)
+        slips[:, i] = (speed > _SLIP) & (sole.force > _CARRIES * robot.weight)
+    return slips

@@ -3,7 +3,7 @@
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from poise._schema import Bounds, Number, Text, Truth, checked, read
 from poise._yaml import read_text
@@ -70,6 +70,10 @@ class TrialResult:
     hard: Number
     cases: tuple[CaseResult, ...]
 
+    def named(self, case: CaseResult) -> str:
+        """The name of a case among those of all trials."""
+        return f"{self.title} {case.label}".strip()
+
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
@@ -132,6 +136,11 @@ class Difference:
     second: CaseResult | None
 
     @property
+    def either(self) -> CaseResult:
+        """The case, of the first where both have it."""
+        return cast("CaseResult", self.first or self.second)
+
+    @property
     def verdict(self) -> Literal["better", "worse", "alike", ""]:
         """How the second stands to the first; alike where the intervals meet."""
         if self.first is None or self.second is None:
@@ -139,6 +148,9 @@ class Difference:
         if self.first.low <= self.second.high and self.second.low <= self.first.high:
             return "alike"
         return "better" if self.second.level > self.first.level else "worse"
+
+
+_NONE = (None, None)  # trial and case that a card lacks
 
 
 def compare(first: Card, second: Card) -> list[Difference]:
@@ -153,17 +165,11 @@ def compare(first: Card, second: Card) -> list[Difference]:
             raise ConfigurationError(
                 f"the cards are of different {what}", got=theirs, wanted=f"{ours!r} as in the first"
             )
-    own, others = ({trial.name: trial for trial in card.trials} for card in (first, second))
-    trials = own | {name: trial for name, trial in others.items() if name not in own}
+    own, others = (
+        {(t.name, c.angle, c.phase): (t, c) for t in card.trials for c in t.cases}
+        for card in (first, second)
+    )
     return [
-        Difference(trial=trial, first=_like(own.get(name), c), second=_like(others.get(name), c))
-        for name, trial in trials.items()
-        for c in trial.cases
+        Difference(trial=trial, first=own.get(key, _NONE)[1], second=others.get(key, _NONE)[1])
+        for key, (trial, _) in {**own, **others}.items()
     ]
-
-
-def _like(trial: TrialResult | None, case: CaseResult) -> CaseResult | None:
-    """The case of a card's trial with the same direction and phase."""
-    found = () if trial is None else trial.cases
-    key = (case.angle, case.phase)
-    return next((other for other in found if (other.angle, other.phase) == key), None)

@@ -1,24 +1,12 @@
 """The first events of a run that was not survived, from its signals."""
 
-from typing import NamedTuple
-
 import numpy as np
 import pinocchio as pin
 
-from poise.apps.scenarios import Run, symptoms_of
-from poise.control import CommandStatus
+from poise.apps.scenarios import Run, explain, missed_ticks, symptoms_of
 
 LEAN_MAX = 0.5
 """A robot whose base leans further from its home attitude does not stand upright [rad]."""
-
-_TOLD = 3  # events that are listed
-
-
-class Event(NamedTuple):
-    """The time at which something began [s], and its name."""
-
-    time: float
-    what: str
 
 
 def survived(run: Run) -> bool:
@@ -27,26 +15,14 @@ def survived(run: Run) -> bool:
     No fall, no divergence, no tick without an answer; it stands upright at the end, its walk has
     ended, and what its scene checks holds, which for standing is being at rest.
     """
-    return not (run.fell or run.ended_early or _unanswered(run) or _end(run))
+    return not (run.fell or run.ended_early or missed_ticks(run.signals) or _end(run))
 
 
 def mechanism(run: Run) -> str:
     """The first events of a run that was not survived, and its end."""
-    told = [f"{event.what} ({event.time:.2f} s)" for event in sorted(events_of(run))[:_TOLD]]
-    return "; then ".join([*told, run.ended_early or _end(run) or "it went on to the end"])
-
-
-def events_of(run: Run) -> list[Event]:
-    """The first time of everything that went wrong, one of a kind."""
-    signals = run.signals
-    first: dict[str, Event] = {}
-    for symptom in symptoms_of(signals, run.robot, run.scenario):
-        begin = symptom.begin(signals.time)
-        if begin is not None:
-            event = Event(begin, symptom.what)
-            first[symptom.kind] = min(first.get(symptom.kind, event), event)
-    lost = [Event(t, f"walk: {mode.split()[-1]}") for t, mode in signals.modes if "lost" in mode]
-    return [*first.values(), *lost]
+    begun = explain(symptoms_of(run.signals, run.robot, run.scenario), run.signals.time)
+    end = run.ended_early or _end(run) or "it went on to the end"
+    return "; then ".join(filter(None, (begun, end)))
 
 
 def lean(run: Run) -> float:
@@ -56,10 +32,6 @@ def lean(run: Run) -> float:
         for q in (run.robot.q_home, run.signals.q[-1])
     )
     return float(np.arccos(np.clip(home @ now, -1.0, 1.0)))
-
-
-def _unanswered(run: Run) -> bool:
-    return any(status != CommandStatus.OK.value for status in run.signals.status)
 
 
 def _end(run: Run) -> str:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from poise.apps.pages import render_page, replace_file
-from poise.apps.scorecard._card import PAGE, Card, CaseResult, TrialResult, compare
-from poise.apps.scorecard._trials import TRIALS
+from poise.apps.scorecard._card import PAGE, Card, CaseResult, Difference, TrialResult, compare
+from poise.apps.scorecard._trials import TRIALS, Trial
 
 VERDICTS = {"better": "second better", "worse": "second worse", "alike": "", "": ""}
 """How the second of two cards stands to the first, in words."""
@@ -33,6 +33,7 @@ def write_page(card: Card, folder: Path, other: Card | None = None) -> Path:
 def page_html(card: Card, other: Card | None = None) -> str:
     """Return the page as text."""
     cards = [card] if other is None else [card, other]
+    found = compare(card, other or card)
     names = _names(cards)
     whose = [f"{name}: " if other is not None else "" for name in names]
     return render_page(
@@ -47,9 +48,9 @@ def page_html(card: Card, other: Card | None = None) -> str:
             *(("card", c.title) for c in cards),
         ],
         worst=[(name, *_worst(c)) for name, c in zip(whose, cards, strict=True)],
-        polars=list(_polars(cards)),
-        bars=list(_bars(cards)),
-        rows=list(_rows(cards)),
+        polars=list(_polars(found, len(cards))),
+        bars=list(_bars(found, len(cards))),
+        rows=list(_rows(found, names)),
         left_out=[
             (", ".join(titles), name if other is not None else "", reason)
             for c, name in zip(cards, names, strict=True)
@@ -58,19 +59,15 @@ def page_html(card: Card, other: Card | None = None) -> str:
     )
 
 
-def _amount(value: float, unit: str) -> str:
-    """An amount with its unit."""
-    return f"{value:.3g} {unit}".rstrip()
-
-
 def result_text(case: CaseResult | None, unit: str) -> str:
     """A result in a line: median, interval, and which end it is at."""
     if case is None:
         return "not tried"
-    words = {"": "", "at least": "≥ ", "none": "none; not even "}[case.limit]
+    amount = f"{case.median:.3g} {unit}".rstrip()
     if case.limit == "none":
-        return f"{words}{_amount(case.median, unit)}"
-    return f"{words}{_amount(case.median, unit)} [{case.low:.3g}, {case.high:.3g}]"
+        return f"none; not even {amount}"
+    at_least = "≥ " if case.limit else ""
+    return f"{at_least}{amount} [{case.low:.3g}, {case.high:.3g}]"
 
 
 def reasons_of(card: Card) -> dict[str, list[str]]:
@@ -95,33 +92,33 @@ def _worst(card: Card) -> tuple[str, str, str]:
     trial, case = card.worst
     share = f"{100 * case.level:.0f}% of the way from the easy end to the hard one."
     happened = f" What happened first: {case.mechanism}." if case.mechanism else ""
-    return _title(trial, case), f"{result_text(case, trial.unit)}, {share}", happened
+    return (
+        f"{trial.title} {case.label}".strip(),
+        f"{result_text(case, trial.unit)}, {share}",
+        happened,
+    )
 
 
-def _title(trial: TrialResult, case: CaseResult) -> str:
-    return f"{trial.title} {case.label}".strip()
-
-
-def _found(cards: Sequence[Card], polar: bool) -> Iterator[list[TrialResult | None]]:
-    """Each trial as the cards have it, those by direction or the others."""
-    for trial in TRIALS:
-        found = [next((t for t in card.trials if t.name == trial.name), None) for card in cards]
-        if (trial.spread in ("directions", "phases")) == polar and any(found):
-            yield found
-
-
-def _polars(cards: Sequence[Card]) -> Iterator[dict[str, Any]]:
+def _polars(found: Sequence[Difference], count: int) -> Iterator[dict[str, Any]]:
     """A polar plot for each trial by direction and each phase."""
-    for found in _found(cards, polar=True):
-        either = next(t for t in found if t is not None)
-        limit = _round_up(max(c.high for t in found if t is not None for c in t.cases))
-        for phase in dict.fromkeys(case.phase for case in either.cases):
-            shown = [[c for c in t.cases if c.phase == phase] if t else [] for t in found]
+    for trial in TRIALS:
+        own = [d for d in found if d.trial.name == trial.name]
+        if not own or not _polar(trial):
+            continue
+        limit = _round_up(max(case.high for d in own for case in (d.first, d.second) if case))
+        for phase in dict.fromkeys(d.either.phase for d in own):
+            here = [d for d in own if d.either.phase == phase]
+            shown = [[d.first for d in here], [d.second for d in here]][:count]
+            words = trial.title + ("" if phase is None else f", phase {phase:g} of the step")
             yield {
-                "words": either.title + ("" if phase is None else f", phase {phase:g} of the step"),
-                "rings": [f"{limit * (i + 1) / _RINGS:g} {either.unit}" for i in range(_RINGS)],
-                "series": [_outline(cases, limit) for cases in shown],
+                "words": words,
+                "rings": [f"{limit * (i + 1) / _RINGS:g} {trial.unit}" for i in range(_RINGS)],
+                "series": [_outline([case for case in cases if case], limit) for cases in shown],
             }
+
+
+def _polar(trial: Trial) -> bool:
+    return trial.spread in ("directions", "phases")
 
 
 def _outline(cases: Sequence[CaseResult], limit: float) -> dict[str, Any]:
@@ -143,55 +140,34 @@ def _outline(cases: Sequence[CaseResult], limit: float) -> dict[str, Any]:
     }
 
 
-def _bars(cards: Sequence[Card]) -> Iterator[dict[str, Any]]:
+def _bars(found: Sequence[Difference], count: int) -> Iterator[dict[str, Any]]:
     """A bar a case and card, from the easy end to the hard one."""
-    for found in _found(cards, polar=False):
-        either = next(t for t in found if t is not None)
-        for case in either.cases:
-            same = [_same(trial, case) for trial in found]
-            yield {
-                "name": _title(either, case),
-                "marks": [_bar(either, c) for c in same],
-                "ends": f"{either.easy:g} to {either.hard:g}",
-            }
+    for trial in TRIALS:
+        for d in found:
+            if d.trial.name == trial.name and not _polar(trial):
+                yield {
+                    "name": d.trial.named(d.either),
+                    "marks": [_bar(trial, case) for case in (d.first, d.second)[:count]],
+                    "ends": f"{trial.easy:g} to {trial.hard:g}",
+                }
 
 
-def _bar(trial: TrialResult, case: CaseResult | None) -> dict[str, Any]:
+def _bar(trial: Trial, case: CaseResult | None) -> dict[str, Any]:
     text = result_text(case, trial.unit)
     if case is None:
         return {"level": None, "text": text}
-    low, high = sorted(_level(trial, amount) for amount in (case.low, case.high))
+    low, high = sorted(trial.level(amount) for amount in (case.low, case.high))
     return {"level": case.level, "low": low, "high": high, "text": text}
 
 
-def _level(trial: TrialResult, amount: float) -> float:
-    """Place of an amount on the way from the easy end to the hard one."""
-    own = next((t for t in TRIALS if t.name == trial.name), None)
-    if own is None:
-        return 0.0
-    ends = (amount, own.easy, own.hard)
-    amount, easy, hard = (math.log(end) for end in ends) if own.log else ends
-    return min(1.0, max(0.0, (amount - easy) / (hard - easy)))
-
-
-def _same(trial: TrialResult | None, case: CaseResult) -> CaseResult | None:
-    cases = () if trial is None else trial.cases
-    return next((c for c in cases if (c.angle, c.phase) == (case.angle, case.phase)), None)
-
-
-def _rows(cards: Sequence[Card]) -> Iterator[tuple[list[str], str]]:
+def _rows(found: Sequence[Difference], names: Sequence[str]) -> Iterator[tuple[list[str], str]]:
     """Cells of each case and card, and why it was not survived further."""
-    if len(cards) == 1:
-        for trial in cards[0].trials:
-            for case in trial.cases:
-                yield _cells(trial, case), _why(case)
-        return
-    for difference in compare(*cards):
-        verdicts = ("", VERDICTS[difference.verdict])
-        both = zip(_names(cards), (difference.first, difference.second), verdicts, strict=True)
-        for name, case, verdict in both:
+    for d in found:
+        verdicts = ("", VERDICTS[d.verdict])
+        for name, case, verdict in zip(names, (d.first, d.second), verdicts, strict=False):
             if case is not None:
-                yield [name, *_cells(difference.trial, case), verdict], _why(case)
+                cells = _cells(d.trial, case)
+                yield [name, *cells, verdict] if len(names) > 1 else cells, _why(case)
 
 
 def _cells(trial: TrialResult, case: CaseResult) -> list[str]:

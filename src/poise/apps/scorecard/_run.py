@@ -4,8 +4,9 @@
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 
 from poise.apps.campaigns import (
@@ -35,13 +36,6 @@ class _Search:
     seed: int
     looks: Bisection
     rows: list[Row] = field(default_factory=list[Row])
-
-    @property
-    def level(self) -> float | None:
-        """The level of the next look; trials that count seeds look once, anywhere."""
-        if self.case.trial.share:
-            return None if self.looks.done else 0.0
-        return self.looks.level
 
     @property
     def limit(self) -> Limit:
@@ -83,14 +77,14 @@ def make_card(
         runner = Runner(crew, rows, progress=tell, function=function or run_trial)
         for guessed in (False, True):
             own = [s for s in searches if (s.looks.guess is not None) == guessed]
-            while asked := [(s, level) for s in own if (level := s.level) is not None]:
+            while asked := [(s, level) for s in own if (level := s.looks.level) is not None]:
                 jobs = [plan.job(s.case, s.seed, s.looks.done, level) for s, level in asked]
                 found = runner.run(jobs, begin_with=[*one_a_scene.values()])
                 for (search, _), row in zip(asked, found, strict=True):
                     search.rows.append(row)
                     search.looks.tell(bool(row.get("survived")))
         tell()
-    return plan.card(_results(searches), left_out)
+    return plan.card([*_results(searches)], left_out)
 
 
 def run_trial(job: Job) -> Row:
@@ -113,33 +107,26 @@ def replay_job(folder: CampaignFolder, number: int) -> Job:
 
 def _searches(plan: Plan, case: Case) -> list[_Search]:
     """A search a seed; where levels are bisected, the others' guess is the first one's edge."""
-    looks = 1 if case.trial.share else plan.extent.looks
+    if case.trial.share:
+        # The only look of each is at the hard end.
+        return [_Search(case, seed, Bisection(1)) for seed in plan.seeds(case.trial)]
     first, *others = plan.seeds(case.trial)
-    begun = Bisection(looks)
-    guess = None if case.trial.share else begun
-    return [
-        _Search(case, first, begun),
-        *(_Search(case, seed, Bisection(looks, guess)) for seed in others),
-    ]
+    begun = Bisection(plan.extent.looks)
+    guessing = [_Search(case, seed, Bisection(begun.looks, begun)) for seed in others]
+    return [_Search(case, first, begun), *guessing]
 
 
-def _results(searches: Sequence[_Search]) -> list[TrialResult]:
-    results: list[TrialResult] = []
-    for trial in dict.fromkeys(search.case.trial.name for search in searches):
-        own = [search for search in searches if search.case.trial.name == trial]
-        cases = dict.fromkeys(search.case.index for search in own)
-        about = own[0].case.trial
-        results.append(
-            TrialResult(
-                name=about.name,
-                title=about.title,
-                unit=about.unit,
-                easy=about.easy,
-                hard=about.hard,
-                cases=tuple(_result(about, [s for s in own if s.case.index == i]) for i in cases),
-            )
+def _results(searches: Sequence[_Search]) -> Iterator[TrialResult]:
+    for trial, own in groupby(searches, key=lambda search: search.case.trial):
+        cases = groupby(own, key=lambda search: search.case.index)
+        yield TrialResult(
+            name=trial.name,
+            title=trial.title,
+            unit=trial.unit,
+            easy=trial.easy,
+            hard=trial.hard,
+            cases=tuple(_result(trial, [*same]) for _, same in cases),
         )
-    return results
 
 
 def _result(trial: Trial, searches: Sequence[_Search]) -> CaseResult:

@@ -143,6 +143,12 @@ class Trial:
             return float(self.easy * (self.hard / self.easy) ** level)
         return self.easy + level * (self.hard - self.easy)
 
+    def level(self, amount: float) -> float:
+        """The level of an amount."""
+        ends = (amount, self.easy, self.hard)
+        amount, easy, hard = (math.log(end) for end in ends) if self.log else ends
+        return min(1.0, max(0.0, (amount - easy) / (hard - easy)))
+
     def values(self, level: float, place: Place) -> dict[str, Any]:
         """Values of the scene's fields, by path."""
         amount = self.amount(level)

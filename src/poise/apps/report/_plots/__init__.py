@@ -2,19 +2,14 @@
 
 from collections.abc import Callable
 
-from poise.apps.report._plots._sheet import PlotFigure
+from poise.apps.report._plots._sheet import PlotFigure, greatest
 from poise.apps.report._plots._ticks import draw_residuals, draw_ticks, tick_percentiles
 from poise.apps.report._plots._torque import draw_joints, draw_torques
-from poise.apps.report._plots._tracking import (
-    draw_com,
-    draw_estimate,
-    draw_tracking,
-    largest_errors,
-)
+from poise.apps.report._plots._tracking import draw_com, draw_estimate, draw_tracking
 from poise.apps.report._plots._zmp import draw_forces, draw_zmp
-from poise.apps.report._record import RunView
+from poise.apps.report._record import RunSignals
 
-_PLOTS: tuple[Callable[[RunView], list[PlotFigure]], ...] = (
+_PLOTS: tuple[Callable[[RunSignals], list[PlotFigure]], ...] = (
     draw_tracking,
     draw_com,
     draw_zmp,
@@ -28,9 +23,9 @@ _PLOTS: tuple[Callable[[RunView], list[PlotFigure]], ...] = (
 """In the page's order."""
 
 
-def draw_plots(run: RunView) -> list[PlotFigure]:
+def draw_plots(run: RunSignals) -> list[PlotFigure]:
     """Draw all plots for which the record has something to show."""
     return [figure for draw in _PLOTS for figure in draw(run)]
 
 
-__all__ = ["PlotFigure", "draw_plots", "largest_errors", "tick_percentiles"]
+__all__ = ["PlotFigure", "draw_plots", "greatest", "tick_percentiles"]

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from poise.apps.pages import EVENT, REFERENCE, inline_svg, number, plain, power_of_ten
-from poise.apps.report._record import Event, RunView
+from poise.apps.report._record import Event, RunSignals
 
 WIDTH = 12.0
 """Width of every figure [in]: 1152 px, so that a 9 pt label is 12 px high on the page."""
@@ -26,47 +26,40 @@ _LEAST_LOG = 1e-17
 
 @dataclass(frozen=True, kw_only=True)
 class PlotFigure:
-    """A finished plot.
+    """A finished plot."""
 
-    Attributes:
-        name: its id in the page.
-        title: its heading.
-        svg: the drawing.
-        time_axes: boxes (left, right, top, bottom as fractions of the drawing, first and last time
-            [s]) in which a time cursor can be drawn.
-    """
-
-    name: str
-    title: str
+    name: str  # its id in the page
+    title: str  # its heading
     svg: str
+    # Boxes (left, right, top, bottom as fractions of the drawing, first and last time [s]) in which
+    # a time cursor can be drawn
     time_axes: tuple[tuple[float, ...], ...] = ()
 
 
 class TimeSheet:
     """Rows of axes over the record's time."""
 
-    def __init__(self, run: RunView, heights: Sequence[float]) -> None:
+    def __init__(self, run: RunSignals, heights: Sequence[float]) -> None:
         from matplotlib.figure import Figure
 
         self._run = run
         self.start, self.end = time_span(run)
-        inner = WIDTH - LEFT - RIGHT
-        labels = _place_labels(run.events, self.start, self.end, inner)
+        labels = _place_labels(run.events, self.start, self.end, WIDTH - LEFT - RIGHT)
         rows = 1 + max((row for _, row, _ in labels), default=-1)
         top = 0.12 + rows * _EVENT_ROW
         height = top + sum(heights) + GAP * (len(heights) - 1) + BOTTOM
         self.figure: Any = Figure(figsize=(WIDTH, height))
-        self.axes: list[Any] = []
-        above = height - top
-        for row_height in heights:
-            above -= row_height
-            box = (LEFT / WIDTH, above / height, inner / WIDTH, row_height / height)
-            ax = self.figure.add_axes(box)
-            ax.set_xlim(self.start, self.end)
-            ax.tick_params(labelbottom=False, length=3)
-            self.axes.append(ax)
-            above -= GAP
-        self.axes[-1].tick_params(labelbottom=True)
+        grid = self.figure.add_gridspec(
+            len(heights),
+            left=LEFT / WIDTH,
+            right=1.0 - RIGHT / WIDTH,
+            bottom=BOTTOM / height,
+            top=1.0 - top / height,
+            height_ratios=heights,
+            hspace=GAP * len(heights) / sum(heights),
+        )
+        self.axes: list[Any] = grid.subplots(sharex=True, squeeze=False)[:, 0].tolist()
+        self.axes[0].set_xlim(self.start, self.end)
         self.axes[-1].set_xlabel("time [s]")
         self._draw_events(labels, heights[0])
 
@@ -100,7 +93,7 @@ class TimeSheet:
             self.axes[0].text(event.time, height, words, fontsize=8, color=REFERENCE, **place)
 
 
-def time_span(run: RunView) -> tuple[float, float]:
+def time_span(run: RunSignals) -> tuple[float, float]:
     """First and last time of the plots [s]; half a second about a single sample."""
     start, end = float(run.time[0]), float(run.time[-1])
     return (start, end) if end > start else (start - 0.5, end + 0.5)
@@ -132,16 +125,13 @@ def name_rows(ax: Any, names: list[str]) -> None:
 
 def log_axis(axis: Any, low: float, high: float) -> None:
     """Make an axis logarithmic between two bounds, with plain labels."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     (axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale)("log")
     (axis.axes.set_xlim if axis.axis_name == "x" else axis.axes.set_ylim)(low, high)
     short = high < _SHORT_LOG * low
-    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
-    decades = range(first, last + 1, max(1, (last - first) // 6))
-    ticks = [step * 10.0**decade for decade in decades for step in ((1, 2, 5) if short else (1,))]
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=8))
     label = number if short else power_of_ten
-    axis.set_major_locator(FixedLocator([tick for tick in ticks if low <= tick <= high]))
     axis.set_major_formatter(FuncFormatter(lambda value, _: label(value)))
     axis.set_minor_locator(NullLocator())
 

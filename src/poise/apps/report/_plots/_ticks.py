@@ -17,7 +17,7 @@ from poise.apps.report._plots._sheet import (
     name_rows,
     stretches,
 )
-from poise.apps.report._record import RunView
+from poise.apps.report._record import RunSignals
 
 _OK = "ok"
 """The value of `CommandStatus.OK`."""
@@ -25,29 +25,24 @@ _TOTAL = "total"
 _BINS = 70
 _MET = 1e-6
 """A level with a relative residual below this counts as met."""
+_LEAST = 1e-3
+"""A tick never takes less [us]: below any clock's step."""
 _FLOOR = 1e-12
 """The axis never shows less than this, which is rounding."""
 
 
-def draw_ticks(run: RunView) -> list[PlotFigure]:
+def draw_ticks(run: RunSignals) -> list[PlotFigure]:
     """Draw histogram and percentiles of the tick times, and tick time and status over time."""
     figures = [_over_time(run)]
-    if run.tick_us and np.isfinite(total_tick(run)).any():
+    if np.isfinite(run.total_tick).any():
         figures.append(_distribution(run))
     return figures
 
 
-def total_tick(run: RunView) -> Float64[np.ndarray, " T"]:
-    """Time of the whole tick [us], the sum of its phases."""
-    if not run.tick_us:
-        return np.full(len(run.time), np.nan)
-    return np.sum(list(run.tick_us.values()), axis=0)
-
-
-def tick_percentiles(run: RunView) -> list[tuple[str, float, float, float]]:
+def tick_percentiles(run: RunSignals) -> list[tuple[str, float, float, float]]:
     """p50, p99 and greatest tick time [us] of each phase, and of the whole at the end."""
     rows: list[tuple[str, float, float, float]] = []
-    for name, values in [*run.tick_us.items(), (_TOTAL, total_tick(run))]:
+    for name, values in [*run.tick_us.items(), (_TOTAL, run.total_tick)]:
         finite = values[np.isfinite(values)]
         if finite.size:
             p50, p99 = np.percentile(finite, [50, 99])
@@ -55,12 +50,11 @@ def tick_percentiles(run: RunView) -> list[tuple[str, float, float, float]]:
     return rows
 
 
-def _over_time(run: RunView) -> PlotFigure:
+def _over_time(run: RunSignals) -> PlotFigure:
     sheet = TimeSheet(run, [1.5, 0.3])
     time, status = sheet.axes
-    sheet.plot(time, total_tick(run), color=PALETTE[0], linewidth=0.8, label="tick")
-    if run.tick_budget_us is not None:
-        time.axhline(run.tick_budget_us, color=INK, linewidth=1.1, label="budget")
+    sheet.plot(time, run.total_tick, color=PALETTE[0], linewidth=0.8, label="tick")
+    time.axhline(run.tick_budget_us, color=INK, linewidth=1.1, label="budget")
     time.set_ylim(0.0, _useful_top(run))
     time.set_ylabel("tick time [µs]")
     legend_beside(time)
@@ -68,20 +62,19 @@ def _over_time(run: RunView) -> PlotFigure:
     return sheet.finish("status", "Tick time and command status")
 
 
-def _useful_top(run: RunView) -> float:
+def _useful_top(run: RunSignals) -> float:
     """Top of the axis [us]: one slow tick may stand out, but not flatten all others."""
-    total = total_tick(run)
+    total = run.total_tick
     total = total[np.isfinite(total)]
     if total.size == 0:
         return 1.0
     top = min(float(total.max()), 6.0 * float(np.percentile(total, 99)))
-    budget = run.tick_budget_us
-    if budget is not None and budget < 4.0 * top:
-        top = max(top, budget)
+    if run.tick_budget_us < 4.0 * top:
+        top = max(top, run.tick_budget_us)
     return max(1.08 * top, 1e-3)
 
 
-def _draw_status(ax: Any, run: RunView, end: float) -> None:
+def _draw_status(ax: Any, run: RunSignals, end: float) -> None:
     codes = [_OK, *sorted(set(run.status) - {_OK})]
     colours = [GOOD, BAD, *PALETTE[3:6], INK]
     for code, name in enumerate(codes):
@@ -101,7 +94,7 @@ def _draw_status(ax: Any, run: RunView, end: float) -> None:
     legend_beside(ax)
 
 
-def _distribution(run: RunView) -> PlotFigure:
+def _distribution(run: RunSignals) -> PlotFigure:
     from matplotlib.figure import Figure
 
     rows = tick_percentiles(run)
@@ -109,7 +102,7 @@ def _distribution(run: RunView) -> PlotFigure:
     left, right = figure.subplots(
         1, 2, gridspec_kw={"left": 0.08, "right": 0.98, "bottom": 0.16, "top": 0.9, "wspace": 0.3}
     )
-    _histogram(left, total_tick(run), rows[-1], run.tick_budget_us)
+    _histogram(left, run.total_tick, rows[-1], run.tick_budget_us)
     _percentile_bars(right, rows)
     title = "Where the time of a tick goes"
     return PlotFigure(name="ticks", title=title, svg=inline_svg(figure, "ticks", title))
@@ -119,16 +112,14 @@ def _histogram(
     ax: Any,
     total: Float64[np.ndarray, " T"],
     row: tuple[str, float, float, float],
-    budget: float | None,
+    budget: float,
 ) -> None:
-    finite = total[np.isfinite(total) & (total > 0.0)]
-    if finite.size == 0:
-        finite = np.ones(1)
+    finite = np.maximum(total[np.isfinite(total)], _LEAST)
     low, high = float(finite.min()) * 0.9, float(finite.max()) * 1.1
     ax.hist(finite, bins=np.geomspace(low, high, _BINS), color=PALETTE[0], alpha=0.85)
     ax.set(title="Whole tick", xlabel="tick time [µs]", ylabel="ticks [-]")
     marks = [("p50", row[1]), ("p99", row[2])]
-    if budget is not None and budget < 3.0 * high:
+    if budget < 3.0 * high:
         marks.append(("budget", budget))
     for name, value in marks:
         dashes = "-" if name == "budget" else (0, (4, 2))
@@ -155,7 +146,7 @@ def _percentile_bars(ax: Any, rows: list[tuple[str, float, float, float]]) -> No
         ax.set_title("By phase: bar p50, line p99, dot max (off the axis where missing)")
 
 
-def draw_residuals(run: RunView) -> list[PlotFigure]:
+def draw_residuals(run: RunSignals) -> list[PlotFigure]:
     """Draw the relative residual of each level over time, on a logarithmic axis."""
     levels = run.residuals.shape[1]
     if levels == 0:
@@ -163,7 +154,7 @@ def draw_residuals(run: RunView) -> list[PlotFigure]:
     sheet = TimeSheet(run, [2.1])
     ax = sheet.axes[0]
     for i in range(levels):
-        label = f"{i + 1}: {plain(run.level_names[i], 22)}" if run.level_names else str(i + 1)
+        label = f"{i + 1}: {plain(run.level_names[i], 22)}"
         clipped = np.maximum(above_zero(run.residuals[:, i]), _FLOOR)
         sheet.plot(ax, clipped, label=label, linewidth=0.9, **line_style(i))
     ax.axhline(_MET, label="met below 10⁻⁶", zorder=1, **DASHED)

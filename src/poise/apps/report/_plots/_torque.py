@@ -14,7 +14,7 @@ from poise.apps.report._plots._sheet import (
     colour_bar,
     legend_beside,
 )
-from poise.apps.report._record import RunView
+from poise.apps.report._record import RunSignals
 
 _LINES = 6
 _ROW = 0.155
@@ -63,10 +63,8 @@ def short_names(names: Sequence[str]) -> list[str]:
     return [plain(name, 21) for name in names]
 
 
-def draw_joints(run: RunView) -> list[PlotFigure]:
+def draw_joints(run: RunSignals) -> list[PlotFigure]:
     """Draw the distance of the six tightest joints to the nearer of their limits."""
-    if not run.joint_names:
-        return []
     margin = np.minimum(run.position - run.position_min, run.position_max - run.position)
     sheet = TimeSheet(run, [2.1])
     ax = sheet.axes[0]
@@ -84,10 +82,8 @@ def draw_joints(run: RunView) -> list[PlotFigure]:
     return [sheet.finish("joints", "Joint positions near their limits")]
 
 
-def draw_torques(run: RunView) -> list[PlotFigure]:
+def draw_torques(run: RunSignals) -> list[PlotFigure]:
     """Draw a heat map of all joints over time, and the six that come nearest to their limits."""
-    if not run.joint_names:
-        return []
     ratio = torque_ratio(run)
     sheet = TimeSheet(run, [max(_ROW * len(run.joint_names), 0.6), 2.1])
     _heat_map(sheet, run, np.abs(ratio))
@@ -95,14 +91,14 @@ def draw_torques(run: RunView) -> list[PlotFigure]:
     return [sheet.finish("torque", "Joint torques over their limits")]
 
 
-def torque_ratio(run: RunView) -> Float64[np.ndarray, "T nj"]:
+def torque_ratio(run: RunSignals) -> Float64[np.ndarray, "T nj"]:
     """Torque over its limit [-]; NaN for a joint without a limit."""
     limit = np.where(run.torque_max > 0.0, run.torque_max, np.nan)
     limit = np.where(np.isfinite(limit), limit, np.nan)
     return run.torque / limit
 
 
-def _heat_map(sheet: TimeSheet, run: RunView, ratio: Float64[np.ndarray, "T nj"]) -> None:
+def _heat_map(sheet: TimeSheet, run: RunSignals, ratio: Float64[np.ndarray, "T nj"]) -> None:
     ax = sheet.axes[0]
     order, groups = grouped_order(run.joint_names)
     names = short_names(run.joint_names)
@@ -129,7 +125,7 @@ def _heat_map(sheet: TimeSheet, run: RunView, ratio: Float64[np.ndarray, "T nj"]
     colour_bar(sheet.figure, image, place, "torque / limit [-]")
 
 
-def _highest(sheet: TimeSheet, run: RunView, ratio: Float64[np.ndarray, "T nj"]) -> None:
+def _highest(sheet: TimeSheet, run: RunSignals, ratio: Float64[np.ndarray, "T nj"]) -> None:
     ax = sheet.axes[1]
     names = short_names(run.joint_names)
     filled = np.where(np.isfinite(ratio), np.abs(ratio), 0.0).max(axis=0)

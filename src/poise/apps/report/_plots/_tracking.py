@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.pages import COM, PALETTE, line_style, number, plain
+from poise.apps.pages import COM, PALETTE, line_style, plain
 from poise.apps.report._plots._sheet import (
     DASHED,
     PlotFigure,
@@ -13,7 +13,7 @@ from poise.apps.report._plots._sheet import (
     legend_beside,
     log_axis,
 )
-from poise.apps.report._record import RunView, TaskTrack
+from poise.apps.report._record import RunSignals
 
 _LEAST_SPAN = 0.01
 """Least height of an axis [m]: a COM that stands still must not look as if it shook."""
@@ -23,7 +23,7 @@ _LOG_DECADES = 8.0
 """Decades that a logarithmic panel shows at most, below its largest error."""
 
 
-def draw_tracking(run: RunView) -> list[PlotFigure]:
+def draw_tracking(run: RunSignals) -> list[PlotFigure]:
     """Draw the error of every task over time, a panel a unit."""
     if not run.tasks:
         return []
@@ -59,12 +59,7 @@ def _log_bounds(errors: list[Float64[np.ndarray, " T"]]) -> tuple[float, float] 
     return max(0.5 * low, 2.0 * largest * 10.0**-_LOG_DECADES), 2.0 * largest
 
 
-def largest_errors(run: RunView) -> list[tuple[TaskTrack, str]]:
-    """Each task with its largest error."""
-    return [(task, number(greatest(task.error))) for task in run.tasks]
-
-
-def draw_com(run: RunView) -> list[PlotFigure]:
+def draw_com(run: RunSignals) -> list[PlotFigure]:
     """Draw COM and reference over time."""
     sheet = TimeSheet(run, [1.35] * 3)
     for i, (ax, name) in enumerate(zip(sheet.axes, ("x", "y", "z"), strict=True)):
@@ -80,7 +75,7 @@ def draw_com(run: RunView) -> list[PlotFigure]:
     return [sheet.finish("com", "Centre of mass")]
 
 
-def draw_estimate(run: RunView) -> list[PlotFigure]:
+def draw_estimate(run: RunSignals) -> list[PlotFigure]:
     """Draw errors of the estimate that controller and leader had, and the payload found."""
     errors = run.base_errors
     if errors is None:

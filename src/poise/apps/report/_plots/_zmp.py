@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int
+from jaxtyping import Float64
 
 from poise.apps.pages import COM, EVENT, INK, SUPPORT, ZMP, inline_svg, line_style, plain
 from poise.apps.report._plots._sheet import (
@@ -17,8 +17,7 @@ from poise.apps.report._plots._sheet import (
     stretches,
     time_span,
 )
-from poise.apps.report._record import RunView
-from poise.locomotion import signed_margin
+from poise.apps.report._record import RunSignals
 
 _TIME_COLOURS = "cividis"
 """Colour map for time: even in lightness, and made for colour-blind readers."""
@@ -29,50 +28,32 @@ _WIDE = 1.8
 """A ground this many times longer than wide gets its two views one above the other."""
 
 
-def support_over_time(
-    run: RunView,
-) -> tuple[Float64[np.ndarray, "T 2"], Float64[np.ndarray, "T 2"], Float64[np.ndarray, " T"]]:
-    """Least and greatest x, y of the support polygon, and the ZMP's margin in it, tick by tick."""
-    low = np.full((len(run.time), 2), np.nan)
-    high, margin = low.copy(), np.full(len(run.time), np.nan)
-    for phase in run.support:
-        if len(phase.vertices) == 0:
-            continue
-        last = phase is run.support[-1]
-        ticks = (run.time >= phase.start) & (
-            (run.time <= phase.end) if last else (run.time < phase.end)
-        )
-        low[ticks], high[ticks] = phase.vertices.min(axis=0), phase.vertices.max(axis=0)
-        margin[ticks] = signed_margin(run.zmp[ticks], phase.vertices)
-    return low, high, margin
-
-
-def draw_forces(run: RunView) -> list[PlotFigure]:
+def draw_forces(run: RunSignals) -> list[PlotFigure]:
     """Draw the normal force of every sole, their sum, and a bar while each contact is planned."""
     if not run.soles:
         return []
     sheet = TimeSheet(run, [2.0, max(0.22 * len(run.soles), 0.3)])
     force, phases = sheet.axes
     if len(run.soles) > 1:
-        total = np.nansum([s.normal_force for s in run.soles], axis=0)
+        total = np.nansum([sole.force for sole in run.soles.values()], axis=0)
         sheet.plot(force, total, color=EVENT, linewidth=0.9, label="sum")
-    for i, sole in enumerate(run.soles):
-        sheet.plot(force, sole.normal_force, label=plain(sole.name), **line_style(i))
-        bars = stretches(run.time, sole.planned, sheet.end)
+    for i, (name, sole) in enumerate(run.soles.items()):
+        sheet.plot(force, sole.force, label=plain(name), **line_style(i))
+        bars = stretches(run.time, sole.planned > 0.5, sheet.end)
         phases.broken_barh(bars, (i - 0.32, 0.64), color=line_style(i)["color"], alpha=0.75)
     force.set_ylim(bottom=min(0.0, force.get_ylim()[0]))
     force.set_ylabel("normal force [N]")
-    name_rows(phases, [plain(s.name, 14) for s in run.soles])
+    name_rows(phases, [plain(name, 14) for name in run.soles])
     legend_beside(force)
     return [sheet.finish("forces", "Ground forces of the soles")]
 
 
-def draw_zmp(run: RunView) -> list[PlotFigure]:
+def draw_zmp(run: RunSignals) -> list[PlotFigure]:
     """Draw the view from above, and the ZMP over time."""
     return [_from_above(run), _over_time(run)]
 
 
-def _from_above(run: RunView) -> PlotFigure:
+def _from_above(run: RunSignals) -> PlotFigure:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
@@ -99,20 +80,21 @@ def _from_above(run: RunView) -> PlotFigure:
     return PlotFigure(name="support", title=title, svg=svg)
 
 
-def _over_time(run: RunView) -> PlotFigure:
-    low, high, margin = support_over_time(run)
+def _over_time(run: RunSignals) -> PlotFigure:
     sheet = TimeSheet(run, [1.35, 1.35, 1.15])
-    kept = _changes(low, high)
+    flight = np.full((1, 2), np.nan)
+    edges = [time for phase in run.support for time in (phase.start, phase.end)]
+    corners = [p.vertices if len(p.vertices) else flight for p in run.support for _ in range(2)]
     for i, name in enumerate(("x", "y")):
         ax = sheet.axes[i]
-        bounds = (run.time[kept], low[kept, i], high[kept, i])
-        ax.fill_between(*bounds, color=SUPPORT, alpha=0.16, linewidth=0, label="support")
+        bounds = ([min(c[:, i]) for c in corners], [max(c[:, i]) for c in corners])
+        ax.fill_between(edges, *bounds, color=SUPPORT, alpha=0.16, linewidth=0, label="support")
         sheet.plot(ax, run.zmp[:, i], color=ZMP, label="ZMP")
-        if run.zmp_reference is not None and np.isfinite(run.zmp_reference).any():
+        if np.isfinite(run.zmp_reference).any():
             sheet.plot(ax, run.zmp_reference[:, i], label="reference", **DASHED)
             sheet.plot(ax, run.com[:, i], color=COM, label="COM")
         ax.set_ylabel(f"{name} [m]")
-    sheet.plot(sheet.axes[2], margin, color=ZMP, label="margin")
+    sheet.plot(sheet.axes[2], run.zmp_margin, color=ZMP, label="margin")
     sheet.axes[2].axhline(0.0, color=INK, linewidth=1.0, label="edge")
     sheet.axes[2].set_ylabel("margin [m]")
     for ax in (sheet.axes[0], sheet.axes[2]):
@@ -120,16 +102,7 @@ def _over_time(run: RunView) -> PlotFigure:
     return sheet.finish("zmp", "ZMP over time")
 
 
-def _changes(
-    low: Float64[np.ndarray, "T 2"], high: Float64[np.ndarray, "T 2"]
-) -> Int[np.ndarray, " n"]:
-    """Ticks at which the bounds change, with the ticks before them: all that a band needs."""
-    both = np.nan_to_num(np.concatenate([low, high], axis=1), nan=np.inf)
-    new = np.flatnonzero((both[1:] != both[:-1]).any(axis=1))
-    return np.unique(np.concatenate([[0], new, new + 1, [len(both) - 1]]))
-
-
-def _draw_polygons(ax: Any, run: RunView) -> None:
+def _draw_polygons(ax: Any, run: RunSignals) -> None:
     from matplotlib.patches import Polygon
 
     seen: set[bytes] = set()
@@ -164,21 +137,20 @@ def _draw_trail(
         ax.scatter(*points[ends].T, c=times[ends], s=34, zorder=4, edgecolor="w", **coloured)
 
 
-def _view(run: RunView) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
+def _view(run: RunSignals) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
     """Centre and half-widths [m] of what the view from above must show."""
-    points = [run.zmp, run.com[:, :2], *(p.vertices for p in run.support)]
-    everything = np.concatenate(points)
+    corners = [phase.vertices for phase in run.support if len(phase.vertices)]
+    everything = np.concatenate([run.zmp, run.com[:, :2], *corners])
     everything = everything[np.isfinite(everything).all(axis=1)]
     if len(everything) == 0:
         return np.zeros(2), np.full(2, 0.5)
     # A fall throws the ZMP far away for a few ticks; they must not shrink everything else.
     low, high = np.percentile(everything, [0.2, 99.8], axis=0)
-    solid = [p.vertices for p in run.support if len(p.vertices)]
-    if solid:
-        corners = np.concatenate(solid)
-        size = np.ptp(corners, axis=0) + 0.3
-        low = np.minimum(np.maximum(low, corners.min(axis=0) - size), corners.min(axis=0))
-        high = np.maximum(np.minimum(high, corners.max(axis=0) + size), corners.max(axis=0))
+    if corners:
+        soles = np.concatenate(corners)
+        first, last = soles.min(axis=0), soles.max(axis=0)
+        room = last - first + 0.3
+        low, high = np.clip(low, first - room, first), np.clip(high, last, last + room)
     half = np.maximum((high - low) / 2.0 * 1.1, _LEAST_VIEW)
     return (low + high) / 2.0, half
 
