@@ -3,14 +3,14 @@
 from math import sqrt
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from poise._compiled import part
 from poise.dynamics import (
     BIAS,
     KINEMATICS,
     VELOCITY,
-    Motion,
+    StateNumbers,
     column_at,
     momentum_rate,
     place_frame,
@@ -24,8 +24,8 @@ from poise.stack._tables import (
     FIRST,
     FRAME_INDEX,
     START,
-    Owners,
-    Rows,
+    Assembly,
+    Line,
 )
 from poise.stack._viability import largest_acceleration
 
@@ -61,36 +61,30 @@ _ANY_SPEED = 1e9
 
 
 @part
-def bound_balance(
-    v: Float64[np.ndarray, " nv"],
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    work: Float64[np.ndarray, " work"],
-) -> None:
+def bound_balance(state: StateNumbers, assembly: Assembly, line: Line) -> None:
     """Rows for the edges of the support, the angular momentum, then one a leg."""
+    v, rows = state.v, assembly.rows
     for i in range(line[COUNT]):
         row = line[FIRST] + i
         for k in range(len(v)):
             rows.matrix[rows.first + row, k] = 0.0
         rows.target[row], rows.upper[row], rows.weight[row] = -np.inf, np.inf, 1.0
         rows.error[row] = np.inf
-    _bound_edges(v, motion, owners, line, rows, work)
+    _bound_edges(state, assembly, line)
     for leg in range(line[COUNT] - FIRST_LEG):
-        _bound_leg(motion, owners, line, leg, rows, work)
+        _bound_leg(state, assembly, line, leg)
 
 
 @part
-def _bound_edges(
-    v: Float64[np.ndarray, " nv"],
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    work: Float64[np.ndarray, " work"],
-) -> None:
-    support = outline_support(motion, owners, line, work)
+def _bound_edges(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+    v, motion, owners, rows, work = (
+        state.v,
+        state.motion,
+        assembly.owners,
+        assembly.rows,
+        assembly.work,
+    )
+    support = outline_support(state, assembly, line)
     outer, inner, caught = support.outer, support.inner, len(support.inner)
     if min(len(outer), caught) < 3:
         return
@@ -131,21 +125,21 @@ def _bound_edges(
             rows.matrix[rows.first + row, k] = (
                 nx * motion.momentum[k, 0] + ny * motion.momentum[k, 1]
             ) / motion.mass[0]
-    _bound_momentum(v, motion, owners, line, support, (xi_x, xi_y), rows, work)
+    _bound_momentum(state, assembly, line, support, (xi_x, xi_y))
 
 
 @part
 def _bound_momentum(
-    v: Float64[np.ndarray, " nv"],
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    support: Support,
-    xi: tuple[float, float],
-    rows: Rows,
-    work: Float64[np.ndarray, " work"],
+    state: StateNumbers, assembly: Assembly, line: Line, support: Support, xi: tuple[float, float]
 ) -> None:
     """The angular momentum about the COM, as the acceleration that as much force gave it."""
+    v, motion, owners, rows, work = (
+        state.v,
+        state.motion,
+        assembly.owners,
+        assembly.rows,
+        assembly.work,
+    )
     hull, count = support.inner, len(support.inner)
     mx = my = 0.0
     for i in range(count):
@@ -221,15 +215,9 @@ def _rank_among_nearest(
 
 
 @part
-def _bound_leg(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    leg: int,
-    rows: Rows,
-    work: Float64[np.ndarray, " work"],
-) -> None:
+def _bound_leg(state: StateNumbers, assembly: Assembly, line: Line, leg: int) -> None:
     """The distance of a hip from its ankle, by its acceleration along the line between them."""
+    motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     frames, parameters, ankle = owners.frames, owners.parameters, KINEMATICS
     hip_frame = line[FRAME_INDEX] + 2 * leg
     place_frame(motion, frames, hip_frame, work, 0)
@@ -258,20 +246,19 @@ def _bound_leg(
     if lowest > highest:
         lowest = highest = highest if speed > 0.0 else lowest
     rows.target[row], rows.upper[row] = lowest - drift, highest - drift
-    _write_leg(motion, owners, hip_frame, (x, y, z), rows, row, work)
+    _write_leg(state, assembly, hip_frame, (x, y, z), row)
 
 
 @part
 def _write_leg(
-    motion: Motion,
-    owners: Owners,
+    state: StateNumbers,
+    assembly: Assembly,
     hip_frame: int,
     axis: tuple[float, float, float],
-    rows: Rows,
     row: int,
-    work: Float64[np.ndarray, " work"],
 ) -> None:
     """Coefficients of a leg's length: of the joints between hip and ankle alone."""
+    motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     frames, (x, y, z) = owners.frames, axis
     for side in range(2):
         frame, place = hip_frame + side, side * KINEMATICS

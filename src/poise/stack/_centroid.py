@@ -4,16 +4,25 @@
 """
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from poise._checks import Numbers
 from poise._compiled import part
-from poise.dynamics import Dynamics, Motion, momentum_rate
+from poise.dynamics import Dynamics, StateNumbers, momentum_rate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import COM_SPEED, parse_axes
 from poise.stack._shipped import ShippedTask, VectorTarget
-from poise.stack._tables import CHOSEN, COUNT, FIRST, GAINS, START, Kind, Owners, Rows
+from poise.stack._tables import (
+    CHOSEN,
+    COUNT,
+    FIRST,
+    GAINS,
+    START,
+    Assembly,
+    Kind,
+    Line,
+)
 from poise.stack._task import ask, write_measured
 
 
@@ -160,27 +169,19 @@ class MomentumTask(ShippedTask[VectorTarget]):
 
 
 @part
-def com_rows(
-    v: Float64[np.ndarray, " nv"],
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    velocities: bool,
-    work: Float64[np.ndarray, " work"],
-) -> None:
+def com_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
     """The COM; its Jacobian and drift are the linear momentum's over the mass."""
+    motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     parameters, m = owners.parameters, line[COUNT]
     momentum_rate(motion, work, 0)
     for i in range(m):
         axis = int(owners.chosen[line[CHOSEN] + i])
         row = int(rows.first + line[FIRST]) + i
-        actual = _write_momentum_row(v, motion, axis, motion.mass[0], rows, row)
+        actual = _write_momentum_row(state, assembly, axis, motion.mass[0], row)
         target = int(line[START] + GAINS * m) + axis
         velocity = parameters[target + 3]
         write_measured(
-            rows,
-            parameters,
+            assembly,
             line,
             i,
             parameters[target] - motion.com[axis],
@@ -190,31 +191,23 @@ def com_rows(
             parameters[target + 6],
             work[axis] / motion.mass[0],
         )
-    ask(rows, parameters, line, 0, m, velocities)
+    ask(assembly, line, 0, m)
 
 
 @part
-def momentum_rows(
-    v: Float64[np.ndarray, " nv"],
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    velocities: bool,
-    work: Float64[np.ndarray, " work"],
-) -> None:
+def momentum_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
     """The angular momentum about the COM; its target's first rate is the feedforward."""
+    motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     parameters, m = owners.parameters, line[COUNT]
     momentum_rate(motion, work, 0)
     for i in range(m):
         axis = int(owners.chosen[line[CHOSEN] + i])
         row = int(rows.first + line[FIRST]) + i
-        actual = _write_momentum_row(v, motion, 3 + axis, 1.0, rows, row)
+        actual = _write_momentum_row(state, assembly, 3 + axis, 1.0, row)
         target = int(line[START] + GAINS * m) + axis
         momentum = parameters[target]
         write_measured(
-            rows,
-            parameters,
+            assembly,
             line,
             i,
             momentum - actual,
@@ -224,19 +217,15 @@ def momentum_rows(
             parameters[target + 3],
             work[3 + axis],
         )
-    ask(rows, parameters, line, 0, m, velocities)
+    ask(assembly, line, 0, m)
 
 
 @part
 def _write_momentum_row(
-    v: Float64[np.ndarray, " nv"],
-    motion: Motion,
-    component: int,
-    divisor: float,
-    rows: Rows,
-    row: int,
+    state: StateNumbers, assembly: Assembly, component: int, divisor: float, row: int
 ) -> float:
     """A row of the centroidal momentum map A_G over a divisor; returns its product with v."""
+    v, motion, rows = state.v, state.motion, assembly.rows
     actual = 0.0
     for k in range(len(v)):
         x = motion.momentum[k, component] / divisor

@@ -11,7 +11,15 @@ from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers, checked_kind, checked_number
 from poise._compiled import part
-from poise.dynamics import BIAS, ROTATION, VELOCITY, Dynamics, Motion, column_at, place_frame
+from poise.dynamics import (
+    BIAS,
+    ROTATION,
+    VELOCITY,
+    Dynamics,
+    StateNumbers,
+    column_at,
+    place_frame,
+)
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target, split_rows
@@ -22,9 +30,9 @@ from poise.stack._tables import (
     FIRST,
     FRAME_INDEX,
     START,
+    Assembly,
     Kind,
-    Owners,
-    Rows,
+    Line,
 )
 
 FULL_TILT = 0.01
@@ -348,15 +356,15 @@ class Contact(Owner, ABC):
 
 
 @part
-def contact_rows(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    velocities: bool,
-    work: Float64[np.ndarray, " work"],
-) -> None:
+def contact_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
     """A contact's frame along its own axes, or its edge; parameters as `Contact` lays them out."""
+    motion, owners, rows, work, velocities = (
+        state.motion,
+        assembly.owners,
+        assembly.rows,
+        assembly.work,
+        assembly.velocities,
+    )
     frame, first, m = line[FRAME_INDEX], line[FIRST], line[COUNT]
     frames, parameters, at = owners.frames, owners.parameters, line[START]
     place_frame(motion, frames, frame, work, 0)

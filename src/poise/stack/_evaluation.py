@@ -166,20 +166,19 @@ class Evaluation:
 def evaluate(assembly_at: int, state_at: int, velocities: bool) -> bool:
     """Writes the rows of all owners for one state; returns False where a target is missing."""
     assembly, state = view(Assembly, assembly_at), view(StateNumbers, state_at)
-    q, v, motion = state.q, state.v, state.motion
-    owners, rows, work = assembly.owners, assembly.rows, assembly.work
+    owners, assembly.velocities = assembly.owners, 1 if velocities else 0
     _gather(owners)
     for i in range(assembly.count):
         line = owners.lines[i]
         kind, target = int(line[KIND]), int(line[START] + GAINS * line[COUNT])
         if kind == CONTACT:
-            contact_rows(motion, owners, line, rows, velocities, work)
+            contact_rows(state, assembly, line)
             continue
         if kind == BALANCE:
-            bound_balance(v, motion, owners, line, rows, work)
+            bound_balance(state, assembly, line)
             continue
         if kind == SELF_COLLISION:
-            bound_self_collision(motion, owners, line, rows, velocities, work)
+            bound_self_collision(state, assembly, line)
             continue
         parameters = owners.parameters
         if np.isnan(parameters[target]):
@@ -187,15 +186,15 @@ def evaluate(assembly_at: int, state_at: int, velocities: bool) -> bool:
         if line[TURNS] and np.isnan(parameters[target + TARGET_ROTATION]):
             return False
         if kind == COM:
-            com_rows(v, motion, owners, line, rows, velocities, work)
+            com_rows(state, assembly, line)
         elif kind == MOMENTUM:
-            momentum_rows(v, motion, owners, line, rows, velocities, work)
+            momentum_rows(state, assembly, line)
         elif kind == JOINTS:
-            joint_rows(q, v, owners, line, rows, velocities)
+            joint_rows(state, assembly, line)
         elif kind == FRAME:
-            frame_rows(motion, owners, line, rows, velocities, work)
+            frame_rows(state, assembly, line)
         else:
-            relative_frame_rows(motion, owners, line, rows, velocities, work)
+            relative_frame_rows(state, assembly, line)
     return True
 
 

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from poise._checks import Numbers, checked_kind
 from poise._compiled import part
@@ -13,7 +13,7 @@ from poise.dynamics import (
     ROTATION,
     VELOCITY,
     Dynamics,
-    Motion,
+    StateNumbers,
     column_at,
     place_frame,
     sine_between,
@@ -44,9 +44,9 @@ from poise.stack._tables import (
     TARGET_ROTATION,
     TARGET_VELOCITY,
     TURNS,
+    Assembly,
     Kind,
-    Owners,
-    Rows,
+    Line,
 )
 from poise.stack._task import ask, write_measured
 
@@ -206,15 +206,9 @@ class FrameTask(ShippedTask[PoseTarget]):
 
 
 @part
-def frame_rows(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    velocities: bool,
-    work: Float64[np.ndarray, " work"],
-) -> None:
+def frame_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
     """A frame's pose along the world's axes."""
+    motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     frame, m, error = line[FRAME_INDEX], line[COUNT], KINEMATICS
     frames, parameters = owners.frames, owners.parameters
     target = int(line[START] + GAINS * m)
@@ -244,8 +238,7 @@ def frame_rows(
         component = int(owners.chosen[line[CHOSEN] + i])
         linear += component < 3
         write_measured(
-            rows,
-            parameters,
+            assembly,
             line,
             i,
             along(work, error, component, work),
@@ -255,8 +248,8 @@ def frame_rows(
             along(parameters, target + TARGET_ACCELERATION, component, work),
             along(work, BIAS, component, work),
         )
-    ask(rows, parameters, line, 0, linear, velocities)
-    ask(rows, parameters, line, linear, m, velocities)
+    ask(assembly, line, 0, linear)
+    ask(assembly, line, linear, m)
 
 
 @part

@@ -3,16 +3,16 @@
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from poise._checks import Numbers
 from poise._compiled import part
-from poise.dynamics import Dynamics
+from poise.dynamics import Dynamics, StateNumbers
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target
 from poise.stack._shipped import ShippedTask, VectorTarget
-from poise.stack._tables import CHOSEN, COUNT, GAINS, START, Kind, Owners, Rows
+from poise.stack._tables import CHOSEN, COUNT, GAINS, START, Assembly, Kind, Line
 from poise.stack._task import ask, write_measured
 
 
@@ -149,22 +149,15 @@ class PostureTask(JointTask):
 
 
 @part
-def joint_rows(
-    q: Float64[np.ndarray, " nq"],
-    v: Float64[np.ndarray, " nv"],
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    velocities: bool,
-) -> None:
+def joint_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
     """Single joints, whose coefficients are constant and stand there already."""
+    q, v, owners = state.q, state.v, assembly.owners
     parameters, m = owners.parameters, int(line[COUNT])
     for i in range(m):
         joint = int(owners.chosen[line[CHOSEN] + i])
         target = int(line[START] + GAINS * m) + i
         write_measured(
-            rows,
-            parameters,
+            assembly,
             line,
             i,
             parameters[target] - q[joint + len(q) - len(v)],
@@ -174,4 +167,4 @@ def joint_rows(
             parameters[target + 2 * m],
             0.0,
         )
-        ask(rows, parameters, line, i, i + 1, velocities)
+        ask(assembly, line, i, i + 1)

@@ -1,7 +1,7 @@
 """`RelativeFrameTask`: a frame as seen from another frame of the robot."""
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from poise._checks import Numbers, checked_kind
 from poise._compiled import part
@@ -11,7 +11,7 @@ from poise.dynamics import (
     ROTATION,
     VELOCITY,
     Dynamics,
-    Motion,
+    StateNumbers,
     column_at,
     place_frame,
     turn_between,
@@ -31,9 +31,9 @@ from poise.stack._tables import (
     START,
     TARGET_ROTATION,
     TURNS,
+    Assembly,
     Kind,
-    Owners,
-    Rows,
+    Line,
 )
 from poise.stack._task import ask, write_measured
 
@@ -126,22 +126,16 @@ class RelativeFrameTask(ShippedTask[PoseTarget]):
 
 
 @part
-def relative_frame_rows(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    velocities: bool,
-    work: Float64[np.ndarray, " work"],
-) -> None:
+def relative_frame_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
     """A frame's pose as seen from another, along the other's axes; targets are at rest."""
+    motion, owners, work = state.motion, assembly.owners, assembly.work
     m, other, error = line[COUNT], KINEMATICS, 2 * KINEMATICS
     parameters, target = owners.parameters, int(line[START] + GAINS * m)
     place_frame(motion, owners.frames, line[FRAME_INDEX], work, 0)
     turn_to_world(work, 0)
     place_frame(motion, owners.frames, line[ROOT_INDEX], work, other)
     turn_to_world(work, other)
-    _relative_columns(motion, owners, line, rows, work)
+    _relative_columns(state, assembly, line)
     _see_from(work, other)
     for i in range(3):
         work[error + i] = parameters[target + i] - work[i]
@@ -154,8 +148,7 @@ def relative_frame_rows(
         component = int(owners.chosen[line[CHOSEN] + i])
         linear += component < 3
         write_measured(
-            rows,
-            parameters,
+            assembly,
             line,
             i,
             work[error + component],
@@ -165,19 +158,14 @@ def relative_frame_rows(
             0.0,
             work[BIAS + component],
         )
-    ask(rows, parameters, line, 0, linear, velocities)
-    ask(rows, parameters, line, linear, m, velocities)
+    ask(assembly, line, 0, linear)
+    ask(assembly, line, linear, m)
 
 
 @part
-def _relative_columns(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    work: Float64[np.ndarray, " work"],
-) -> None:
+def _relative_columns(state: StateNumbers, assembly: Assembly, line: Line) -> None:
     """Coefficients of a frame's motion seen from a root: of the joints between the two alone."""
+    motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     frames, R, m = owners.frames, KINEMATICS + ROTATION, line[COUNT]
     starts, columns = frames.starts, frames.columns
     one, other = starts[line[FRAME_INDEX]], starts[line[ROOT_INDEX]]

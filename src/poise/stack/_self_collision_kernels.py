@@ -11,12 +11,12 @@ from poise.dynamics import (
     KINEMATICS,
     ROTATION,
     VELOCITY,
-    Motion,
+    StateNumbers,
     column_at,
     place_frame,
     turn_to_world,
 )
-from poise.stack._tables import CHOSEN, FIRST, FRAME_INDEX, START, Owners, Rows
+from poise.stack._tables import CHOSEN, FIRST, FRAME_INDEX, START, Assembly, Line
 from poise.stack._viability import largest_acceleration
 
 BRAKING, HORIZON, APPROACH, SHAPES, SHAPE = 0, 1, 2, 3, 7
@@ -54,15 +54,9 @@ def room_for(frames: int, capsules: int) -> int:
 
 
 @part
-def bound_self_collision(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    velocities: bool,
-    work: Float64[np.ndarray, " work"],
-) -> None:
+def bound_self_collision(state: StateNumbers, assembly: Assembly, line: Line) -> None:
     """Rows for the distances of the pairs that are about to be nearest."""
+    motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     first, nv = int(line[FIRST]), len(motion.columns)
     for row in range(first, first + PAIRS):
         for k in range(nv):
@@ -90,7 +84,7 @@ def bound_self_collision(
             slot = (slot + 1) % PAIRS
         taken |= 1 << slot
         at = chosen + i * _CHOSEN_PAIR
-        _write(motion, owners, line, rows, first + slot, velocities, work, placed, at)
+        _write(state, assembly, line, first + slot, placed, at)
 
 
 @part
@@ -277,17 +271,16 @@ def _acceleration(
 
 @part
 def _write(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    row: int,
-    velocities: bool,
-    work: Float64[np.ndarray, " work"],
-    placed: int,
-    at: int,
+    state: StateNumbers, assembly: Assembly, line: Line, row: int, placed: int, at: int
 ) -> None:
     """The row of a pair that was chosen."""
+    motion, owners, rows, work, velocities = (
+        state.motion,
+        assembly.owners,
+        assembly.rows,
+        assembly.work,
+        assembly.velocities,
+    )
     parameters, start, table = owners.parameters, int(line[START]), owners.chosen[line[CHOSEN] :]
     capsules, pair = int(table[0]), int(work[at])
     i, j = int(table[2 + capsules + 2 * pair]), int(table[3 + capsules + 2 * pair])

@@ -1,7 +1,7 @@
 """`bound_settling`: joint limits beside contacts that do not lie still."""
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from poise._compiled import Block, allocate, compiled, factor_leading, part, solve_leading, view
 from poise.dynamics import StateNumbers
@@ -14,8 +14,7 @@ from poise.stack._tables import (
     KIND,
     START,
     Assembly,
-    Owners,
-    Rows,
+    Line,
 )
 from poise.stack._viability import Viability, bound_joint, bound_joints, braking_asked
 
@@ -60,18 +59,12 @@ def update_rows(assembly_at: int, settling_at: int, state_at: int) -> bool:
         return False
     assembly = view(Assembly, assembly_at)
     if assembly.count > 0:
-        bound_settling(state.q, state.v, assembly.owners, assembly.rows, settling)
+        bound_settling(state, assembly, settling)
     return True
 
 
 @part
-def bound_settling(
-    q: Float64[np.ndarray, " nq"],
-    v: Float64[np.ndarray, " nv"],
-    owners: Owners,
-    rows: Rows,
-    room: Settling,
-) -> None:
+def bound_settling(state: StateNumbers, assembly: Assembly, room: Settling) -> None:
     """Leaves out of joint limits what joints do only because a contact still moves.
 
     A contact that carries comes to rest by itself, J dv + drift = a - d J v. A sole that has come
@@ -89,6 +82,7 @@ def bound_settling(
     3 mrad beyond it, kicked G1 until it hopped. Where an ankle's sole is tilted beyond its range
     the joint's own stop holds it.
     """
+    q, v, owners = state.q, state.v, assembly.owners
     viability, lower, upper = room.viability, room.lower, room.upper
     first = len(v) - len(lower)
     for i in range(len(lower)):
@@ -96,7 +90,7 @@ def bound_settling(
     for i in range(len(owners.lines)):
         if owners.lines[i, KIND] != CONTACT:
             break
-        _settle(v, owners, owners.lines[i], rows, first, room)
+        _settle(state, assembly, owners.lines[i], first, room)
     angles = len(q) - len(lower)
     for i in range(len(lower)):
         if room.beside[i] > 0.0:
@@ -112,14 +106,10 @@ def bound_settling(
 
 @part
 def _settle(
-    v: Float64[np.ndarray, " nv"],
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    rows: Rows,
-    first: int,
-    room: Settling,
+    state: StateNumbers, assembly: Assembly, line: Line, first: int, room: Settling
 ) -> None:
     """Adds what one contact's motion asks of its joints: w = J^T (J J^T + s I)^-1 J v, so r."""
+    v, owners, rows = state.v, assembly.owners, assembly.rows
     columns, frame = owners.frames.columns, line[FRAME_INDEX]
     begin, end = owners.frames.starts[frame], owners.frames.starts[frame + 1]
     top, count = rows.first + line[FIRST], int(line[COUNT])

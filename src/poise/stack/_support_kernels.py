@@ -14,10 +14,10 @@ forces, which sum up to nothing at rest.
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from poise._compiled import part
-from poise.dynamics import ROTATION, Motion, column_at, place_frame
+from poise.dynamics import ROTATION, StateNumbers, column_at, place_frame
 from poise.stack._polygon import find_hull
 from poise.stack._tables import (
     CONTACT,
@@ -28,7 +28,8 @@ from poise.stack._tables import (
     OUTLINE,
     POINTS,
     START,
-    Owners,
+    Assembly,
+    Line,
 )
 
 MARGIN, LEAST_LOAD, NEXT_STEP, TORQUES = 1, 2, 6, 14
@@ -66,26 +67,22 @@ class Support(NamedTuple):
 
 
 @part
-def outline_support(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
-    work: Float64[np.ndarray, " work"],
-) -> Support:
+def outline_support(state: StateNumbers, assembly: Assembly, line: Line) -> Support:
     """Outlines of where the ZMP can be now, and of where the DCM is caught."""
+    owners = assembly.owners
     size = len(owners.corners) // CORNERS
     # Points of whole and of smaller rectangles, then the outlines of both.
     reach = owners.corners[: POINTS * size]
     catch = owners.corners[POINTS * size : 2 * POINTS * size]
     outer = owners.corners[2 * POINTS * size : (2 * POINTS + OUTLINE) * size]
     inner = owners.corners[(2 * POINTS + OUTLINE) * size :]
-    feet, height = _gather(motion, owners, line, reach, catch, work)
+    feet, height = _gather(state, assembly, line, reach, catch)
     if feet == 0:
         return Support(outer[:0], inner[:0], 0.0)
     count = 4 * feet
-    last = _press(motion, owners, line, reach, feet)
+    last = _press(state, assembly, line, reach, feet)
     standing = find_hull(reach[count:], last - count, outer)
-    last = _press(motion, owners, line, catch, feet)
+    last = _press(state, assembly, line, catch, feet)
     last = _add_next_step(owners.parameters, line[START], catch, last)
     caught = find_hull(catch[count:], last - count, inner)
     return Support(outer[:standing], inner[:caught], height)
@@ -93,14 +90,14 @@ def outline_support(
 
 @part
 def _gather(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
+    state: StateNumbers,
+    assembly: Assembly,
+    line: Line,
     reach: Float64[np.ndarray, "k 2"],
     catch: Float64[np.ndarray, "k 2"],
-    work: Float64[np.ndarray, " work"],
 ) -> tuple[int, float]:
     """Corners of the contacts that carry, of their whole rectangles and of smaller ones."""
+    motion, owners, work = state.motion, assembly.owners, assembly.work
     parameters, at = owners.parameters, line[START]
     count, height = 0, 0.0
     for other in owners.lines:
@@ -110,7 +107,7 @@ def _gather(
         place_frame(motion, owners.frames, other[FRAME_INDEX], work, 0)
         if work[ROTATION + 8] < _STEEP:
             return 0, 0.0
-        if not _carries(owners, line, other):
+        if not _carries(assembly, line, other):
             continue
         height += work[2]
         m = other[COUNT]
@@ -129,34 +126,34 @@ def _gather(
 
 
 @part
-def _carries(
-    owners: Owners, line: Int64[np.ndarray, " entries"], other: Int64[np.ndarray, " entries"]
-) -> bool:
+def _carries(assembly: Assembly, line: Line, other: Line) -> bool:
+    owners = assembly.owners
     most = owners.parameters[other[START] + 3 + other[COUNT]]
     return bool(most >= owners.parameters[line[START] + LEAST_LOAD])
 
 
 @part
 def _press(
-    motion: Motion,
-    owners: Owners,
-    line: Int64[np.ndarray, " entries"],
+    state: StateNumbers,
+    assembly: Assembly,
+    line: Line,
     points: Float64[np.ndarray, "k 2"],
     feet: int,
 ) -> int:
     """Outline the CoP of each foot, alone and with the next one's help, after the corners."""
+    motion, owners = state.motion, assembly.owners
     foot, last = 0, 4 * feet
     weight = -motion.mass[0] * motion.gravity[2]
     for other in owners.lines:
         if other[KIND] != CONTACT:
             break
-        if not _carries(owners, line, other):
+        if not _carries(assembly, line, other):
             continue
-        least = 0.0 if feet == 1 else _least_share(owners, line, (foot + 1) % feet, weight)
+        least = 0.0 if feet == 1 else _least_share(assembly, line, (foot + 1) % feet, weight)
         for corner in range(4):
             last = _press_corner(
-                motion,
-                owners,
+                state,
+                assembly,
                 (line[START] + TORQUES, other[FRAME_INDEX]),
                 points,
                 (foot, corner, feet),
@@ -168,15 +165,14 @@ def _press(
 
 
 @part
-def _least_share(
-    owners: Owners, line: Int64[np.ndarray, " entries"], foot: int, weight: float
-) -> float:
+def _least_share(assembly: Assembly, line: Line, foot: int, weight: float) -> float:
     """Part of the weight that a foot has to carry: what contacts are not let go of by."""
+    owners = assembly.owners
     place = 0
     for other in owners.lines:
         if other[KIND] != CONTACT:
             break
-        if not _carries(owners, line, other):
+        if not _carries(assembly, line, other):
             continue
         if place == foot:
             return float(owners.parameters[other[START] + 3] / weight)
@@ -186,8 +182,8 @@ def _least_share(
 
 @part
 def _press_corner(
-    motion: Motion,
-    owners: Owners,
+    state: StateNumbers,
+    assembly: Assembly,
     leg: tuple[int, int],
     points: Float64[np.ndarray, "k 2"],
     which: tuple[int, int, int],
@@ -198,6 +194,7 @@ def _press_corner(
 
     The next foot carries its least load, or the rest, at the same corner.
     """
+    motion, owners = state.motion, assembly.owners
     (torques, frame), (foot, corner, feet) = leg, which
     frames, at = owners.frames, 4 * foot
     x, y = points[at + corner, 0], points[at + corner, 1]

@@ -96,3 +96,8 @@ class Assembly(Block):
     rows: Rows
     work: Float64[np.ndarray, " work"]
     count: int  # owners that are evaluated
+    velocities: int  # 1 where rows are on velocities, 0 where on accelerations
+
+
+Line = Int64[np.ndarray, " entries"]
+"""A line of `Owners.lines`."""

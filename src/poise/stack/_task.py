@@ -7,7 +7,7 @@ from itertools import accumulate, pairwise
 from typing import TypeGuard, cast
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Bool, Float64
 
 from poise._checks import Numbers
 from poise._compiled import part
@@ -29,7 +29,8 @@ from poise.stack._tables import (
     SPEED,
     START,
     WEIGHT,
-    Rows,
+    Assembly,
+    Line,
 )
 
 _PLAIN = {float}
@@ -478,9 +479,8 @@ def _write_gains(
 
 @part
 def write_measured(
-    rows: Rows,
-    parameters: Float64[np.ndarray, " p"],
-    line: Int64[np.ndarray, " entries"],
+    assembly: Assembly,
+    line: Line,
     i: int,
     error: float,
     fade: float,
@@ -490,6 +490,7 @@ def write_measured(
     drift: float,
 ) -> None:
     """Write what a task's row measures; `target` holds the target's velocity until `ask`."""
+    rows, parameters = assembly.rows, assembly.owners.parameters
     row = line[FIRST] + i
     rows.error[row], rows.fade[row], rows.error_rate[row] = error, fade, velocity - actual
     rows.drift[row], rows.feedforward[row] = drift, feedforward
@@ -498,15 +499,9 @@ def write_measured(
 
 
 @part
-def ask(
-    rows: Rows,
-    parameters: Float64[np.ndarray, " p"],
-    line: Int64[np.ndarray, " entries"],
-    begin: int,
-    end: int,
-    velocities: bool,
-) -> None:
+def ask(assembly: Assembly, line: Line, begin: int, end: int) -> None:
     """Feedback of a block of a task's rows as in `Task`, or what was given in its place."""
+    rows, velocities, parameters = assembly.rows, assembly.velocities, assembly.owners.parameters
     m, gains, first = line[COUNT], line[START], line[FIRST]
     asked_square = target_square = 0.0
     for i in range(begin, end):
