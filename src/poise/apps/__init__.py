@@ -1,1 +1,1 @@
-"""What people run: scenarios, their reports, and a person at the controls."""
+"""Applications: scenarios, reports, campaigns, scorecards, onboarding and live control."""

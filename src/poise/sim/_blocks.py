@@ -27,7 +27,7 @@ class BlockWatch:
         self._top = float((self._centers[:, 2] + up).max(initial=-math.inf))
 
     def touched(self) -> bool:
-        """Whether any solid part of the robot touches a block at the last physics step."""
+        """True where a solid part of the robot touched a block at the last physics step."""
         return not self._touching.isdisjoint(self._plant.data.contact.geom.ravel().tolist())
 
     def clearance(self) -> float:

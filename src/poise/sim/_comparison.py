@@ -1,4 +1,4 @@
-"""How far a user's MuJoCo model is the robot that a controller knows.
+"""Comparison of a user's MuJoCo model with the controller's robot.
 
 Joints that stand or turn elsewhere are refused. What may be meant so, such as a heavier link, is
 described in a sentence.

@@ -353,7 +353,7 @@ class Plant:
 
     @property
     def diverged(self) -> bool:
-        """Whether the simulation has left the finite numbers; reset to go on."""
+        """True where the simulation has left the finite numbers; reset to go on."""
         return self._diverged
 
     @property
@@ -363,7 +363,7 @@ class Plant:
 
     @property
     def fallen(self) -> bool:
-        """Whether the pelvis is too low (PlantConfig.fall_height_ratio), or the run diverged."""
+        """True where the pelvis is too low (PlantConfig.fall_height_ratio), or the run diverged."""
         if self._diverged or not self.robot.floating_base:
             return self._diverged
         height = float(self.data.site_xpos[self._pelvis, 2])

@@ -266,7 +266,7 @@ class _WatchedStack:
         self._contacts = [(f"planned/{c.frame}", c) for c in solver.stack.contacts]
 
     def add(self, samples: dict[str, Value], *, answered: bool) -> None:
-        """Adds samples of the last tick; `answered` where the controller had an answer."""
+        """Add samples of the last tick; `answered` where the controller had an answer."""
         suspended = self._solver.suspended
         for name, task in self._tasks:
             error = task.error

@@ -109,7 +109,7 @@ class _Base:
         return self._forces()
 
     def far(self, x: Float64[np.ndarray, "6"]) -> bool:
-        """Whether a place is too far from where the robot was put."""
+        """Return True where a place is too far from where the robot was put."""
         height = abs(self._begin[2] - self._start[2]) + abs(x[0])
         return height > 2.0 * _REACH or float(np.abs(x[1:3]).max()) > _MOST_TILT
 

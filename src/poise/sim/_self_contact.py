@@ -75,7 +75,7 @@ def _touching(
 
 
 def _are_neighbours(model: mujoco.MjModel, one: int, other: int) -> bool:
-    """Whether two rigid groups of bodies are links of one compound joint, or next but one."""
+    """Return True where two rigid groups are links of one compound joint, or next but one."""
     ways = [_way_to_world(model, group) for group in (one, other)]
     chains = [[g for g in way if g not in ways[1 - i]] for i, way in enumerate(ways)]
     joints = [*chains[0], *reversed(chains[1])]

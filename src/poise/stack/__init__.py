@@ -1,4 +1,4 @@
-"""What the robot should do; each task gives rows and knows no solver."""
+"""Tasks, contacts and limits of a robot as rows, independent of solvers."""
 
 from poise.stack._axes import (
     LINEAR_SPEED as LINEAR_SPEED,

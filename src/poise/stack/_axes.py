@@ -20,7 +20,7 @@ _NUMBER = np.dtype(np.float64)
 
 
 def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, " m"]:
-    """Turns an axis mask into row indices.
+    """Turn an axis mask into row indices.
 
     A mask is a group ("position"), a group with letters ("orientation_xy"), or several of these
     joined by "+" ("position_z+orientation"). Where there is one group its name may be left out
@@ -194,7 +194,7 @@ def _from_quaternion(value: Numbers, what: str) -> Numbers:
 def _is_finite_array(
     value: object, shape: tuple[int, ...]
 ) -> TypeGuard[Float64[np.ndarray, "..."]]:
-    """Whether a value needs no conversion: what leaders set each tick, checked by plain numbers."""
+    """Return True where a value needs no conversion, checked by plain numbers."""
     return (
         type(value) is np.ndarray
         and value.dtype == _NUMBER

@@ -131,7 +131,7 @@ class BalanceLimit:
 
     @property
     def enabled(self) -> bool:
-        """Whether there are any rows."""
+        """True where the limit has rows."""
         return self._enabled
 
     @property
@@ -141,7 +141,7 @@ class BalanceLimit:
 
     @property
     def decay(self) -> float:
-        """How fast the distance to an edge may be used up [1/s]."""
+        """Largest rate at which the distance to an edge is used up [1/s]."""
         return self._decay
 
     @property
@@ -160,7 +160,7 @@ class BalanceLimit:
         return self._leg_max
 
     def bind(self, robot: Robot) -> None:
-        """Measures the legs of a robot; controllers call it before the first tick.
+        """Measure the legs of a robot; controllers call it before the first tick.
 
         Raises:
             ConfigurationError: the limit serves another robot.
@@ -191,7 +191,7 @@ class BalanceLimit:
         )
 
     def expect_step(self, corners: Numbers | None) -> None:
-        """Announces the next foothold: what leaves the soles towards it will be caught there.
+        """Announce the next foothold: what leaves the soles towards it will be caught there.
 
         A walk lets the robot fall from one foot to the next on purpose. Who leads one says where
         it is caught, from the tick in which a foot is unloaded until the next one carries, and
@@ -217,7 +217,7 @@ class BalanceLimit:
             place[:] = checked_target(np.ravel(np.asarray(corners, dtype=float)), 8, what)
 
     def reset(self) -> None:
-        """Forgets the next foothold."""
+        """Forget the next foothold."""
         if self._robot is not None:
             self.expect_step(None)
 
@@ -256,7 +256,7 @@ class BalanceRows(Owner):
         self.edge_distances: Float64[np.ndarray, " edges"] = np.full(MOST_EDGES, np.inf)
 
     def view(self, rows: Rows, own: slice, nv: int) -> None:
-        """Takes views of its rows as its attributes."""
+        """Take views of its rows as its attributes."""
         super().view(rows, own, nv)
         self.edge_distances = rows.error[own][:MOST_EDGES]
 

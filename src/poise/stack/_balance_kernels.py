@@ -24,8 +24,8 @@ from poise.stack._tables import (
     FIRST,
     FRAME_INDEX,
     START,
-    Assembly,
     Line,
+    StackNumbers,
 )
 from poise.stack._viability import largest_acceleration
 
@@ -61,7 +61,7 @@ _ANY_SPEED = 1e9
 
 
 @part
-def bound_balance(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+def bound_balance(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """Rows for the edges of the support, the angular momentum, then one a leg."""
     v, rows = state.v, assembly.rows
     for i in range(line[COUNT]):
@@ -76,7 +76,7 @@ def bound_balance(state: StateNumbers, assembly: Assembly, line: Line) -> None:
 
 
 @part
-def _bound_edges(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+def _bound_edges(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     v, motion, owners, rows, work = (
         state.v,
         state.motion,
@@ -130,7 +130,11 @@ def _bound_edges(state: StateNumbers, assembly: Assembly, line: Line) -> None:
 
 @part
 def _bound_momentum(
-    state: StateNumbers, assembly: Assembly, line: Line, support: Support, xi: tuple[float, float]
+    state: StateNumbers,
+    assembly: StackNumbers,
+    line: Line,
+    support: Support,
+    xi: tuple[float, float],
 ) -> None:
     """The angular momentum about the COM, as the acceleration that as much force gave it."""
     v, motion, owners, rows, work = (
@@ -180,7 +184,7 @@ def _stopping_arm(
     way: tuple[float, float],
     most: float,
 ) -> float:
-    """How far beyond the component the soles can press, one way: what stops a lean that way [m].
+    """Reach of the soles beyond the component, one way, which stops a lean that way [m].
 
     Where the component is outside, a lean that way is what brings it back.
     """
@@ -215,7 +219,7 @@ def _rank_among_nearest(
 
 
 @part
-def _bound_leg(state: StateNumbers, assembly: Assembly, line: Line, leg: int) -> None:
+def _bound_leg(state: StateNumbers, assembly: StackNumbers, line: Line, leg: int) -> None:
     """The distance of a hip from its ankle, by its acceleration along the line between them."""
     motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     frames, parameters, ankle = owners.frames, owners.parameters, KINEMATICS
@@ -252,7 +256,7 @@ def _bound_leg(state: StateNumbers, assembly: Assembly, line: Line, leg: int) ->
 @part
 def _write_leg(
     state: StateNumbers,
-    assembly: Assembly,
+    assembly: StackNumbers,
     hip_frame: int,
     axis: tuple[float, float, float],
     row: int,

@@ -19,9 +19,9 @@ from poise.stack._tables import (
     FIRST,
     GAINS,
     START,
-    Assembly,
     Kind,
     Line,
+    StackNumbers,
 )
 from poise.stack._task import ask, write_measured
 
@@ -61,7 +61,7 @@ class ComTask(ShippedTask[VectorTarget]):
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
     ) -> None:
-        """Sets where the COM should be.
+        """Set where the COM should be.
 
         Args:
             position: in the world [m].
@@ -75,7 +75,7 @@ class ComTask(ShippedTask[VectorTarget]):
 
     @property
     def target_position(self) -> Float64[np.ndarray, "3"] | None:
-        """Where the COM should be [m]; None until a target is set or taken from the robot."""
+        """Target of the COM [m]; None until one is set or taken from the robot."""
         return self._target.position
 
     def masked_target(self) -> Float64[np.ndarray, "3"]:
@@ -88,7 +88,7 @@ class ComTask(ShippedTask[VectorTarget]):
         return shown
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Takes a target that was never set from the robot.
+        """Take a target that was never set from the robot.
 
         Args:
             dynamics: the state, up to date.
@@ -133,7 +133,7 @@ class MomentumTask(ShippedTask[VectorTarget]):
         self._target.set(np.zeros(3))
 
     def set_gains(self, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
-        """Sets the gain of the momentum error, from the next tick.
+        """Set the gain of the momentum error, from the next tick.
 
         Args:
             kp: zero or None: there is no position to hold.
@@ -153,7 +153,7 @@ class MomentumTask(ShippedTask[VectorTarget]):
         super().set_gains(kp, kd)
 
     def set_target(self, momentum: Numbers, rate: Numbers | None = None) -> None:
-        """Sets the reference angular momentum about the COM.
+        """Set the reference angular momentum about the COM.
 
         Args:
             momentum: along the world's axes [kg m^2/s].
@@ -169,7 +169,7 @@ class MomentumTask(ShippedTask[VectorTarget]):
 
 
 @part
-def com_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+def com_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """The COM; its Jacobian and drift are the linear momentum's over the mass."""
     motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     parameters, m = owners.parameters, line[COUNT]
@@ -195,7 +195,7 @@ def com_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
 
 
 @part
-def momentum_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+def momentum_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """The angular momentum about the COM; its target's first rate is the feedforward."""
     motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     parameters, m = owners.parameters, line[COUNT]
@@ -222,7 +222,7 @@ def momentum_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
 
 @part
 def _write_momentum_row(
-    state: StateNumbers, assembly: Assembly, component: int, divisor: float, row: int
+    state: StateNumbers, assembly: StackNumbers, component: int, divisor: float, row: int
 ) -> float:
     """A row of the centroidal momentum map A_G over a divisor; returns its product with v."""
     v, motion, rows = state.v, state.motion, assembly.rows

@@ -30,9 +30,9 @@ from poise.stack._tables import (
     FIRST,
     FRAME_INDEX,
     START,
-    Assembly,
     Kind,
     Line,
+    StackNumbers,
 )
 
 FULL_TILT = 0.01
@@ -57,11 +57,11 @@ class LoadRamp:
 
     @property
     def active(self) -> bool:
-        """Whether any load may be carried now, or will be at the end of the ramp."""
+        """True where the load, now or at the end of the ramp, is not zero."""
         return self._load > 0.0 or self._goal > 0.0
 
     def start(self, goal: float, duration: float) -> None:
-        """Moves to a goal over a duration [s], from wherever the load is now."""
+        """Move to a goal over a duration [s], from wherever the load is now."""
         self._goal = goal
         self._rate = abs(goal - self._load) / duration if duration > 0.0 else math.inf
         self._time = None
@@ -80,7 +80,7 @@ class LoadRamp:
         return self._load
 
     def pause(self, time: float) -> None:
-        """Goes on from a time [s], with the load that there was before."""
+        """Go on from a time [s], with the load that there was before."""
         if self._time is not None:
             self._time = max(self._time, time)
 
@@ -144,7 +144,7 @@ class Contact(Owner, ABC):
         self._robot: Robot | None = None
 
     def _hold(self, components: Int64[np.ndarray, " dim"], damping: float) -> None:
-        """Makes room for the rows of some components of the frame's motion and of the wrench."""
+        """Make room for the rows of some components of the frame's motion and of the wrench."""
         self.chosen, self.dim = components, len(components)
         self.cone: Float64[np.ndarray, "rows dim"] = np.zeros((0, self.dim))
         self.reference: Float64[np.ndarray, " dim"] = np.zeros(self.dim)
@@ -156,7 +156,7 @@ class Contact(Owner, ABC):
         self.wrench_lower[2] = 0.0
 
     def bind(self, robot: Robot) -> None:
-        """Resolves the frame on a robot; controllers call it before the first tick.
+        """Resolve the frame on a robot; controllers call it before the first tick.
 
         Raises:
             UnknownNameError: the robot has no such frame.
@@ -205,11 +205,11 @@ class Contact(Owner, ABC):
 
     @property
     def damping(self) -> float:
-        """How fast a residual velocity dies out [1/s]; `set_damping` changes it."""
+        """Decay rate of a residual velocity [1/s]; `set_damping` changes it."""
         return float(self.parameters[0])
 
     def set_damping(self, damping: float) -> None:
-        """Sets how fast a residual velocity of the contact dies out, from the next tick.
+        """Set how fast a residual velocity of the contact dies out, from the next tick.
 
         Args:
             damping: [1/s].
@@ -231,7 +231,7 @@ class Contact(Owner, ABC):
 
     @property
     def pressure_reach(self) -> Float64[np.ndarray, "2"]:
-        """How far the centre of pressure may be from the frame's origin along its x and y [m].
+        """Largest distance of the CoP from the frame's origin along its x and y [m].
 
         Zero for a point; made with the cone, a view of what the balance limit reads.
         """
@@ -247,11 +247,11 @@ class Contact(Owner, ABC):
 
     @property
     def acceleration(self) -> Float64[np.ndarray, " dim"]:
-        """What is asked for beside the damping [m/s^2, rad/s^2]; `set_acceleration` changes it."""
+        """Acceleration beside the damping [m/s^2, rad/s^2]; `set_acceleration` changes it."""
         return self.parameters[4 + 2 * self.dim :].copy()
 
     def set_acceleration(self, acceleration: Numbers) -> None:
-        """Asks the contact to move, from the next tick on.
+        """Ask the contact to move, from the next tick on.
 
         J dv + drift = acceleration - damping velocity. What lies firmly on the ground does not
         follow, and little is lost by that: it is the inertia of a foot that does. A sole that
@@ -269,12 +269,12 @@ class Contact(Owner, ABC):
 
     @property
     def active(self) -> bool:
-        """Whether the contact may carry load; an inactive one does not constrain the robot."""
+        """True where the contact may bear load; an inactive one does not constrain the robot."""
         return self._load.active
 
     @property
     def metric(self) -> Float64[np.ndarray, "dim dim"]:
-        """How near a wrench is to what the contact can hold: F^T metric F [N^2].
+        """Metric of a wrench by the bounds of the contact: F^T metric F [N^2].
 
         C^T C, each row of the cone over its bound at unit normal force, over the number of rows: a
         moment counts as the normal force with which it takes the pressure to an edge, of all of the
@@ -289,7 +289,7 @@ class Contact(Owner, ABC):
         return split_rows(self.chosen)
 
     def release(self, duration: float = 0.2) -> None:
-        """Unloads the contact: its normal force bound ramps to zero, then it turns inactive.
+        """Unload the contact: its normal force bound ramps to zero, then it turns inactive.
 
         Args:
             duration: length of the ramp [s].
@@ -300,7 +300,7 @@ class Contact(Owner, ABC):
         self._load.start(0.0, checked_number(duration, "duration of a contact's release [s]"))
 
     def engage(self, duration: float = 0.2) -> None:
-        """Loads the contact: it turns active, and its normal force bound ramps up from zero.
+        """Load the contact: it turns active, and its normal force bound ramps up from zero.
 
         Args:
             duration: length of the ramp [s].
@@ -311,7 +311,7 @@ class Contact(Owner, ABC):
         self._load.start(1.0, checked_number(duration, "duration of a contact's engagement [s]"))
 
     def pause(self, time: float) -> None:
-        """Lets time pass without its load ramp, where nobody commands: it goes on afterwards.
+        """Let time pass without its load ramp, where nobody commands: it goes on afterwards.
 
         Args:
             time: time of the state [s].
@@ -319,7 +319,7 @@ class Contact(Owner, ABC):
         self._load.pause(time)
 
     def advance(self, time: float) -> None:
-        """Moves the load ramp on to a time and sets the bounds of the wrench.
+        """Move the load ramp on to a time and sets the bounds of the wrench.
 
         Args:
             time: time of the state [s].
@@ -339,7 +339,7 @@ class Contact(Owner, ABC):
         self.wrench_lower[2] = min(load, self._min_load) * self._weight
 
     def evaluate(self, dynamics: Dynamics) -> None:
-        """Fills `jacobian`, `drift` and `reference` for one state.
+        """Fill in `jacobian`, `drift` and `reference` for one state.
 
         Args:
             dynamics: the state, up to date.
@@ -356,7 +356,7 @@ class Contact(Owner, ABC):
 
 
 @part
-def contact_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+def contact_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """A contact's frame along its own axes, or its edge; parameters as `Contact` lays them out."""
     motion, owners, rows, work, velocities = (
         state.motion,
@@ -394,7 +394,7 @@ def contact_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
 def _move_to_edge(
     parameters: Float64[np.ndarray, " p"], edge: int, work: Float64[np.ndarray, " work"]
 ) -> None:
-    """Moves a frame aside to the lower edge of its sole, along its y, with velocity and bias."""
+    """Move a frame aside to the lower edge of its sole, along its y, with velocity and bias."""
     tilt = work[ROTATION + 7]
     aside = -parameters[edge] * min(max(tilt / FULL_TILT, -1.0), 1.0)
     for i in range(3):

@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class ContactSets(Generic[T]):
-    """What belongs to each set of active contacts, made once: switching back allocates nothing.
+    """Objects made once for each set of active contacts: switching back allocates nothing.
 
     The active contacts are prepared when this is made; where there are few contacts, all their
     sets are, so that no tick has to make one. What is wrong is so refused before the first tick.
@@ -32,7 +32,7 @@ class ContactSets(Generic[T]):
             self.of(contacts)
 
     def of(self, contacts: tuple[Contact, ...]) -> T:
-        """What belongs to a set of contacts, in the order of the stack."""
+        """Return the object of a set of contacts, given in the order of the stack."""
         made = self._made.get(contacts)
         if made is None:
             made = self._made[contacts] = self._make(contacts)

@@ -121,11 +121,11 @@ class SurfaceContact(Contact):
 
     @property
     def margin(self) -> float:
-        """How far the centre of pressure stays inside the edges [m]; `set_margin` changes it."""
+        """Distance of the CoP kept from the edges [m]; `set_margin` changes it."""
         return self._margin
 
     def set_margin(self, margin: float) -> None:
-        """Sets how far the centre of pressure stays inside the edges, from the next tick on.
+        """Set how far the centre of pressure stays inside the edges, from the next tick on.
 
         What `carry_on` said holds on. The strategies "whole_body" and "reduced" read it; "osf"
         keeps to the margin that it was made with.
@@ -148,11 +148,11 @@ class SurfaceContact(Contact):
 
     @property
     def tilts(self) -> bool:
-        """Whether it bears moments about both of its own axes: not on an edge, see `Sole.leans`."""
+        """True where it bears moments about both own axes: not on an edge, see `Sole.leans`."""
         return 3 in self.chosen and 4 in self.chosen
 
     def carry_on(self, lower: tuple[float, float], upper: tuple[float, float]) -> None:
-        """Says which part of the surface lies on something, from the next tick on.
+        """Set the part of the surface that lies on something, from the next tick on.
 
         With the middle p of that rectangle the cone is that of a smaller surface, of the wrench
         about p: m_p = m - p x f. The strategies "whole_body" and "reduced" read it; "osf" keeps to

@@ -33,11 +33,11 @@ from poise.stack._tables import (
     TARGET_ROTATION,
     TURNS,
     WORK,
-    Assembly,
     Kind,
     Numbers,
     Owners,
     Rows,
+    StackNumbers,
 )
 
 
@@ -102,7 +102,7 @@ class Evaluation:
         wrench_lower: Float64[np.ndarray, " w"],
         wrench_upper: Float64[np.ndarray, " w"],
     ) -> None:
-        """Has everything written there from now on, see `Rows`."""
+        """Set the memory that everything is written into, see `Rows`."""
         drift, reference, error, fade, rate, feedforward = np.zeros((6, self._count))
         self.rows = Rows(
             matrix=matrix,
@@ -119,7 +119,7 @@ class Evaluation:
             wrench_upper=wrench_upper,
             first=first,
         )
-        self.assembly = Assembly(
+        self.assembly = StackNumbers(
             owners=self.inputs, rows=self.rows, work=self._work, count=len(self.owners)
         )
         # Rows are written where a joint moves them; elsewhere they stay zero.
@@ -130,7 +130,7 @@ class Evaluation:
             owner.evaluation = None
 
     def update(self, dynamics: Dynamics, *, velocities: bool = False) -> None:
-        """Evaluates all for one state; tasks without a target hold what the robot does now."""
+        """Evaluate all for one state; tasks without a target hold what the robot does now."""
         if not self.owners:
             return
         if not evaluate(self.assembly.address, dynamics.numbers.address, velocities):
@@ -139,12 +139,12 @@ class Evaluation:
         self.hand_out()
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Has tasks without a target hold what the robot does in a state."""
+        """Set targets that are missing to the state of the robot."""
         for owner in self.owners:
             owner.hold(dynamics)
 
     def hand_out(self) -> None:
-        """Gives owners that were evaluated elsewhere last views of their rows here."""
+        """Give owners that were evaluated elsewhere last views of their rows here."""
         for owner in self.owners:
             if owner.evaluation is not self:
                 break
@@ -155,7 +155,7 @@ class Evaluation:
             owner.evaluation = self
 
     def _compile(self, robot: Robot) -> None:
-        """Evaluates nothing once, so that nothing is compiled in a tick."""
+        """Evaluate nothing once, so that nothing is compiled in a tick."""
         say_if_slow(evaluate, "tasks and contacts")
         self.assembly.count = 0
         evaluate(self.assembly.address, any_dynamics(robot).numbers.address, False)
@@ -164,8 +164,8 @@ class Evaluation:
 
 @compiled
 def evaluate(assembly_at: int, state_at: int, velocities: bool) -> bool:
-    """Writes the rows of all owners for one state; returns False where a target is missing."""
-    assembly, state = view(Assembly, assembly_at), view(StateNumbers, state_at)
+    """Write the rows of all owners for one state; returns False where a target is missing."""
+    assembly, state = view(StackNumbers, assembly_at), view(StateNumbers, state_at)
     owners, assembly.velocities = assembly.owners, 1 if velocities else 0
     _gather(owners)
     for i in range(assembly.count):
@@ -200,7 +200,7 @@ def evaluate(assembly_at: int, state_at: int, velocities: bool) -> bool:
 
 @part
 def _gather(owners: Owners) -> None:
-    """Copies the parameters of all owners."""
+    """Copy the parameters of all owners."""
     at = 0
     for place in owners.places:
         numbers = view(Numbers, place).all

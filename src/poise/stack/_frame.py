@@ -44,9 +44,9 @@ from poise.stack._tables import (
     TARGET_ROTATION,
     TARGET_VELOCITY,
     TURNS,
-    Assembly,
     Kind,
     Line,
+    StackNumbers,
 )
 from poise.stack._task import ask, write_measured
 
@@ -142,7 +142,7 @@ class FrameTask(ShippedTask[PoseTarget]):
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
     ) -> None:
-        """Sets where the frame should be; what is not given stays as it is.
+        """Set where the frame should be; what is not given stays as it is.
 
         Rates belong to what is given beside them: with a position alone, the angular rates stay.
         A task of positions alone takes linear rates alone, too, and one of orientations angular
@@ -163,12 +163,12 @@ class FrameTask(ShippedTask[PoseTarget]):
 
     @property
     def target_position(self) -> Float64[np.ndarray, "3"] | None:
-        """Where the frame should be [m]; None until a target is set or taken from the robot."""
+        """Target position [m]; None until one is set or taken from the robot."""
         return self._target.position
 
     @property
     def target_rotation(self) -> Float64[np.ndarray, "3 3"] | None:
-        """How the frame should be turned, world_R_frame; None until set or taken from the robot."""
+        """Target orientation, world_R_frame; None until one is set or taken from the robot."""
         return self._target.rotation
 
     @property
@@ -182,7 +182,7 @@ class FrameTask(ShippedTask[PoseTarget]):
         return self._blocks
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Takes what was never set of its target from the robot.
+        """Take what was never set of its target from the robot.
 
         Args:
             dynamics: the state, up to date.
@@ -206,7 +206,7 @@ class FrameTask(ShippedTask[PoseTarget]):
 
 
 @part
-def frame_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+def frame_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """A frame's pose along the world's axes."""
     motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     frame, m, error = line[FRAME_INDEX], line[COUNT], KINEMATICS

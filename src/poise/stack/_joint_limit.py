@@ -150,7 +150,7 @@ class JointLimit(Copied):
         return self._upper
 
     def bind(self, robot: Robot) -> None:
-        """Takes the limits of a robot; controllers call it before the first tick.
+        """Take the limits of a robot; controllers call it before the first tick.
 
         Raises:
             UnknownNameError: a range or a braking of a joint that the robot does not have.
@@ -188,7 +188,7 @@ class JointLimit(Copied):
         self.share_memory()
 
     def share_memory(self) -> None:
-        """Has its position limits in the memory that the bounds are made from."""
+        """Make the bounds from the position limits in place."""
         robot = self._robot
         if robot is None:
             return
@@ -207,7 +207,7 @@ class JointLimit(Copied):
         )
 
     def leave_to_stop(self, joint: int, *, at_lower: bool, at_upper: bool) -> None:
-        """Has a position limit of a joint hold no more, or hold again; from the next tick on.
+        """Suspend a position limit of a joint, or restore it; from the next tick on.
 
         For a joint that something else holds at the end of its range, as the ground does an ankle
         whose sole stands on an edge: the mechanical stop is there, and a limit that cannot be met
@@ -223,7 +223,7 @@ class JointLimit(Copied):
         self._q_max[joint] = np.inf if at_upper else self._most[joint]
 
     def evaluate(self, dynamics: Dynamics) -> None:
-        """Fills `lower` and `upper` for one state.
+        """Fill in `lower` and `upper` for one state.
 
         Args:
             dynamics: the state, up to date.
@@ -233,5 +233,5 @@ class JointLimit(Copied):
 
     @property
     def viability(self) -> Viability:
-        """What the bounds are made from; known once bound to a robot."""
+        """Inputs of the bounds; known once bound to a robot."""
         return self._viable.viability

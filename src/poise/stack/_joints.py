@@ -12,7 +12,7 @@ from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target
 from poise.stack._shipped import ShippedTask, VectorTarget
-from poise.stack._tables import CHOSEN, COUNT, GAINS, START, Assembly, Kind, Line
+from poise.stack._tables import CHOSEN, COUNT, GAINS, START, Kind, Line, StackNumbers
 from poise.stack._task import ask, write_measured
 
 
@@ -60,7 +60,7 @@ class JointTask(ShippedTask[VectorTarget]):
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
     ) -> None:
-        """Sets where the joints should be.
+        """Set where the joints should be.
 
         Args:
             position: one a joint [rad].
@@ -76,11 +76,11 @@ class JointTask(ShippedTask[VectorTarget]):
 
     @property
     def target_position(self) -> Float64[np.ndarray, " m"] | None:
-        """Where the joints should be [rad]; None until a target is set or taken from the robot."""
+        """Target angles [rad]; None until they are set or taken from the robot."""
         return None if self._robot is None else self._target.position
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Takes a target that was never set from the robot.
+        """Take a target that was never set from the robot.
 
         Args:
             dynamics: the state, up to date.
@@ -89,7 +89,7 @@ class JointTask(ShippedTask[VectorTarget]):
         self._target.hold(dynamics.state.q[self.chosen + robot.nq - robot.nv])
 
     def write_constants(self, J: Float64[np.ndarray, "m nv"]) -> None:
-        """Writes its coefficients: one where a joint is its own.
+        """Write its coefficients: one where a joint is its own.
 
         Args:
             J: its rows, zero.
@@ -149,7 +149,7 @@ class PostureTask(JointTask):
 
 
 @part
-def joint_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+def joint_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """Single joints, whose coefficients are constant and stand there already."""
     q, v, owners = state.q, state.v, assembly.owners
     parameters, m = owners.parameters, int(line[COUNT])

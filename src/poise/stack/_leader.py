@@ -27,11 +27,11 @@ class Leader(Protocol):
 
     @property
     def stack(self) -> Stack:
-        """What it leads."""
+        """The stack that it leads."""
         ...
 
     def lead(self, state: RobotState) -> None:
-        """Sets what the stack asks for in the tick that begins.
+        """Set what the stack asks for in the tick that begins.
 
         Args:
             state: of the robot, as the controller will get it.

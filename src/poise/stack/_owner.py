@@ -50,7 +50,7 @@ class Owner(Copied):
     _alone: "Evaluation | None" = None
 
     def evaluate_alone(self, dynamics: Dynamics) -> Rows:
-        """Evaluates it apart from all others."""
+        """Evaluate it apart from all others."""
         if self._alone is None:
             # An evaluation knows the formulas of all owners.
             from poise.stack._evaluation import Evaluation
@@ -62,15 +62,15 @@ class Owner(Copied):
         return self._alone.rows
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Takes what was never set of its target from the robot."""
+        """Take what was never set of its target from the robot."""
 
     def reset(self) -> None:
-        """Forgets what was taken from the robot."""
+        """Forget what was taken from the robot."""
 
     def view(self, rows: Rows, own: slice, nv: int) -> None:
-        """Takes views of its rows as its attributes."""
+        """Take views of its rows as its attributes."""
         self.jacobian = rows.matrix[rows.first + own.start : rows.first + own.stop, :nv]
         self.drift, self.reference = rows.drift[own], rows.reference[own]
 
     def write_constants(self, J: Float64[np.ndarray, "m nv"]) -> None:
-        """Writes coefficients that never change."""
+        """Write coefficients that never change."""

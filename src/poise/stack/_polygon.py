@@ -60,7 +60,7 @@ def nearest_inside(hull: Float64[np.ndarray, "k 2"], x: float, y: float) -> tupl
 
 @part
 def _sort(points: Float64[np.ndarray, "n 2"], count: int) -> int:
-    """Sorts by x, then y, and drops what is there twice; returns how many are left."""
+    """Sort by x, then y, and drops what is there twice; returns how many are left."""
     kept = 0
     for i in range(count):
         x, y = points[i, 0], points[i, 1]

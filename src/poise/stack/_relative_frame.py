@@ -31,9 +31,9 @@ from poise.stack._tables import (
     START,
     TARGET_ROTATION,
     TURNS,
-    Assembly,
     Kind,
     Line,
+    StackNumbers,
 )
 from poise.stack._task import ask, write_measured
 
@@ -89,7 +89,7 @@ class RelativeFrameTask(ShippedTask[PoseTarget]):
         self._target = PoseTarget(f"task {self.name!r}")
 
     def set_target(self, position: Pose | None = None, rotation: Numbers | None = None) -> None:
-        """Sets where the frame should be in the root; what is not given stays as it is.
+        """Set where the frame should be in the root; what is not given stays as it is.
 
         Args:
             position: root_p_frame [m]; or position and orientation in one, as `pinocchio.SE3`, a
@@ -107,7 +107,7 @@ class RelativeFrameTask(ShippedTask[PoseTarget]):
         return self._blocks
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Takes what was never set of its target from the robot.
+        """Take what was never set of its target from the robot.
 
         Args:
             dynamics: the state, up to date.
@@ -126,7 +126,7 @@ class RelativeFrameTask(ShippedTask[PoseTarget]):
 
 
 @part
-def relative_frame_rows(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+def relative_frame_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """A frame's pose as seen from another, along the other's axes; targets are at rest."""
     motion, owners, work = state.motion, assembly.owners, assembly.work
     m, other, error = line[COUNT], KINEMATICS, 2 * KINEMATICS
@@ -163,7 +163,7 @@ def relative_frame_rows(state: StateNumbers, assembly: Assembly, line: Line) -> 
 
 
 @part
-def _relative_columns(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+def _relative_columns(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """Coefficients of a frame's motion seen from a root: of the joints between the two alone."""
     motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     frames, R, m = owners.frames, KINEMATICS + ROTATION, line[COUNT]
@@ -188,7 +188,7 @@ def _relative_columns(state: StateNumbers, assembly: Assembly, line: Line) -> No
 
 @part
 def _see_from(work: Float64[np.ndarray, " work"], root: int) -> None:
-    """Turns a frame's place and motion in the world into those seen from a root, in its axes.
+    """Turn a frame's place and motion in the world into those seen from a root, in its axes.
 
     With offset p_f - p_r and slip v_f - v_r, the velocity seen is slip - omega_r x offset, and the
     drift carries the centripetal and Coriolis terms of the turning root.

@@ -146,7 +146,7 @@ class StackRows:
         weight: Float64[np.ndarray, " m"],
         wrench_bounds: tuple[Float64[np.ndarray, " w"], Float64[np.ndarray, " w"]],
     ) -> None:
-        """Has the rows written into a strategy's own memory from now on, without another copy.
+        """Set the memory of a strategy that the rows are written into.
 
         Rows of the strategy's own are left alone.
         """
@@ -155,7 +155,7 @@ class StackRows:
         self._take(self.evaluation.rows)
 
     def write_cones_into(self, matrix: Float64[np.ndarray, "cone w"]) -> None:
-        """Has `cone` written into a strategy's own memory from now on."""
+        """Set the memory of a strategy that `cone` is written into."""
         rows = _spans([len(c.cone) for c in self.contacts])
         self.cone: Float64[np.ndarray, "cone w"] = matrix
         self.cone[:] = stacked_cones(self.contacts)
@@ -187,7 +187,7 @@ class StackRows:
         ]
 
     def update(self, dynamics: Dynamics) -> None:
-        """Evaluates limits, contacts and tasks for a state: rows on accelerations."""
+        """Evaluate limits, contacts and tasks for a state: rows on accelerations."""
         evaluation, state_at = self.evaluation, dynamics.numbers.address
         if not update_rows(evaluation.assembly.address, self.settling.address, state_at):
             evaluation.hold(dynamics)
@@ -207,7 +207,7 @@ class StackRows:
             upper[:], weight[:] = target, task.weight
 
     def update_velocities(self, dynamics: Dynamics) -> None:
-        """Evaluates contacts and tasks for a state: rows on velocities.
+        """Evaluate contacts and tasks for a state: rows on velocities.
 
         A task asks for its target's velocity plus its error fed back, (kp / kd) error, or for the
         velocity that it was given; contacts do not move.
@@ -243,14 +243,14 @@ class StackRows:
 
     @property
     def limit_rows(self) -> slice:
-        """Where the rows of both limits stand, if both are on one side of the tasks."""
+        """Rows of both limits, if both are on one side of the tasks."""
         balance, collisions = self.balance_rows, self.collision_rows
         if self.balance is None:
             return collisions
         return slice(balance.start, collisions.stop if self.collisions else balance.stop)
 
     def excess(self, x: Float64[np.ndarray, " n"], rows: slice) -> float:
-        """How far an answer is beyond the bounds of rows of limits, at most [m/s^2, m/s].
+        """Return the largest excess of an answer over the bounds of rows of limits [m/s^2, m/s].
 
         Negative where all of them hold with room; minus infinity for no rows.
         """

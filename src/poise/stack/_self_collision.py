@@ -114,12 +114,12 @@ class SelfCollisionLimit(Copied):
         self.share_memory()
 
     def share_memory(self) -> None:
-        """Begins without rows, which refer to the contacts that they were made for."""
+        """Begin without rows, which refer to the contacts that they were made for."""
         self._made: dict[_Use, SelfCollisionRows] = {}
 
     @property
     def enabled(self) -> bool:
-        """Whether there are any rows."""
+        """True where the limit has rows."""
         return self._enabled
 
     @property
@@ -136,7 +136,7 @@ class SelfCollisionLimit(Copied):
         return used[-1].near() if used else ()
 
     def let_legs_pass(self, legs_pass: bool) -> None:
-        """Leaves legs to balance for a while, or keeps them apart again.
+        """Leave legs to balance for a while, or keeps them apart again.
 
         A step that catches the robot comes down beside the other foot, nearer than capsules, which
         are larger than links, can be: whoever makes it keeps the feet apart.
@@ -149,7 +149,7 @@ class SelfCollisionLimit(Copied):
             self._tell_rows()
 
     def rest(self, at_rest: bool) -> None:
-        """Has no bounds for a while, or has them again.
+        """Suspend all bounds, or restore them.
 
         Where velocities are commanded a foot may stand that is no contact of the stack: links that
         only it could keep apart go where the body goes.
@@ -166,7 +166,7 @@ class SelfCollisionLimit(Copied):
             rows.let_pass(legs=self._legs_pass, everything=self._at_rest)
 
     def bind(self, robot: Robot) -> None:
-        """Finds the capsules of a robot; controllers call it before the first tick.
+        """Find the capsules of a robot; controllers call it before the first tick.
 
         Raises:
             ConfigurationError: the limit serves another robot.
@@ -272,7 +272,7 @@ class SelfCollisionRows(Owner):
         self._pairs = np.zeros(PAIRS)
 
     def view(self, rows: Rows, own: slice, nv: int) -> None:
-        """Takes views of its rows as its attributes."""
+        """Take views of its rows as its attributes."""
         super().view(rows, own, nv)
         self._distances, self._pairs = rows.error[own], rows.error_rate[own]
 
@@ -281,7 +281,7 @@ class SelfCollisionRows(Owner):
         self._margins[:] = np.where((self._legs & legs) | everything, _NEVER, self._least)
 
     def rooms(self) -> list[float]:
-        """What is left to the least distance of each row's pair, infinite without one [m]."""
+        """Return the room above the least distance of each row's pair [m]; inf without one."""
         return [
             distance - float(self._margins[int(pair)]) if math.isfinite(distance) else math.inf
             for pair, distance in zip(self._pairs.tolist(), self._distances.tolist(), strict=True)

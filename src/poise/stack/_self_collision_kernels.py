@@ -16,7 +16,7 @@ from poise.dynamics import (
     place_frame,
     turn_to_world,
 )
-from poise.stack._tables import CHOSEN, FIRST, FRAME_INDEX, START, Assembly, Line
+from poise.stack._tables import CHOSEN, FIRST, FRAME_INDEX, START, Line, StackNumbers
 from poise.stack._viability import largest_acceleration
 
 BRAKING, HORIZON, APPROACH, SHAPES, SHAPE = 0, 1, 2, 3, 7
@@ -54,7 +54,7 @@ def room_for(frames: int, capsules: int) -> int:
 
 
 @part
-def bound_self_collision(state: StateNumbers, assembly: Assembly, line: Line) -> None:
+def bound_self_collision(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """Rows for the distances of the pairs that are about to be nearest."""
     motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     first, nv = int(line[FIRST]), len(motion.columns)
@@ -133,7 +133,7 @@ def _choose(
     placed: int,
     chosen: int,
 ) -> int:
-    """Finds the pairs that will be nearest; returns how many there are.
+    """Find the pairs that will be nearest; returns how many there are.
 
     A pair is left out as soon as its middles are farther apart than one that would count.
     """
@@ -183,7 +183,7 @@ def _choose(
 def _nearest_points(
     work: Float64[np.ndarray, " work"], a: int, b: int
 ) -> tuple[float, float, float]:
-    """Where two axes are nearest, from 0 to 1 on each, and how near (Ericson 2005, 5.1.9)."""
+    """Nearest points of two axes, from 0 to 1, and their distance (Ericson 2005, 5.1.9)."""
     aa = bb = ab = aw = bw = 0.0
     for k in range(3):
         u, v = work[a + 3 + k] - work[a + k], work[b + 3 + k] - work[b + k]
@@ -271,7 +271,7 @@ def _acceleration(
 
 @part
 def _write(
-    state: StateNumbers, assembly: Assembly, line: Line, row: int, placed: int, at: int
+    state: StateNumbers, assembly: StackNumbers, line: Line, row: int, placed: int, at: int
 ) -> None:
     """The row of a pair that was chosen."""
     motion, owners, rows, work, velocities = (

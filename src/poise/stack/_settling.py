@@ -13,8 +13,8 @@ from poise.stack._tables import (
     FRAME_INDEX,
     KIND,
     START,
-    Assembly,
     Line,
+    StackNumbers,
 )
 from poise.stack._viability import Viability, bound_joint, bound_joints, braking_asked
 
@@ -50,22 +50,22 @@ def settling_of(
 
 @compiled
 def update_rows(assembly_at: int, settling_at: int, state_at: int) -> bool:
-    """Evaluates joint limits, contacts and tasks; returns False where a target is missing."""
+    """Evaluate joint limits, contacts and tasks; returns False where a target is missing."""
     state, settling = view(StateNumbers, state_at), view(Settling, settling_at)
     joints = len(settling.lower)
     q, v = state.q[len(state.q) - joints :], state.v[len(state.v) - joints :]
     bound_joints(settling.viability, q, v, settling.lower, settling.upper)
     if not evaluate(assembly_at, state_at, False):
         return False
-    assembly = view(Assembly, assembly_at)
+    assembly = view(StackNumbers, assembly_at)
     if assembly.count > 0:
         bound_settling(state, assembly, settling)
     return True
 
 
 @part
-def bound_settling(state: StateNumbers, assembly: Assembly, room: Settling) -> None:
-    """Leaves out of joint limits what joints do only because a contact still moves.
+def bound_settling(state: StateNumbers, assembly: StackNumbers, room: Settling) -> None:
+    """Leave out of joint limits what joints do only because a contact still moves.
 
     A contact that carries comes to rest by itself, J dv + drift = a - d J v. A sole that has come
     down on an edge turns by several rad/s until it lies, and its ankle with it: an ankle that shall
@@ -106,9 +106,9 @@ def bound_settling(state: StateNumbers, assembly: Assembly, room: Settling) -> N
 
 @part
 def _settle(
-    state: StateNumbers, assembly: Assembly, line: Line, first: int, room: Settling
+    state: StateNumbers, assembly: StackNumbers, line: Line, first: int, room: Settling
 ) -> None:
-    """Adds what one contact's motion asks of its joints: w = J^T (J J^T + s I)^-1 J v, so r."""
+    """Add what one contact's motion asks of its joints: w = J^T (J J^T + s I)^-1 J v, so r."""
     v, owners, rows = state.v, assembly.owners, assembly.rows
     columns, frame = owners.frames.columns, line[FRAME_INDEX]
     begin, end = owners.frames.starts[frame], owners.frames.starts[frame + 1]

@@ -50,7 +50,7 @@ class VectorTarget:
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
     ) -> None:
-        """Sets the target; rates that are not given are zero."""
+        """Set the target; rates that are not given are zero."""
         memory, dim, (what, what_velocity, what_acceleration) = self.memory, self._dim, self._whats
         position = checked_target(position, dim, what)
         if velocity is not None:
@@ -73,13 +73,13 @@ class VectorTarget:
         return None if math.isnan(self.memory[0]) else self.memory[: self._dim].copy()
 
     def hold(self, actual: Float64[np.ndarray, " m"]) -> None:
-        """Makes the actual value the target where none was set."""
+        """Make the actual value the target where none was set."""
         if math.isnan(self.memory[0]):
             self.memory[: self._dim] = actual
             self._held = True
 
     def release_hold(self) -> None:
-        """Forgets a target that was taken from the robot."""
+        """Forget a target that was taken from the robot."""
         if self._held:
             self.memory[: self._dim], self._held = np.nan, False
 
@@ -112,7 +112,7 @@ class PoseTarget:
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
     ) -> None:
-        """Sets what is given; rates belong to what is given beside them."""
+        """Set what is given; rates belong to what is given beside them."""
         what, what_velocity, what_acceleration = self._whats
         pose = None if position is None else split_pose(position, what)
         if pose is not None:
@@ -157,14 +157,14 @@ class PoseTarget:
         position: Float64[np.ndarray, "3"],
         rotation: Float64[np.ndarray, "3 3"] | None,
     ) -> None:
-        """Makes the actual values the target where none was set; no rotation where it is None."""
+        """Make the actual values the target where none was set; no rotation where it is None."""
         for part, actual in ((_POSITION, position), (_ROTATION, rotation)):
             if actual is not None and math.isnan(self.memory[part.start]):
                 self.memory[part] = actual.ravel()
                 self._held.append(part)
 
     def release_hold(self) -> None:
-        """Forgets what was taken from the robot."""
+        """Forget what was taken from the robot."""
         for part in self._held:
             self.memory[part] = np.nan
         self._held.clear()
@@ -176,7 +176,7 @@ class PoseTarget:
 
 
 def _names_of(what: str) -> tuple[str, str, str]:
-    """What messages call a target's position, velocity and acceleration."""
+    """Names of a target's position, velocity and acceleration in messages."""
     return f"target of {what}", f"target velocity of {what}", f"target acceleration of {what}"
 
 
@@ -197,7 +197,7 @@ class ShippedTask(Owner, Task, Generic[T]):
     _target: T
 
     def bind(self, robot: Robot) -> None:
-        """Resolves names and puts all that the formulas read into one array."""
+        """Resolve names and puts all that the formulas read into one array."""
         if self.is_bound_to(robot):
             return
         super().bind(robot)
@@ -205,7 +205,7 @@ class ShippedTask(Owner, Task, Generic[T]):
         self.share_memory()
 
     def share_memory(self) -> None:
-        """Has gains and target in the array that the formulas read."""
+        """Make gains and target views of the array that the formulas read."""
         if self._robot is not None:
             size = GAINS * self.dim
             self._take_gains(self.parameters[:size].reshape(GAINS, self.dim))
@@ -221,18 +221,18 @@ class ShippedTask(Owner, Task, Generic[T]):
         return self._target.overwrite()
 
     def reset(self) -> None:
-        """Forgets a target that was taken from the robot."""
+        """Forget a target that was taken from the robot."""
         self._target.release_hold()
 
     def view(self, rows: Rows, own: slice, nv: int) -> None:
-        """Takes views of its rows as its attributes."""
+        """Take views of its rows as its attributes."""
         super().view(rows, own, nv)
         self.error, self.error_rate = rows.error[own], rows.error_rate[own]
         self._fade = rows.fade[own]
 
     @property
     def is_compiled(self) -> bool:
-        """Whether nothing but the compiled formulas says what it does."""
+        """True where no method of a subclass replaces the compiled formulas."""
         kind = type(self)
         return kind._evaluate is ShippedTask._evaluate and kind.evaluate is Task.evaluate
 

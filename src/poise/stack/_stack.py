@@ -22,7 +22,7 @@ from poise.stack._torque_limit import SMOOTH_RATE, TorqueLimit
 
 
 def is_held(task: Task, contacts: Sequence[Contact]) -> bool:
-    """Whether a task acts on a frame whose motion an active contact already decides.
+    """Return True where an active contact decides the motion of the task's frame.
 
     A point contact decides where its frame is, but not how it is turned, and one on an edge not
     how it rolls.
@@ -41,7 +41,7 @@ _TURNING_JOINTS = 3
 
 
 class Stack:
-    """What a controller is asked to do; the same for every controller.
+    """Contacts, limits and prioritised tasks of a controller, whichever it is.
 
     Physics comes first, always: base dynamics with the torque limits, then contacts with the
     joint limits, then balance and self-collision limit. The user's levels follow, each strictly
@@ -164,7 +164,7 @@ class Stack:
         )
 
     def bind(self, robot: Robot) -> None:
-        """Resolves every name on a robot; controllers call it before the first tick."""
+        """Resolve every name on a robot; controllers call it before the first tick."""
         for contact in self.contacts:
             contact.bind(robot)
         for _, task in self.tasks():
@@ -201,7 +201,7 @@ def default_stack(robot: Robot) -> Stack:
 
 
 def _can_turn_freely(robot: Robot, root: str, frame: str) -> bool:
-    """Whether a frame has three joints to turn with against another; with fewer, both conflict."""
+    """Return True where three joints turn a frame against another; with fewer, both conflict."""
     above_root = set(robot.joints_above(root))
     return len(set(robot.joints_above(frame)) - above_root) >= _TURNING_JOINTS
 

@@ -1,4 +1,4 @@
-"""Where the soles can press, compiled: outlines of what the legs' torques can hold up.
+"""Support regions, compiled: outlines of the CoP that the legs' torques can hold.
 
 A vertical force f at p is held by a joint of the leg, with the axis a through o, by the torque
 
@@ -28,8 +28,8 @@ from poise.stack._tables import (
     OUTLINE,
     POINTS,
     START,
-    Assembly,
     Line,
+    StackNumbers,
 )
 
 MARGIN, LEAST_LOAD, NEXT_STEP, TORQUES = 1, 2, 6, 14
@@ -52,7 +52,7 @@ _SMALLEST = 0.3
 
 
 class Support(NamedTuple):
-    """What the feet hold the robot on.
+    """Support regions of the feet.
 
     Attributes:
         outer: corners of where the soles can press, counter-clockwise; none where a contact is no
@@ -67,7 +67,7 @@ class Support(NamedTuple):
 
 
 @part
-def outline_support(state: StateNumbers, assembly: Assembly, line: Line) -> Support:
+def outline_support(state: StateNumbers, assembly: StackNumbers, line: Line) -> Support:
     """Outlines of where the ZMP can be now, and of where the DCM is caught."""
     owners = assembly.owners
     size = len(owners.corners) // CORNERS
@@ -91,7 +91,7 @@ def outline_support(state: StateNumbers, assembly: Assembly, line: Line) -> Supp
 @part
 def _gather(
     state: StateNumbers,
-    assembly: Assembly,
+    assembly: StackNumbers,
     line: Line,
     reach: Float64[np.ndarray, "k 2"],
     catch: Float64[np.ndarray, "k 2"],
@@ -126,7 +126,7 @@ def _gather(
 
 
 @part
-def _carries(assembly: Assembly, line: Line, other: Line) -> bool:
+def _carries(assembly: StackNumbers, line: Line, other: Line) -> bool:
     owners = assembly.owners
     most = owners.parameters[other[START] + 3 + other[COUNT]]
     return bool(most >= owners.parameters[line[START] + LEAST_LOAD])
@@ -135,7 +135,7 @@ def _carries(assembly: Assembly, line: Line, other: Line) -> bool:
 @part
 def _press(
     state: StateNumbers,
-    assembly: Assembly,
+    assembly: StackNumbers,
     line: Line,
     points: Float64[np.ndarray, "k 2"],
     feet: int,
@@ -165,7 +165,7 @@ def _press(
 
 
 @part
-def _least_share(assembly: Assembly, line: Line, foot: int, weight: float) -> float:
+def _least_share(assembly: StackNumbers, line: Line, foot: int, weight: float) -> float:
     """Part of the weight that a foot has to carry: what contacts are not let go of by."""
     owners = assembly.owners
     place = 0
@@ -183,7 +183,7 @@ def _least_share(assembly: Assembly, line: Line, foot: int, weight: float) -> fl
 @part
 def _press_corner(
     state: StateNumbers,
-    assembly: Assembly,
+    assembly: StackNumbers,
     leg: tuple[int, int],
     points: Float64[np.ndarray, "k 2"],
     which: tuple[int, int, int],
@@ -231,7 +231,7 @@ def _press_corner(
 def _add_next_step(
     parameters: Float64[np.ndarray, " p"], at: int, catch: Float64[np.ndarray, "k 2"], count: int
 ) -> int:
-    """Adds the corners of the next foothold; returns how many there are then."""
+    """Add the corners of the next foothold; returns how many there are then."""
     if np.isnan(parameters[at + NEXT_STEP]):
         return count
     for corner in range(4):

@@ -14,7 +14,7 @@ from poise.dynamics import KINEMATICS, Frames
 
 
 class Kind(IntEnum):
-    """What a task, a contact or a limit is."""
+    """Kind of a task, a contact or a limit."""
 
     CONTACT = 0
     COM = 1
@@ -89,7 +89,7 @@ class Owners(Block):
     corners: Float64[np.ndarray, "k 2"]  # `CORNERS` points a contact and `CORNERS` more
 
 
-class Assembly(Block):
+class StackNumbers(Block):
     """All that `evaluate` reads and writes."""
 
     owners: Owners

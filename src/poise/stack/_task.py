@@ -29,8 +29,8 @@ from poise.stack._tables import (
     SPEED,
     START,
     WEIGHT,
-    Assembly,
     Line,
+    StackNumbers,
 )
 
 _PLAIN = {float}
@@ -110,7 +110,7 @@ class Task(Copied, ABC):
         self._given: dict[int, Float64[np.ndarray, " m"]] = {}
 
     def bind(self, robot: Robot) -> None:
-        """Resolves names on a robot and allocates; controllers call it before the first tick.
+        """Resolve names on a robot and allocates; controllers call it before the first tick.
 
         Args:
             robot: the robot whose frames and joints the task names.
@@ -158,18 +158,18 @@ class Task(Copied, ABC):
         return said if brief(weight) == "1" else f"{said}, weight={brief(weight)}"
 
     def _take_gains(self, rows: Float64[np.ndarray, "gains m"]) -> None:
-        """Has its gains in the rows of an array from now on."""
+        """Set the array whose rows are the gains."""
         self._gain_rows = rows
         self._gains_to_read = rows.view()
         self._gains_to_read.flags.writeable = False
 
     def share_memory(self) -> None:
-        """Makes views of its gains."""
+        """Make views of its gains."""
         if self._robot is not None:
             self._take_gains(self._gain_rows)
 
     def is_bound_to(self, robot: Robot) -> bool:
-        """Whether it serves that robot already.
+        """Return True where it is bound to that robot.
 
         Args:
             robot: the robot.
@@ -220,7 +220,7 @@ class Task(Copied, ABC):
         return self._speeds.copy()
 
     def set_speed(self, speed: Numbers) -> None:
-        """Bounds the velocity that feedback asks for, from the next tick.
+        """Bound the velocity that feedback asks for, from the next tick.
 
         Args:
             speed: largest norm, one number or one for each of `blocks` [unit/s]; inf for none.
@@ -240,7 +240,7 @@ class Task(Copied, ABC):
         return self._gains_to_read[row]
 
     def set_gains(self, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
-        """Sets stiffness and damping, from the next tick.
+        """Set stiffness and damping, from the next tick.
 
         Args:
             kp: stiffness, one number or one a row [1/s^2]; as it is when None.
@@ -258,7 +258,7 @@ class Task(Copied, ABC):
             _write_gains(self._gain_rows, stiffness, damping)
 
     def set_acceleration(self, acceleration: Numbers | None) -> None:
-        """Replaces the PD reference by a given acceleration; None brings the PD back.
+        """Replace the PD reference by a given acceleration; None brings the PD back.
 
         Args:
             acceleration: reference acceleration, one a row [unit/s^2].
@@ -273,7 +273,7 @@ class Task(Copied, ABC):
         return self._gain_rows[ACCELERATION]
 
     def set_velocity(self, velocity: Numbers | None) -> None:
-        """Replaces the reference velocity by a given one; None brings the target's back.
+        """Replace the reference velocity by a given one; None brings the target's back.
 
         Only controllers that command velocities follow it: `DifferentialIK`. Those that command
         torques go by accelerations, see `set_acceleration`.
@@ -287,7 +287,7 @@ class Task(Copied, ABC):
         self._give(GIVEN_VELOCITY, velocity)
 
     def _give(self, row: int, value: Numbers | None) -> None:
-        """Puts a number a row, or NaN for none, in place of what feedback would ask for."""
+        """Put a number a row, or NaN for none, in place of what feedback would ask for."""
         if value is not None:
             size = self.dim if self._robot is not None else np.size(value)
             value = checked_target(value, size, self._whats[row])
@@ -299,7 +299,7 @@ class Task(Copied, ABC):
             self._given[row] = value.copy()
 
     def set_weight(self, weight: Numbers) -> None:
-        """Sets the weight of its rows against other rows of the same level, from the next tick.
+        """Set the weight of its rows against other rows of the same level, from the next tick.
 
         Args:
             weight: one number or one a row.
@@ -354,12 +354,12 @@ class Task(Copied, ABC):
 
     @property
     def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
-        """What `set_velocity` was given; None for nothing."""
+        """Argument of `set_velocity`; None for nothing."""
         given = self._gain_rows[GIVEN_VELOCITY]
         return None if np.isnan(given[0]) else given
 
     def evaluate(self, dynamics: Dynamics) -> None:
-        """Fills `jacobian`, `drift`, `error`, `error_rate` and `reference` for one state.
+        """Fill in `jacobian`, `drift`, `error`, `error_rate` and `reference` for one state.
 
         A target that was never set becomes what the robot does at the first evaluation: hold.
 
@@ -404,7 +404,7 @@ class Task(Copied, ABC):
         return asked, cut
 
     def reset(self) -> None:
-        """Forgets targets that the task took from the robot itself, not those a user set."""
+        """Forget targets that the task took from the robot itself, not those a user set."""
 
     @property
     def blocks(self) -> tuple[int, ...]:
@@ -417,11 +417,11 @@ class Task(Copied, ABC):
 
     @abstractmethod
     def _resolve(self, robot: Robot) -> int:
-        """Looks names up on the robot and returns the number of rows."""
+        """Look names up on the robot and returns the number of rows."""
 
     @abstractmethod
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
-        """Fills everything but `reference`; returns the target's acceleration, masked."""
+        """Fill in everything but `reference`; returns the target's acceleration, masked."""
 
 
 class TaskFaultError(ConfigurationError):
@@ -429,7 +429,7 @@ class TaskFaultError(ConfigurationError):
 
 
 def evaluate_own(task: Task, dynamics: Dynamics) -> None:
-    """Evaluates a task that may be a user's own."""
+    """Evaluate a task that may be a user's own."""
     try:
         task.evaluate(dynamics)
         m, nv = task.dim, dynamics.robot.nv
@@ -458,7 +458,7 @@ def evaluate_own(task: Task, dynamics: Dynamics) -> None:
 
 
 def _are_weights(row: tuple[object, ...]) -> TypeGuard[tuple[float, ...]]:
-    """Whether all are plain numbers, finite and positive."""
+    """Return True where all are plain numbers, finite and positive."""
     if {*map(type, row)} != _PLAIN:
         return False
     numbers = cast("tuple[float, ...]", row)
@@ -471,7 +471,7 @@ def _write_gains(
     kp: Float64[np.ndarray, " m"],
     kd: Float64[np.ndarray, " m"],
 ) -> None:
-    """Writes stiffness, damping, and kp / kd, which is zero without stiffness."""
+    """Write stiffness, damping, and kp / kd, which is zero without stiffness."""
     rows[KP], rows[KD], rows[RATE] = kp, kd, 0.0
     with np.errstate(divide="ignore"):
         np.divide(kp, kd, out=rows[RATE], where=kp > 0.0)
@@ -479,7 +479,7 @@ def _write_gains(
 
 @part
 def write_measured(
-    assembly: Assembly,
+    assembly: StackNumbers,
     line: Line,
     i: int,
     error: float,
@@ -499,7 +499,7 @@ def write_measured(
 
 
 @part
-def ask(assembly: Assembly, line: Line, begin: int, end: int) -> None:
+def ask(assembly: StackNumbers, line: Line, begin: int, end: int) -> None:
     """Feedback of a block of a task's rows as in `Task`, or what was given in its place."""
     rows, velocities, parameters = assembly.rows, assembly.velocities, assembly.owners.parameters
     m, gains, first = line[COUNT], line[START], line[FIRST]

@@ -18,7 +18,7 @@ SMOOTH_RATE = 250.0
 """Rate of the stacks that Poise makes [1/s]: half the limit in a tick of 2 ms."""
 
 
-class _Numbers(Block):
+class _TorqueBounds(Block):
     lower: Float64[np.ndarray, " nj"]  # of the limit itself [N m]
     upper: Float64[np.ndarray, " nj"]
     tick_lower: Float64[np.ndarray, " nj"]  # of the tick that begins [N m]
@@ -74,7 +74,7 @@ class TorqueLimit(Copied):
 
     @property
     def rate(self) -> float | None:
-        """How fast a torque may change, by its limit [1/s]; None for as fast as it likes."""
+        """Largest rate of a torque over its limit [1/s]; None for no bound."""
         return self._rate
 
     @property
@@ -101,7 +101,7 @@ class TorqueLimit(Copied):
         return self._tick_upper
 
     def bind(self, robot: Robot) -> None:
-        """Takes the limits of a robot; controllers call it before the first tick.
+        """Take the limits of a robot; controllers call it before the first tick.
 
         Raises:
             ConfigurationError: the limit serves another robot.
@@ -121,10 +121,10 @@ class TorqueLimit(Copied):
         self.share_memory()
 
     def share_memory(self) -> None:
-        """Has its bounds in the memory that compiled code reads."""
+        """Make the memory of compiled code from the bounds in place."""
         if self._robot is None:
             return
-        self._numbers = _Numbers(
+        self._numbers = _TorqueBounds(
             lower=self._lower,
             upper=self._upper,
             tick_lower=self._tick_lower,
@@ -138,7 +138,7 @@ class TorqueLimit(Copied):
             self.reset()
 
     def begin(self, time: float) -> None:
-        """Sets the bounds for a tick; controllers call it.
+        """Set the bounds for a tick; controllers call it.
 
         Args:
             time: of the state [s].
@@ -150,7 +150,7 @@ class TorqueLimit(Copied):
         _bound_change(self._numbers.address, seconds)
 
     def remember(self, torque: Float64[np.ndarray, " nj"], time: float) -> None:
-        """Copies a command, from which the next may be so far; controllers call it.
+        """Copy a command, from which the next may be so far; controllers call it.
 
         Args:
             torque: as commanded [N m].
@@ -161,7 +161,7 @@ class TorqueLimit(Copied):
         self._last[:], self._time = torque, time
 
     def reset(self) -> None:
-        """Forgets the last command: the next one is free."""
+        """Forget the last command: the next one is free."""
         self._time = np.nan
         self._tick_lower[:], self._tick_upper[:] = self._lower, self._upper
 
@@ -169,7 +169,7 @@ class TorqueLimit(Copied):
 @compiled
 def _bound_change(address: int, seconds: float) -> None:
     """Bounds of a tick: the limit's own, and no farther from the last command than allowed."""
-    m = view(_Numbers, address)
+    m = view(_TorqueBounds, address)
     for i in range(len(m.last)):
         most = seconds * m.per_second[i]
         m.tick_lower[i] = max(m.lower[i], m.last[i] - most)

@@ -28,7 +28,7 @@ A_MAX, DT, MARGIN, SETTINGS = range(4)
 
 
 class Viability(Block):
-    """What the bounds of joint accelerations are made from."""
+    """Inputs of the bounds of joint accelerations."""
 
     q_min: Float64[np.ndarray, " nj"]  # position limits [rad]
     q_max: Float64[np.ndarray, " nj"]
@@ -86,7 +86,7 @@ class ViableAcceleration:
         lower: Float64[np.ndarray, " nj"],
         upper: Float64[np.ndarray, " nj"],
     ) -> None:
-        """Bounds in [-a_max, a_max], which never cross."""
+        """Write bounds in [-a_max, a_max], which never cross."""
         _bounds(self.viability.address, q, v, lower, upper)
 
 
@@ -167,7 +167,7 @@ def largest_acceleration(
 
 @compiled
 def _stop_at_once(s: float, v: float, dt: float) -> float:
-    """What a joint that is within half a horizon of its limit, or beyond it, may do."""
+    """Acceleration of a joint within half a horizon of its limit, or beyond it."""
     approach = max(v, 0.0)
     distance = max(s, 0.5 * _STOP_FRACTION * dt * approach + _TINY)
     stop = -0.5 * approach * approach / distance

@@ -212,7 +212,7 @@ class Design:
 
     @property
     def count(self) -> int:
-        """How many episodes there are."""
+        """Number of episodes."""
         tune = self.campaign.tune
         if tune is not None:
             return tune.trials * tune.episodes

@@ -142,7 +142,7 @@ class Difference:
 
     @property
     def verdict(self) -> Literal["better", "worse", "alike", ""]:
-        """How the second stands to the first; alike where the intervals meet."""
+        """Order of the second to the first; alike where the intervals meet."""
         if self.first is None or self.second is None:
             return ""
         if self.first.low <= self.second.high and self.second.low <= self.first.high:
