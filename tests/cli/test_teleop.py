@@ -15,7 +15,7 @@ from importlib.util import find_spec
 import pytest
 import yaml
 
-from poise.cli._live import Teleop
+from poise.cli._live import TeleopVerb
 from poise.cli.main import main
 from poise.errors import MissingExtraError
 
@@ -293,7 +293,7 @@ def test_without_the_extra_the_line_says_how_to_install_it(in_folder, capsys, mo
     def missing(options):
         raise MissingExtraError("websockets", "teleop", "Live teleoperation")
 
-    monkeypatch.setattr(Teleop, "act", missing)
+    monkeypatch.setattr(TeleopVerb, "act", missing)
     assert 'pip install "poise[teleop]"' in refused(capsys)
 
 

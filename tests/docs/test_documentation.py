@@ -23,7 +23,7 @@ from poise.apps.scenarios import (
     shipped_scenarios,
 )
 from poise.apps.scenarios._metrics import METRICS
-from poise.apps.scenarios._scenario import CheckPlan, Motion, Scenario
+from poise.apps.scenarios._scenario import CheckPlan, Scenario, TargetMotion
 from poise.cli.main import main
 from poise.robots import catalog
 from poise.sim import Block, PlantConfig, SensorConfig
@@ -138,7 +138,7 @@ def fields_of(*kinds: type) -> list[str]:
 def test_scenarios_page_names_every_key_of_the_file():
     parts = (PlantConfig.Servo, PlantConfig.LinkError, PlantConfig.Payload)
     kinds = (PlantConfig, *parts, SensorConfig, Block)
-    keys = [*_keys(Scenario), *_keys(Motion), *_keys(CheckPlan), *fields_of(*kinds)]
+    keys = [*_keys(Scenario), *_keys(TargetMotion), *_keys(CheckPlan), *fields_of(*kinds)]
     keys += [*stack_plan._TASKS, *stack_plan._CONTACTS]
     assert missing("scenarios.md", keys) == []
 

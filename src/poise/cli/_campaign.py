@@ -56,7 +56,7 @@ class _Episodes(Output):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Campaign(_Episodes):
+class CampaignVerb(_Episodes):
     """Run all episodes of a campaign's file, one row each of a Parquet dataset in DIR/episodes.
 
     `poise campaign FILE` runs them over processes of this machine or a cluster, into
@@ -145,7 +145,7 @@ class Campaign(_Episodes):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scorecard(_Episodes):
+class ScorecardVerb(_Episodes):
     """Put a robot with its controller to trials that get harder, and write a page with the figures.
 
     Trials are pushes, slopes, bumps, friction, payloads, errors of the model, slow motors, noise,

@@ -89,7 +89,7 @@ def _open(address: str) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive(_Live):
+class DriveVerb(_Live):
     """Start a simulated humanoid in real time and a page on 127.0.0.1 to drive it from.
 
     Open the address that is printed; arrow keys or W, A, S, D walk, Q and E turn, and a gamepad's
@@ -119,7 +119,7 @@ class Drive(_Live):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Teleop(_Live):
+class TeleopVerb(_Live):
     """Start a simulated biped in real time and a page on 127.0.0.1 to drive it from.
 
     To step: open the address that is printed, hold key Q (left foot) or E (right foot), or drag the

@@ -14,7 +14,7 @@ from poise.robots import catalog, describe, description_of, load_robot
 
 
 @dataclass(frozen=True, kw_only=True)
-class Robots(Figures):
+class RobotsVerb(Figures):
     """List the robots that load by name, with joints, mass, licence and whether installed.
 
     Any other URDF or MJCF loads by its path.
@@ -41,7 +41,7 @@ class Robots(Figures):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Describe(Output):
+class DescribeVerb(Output):
     """Propose a description for a URDF or MJCF file, each fact with its reason.
 
     Facts are feet and soles, hands, torso, pelvis, home posture, limits and rotor inertias that the

@@ -14,7 +14,7 @@ from poise.errors import ConfigurationError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(Output):
+class RunVerb(Output):
     """Run a scenario in simulation and write report.html, video.mp4, log.mcap and summary.json.
 
     They lie in runs/SCENARIO-ROBOT, or in the folder of --out. Exit status: 0 all checks hold, 1 a

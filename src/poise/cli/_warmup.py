@@ -14,7 +14,7 @@ from poise.robots import load_robot
 
 
 @dataclass(frozen=True, kw_only=True)
-class Warmup(Figures):
+class WarmupVerb(Figures):
     """Compile what controllers and step teleoperation need, for images, robots and CI.
 
     Otherwise the first ones on a machine do it, which takes some thirty seconds. It is kept for

@@ -49,7 +49,7 @@ def _act(verb: str = "", *words: str) -> int:
         return OK
     if verb not in _VERBS:
         raise ConfigurationError("no such verb", got=verb, choices=_VERBS)
-    kind = getattr(import_module(f"poise.cli.{_VERBS[verb][0]}"), verb.capitalize())
+    kind = getattr(import_module(f"poise.cli.{_VERBS[verb][0]}"), f"{verb.capitalize()}Verb")
     options = parse(kind, f"poise {verb}", words)
     if options is None:
         return OK

@@ -10,7 +10,7 @@ from synthetic_run import walking_record
 
 pytest.importorskip("mujoco")
 
-from poise.apps.onboarding import Attempt, Trial, write_page as write_description
+from poise.apps.onboarding import Attempt, Tryout, write_page as write_description
 from poise.apps.pages import write_campaign_page
 from poise.apps.report import Check, write_report
 from poise.apps.scorecard import write_page as write_scorecard
@@ -65,7 +65,7 @@ def description(folder):
     figures = {"com_error_max_m": 0.01, "torque_ratio_max": 0.9}
     tried = Attempt(name="stand", ok=False, words=(WORDS,), weakest=LONG, figures=figures)
     path = folder / "describe.html"
-    write_description(load_robot(model, proposal.facts), proposal, Trial((tried,)), path)
+    write_description(load_robot(model, proposal.facts), proposal, Tryout((tried,)), path)
     return path
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from poise.apps.scenarios import Scenario
 from poise.apps.scenarios._director import TOUCHDOWN_PATIENCE, Director
-from poise.apps.scenarios._scenario import ContactChange, Motion
+from poise.apps.scenarios._scenario import ContactChange, TargetMotion
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.stack import (
@@ -69,7 +69,7 @@ def scene(get_robot):
 
 def move(task, kind, value=None, at=1.0, over=2.0, **more):
     goal = {} if value is None else {kind: value}
-    return Motion(task=task, at=at, over=over, **goal, **more)
+    return TargetMotion(task=task, at=at, over=over, **goal, **more)
 
 
 def test_nothing_moves_before_its_time(scene):

@@ -38,7 +38,7 @@ class Order(Struct, forbid_unknown_fields=True, tag_field="do", tag=str.lower):
     """Message of an operator's page beside `OperatorSample`, by the name of its class."""
 
 
-class Push(Order):
+class PushOrder(Order, tag="push"):
     """Push the torso as the robot faces."""
 
     value: Literal["left", "right", "forward", "back"]
@@ -112,7 +112,7 @@ class LiveLoop:
             orders, self._orders = self._orders, {}
         for order in orders.values():
             match order:
-                case Push():
+                case PushOrder():
                     self._push(_PUSHES[order.value])
                 case Pause():
                     self._paused = order.value

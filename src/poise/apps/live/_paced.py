@@ -1,7 +1,7 @@
 """`PacedConnection`: a connection of which so much is read in a second, however much comes.
 
 Robot and page share one interpreter: reading takes time from the robot. No more frames (messages,
-parts of messages, pings) are read than a `Pace` allows. Faster ones wait unread, in the end at the
+parts of messages, pings) are read than a `ReadingPace` allows. Faster ones wait unread, in the end at the
 sender; a connection that keeps that up is closed with the reason.
 """
 
@@ -13,7 +13,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 
 
-class Pace(NamedTuple):
+class ReadingPace(NamedTuple):
     """Rate at which a connection is read."""
 
     rate: float  # of frames [1/s]
@@ -24,8 +24,10 @@ class Pace(NamedTuple):
 
 # The newest message counts in a tick of 2 ms. Devices send a thousand a second, and more after a
 # stall.
-DRIVES = Pace(3000.0, 24.0, 0.002, "More messages than can be read, for 4 s: send 1000 a second.")
-WATCHES = Pace(
+DRIVES = ReadingPace(
+    3000.0, 24.0, 0.002, "More messages than can be read, for 4 s: send 1000 a second."
+)
+WATCHES = ReadingPace(
     20.0, 1.0, 0.05, "You are watching, and send and send: nothing of it moves the robot."
 )
 FLOODS = (

@@ -14,7 +14,7 @@ from poise.apps.live._gamepad import HostGamepad
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._leads import WALK_PLANT, FootLead, VelocityLead
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop, Order, Pause, Push, Reset, Slow
+from poise.apps.live._loop import LiveLoop, Order, Pause, PushOrder, Reset, Slow
 from poise.apps.report import shapes_payload
 from poise.apps.scenarios import drawn_shapes
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, Recording
@@ -28,8 +28,8 @@ class Keep(Order):
     """Keep a copy of the run so far."""
 
 
-_ORDERS: msgspec.json.Decoder[OperatorSample | Push | Pause | Slow | Reset | Keep] = (
-    msgspec.json.Decoder(OperatorSample | Push | Pause | Slow | Reset | Keep)
+_ORDERS: msgspec.json.Decoder[OperatorSample | PushOrder | Pause | Slow | Reset | Keep] = (
+    msgspec.json.Decoder(OperatorSample | PushOrder | Pause | Slow | Reset | Keep)
 )
 _RARE = 1.0  # least time from reset to reset, and from copy to copy [s]
 _WAIT = {"error": "Not again within a second."}

@@ -1,6 +1,6 @@
 """A robot without a description: one proposed, tried in simulation, shown on a page."""
 
 from poise.apps.onboarding._page import write_page
-from poise.apps.onboarding._trial import Attempt as Attempt, Trial as Trial, try_out
+from poise.apps.onboarding._trial import Attempt as Attempt, Tryout as Tryout, try_out
 
 __all__ = ["try_out", "write_page"]

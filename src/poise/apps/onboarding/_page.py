@@ -11,7 +11,7 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._show import new_figure
-from poise.apps.onboarding._trial import Attempt, Trial
+from poise.apps.onboarding._trial import Attempt, Tryout
 from poise.apps.pages import PALETTE, house_style, inline_svg, render_page, replace_file
 from poise.robots import Proposal, Robot
 from poise.sim import Camera, Marker, Plant, find_opengl
@@ -20,7 +20,7 @@ _VIEWS = (("from the front left", 145.0), ("from the left", 90.0))  # [deg]
 _BLUE, _ORANGE = (0.0, 0.45, 0.7, 1.0), (0.85, 0.35, 0.0, 1.0)
 
 
-def write_page(robot: Robot, proposal: Proposal, trial: Trial | None, path: Path) -> None:
+def write_page(robot: Robot, proposal: Proposal, trial: Tryout | None, path: Path) -> None:
     """Write a page that refers to nothing outside itself.
 
     Args:

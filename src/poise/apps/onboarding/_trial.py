@@ -31,7 +31,7 @@ class Attempt:
 
 
 @dataclass(frozen=True)
-class Trial:
+class Tryout:
     """Outcome of the trial of a robot.
 
     Attributes:
@@ -46,7 +46,7 @@ class Trial:
         return all(attempt.ok for attempt in self.attempts)
 
 
-def try_out(robot: Robot) -> Trial:
+def try_out(robot: Robot) -> Tryout:
     """Let a biped stand, squat and, where it has hands, reach: balance first, then hands.
 
     Each is a scenario, with the true state in place of an estimate. A robot with a fixed base
@@ -81,7 +81,7 @@ def try_out(robot: Robot) -> Trial:
         if len(attempts) == 1 and run.ok:
             plans += [_squat(robot)] if robot.soles else []
             plans += [_reach(robot)] if robot.hands else []
-    return Trial(tuple(attempts))
+    return Tryout(tuple(attempts))
 
 
 def _content(robot: Robot) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.apps.scenarios._scenario import ContactChange, Motion, Scenario
+from poise.apps.scenarios._scenario import ContactChange, Scenario, TargetMotion
 from poise.dynamics import Dynamics, Quintic, RobotState, least_jerk
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import CarriedTarget
@@ -27,7 +27,7 @@ class _Running:
     """A motion under way: of a point, a posture, or a rotation vector on top of `rotation`."""
 
     task: FrameTask | ComTask | JointTask
-    motion: Motion
+    motion: TargetMotion
     trajectory: Quintic
     rotation: Float64[np.ndarray, "3 3"] | None = None
     carried: CarriedTarget | None = None
@@ -51,7 +51,7 @@ class _Running:
         else:
             target[:] = sample
 
-    def gives_way_to(self, later: Motion) -> bool:
+    def gives_way_to(self, later: TargetMotion) -> bool:
         """True for the same quantity, which the later motion takes over where it is."""
         motion = self.motion
         return later.task == motion.task and (later.kind == "turn") == (motion.kind == "turn")
@@ -131,7 +131,7 @@ class Director:
             return True
         return False
 
-    def _begin(self, motion: Motion, state: RobotState, old: _Running | None) -> _Running:
+    def _begin(self, motion: TargetMotion, state: RobotState, old: _Running | None) -> _Running:
         """Start a motion, where the one that it replaces is and with its rates."""
         self._dynamics.update(state)
         task = self._tasks[motion.task]
@@ -187,7 +187,7 @@ class Director:
         return any(c.frame == task.frame and c.active for c in self.stack.contacts)
 
     def _goal(
-        self, motion: Motion, task: ComTask | FrameTask, start: Float64[np.ndarray, "3"]
+        self, motion: TargetMotion, task: ComTask | FrameTask, start: Float64[np.ndarray, "3"]
     ) -> Float64[np.ndarray, "3"]:
         if motion.kind == "to":
             return motion.vector
@@ -252,7 +252,7 @@ def _require(name: str, known: Iterable[str], what: str) -> None:
         raise UnknownNameError(what, got=name, choices=known)
 
 
-def _check_goal(motion: Motion, task: Task, robot: Robot) -> None:
+def _check_goal(motion: TargetMotion, task: Task, robot: Robot) -> None:
     """Refuse before the first tick what `_begin` could not do, or what would move nothing."""
     allowed: tuple[str, ...] = ()
     if isinstance(task, JointTask):

@@ -101,7 +101,7 @@ class Reach:
 
 @checked()
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class TargetMotion:
     """A motion of a task's target from where it is to a goal, given by one of six keys."""
 
     task: Text
@@ -353,7 +353,7 @@ class Scenario:
     devices: DevicePlan | None = None  # of the feet of a robot that is walked by hand
     walk: WalkPlan | None = None  # by footsteps
     drive: DrivePlan | None = None  # by velocities, in place of `walk`
-    motions: tuple[Motion, ...] = ()
+    motions: tuple[TargetMotion, ...] = ()
     contact_changes: Annotated[tuple[ContactChange, ...], Field(alias="contacts")] = ()
     pushes: tuple[PushPlan, ...] = ()
     checks: tuple[CheckPlan, ...] = ()  # besides: no fall, no missed tick, physics levels met

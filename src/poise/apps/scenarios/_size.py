@@ -7,7 +7,13 @@ from typing import Any, TypeVar, cast
 import pinocchio as pin
 
 from poise.apps.scenarios._metrics import METRICS
-from poise.apps.scenarios._scenario import CheckPlan, Motion, PushPlan, Scenario, VelocityCommand
+from poise.apps.scenarios._scenario import (
+    CheckPlan,
+    PushPlan,
+    Scenario,
+    TargetMotion,
+    VelocityCommand,
+)
 from poise.locomotion import Gait, Stride, WayPoint
 from poise.robots import Robot
 from poise.sim import Block, PlantConfig
@@ -26,7 +32,7 @@ _LENGTHS: dict[type, tuple[str, ...]] = {
     PlantConfig.Payload: ("offset", "radius"),
     Stride: ("length", "sideways"),
     Gait: ("swing_height", "crouch", "width"),
-    Motion: ("to", "by"),
+    TargetMotion: ("to", "by"),
     WayPoint: ("left", "right", *_HANDS),
 }
 """Fields that go with the size of the robot."""
