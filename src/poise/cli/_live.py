@@ -240,7 +240,7 @@ def _recording(device: str) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Convert:
+class ConvertVerb:
     """Write an MCAP log of a .teleop file, which plays as it did.
 
     example: poise convert runs/teleop-g1/take-001.teleop

@@ -1,8 +1,8 @@
 """`PacedConnection`: a connection of which so much is read in a second, however much comes.
 
 Robot and page share one interpreter: reading takes time from the robot. No more frames (messages,
-parts of messages, pings) are read than a `ReadingPace` allows. Faster ones wait unread, in the end at the
-sender; a connection that keeps that up is closed with the reason.
+parts of messages, pings) are read than a `ReadingPace` allows. Faster ones wait unread, in the end
+at the sender; a connection that keeps that up is closed with the reason.
 """
 
 import asyncio
