@@ -1,8 +1,8 @@
-"""Runs the quick version of the study of step teleoperation and puts its tables into studies.md.
+"""Run the quick version of the study of step teleoperation, and put its tables into studies.md.
 
     python docs/update_step_teleoperation.py
 
-Takes some minutes. What is written: every finding, and the tables of the swing and of the rules.
+Takes some minutes. Written are every finding and the table of the rules.
 """
 
 import re
@@ -14,14 +14,14 @@ from studies.step_teleoperation import PLAN
 
 PAGE = Path(__file__).with_name("studies.md")
 
-FINDINGS, SWING, RULES = "step-teleoperation findings", "fast swing", "rules"
-"""Of the marks between which a table stands."""
+FINDINGS, RULES = "step-teleoperation findings", "rules"
+"""Names of the marks around a table."""
 
 PARTS = ("cart-table", "scenario-1", "scenario-2", "scenario-3", "scenario-4", "g1", "rules")
 
 
 def main() -> None:
-    """Computes the parts, then replaces what stands between the marks."""
+    """Compute the parts, then replace the text between the marks."""
     parts = {part.name: part for part in PLAN.parts}
     sections: dict[str, Section] = {}
     for name in PARTS:
@@ -31,7 +31,6 @@ def main() -> None:
     page = PAGE.read_text(encoding="utf-8")
     for mark, made in (
         (FINDINGS, findings_table(found)),
-        (SWING, table(sections["scenario-4"].tables[0])),
         (RULES, table(sections["rules"].tables[0])),
     ):
         page = between_marks(page, mark, made)
