@@ -33,6 +33,7 @@ SHORT = {
     "20_force_feedback.py": [],
     "19_hands.py": ["--seconds", "2.6"],
     "21_robot_loop.py": ["--seconds", "0.1", "--record", "run.parquet"],
+    "22_own_device.py": ["--seconds", "2.0"],
 }
 
 
@@ -77,6 +78,10 @@ def test_the_loop_of_a_robot_runs_to_the_end_twice_and_leaves_a_table(run):
     assert printed.count("stopped: the end") == 2
     assert "50 ticks, last status ok" in printed
     assert Path("run.parquet").is_file()
+
+
+def test_a_device_of_ones_own_is_tried_on_a_hard_plant(run):
+    assert run("22_own_device.py").startswith("fell: False")
 
 
 def test_a_batch_says_what_hands_at_rest_cost(run):
