@@ -2,7 +2,7 @@
 
     python docs/update_step_teleoperation.py
 
-Takes some minutes. Written are every finding and the table of the rules.
+Takes some minutes. Written are the findings that do not hold and the table of the rules.
 """
 
 import re
@@ -42,7 +42,7 @@ def _told(done: float, total: float) -> None:
 
 
 def between_marks(page: str, mark: str, made: str) -> str:
-    """The page with another text between `<!-- begin: MARK -->` and `<!-- end: MARK -->`."""
+    """Replace the text between `<!-- begin: MARK -->` and `<!-- end: MARK -->`."""
     begin, end = f"<!-- begin: {mark} -->\n", f"\n<!-- end: {mark} -->"
     place = re.compile(f"({re.escape(begin)}).*({re.escape(end)})", re.DOTALL)
     if not place.search(page):
@@ -51,18 +51,19 @@ def between_marks(page: str, mark: str, made: str) -> str:
 
 
 def findings_table(findings: list[Finding]) -> str:
-    """A row a finding."""
-    rows = [(f.name, f.paper, f.ours, f.unit or "–", "yes" if f.ok else "**no**") for f in findings]
-    return markdown(["finding", "paper", "ours", "unit", "holds"], rows)
+    """Number of findings that hold, and a row for each of the others."""
+    rows = [(f.name, f.paper, f.ours, f.unit or "–") for f in findings if not f.ok]
+    held = f"{len(findings) - len(rows)} of {len(findings)} findings hold."
+    return f"{held} These do not:\n\n{markdown(['finding', 'paper', 'ours', 'unit'], rows)}"
 
 
 def table(made: Table) -> str:
-    """A table of the study."""
+    """Return a table of the study."""
     return markdown(made.columns, list(made.rows))
 
 
 def markdown(header: list[str], rows: list[tuple[Cell, ...]]) -> str:
-    """A Markdown table."""
+    """Return a Markdown table."""
     lines = ["| " + " | ".join(header) + " |", "| --- " * len(header) + "|"]
     for row in rows:
         cells = [cell if isinstance(cell, str) else number_text(cell) for cell in row]
