@@ -34,6 +34,7 @@ SHORT = {
     "19_hands.py": ["--seconds", "2.6"],
     "21_robot_loop.py": ["--seconds", "0.1", "--record", "run.parquet"],
     "22_own_device.py": ["--seconds", "2.0"],
+    "23_own_simulator.py": ["--seconds", "1.0"],
 }
 
 
@@ -82,6 +83,10 @@ def test_the_loop_of_a_robot_runs_to_the_end_twice_and_leaves_a_table(run):
 
 def test_a_device_of_ones_own_is_tried_on_a_hard_plant(run):
     assert run("22_own_device.py").startswith("fell: False")
+
+
+def test_a_simulator_of_ones_own_catches_the_arm(run):
+    assert numbers(r"ends (\S+) mm", run("23_own_simulator.py"))[0] < 1.0
 
 
 def test_a_batch_says_what_hands_at_rest_cost(run):
