@@ -1,4 +1,4 @@
-"""Runs `python -m benchmarks hqp` and puts its tables and its figure into the documentation.
+"""Run `python -m benchmarks hqp`, and put its first table and its figure into the documentation.
 
     OPENBLAS_NUM_THREADS=1 python docs/update_hqp_benchmark.py
 
@@ -19,13 +19,14 @@ OUTPUT = re.compile(r"(<!-- begin of the output -->\n).*(<!-- end of the output 
 
 
 def main() -> None:
-    """Races, then replaces what stands between the marks."""
+    """Race, then replace the text between the marks."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "benchmarks", "hqp", "--out", folder, *sys.argv[1:]]
         done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
         shutil.copy(Path(folder) / "hqp.png", FIGURE)
     page = PAGE.read_text(encoding="utf-8")
-    PAGE.write_text(OUTPUT.sub(lambda m: f"{m[1]}{done.stdout}{m[2]}", page), encoding="utf-8")
+    first = done.stdout.partition("\n\n**")[0]
+    PAGE.write_text(OUTPUT.sub(lambda m: f"{m[1]}{first}\n{m[2]}", page), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""Runs the quick version of the study of step teleoperation and puts its tables into studies.md.
+"""Run the quick version of the study of step teleoperation, and put its tables into studies.md.
 
     python docs/update_step_teleoperation.py
 
-Takes some minutes. What is written: every finding, and the tables of the swing and of the rules.
+Takes some minutes. Written are the findings that do not hold and the table of the rules.
 """
 
 import re
@@ -14,14 +14,14 @@ from studies.step_teleoperation import PLAN
 
 PAGE = Path(__file__).with_name("studies.md")
 
-FINDINGS, SWING, RULES = "step-teleoperation findings", "fast swing", "rules"
-"""Of the marks between which a table stands."""
+FINDINGS, RULES = "step-teleoperation findings", "rules"
+"""Names of the marks around a table."""
 
 PARTS = ("cart-table", "scenario-1", "scenario-2", "scenario-3", "scenario-4", "g1", "rules")
 
 
 def main() -> None:
-    """Computes the parts, then replaces what stands between the marks."""
+    """Compute the parts, then replace the text between the marks."""
     parts = {part.name: part for part in PLAN.parts}
     sections: dict[str, Section] = {}
     for name in PARTS:
@@ -31,7 +31,6 @@ def main() -> None:
     page = PAGE.read_text(encoding="utf-8")
     for mark, made in (
         (FINDINGS, findings_table(found)),
-        (SWING, table(sections["scenario-4"].tables[0])),
         (RULES, table(sections["rules"].tables[0])),
     ):
         page = between_marks(page, mark, made)
@@ -43,7 +42,7 @@ def _told(done: float, total: float) -> None:
 
 
 def between_marks(page: str, mark: str, made: str) -> str:
-    """The page with another text between `<!-- begin: MARK -->` and `<!-- end: MARK -->`."""
+    """Replace the text between `<!-- begin: MARK -->` and `<!-- end: MARK -->`."""
     begin, end = f"<!-- begin: {mark} -->\n", f"\n<!-- end: {mark} -->"
     place = re.compile(f"({re.escape(begin)}).*({re.escape(end)})", re.DOTALL)
     if not place.search(page):
@@ -52,18 +51,19 @@ def between_marks(page: str, mark: str, made: str) -> str:
 
 
 def findings_table(findings: list[Finding]) -> str:
-    """A row a finding."""
-    rows = [(f.name, f.paper, f.ours, f.unit or "–", "yes" if f.ok else "**no**") for f in findings]
-    return markdown(["finding", "paper", "ours", "unit", "holds"], rows)
+    """Number of findings that hold, and a row for each of the others."""
+    rows = [(f.name, f.paper, f.ours, f.unit or "–") for f in findings if not f.ok]
+    held = f"{len(findings) - len(rows)} of {len(findings)} findings hold."
+    return f"{held} These do not:\n\n{markdown(['finding', 'paper', 'ours', 'unit'], rows)}"
 
 
 def table(made: Table) -> str:
-    """A table of the study."""
+    """Return a table of the study."""
     return markdown(made.columns, list(made.rows))
 
 
 def markdown(header: list[str], rows: list[tuple[Cell, ...]]) -> str:
-    """A Markdown table."""
+    """Return a Markdown table."""
     lines = ["| " + " | ".join(header) + " |", "| --- " * len(header) + "|"]
     for row in rows:
         cells = [cell if isinstance(cell, str) else number_text(cell) for cell in row]

@@ -32,6 +32,9 @@ SHORT = {
     "18_lead_by_websocket.py": ["--steps", "1"],
     "20_force_feedback.py": [],
     "19_hands.py": ["--seconds", "2.6"],
+    "21_robot_loop.py": ["--seconds", "0.1", "--record", "run.parquet"],
+    "22_own_device.py": ["--seconds", "2.0"],
+    "23_own_simulator.py": ["--seconds", "1.0"],
 }
 
 
@@ -69,6 +72,21 @@ def test_stand_prints_each_task_with_its_level_and_a_small_error(run, get_robot,
 def test_the_estimated_base_is_that_of_the_truth(run):
     printed = run("15_state_estimation.py")
     assert numbers(r"within (\S+) mm/s", printed)[0] < 30.0
+
+
+def test_the_loop_of_a_robot_runs_to_the_end_twice_and_leaves_a_table(run):
+    printed = run("21_robot_loop.py")
+    assert printed.count("stopped: the end") == 2
+    assert "50 ticks, last status ok" in printed
+    assert Path("run.parquet").is_file()
+
+
+def test_a_device_of_ones_own_is_tried_on_a_hard_plant(run):
+    assert run("22_own_device.py").startswith("fell: False")
+
+
+def test_a_simulator_of_ones_own_catches_the_arm(run):
+    assert numbers(r"ends (\S+) mm", run("23_own_simulator.py"))[0] < 1.0
 
 
 def test_a_batch_says_what_hands_at_rest_cost(run):
