@@ -8,7 +8,6 @@ from poise._checks import is_array
 from poise.control import is_usable
 from poise.dynamics import CheckedWrenches, Dynamics, RobotState
 from poise.estimation import (
-    AttitudeBiasEstimator,
     EstimatorConfig,
     LoadCellTare,
     LoadCellVote,
@@ -16,7 +15,7 @@ from poise.estimation import (
     StampedPredictor,
     StateEstimator,
 )
-from poise.locomotion._stepping._stance._parameters import BASE_JOINT, Biped
+from poise.locomotion._stepping._stance._parameters import Biped
 from poise.locomotion._support import Rotation, Vector3
 from poise.locomotion._walking import CLEARANCE, Mode, WalkSense
 
@@ -67,11 +66,9 @@ class StanceEstimator:
         self._soles = biped.frames
         self._least_load = LANDED * biped.weight
         self._press_speed, self._dt = _PRESS_SPEED * biped.wide, dt
-        self._world_R_base = self.dynamics.motion.placements[BASE_JOINT, :9].reshape(3, 3).T
         self._start = RobotState(q_start, np.zeros(robot.nv))
         self._inertial = StateEstimator(robot, _CORRECTED, q_start=q_start) if inertial else None
-        self._payload = PayloadEstimator(robot) if inertial else None
-        self._attitude = AttitudeBiasEstimator() if inertial else None
+        self.payload = PayloadEstimator(robot, attitude=True) if inertial else None
         self._now = StampedPredictor(robot, _DONE) if inertial else None
         self.tare, self._vote = LoadCellTare(soles, robot.weight), LoadCellVote(robot)
         self.anchors: list[Vector3] = []
@@ -83,7 +80,7 @@ class StanceEstimator:
         self._vote.reset()
         self._sense.reset()
         self._last: RobotState | None = None
-        for part in (self._inertial, self._payload, self._attitude, self._now):
+        for part in (self._inertial, self.payload, self._now):
             if part is not None:
                 part.reset()
         self.dynamics.update(self._start)
@@ -103,8 +100,8 @@ class StanceEstimator:
         estimated = self._vote.estimated
         known = self.tare.update(known, self._airborne(), estimated)
         q, v = known.q, known.v
-        if self._attitude is not None:
-            q[3:7] = self._attitude.corrected(q[3:7])
+        if self.payload is not None:
+            q[3:7] = self.payload.corrected(q[3:7])
         fused = None if inertial is None else inertial.update(known)
         if inertial is not None and fused is not None and inertial.status.ok:
             # Along the base's own axes it does not matter how upright either says the base is.
@@ -115,13 +112,10 @@ class StanceEstimator:
         sole = self._soles[self.stance]
         place = pin.updateFramePlacement(self._robot.model, self._data, sole)
         np.subtract(self.anchors[self.stance], place.translation, out=q[:3])
-        if self._payload is not None and not estimated:
-            known = self._payload.update(known)
+        if self.payload is not None and not estimated:
+            known = self.payload.update(known)
         self._last = known
         self.dynamics.update(known)
-        if self._attitude is not None and self._payload is not None and not estimated:
-            force, velocity = self._payload.force, self.dynamics.com_velocity
-            self._attitude.update(known.time, force, velocity, self._world_R_base)
         if self._now is None:
             return known
         now = self._now.predict(known)
@@ -144,7 +138,7 @@ class StanceEstimator:
         q, v = state.q.copy(), state.v.copy()
         q[:3], v[:3] = 0.0, 0.0
         # The payload of the last state: the estimate is made anew only where it changes.
-        payload = state.payload if self._payload is None else self._payload.payload
+        payload = state.payload if self.payload is None else self.payload.payload
         contacts = CheckedWrenches(state.contacts)
         return RobotState(q, v, contacts, state.time, state.readings, payload)
 
