@@ -61,7 +61,7 @@ class EstimatorMemory(Block):
     pose: Float64[np.ndarray, "7"]  # of the base, in the last sound estimate
     wrenches: Float64[np.ndarray, "contacts 6"]  # measured or estimated, or NaN [N, N m]
     sensed: Float64[np.ndarray, "6"]  # rate [rad/s], force [m/s^2]
-    before: Float64[np.ndarray, "6"]  # the last ones of use
+    before: Float64[np.ndarray, "6"]  # the last usable ones
     axes: Float64[np.ndarray, "6"]  # scratch: motion of a sole by a joint
     seen: Float64[np.ndarray, "contacts 27"]  # see `OFFSET`
     probability: Float64[np.ndarray, " contacts"]  # of contact

@@ -45,7 +45,7 @@ class PayloadEstimator:
     and masses in the hands beside that, which show as they move (`HandLoads`).
     A Kalman filter finds sigma, e, and where `attitude` is set phi about the base's x and y. Of
     sigma and e, four numbers, gravity shows three; the last stays near zero until the torso has
-    leaned. All that is compared goes through one low-pass, so that rates are differences to it,
+    leaned. Both sides go through one low-pass, so that rates are differences to it,
     h' = (h - h_low) / smoothing, and nothing is differentiated.
 
     No measurement counts where a sole measures nothing, where the soles carry next to nothing, or
@@ -54,7 +54,7 @@ class PayloadEstimator:
     a load that others carry, as by a hand on a table, makes the robot look lighter. Without
     `attitude` base and torso have to be upright in the state: 0.2 degrees of tilt are 2 to 3 mm of
     the centre of mass. Wrenches estimated from the motors' torques contain the description's own
-    masses, and are of no use.
+    masses, and cannot be used.
 
     It is an estimator of `rollout` by itself, for states whose base is known, or a part of
     `StateEstimator`.

@@ -1,4 +1,4 @@
-"""`StanceEstimator`: where the robot is, from joints, the torso's attitude and a foot at rest."""
+"""`StanceEstimator`: base of the robot by joints, the torso's attitude and a foot at rest."""
 
 import numpy as np
 import pinocchio as pin
@@ -20,11 +20,10 @@ from poise.locomotion._support import Rotation, Vector3
 from poise.locomotion._walking import CLEARANCE, Mode, WalkSense
 
 _DONE = 0.5
-"""Part of what was commanded within the sensors' delay that counts as done: with less the rates of
-the legs are off, with more that of the base."""
+"""Part of the accelerations commanded within the sensors' delay that counts as done: with less the
+rates of the legs are off, with more that of the base."""
 
 _CORRECTED = EstimatorConfig(tare=False, vote=False)
-
 
 POSITION_GAIN = 10.0
 """k_v of (17a) and (17c), from distances to velocities of CoM and feet [1/s]."""
@@ -43,12 +42,12 @@ _ZMP_TIME = 0.01
 
 
 class StanceEstimator:
-    """The base from kinematics: the stance sole stays where it was put down.
+    """Base by kinematics: the stance sole stays where it was put down.
 
     It reads joints, the attitude and angular velocity of the base, and the soles' loads; never the
     base's position or linear velocity. With readings of an inertial unit the linear velocity is
     that of a `StateEstimator`, which notices a stance sole that rocks on its edge; without, the one
-    with which that sole rests. What feet slip the position drifts.
+    with which that sole rests. Slips of the feet are drift of the position.
     """
 
     def __init__(
@@ -75,7 +74,7 @@ class StanceEstimator:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the configuration at the start."""
+        """Restart in the configuration at the start."""
         self.tare.reset()
         self._vote.reset()
         self._sense.reset()
@@ -104,7 +103,7 @@ class StanceEstimator:
             q[3:7] = self.payload.corrected(q[3:7])
         fused = None if inertial is None else inertial.update(known)
         if inertial is not None and fused is not None and inertial.status.ok:
-            # Along the base's own axes it does not matter how upright either says the base is.
+            # Along the base's own axes its attitude does not matter.
             v[:3] = fused.v[:3]
             pin.forwardKinematics(self._robot.model, self._data, q)
         else:
@@ -124,12 +123,12 @@ class StanceEstimator:
         return now
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
-        """Takes in what the robot was commanded, once a tick; without it states stay late."""
+        """Take the commanded acceleration, once a tick; without it states stay late."""
         if self._now is not None:
             self._now.command(acceleration, time)
 
     def _without_base_motion(self, state: object) -> RobotState | None:
-        """A copy less what no sensor gives: where the base is and how fast it goes along."""
+        """Return a copy without the base's position and linear velocity, which are not measured."""
         robot = self._robot
         if not isinstance(state, RobotState):
             return None
@@ -163,11 +162,11 @@ class StanceEstimator:
         return self.sense.sole(foot)[1]
 
     def put_down(self, foot: int) -> None:
-        """A sole stands on the ground where it is now."""
+        """Anchor a sole to the ground at its place."""
         self.anchors[foot] = self.sole(foot).copy()
 
     def stand_on(self, foot: int) -> None:
-        """From now on this sole is the one at rest; the estimate stays continuous."""
+        """Take this sole as the one at rest; the estimate stays continuous."""
         if foot != self.stance:
             self.put_down(foot)
             self.stance = foot
@@ -180,7 +179,7 @@ class StanceEstimator:
             self.stand_on(mode.support)
 
     def follow(self, mode: Mode) -> None:
-        """Each tick with both feet on the ground: the one that carries more is the stance."""
+        """Take the foot with more load as the stance, each tick in double support."""
         if mode.single:
             return
         sense, stance = self.sense, self.stance
@@ -195,7 +194,7 @@ class StanceEstimator:
             self._pressing, self.pressed = False, 0.0
 
     def _press(self, foot: int, sense: WalkSense) -> None:
-        """Send a foot down until it carries something."""
+        """Lower a foot until it is loaded."""
         anchor, height = self.anchors[foot], float(sense.sole(foot)[0][2])
         if sense.loads[foot] < self._least_load:
             anchor[2] = min(float(anchor[2]), height)
