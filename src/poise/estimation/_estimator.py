@@ -243,7 +243,10 @@ class StateEstimator:
             self._sense(state)
         elif dt != 0.0:
             operation = JUMP
-            self._jump(state.time)
+            for contact in range(len(self._names)):
+                self.filter.release(contact)
+            self._memory.slip_end[:], self._memory.fitted[0] = -math.inf, state.time
+            self.filter.loosen(tilt=_JUMP_TILT, velocity=_JUMP_SPEED)
         self._time = state.time
         self.status = self._run(operation, state.time, dt)
 
@@ -255,14 +258,6 @@ class StateEstimator:
             m.q[3:7] = pin.Quaternion(m.world_R_base).coeffs()
             m.pose[:] = m.q[:7]
         return status
-
-    def _jump(self, time: float) -> None:
-        """Release all contacts, and loosen tilt and velocity."""
-        m = self._memory
-        for contact in range(len(self._names)):
-            self.filter.release(contact)
-        m.slip_end[:], m.fitted[0] = -math.inf, time
-        self.filter.loosen(tilt=_JUMP_TILT, velocity=_JUMP_SPEED)
 
     def _sense(self, state: RobotState) -> None:
         """Copy the soles' wrenches."""

@@ -36,7 +36,7 @@ class FilterMemory(Block):
     turned: Float64[np.ndarray, "4 3 3"]  # scratch: rotations
     G: Float64[np.ndarray, "n 3"]  # scratch: from the gyro's noise to the error
     W: Float64[np.ndarray, "n 3"]  # scratch: covariance with what is observed
-    S: Float64[np.ndarray, "2 3 3"]  # scratch: covariance of the innovation, its inverse
+    S: Float64[np.ndarray, "2 3 3"]  # scratch: covariance of the innovation, its factor
     r: Float64[np.ndarray, "3"]  # scratch: innovation
     K: Float64[np.ndarray, "n 3"]  # scratch: gain
     delta: Float64[np.ndarray, " n"]  # scratch: correction

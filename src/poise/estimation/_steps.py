@@ -5,7 +5,7 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import part
+from poise._compiled import factor_leading, part, solve_leading
 from poise.estimation._group import fill_gamma, multiply, turn
 from poise.estimation._memory import CONTACTS, POSITION, VELOCITY, FilterMemory
 from poise.robots import GRAVITY
@@ -194,23 +194,6 @@ def release(m: FilterMemory, contact: int) -> None:
 
 
 @part
-def _invert(S: Float64[np.ndarray, "3 3"], out: Float64[np.ndarray, "3 3"]) -> bool:
-    """Fill in the inverse of a symmetric positive matrix; return False where it has none."""
-    a = S[1, 1] * S[2, 2] - S[1, 2] * S[1, 2]
-    b = S[0, 2] * S[1, 2] - S[0, 1] * S[2, 2]
-    c = S[0, 1] * S[1, 2] - S[0, 2] * S[1, 1]
-    det = S[0, 0] * a + S[0, 1] * b + S[0, 2] * c
-    if not det > 0.0:
-        return False
-    out[0, 0], out[0, 1], out[0, 2] = a / det, b / det, c / det
-    out[1, 0], out[2, 0] = out[0, 1], out[0, 2]
-    out[1, 1] = (S[0, 0] * S[2, 2] - S[0, 2] * S[0, 2]) / det
-    out[2, 2] = (S[0, 0] * S[1, 1] - S[0, 1] * S[0, 1]) / det
-    out[1, 2] = out[2, 1] = (S[0, 1] * S[0, 2] - S[0, 0] * S[1, 2]) / det
-    return True
-
-
-@part
 def innovate(m: FilterMemory, contact: int) -> float:
     """Innovate by the distance of a contact point from its place in the state."""
     # In the world's axes r = R offset + p - d = xi_p - xi_d + R noise in every state: so the rows
@@ -244,23 +227,28 @@ def innovate_bias(m: FilterMemory) -> float:
 
 @part
 def _distance(m: FilterMemory) -> float:
-    """Return r^T S^-1 r, NaN where S is singular; the inverse stays in `S[1]`."""
-    r = m.r
-    if not _invert(m.S[0], m.S[1]):
+    """Return r^T S^-1 r, NaN where S is singular; its factor stays in `S[1]`."""
+    S, L, r, x = m.S[0], m.S[1], m.r, m.delta
+    for i in range(3):
+        x[i] = r[i]
+        for k in range(3):
+            L[i, k] = S[i, k]
+    if not factor_leading(L, 3):
         return math.nan
-    x, y, z = turn(m.S[1], r[0], r[1], r[2])
-    return r[0] * x + r[1] * y + r[2] * z
+    solve_leading(L, 3, x)
+    return r[0] * x[0] + r[1] * x[1] + r[2] * x[2]
 
 
 @part
 def correct(m: FilterMemory) -> None:
     """Correct by the last innovation: X <- exp(K r) X, biases += K r, P in Joseph's form."""
     # P - K W^T - W K^T + K S K^T stays positive.
-    P, W, K, S, inverse, r = m.P, m.W, m.K, m.S[0], m.S[1], m.r
+    P, W, K, S, r = m.P, m.W, m.K, m.S[0], m.r
     n = len(P)
     for i in range(n):
         for k in range(3):
-            K[i, k] = W[i, 0] * inverse[0, k] + W[i, 1] * inverse[1, k] + W[i, 2] * inverse[2, k]
+            K[i, k] = W[i, k]
+        solve_leading(m.S[1], 3, K[i])
         m.delta[i] = K[i, 0] * r[0] + K[i, 1] * r[1] + K[i, 2] * r[2]
         for k in range(3):
             m.G[i, k] = K[i, 0] * S[0, k] + K[i, 1] * S[1, k] + K[i, 2] * S[2, k] - W[i, k]
