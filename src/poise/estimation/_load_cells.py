@@ -3,6 +3,7 @@
 import math
 import operator
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -78,7 +79,7 @@ class LoadCellTare:
             wrench = contacts.usable.get(sole)
             if wrench is not None and sole not in estimated:
                 contacts[sole] = contacts.usable[sole] = wrench - zero
-        return RobotState(state.q, state.v, contacts, state.time, state.readings, state.payload)
+        return replace(state, contacts=contacts)
 
     def _learn(self, sole: str, wrench: Float64[np.ndarray, "6"] | None, dt: float) -> None:
         """Average the wrench of a sole in the air, unless it is too large for a zero."""
@@ -191,4 +192,4 @@ class LoadCellVote:
         for name, wrench in self._observer.share(before.q, known).items():
             force = math.hypot(*wrench[:3].tolist())
             contacts[name] = wrench if force >= _LEAST * self._weight else np.zeros(6)
-        return RobotState(state.q, state.v, contacts, state.time, state.readings, state.payload)
+        return replace(state, contacts=contacts)

@@ -1,6 +1,7 @@
 """`PayloadEstimator`: mass, centre of mass, masses in the hands, error of the attitude."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -32,7 +33,7 @@ costs the controllers an update of their model."""
 
 
 class PayloadEstimator:
-    """Disturbances by the soles' wrenches, as slow and bounded random walks.
+    """Masses and the error of the attitude by the soles' wrenches, as slow random walks.
 
     With m, c, h = [p; L] the mass, the centre of mass and the centroidal momentum of the
     description, F and N the soles' forces and their moment about c, sigma m the mass beyond the
@@ -174,9 +175,7 @@ class PayloadEstimator:
     def _with_payload(self, state: RobotState) -> RobotState:
         if state.payload is self.payload:
             return state
-        return RobotState(
-            state.q, state.v, state.contacts, state.time, state.readings, self.payload
-        )
+        return replace(state, payload=self.payload)
 
     def _measure(self, state: RobotState, gain: float) -> bool:
         """Smooth wrenches and motion; return False where they are missing or unusable."""
