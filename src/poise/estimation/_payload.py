@@ -225,11 +225,13 @@ class PayloadEstimator:
         covariance = self._covariance - gain.dot(HP)
         self._covariance = 0.5 * (covariance + covariance.T)
         change = gain.dot(left)
-        mean, most = self._mean + change[:4], b.tilt_rate * dt
-        self._mean[0] = min(max(mean[0], -b.lost_mass), b.added_mass)
-        self._mean[1:] = np.clip(mean[1:], -b.offset_max, b.offset_max)
-        tilt = self.tilt + np.clip(change[4:], -most, most)
-        self.tilt = np.clip(tilt, -b.tilt_max, b.tilt_max)
+        mass, *offset = (self._mean + change[:4]).tolist()
+        offset = (min(max(x, -b.offset_max), b.offset_max) for x in offset)
+        self._mean[:] = (min(max(mass, -b.lost_mass), b.added_mass), *offset)
+        if self._attitude:
+            most = b.tilt_rate * dt
+            tilt = self.tilt + np.clip(change[4:], -most, most)
+            self.tilt = np.clip(tilt, -b.tilt_max, b.tilt_max)
 
     def _held(
         self,
@@ -243,7 +245,7 @@ class PayloadEstimator:
         columns = self._hands.columns(self._memory.measured[SOLES:], self._memory.low[SOLES:])
         more, offset = float(self._mean[0]), torso.rotation.dot(self._mean[1:])
         changing = left - more * rate
-        changing[3:] -= np.cross(offset, rate[:3])
+        changing[3:] -= pin.skew(offset).dot(rate[:3])
         self._mean -= self._hands.correct(changing, columns, self._data, torso, dt)
         return columns.dot(self._hands.held)
 
