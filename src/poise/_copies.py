@@ -1,8 +1,4 @@
-"""Copies, pickled or not, of objects whose arrays are views of memory that others use.
-
-`Copied`: what refers to such memory is made anew in a copy.
-`restore`: an object in use gets the numbers of a copy, in place.
-"""
+"""Copies of objects whose arrays are views of memory that others use."""
 
 from enum import Enum
 from typing import Any, ClassVar
@@ -32,11 +28,11 @@ class Copied:
         self.share_memory()
 
     def share_memory(self) -> None:
-        """Makes views of the object's own arrays."""
+        """Make views of the object's own arrays."""
 
 
 def restore(thing: object, saved: object) -> None:
-    """Gives an object the numbers of a copy of it, and leaves its arrays where they are."""
+    """Set an object to the numbers of a copy of it, in place."""
     foreign = getattr(thing, "foreign", ())
     for name, value in vars(saved).items():
         if name not in foreign:
@@ -44,7 +40,7 @@ def restore(thing: object, saved: object) -> None:
 
 
 def restored(own: Any, saved: Any) -> Any:
-    """The value of an attribute after `restore`: its own where that could be changed in place."""
+    """Return the value of an attribute after `restore`, its own where that is changed in place."""
     kind = type(own)
     if own is saved or isinstance(own, Copied):
         return own

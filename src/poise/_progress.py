@@ -1,26 +1,23 @@
-"""`Bar`: progress on stderr, for anything that takes a while, whoever looks at it."""
+"""`Bar`: progress on stderr, on terminals, in notebooks and in logs."""
 
 import sys
 from time import monotonic
 from typing import Any
 
 PATIENCE = 1.0
-"""Nothing is shown before this [s]: short work needs no bar."""
+"""Time without a bar: short work needs none [s]."""
 
 LINE_EVERY = 5.0
-"""Where nothing can be drawn over, as in the log of a batch job, a line is written this often
-[s]."""
+"""Time between lines in a log, where there can be no bar [s]."""
 
 
 class Bar:
-    """A callable `(done, total)` that draws a bar, or writes a line now and then.
-
-    A terminal and a notebook have a bar that is drawn over; a file or a pipe gets lines.
+    """A callable `(done, total)` that draws a bar, or writes lines to a file or a pipe.
 
     Args:
-        what: what is being done.
+        what: description of the work.
         unit: unit of the numbers.
-        lines: whether there are lines where there can be no bar.
+        lines: write lines where there can be no bar.
     """
 
     def __init__(self, what: str, unit: str, *, lines: bool = True) -> None:
@@ -30,7 +27,7 @@ class Bar:
         self._lines = 0
 
     def __call__(self, done: float, total: float) -> None:
-        """Says how far the work is."""
+        """Show the progress."""
         if sys.stderr.isatty() or _in_notebook():
             self._draw(done, total)
         elif self._shows_lines:
@@ -79,5 +76,5 @@ class Bar:
 
 
 def _in_notebook() -> bool:
-    """Whether a notebook's kernel runs this: what it shows can be drawn over."""
+    """True in a notebook's kernel, whose output can be replaced."""
     return "ipykernel" in sys.modules

@@ -1,7 +1,6 @@
-"""Dataclasses that check their fields by annotations, for callers and for files alike.
+"""Dataclasses whose fields Pydantic checks by annotations, for callers and for files alike.
 
-Pydantic checks kinds, bounds and nesting. `_explain` alone words its errors: got, wanted, choices,
-and the line of the file.
+`_explain` words its errors: got, wanted, choices, and the line of the file.
 """
 
 import re
@@ -48,7 +47,7 @@ _REMOVED = "has a key that was removed"
 
 @dataclass(frozen=True)
 class Wanting:
-    """Names a right value in place of Pydantic's message."""
+    """Description of a right value in place of Pydantic's message."""
 
     wanted: str
 
@@ -225,7 +224,7 @@ def keyed(
 
 
 def locate(data: object, handler: Callable[[object], object]) -> object:
-    """Hand errors of Poise to Pydantic, which knows where in the file they come up."""
+    """Pass errors of Poise to Pydantic, which has their place in the file."""
     try:
         return handler(data)
     except PoiseError as problem:

@@ -1,4 +1,4 @@
-"""Strict reading of YAML text: no tags, no key twice, and every value knows its line."""
+"""Strict reading of YAML text: no tags, no key twice, and a line for every value."""
 
 import re
 from collections.abc import Iterator
@@ -10,12 +10,12 @@ import yaml
 from poise.errors import PoiseError
 
 _LONGEST = 3000
-"""No name, number or description is longer [letters]; Python prints no longer whole numbers."""
+"""Of a scalar [letters]; Python prints no longer whole numbers."""
 
 _FLOAT = "tag:yaml.org,2002:float"
 
 _OLD_SPELLING = re.compile(r"[-+]?0[0-9_]+|[^:]+(:[^:]+)+")
-"""Numbers to the base of 8 or 60 in YAML 1.1, which nobody means who writes 010 or 1:30."""
+"""Numbers to the base of 8 or 60 in YAML 1.1, such as 010 or 1:30."""
 
 
 class LinedDict(dict[Any, Any]):

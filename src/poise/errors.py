@@ -1,7 +1,7 @@
-"""The errors Poise raises: one root, and a class for each thing a caller may want to catch.
+"""Errors of Poise: one root, and a class for each thing that a caller may want to catch.
 
-Every message says what was given, what was wanted and, where there is a list, the valid choices.
-Nothing here is raised inside the control loop: there a status comes back instead.
+Every message has the value, the wanted one and, where there is a list, the valid choices. The
+control loop raises none of these: it returns a status.
 """
 
 import copy
@@ -19,10 +19,10 @@ __all__ = [
 ]
 
 _MAX_CHOICES = 60
-"""More names than this do not help a reader; the nearest ones are shown first."""
+"""Names shown at most, the nearest ones first."""
 
 _LONGEST = 1000
-"""Of a longer value the first letters are shown: a screen holds some 2,000."""
+"""Letters shown of a value: a screen holds some 2,000."""
 
 _NOTHING = object()
 
@@ -60,7 +60,7 @@ class PoiseError(Exception):
         super().__init__("; ".join(parts))
 
     def located(self, place: str) -> "PoiseError":
-        """The same error with the place in front, such as a file with its line."""
+        """Return the error with its place in front, such as a file with its line."""
         said = copy.copy(self)
         said.what, said.args = f"{place}: {self.what}", (f"{place}: {self}",)
         return said

@@ -72,6 +72,13 @@ def test_a_name_that_a_block_has_not_is_refused():
         allocate(Inner, {"m": 3}, size=3)
 
 
+@pytest.mark.parametrize("name", ["table", "address", "fields", "stamp", "arrays"])
+@pytest.mark.parametrize("kind", [int, Inner, Float64[np.ndarray, " n"]])
+def test_a_field_with_the_name_of_an_attribute_of_blocks_is_refused(name, kind):
+    with pytest.raises(TypeError, match=f"Wrong has a field '{name}'.*wanted another name"):
+        type(Block)("Wrong", (Block,), {"__annotations__": {name: kind}})
+
+
 def test_arrays_begin_on_lines_of_the_cache():
     for array in allocate(Outer, {"m": 5, "n": 7}).arrays().values():
         assert array.__array_interface__["data"][0] % 64 == 0

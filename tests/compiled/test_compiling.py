@@ -78,7 +78,7 @@ def test_nan_keeps_its_meaning():
     assert not is_beyond(0.5, 1.0)
 
 
-@pytest.mark.parametrize("module", ["poise._compiled._householder", "poise.dynamics._reduction"])
+@pytest.mark.parametrize("module", ["poise._compiled._linalg", "poise.dynamics._reduction"])
 def test_compiled_functions_say_what_they_are(module):
     functions = [f for f in vars(importlib.import_module(module)).values() if hasattr(f, "stamp")]
     assert functions

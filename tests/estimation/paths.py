@@ -1,10 +1,12 @@
 """Synthetic walks: a body that moves smoothly between points at rest, measured with noise."""
 
 import numpy as np
+import pinocchio as pin
 
+from poise._compiled import compiled
 from poise.estimation import InvariantFilter
 from poise.estimation._config import ImuNoise, InitialDeviation
-from poise.estimation._group import gamma, hat, right_error
+from poise.estimation._group import fill_gamma, right_error
 
 DT = 0.002
 NOISE = ImuNoise(gyro=1e-3, accelerometer=1e-2, gyro_bias=1e-4, accelerometer_bias=1e-3)
@@ -111,6 +113,21 @@ def drive(f, path, ticks):
             if path.standing[foot]:
                 f.innovate(foot, path.seen(foot), POINT**2 * np.eye(3))
                 f.correct()
+
+
+hat = pin.skew
+
+
+@compiled
+def _fill_gamma(order, phi, out):
+    fill_gamma(order, phi, 1.0, out)
+
+
+def gamma(order, phi):
+    """Gamma_k(phi), as the filter has it."""
+    out = np.empty((3, 3))
+    _fill_gamma(order, phi, out)
+    return out
 
 
 def exponential(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

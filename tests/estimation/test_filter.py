@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from paths import DT, Path, adjoint, drive, exponential
+from paths import DT, Path, adjoint, drive, exponential, gamma, hat
 from scipy.linalg import expm
 from scipy.stats import chi2
 
 from poise.estimation import InvariantFilter
 from poise.estimation._config import ImuNoise, InitialDeviation
-from poise.estimation._group import gamma, hat, right_error
+from poise.estimation._group import right_error
 
 G = np.array([0.0, 0.0, -9.81])
 NOISELESS = ImuNoise(gyro=0.0, accelerometer=0.0, gyro_bias=0.0, accelerometer_bias=0.0)

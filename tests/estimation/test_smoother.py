@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from paths import DT, POINT, Path
+from paths import DT, POINT, Path, gamma, hat
 
 from poise.estimation import InvariantFilter
 from poise.estimation._config import ImuNoise, InitialDeviation
-from poise.estimation._group import gamma, hat
 
 gtsam = pytest.importorskip("gtsam")
 

@@ -1,27 +1,35 @@
-"""Small dense linear algebra, compiled when first called, for what is done every tick.
+"""Compiled functions, and small dense linear algebra for every tick.
 
-Python's own time for a call into NumPy or LAPACK is that of some thousand operations, as many as
-most of these functions do. They work in place and allocate nothing.
-
-`compiled`, `compiled_for_threads` and `part` make compiled functions, a `Block` hands many arrays
-to one, and `say_if_slow` shows what the first use on a machine waits for; `compiling_told` and its
-neighbours are for whoever compiles ahead.
+A call into NumPy or LAPACK takes Python the time of some thousand operations, as many as most of
+these functions do. They work in place and allocate nothing.
 """
 
-from poise._compiled._ahead import (
+from poise._compiled._blocks import Block, allocate, view
+from poise._compiled._compiling import compiled, compiled_for_threads, part
+from poise._compiled._first_use import (
     check_kept,
+    clear_bar,
     code_folder,
     compiling_told,
+    draw_bar,
     find_unkept,
+    functions_of,
     names_of,
+    say_if_slow,
     usable_cores,
 )
-from poise._compiled._blocks import Block, allocate, view
-from poise._compiled._compiling import compiled, compiled_for_threads, part, say_if_slow
-from poise._compiled._first_use import clear_bar, draw_bar, functions_of
-from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
-from poise._compiled._leading import factor_leading, solve_leading, solve_lower
-from poise._compiled._triangular import factor, solve_columns, solve_transposed
+from poise._compiled._linalg import (
+    factor,
+    factor_leading,
+    make_reflection,
+    reflect,
+    reflect_columns,
+    reflect_rows,
+    solve_columns,
+    solve_leading,
+    solve_lower,
+    solve_transposed,
+)
 
 __all__ = [
     "Block",

@@ -1,15 +1,14 @@
-"""`Block`: arrays and whole numbers by name, of which a compiled function gets one address.
+"""`Block`: arrays and whole numbers by name, passed to a compiled function as one address.
 
-Handing an array to a compiled function takes seven numbers, and compiling that takes as long as
-compiling what is done with it. A block's arrays are described in a table, and all that is handed on
-is where the table lies:
+An array as an argument takes seven numbers, and compiling that takes as long as compiling what is
+done with it. A block describes its arrays in a table, and passes the address of that:
 
     array           address of its first number, then its shape
     another block   address of its table
     int             the number itself
 
-So compiled functions have one signature, whoever owns the arrays, and nobody counts their owners:
-whoever calls one keeps the blocks alive.
+So compiled functions have one signature for all owners of arrays. These are not counted: the caller
+keeps the blocks alive.
 """
 
 import inspect
@@ -41,61 +40,55 @@ from numba.extending import models, register_model
 B = TypeVar("B", bound="Block")
 
 _WORD = 8
-"""Bytes of an address, of a length, of a number."""
+"""Size of an address, a length or a number [bytes]."""
 
 _LINE = 64
-"""Bytes at whose multiples arrays begin, so that vectors of their numbers do not straddle lines."""
+"""Size of a cache line; arrays begin at its multiples, so that vectors do not straddle [bytes]."""
 
 
 class _Field(NamedTuple):
-    """What stands in a block's table under a name.
+    """Entry of a block's table."""
 
-    Attributes:
-        place: its first word.
-        kind: "array", "block" or "int".
-        dims: names of an array's sizes.
-        dtype: of an array's numbers.
-        block: what kind of block.
-    """
-
-    place: int
-    kind: str
-    dims: tuple[str, ...] = ()
-    dtype: str = ""
-    block: "type[Block] | None" = None
+    place: int  # of its first word
+    kind: str  # "array", "block" or "int"
+    dims: tuple[str, ...] = ()  # names of an array's sizes
+    dtype: str = ""  # of an array's numbers
+    block: "type[Block] | None" = None  # class of a block
 
 
 class _BlockMeta(type):
-    """Tells Numba a class of blocks from other classes."""
+    """Metaclass by which Numba recognises classes of blocks."""
 
 
 @dataclass_transform(kw_only_default=True)
 class Block(metaclass=_BlockMeta):
-    """Base of classes whose annotations say what lies under which name.
+    """Base of classes whose annotations are the fields of the table.
 
     A field is a C-contiguous array, `Float64[np.ndarray, "m n"]` or of `Int64`, another `Block`,
-    or an `int`. Compiled functions may change the numbers of arrays, and an `int`; nobody may put
-    another array or block in the place of one.
+    or an `int`. Compiled functions may change the numbers of arrays, and an `int`; an array or a
+    block is never replaced by another.
 
     Args:
-        values: one for every field, but an `int` may be left out and is zero then.
+        values: one for every field; an `int` is zero by default.
 
-    Attributes:
-        fields: what stands in the table, by name.
-        table: of this block.
-        address: of the table; `view` makes the block of it, as long as somebody holds the block.
+    Raises:
+        TypeError: a class has a field with the name of an attribute of every block, a value is
+            missing or unknown, or an array has another layout than its field.
     """
 
-    stamp: ClassVar[str]
-    """Says how the table is laid out; machine code that was made for another is of no use."""
-
-    fields: ClassVar[dict[str, _Field]]
+    stamp: ClassVar[str]  # layout of the table; machine code is made for one
+    fields: ClassVar[dict[str, _Field]]  # of the table, by name
     table: np.ndarray
-    address: int
+    address: int  # of the table, valid as long as the block is referenced
 
     def __init_subclass__(cls) -> None:
         cls.fields, place = {}, 0
         for name, kind in inspect.get_annotations(cls).items():
+            if name in _RESERVED:
+                raise TypeError(
+                    f"{cls.__name__} has a field {name!r}, which is an attribute of every block; "
+                    "wanted another name"
+                )
             field = _field(place, kind)
             cls.fields[name] = field
             if field.kind == "int":
@@ -125,23 +118,26 @@ class Block(metaclass=_BlockMeta):
         _LIVE[self.address] = self
 
     def __reduce_ex__(self, protocol: object) -> Any:
-        # A copy would go on to the addresses of the original, which may be gone by then.
+        # A copy would refer to the memory of the original.
         raise TypeError(
             f"{type(self).__name__} lies where compiled functions know it: what holds it, such as "
             "a solver or an estimator, is neither copied nor pickled; make another"
         )
 
     def arrays(self) -> dict[str, Any]:
-        """Its own arrays by name, without those of the blocks in it."""
+        """Return its own arrays by name, without those of the blocks in it."""
         return {name: getattr(self, name) for name, f in self.fields.items() if f.kind == "array"}
 
 
+_RESERVED = ("stamp", "fields", "table", "address", "arrays")
+"""Attributes of every block: a field called `table` would free the table that is in use."""
+
 _LIVE: WeakValueDictionary[int, Block] = WeakValueDictionary()
-"""Blocks by their address, for compiled functions that run as plain Python."""
+"""Blocks by address, for compiled functions that run as plain Python."""
 
 
 def allocate(kind: type[B], sizes: Mapping[str, int], **given: Any) -> B:
-    """Makes a block of arrays of zeros."""
+    """Make a block of arrays of zeros, but for `given` values."""
     shapes = dict[str, list[int]]()
     for name, field in kind.fields.items():
         if name not in given and field.kind == "array":
@@ -155,14 +151,14 @@ def allocate(kind: type[B], sizes: Mapping[str, int], **given: Any) -> B:
 
 
 def view(kind: type[B], address: int) -> B:
-    """The block whose table lies at an address; how a compiled function gets it from Python."""
+    """Return the block whose table lies at an address."""
     block = _LIVE[address]
     assert isinstance(block, kind)
     return block
 
 
 def _field(place: int, kind: Any) -> _Field:
-    """What an annotation says."""
+    """Entry that an annotation describes."""
     if kind is int:
         return _Field(place, "int")
     if isinstance(kind, _BlockMeta):
@@ -171,7 +167,7 @@ def _field(place: int, kind: Any) -> _Field:
 
 
 def _number(place: int) -> property:
-    """An `int` in the table, seen from Python."""
+    """Property of an `int` in the table."""
 
     def read(block: Block) -> int:
         return int(block.table[place])
@@ -183,7 +179,7 @@ def _number(place: int) -> property:
 
 
 def _describe(array: Any, field: _Field, name: str) -> list[int]:
-    """An array's words in the table."""
+    """Words of an array in the table."""
     fits = array.ndim == len(field.dims) and array.dtype == field.dtype
     if not (fits and array.flags.c_contiguous and array.flags.aligned):
         raise TypeError(f"{name} is not a contiguous array of {field.dtype} {field.dims}")
@@ -195,7 +191,7 @@ def _address(array: np.ndarray) -> int:
 
 
 def _zeros(words: Sequence[int]) -> list[np.ndarray]:
-    """Vectors of so many words, each of which begins at a line, in one piece of memory."""
+    """Make vectors of zeros in one piece of memory, each of which begins at a line."""
     line = _LINE // _WORD
     begins = [0, *accumulate(-(-count // line) * line for count in words)]
     room = np.zeros(begins[-1] + line)
@@ -204,11 +200,11 @@ def _zeros(words: Sequence[int]) -> list[np.ndarray]:
     return [room[begin : begin + count] for begin, count in zip(begins, words, strict=False)]
 
 
-# --- what Numba has to know ---------------------------------------------------------------------
+# --- blocks in Numba ----------------------------------------------------------------------------
 
 
 class _BlockType(types.Type):
-    """A block in compiled code: a pointer to its table."""
+    """Type of a block: a pointer to its table."""
 
     def __init__(self, block: type[Block]) -> None:
         self.block = block
@@ -216,7 +212,7 @@ class _BlockType(types.Type):
 
 
 class _ClassType(types.Opaque):
-    """A class of blocks, as `view` takes it."""
+    """Type of a class of blocks, an argument of `view`."""
 
     def __init__(self, block: type[Block]) -> None:
         self.block = block
@@ -267,7 +263,7 @@ class _Attributes(AttributeTemplate):
 
 
 def _type_of(field: _Field) -> Any:
-    """What Numba calls what stands under a name."""
+    """Numba's type of a field."""
     if field.kind == "int":
         return types.int64
     if field.block is not None:
@@ -318,6 +314,6 @@ def _word(builder: Any, block: Any, place: int) -> Any:
 
 
 def _never_changes(builder: Any, load: Any) -> Any:
-    """Lets LLVM read a word once, whatever is written in between."""
+    """Let LLVM read a word once, whatever is written in between."""
     load.set_metadata("invariant.load", builder.module.add_metadata([]))
     return load

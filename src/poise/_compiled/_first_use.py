@@ -1,14 +1,21 @@
-"""What is seen of compiling, which happens once on a machine and takes some twenty seconds."""
+"""Compilation reported: at the first use on a machine, and to callers that compile ahead."""
 
 import logging
+import os
 import sys
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from time import perf_counter
-from typing import Any
+from typing import Any, cast
 
+import numba
 from numba.core import event
 
-EVENT = "numba:compile"
-"""Numba's, about each function that it compiles."""
+from poise._compiled._kept_code import KeptCode
+from poise.errors import ConfigurationError
+
+_EVENT = "numba:compile"
+"""Numba's event about each function that it compiles."""
 
 _TYPED = 0.6
 """Part of the time until all functions are read and typed; the rest makes machine code of them."""
@@ -16,24 +23,22 @@ _TYPED = 0.6
 _WIDTH = 24
 """Of the bar [characters]."""
 
+_WANTED = "a folder that can be written and has room; NUMBA_CACHE_DIR names another"
 
-class FirstUse(event.Listener):
-    """Says what is compiled and how far that is, and for how long it took.
+_notes = list[Callable[[str], None]]()
+"""Callbacks of the `compiling_told` contexts that are open."""
 
-    Where somebody looks on there is a bar, elsewhere a line in the log before and one after.
-    """
+
+class _FirstUse(event.Listener):
+    """Progress of one function: a bar on a terminal, else a log line before and one after."""
 
     def __init__(self, function: Any, what: str, kept: str | None) -> None:
         self._function, self._what, self._kept = function, what, kept
         self._total, self._done = len(functions_of(function)), 0
         self._begin: float | None = None
 
-    def watch(self) -> None:
-        """Begins to listen to Numba, until the function is compiled."""
-        event.register(EVENT, self)
-
     def on_start(self, event: Any) -> None:
-        """Numba begins to compile a function."""
+        """Begin with the function itself, whose callees compile within."""
         if event.data["dispatcher"] is not self._function:
             return
         self._begin = perf_counter()
@@ -45,22 +50,59 @@ class FirstUse(event.Listener):
             )
 
     def on_end(self, event: Any) -> None:
-        """Numba has compiled a function."""
+        """Count a function; end with the function itself."""
         if self._begin is None:
             return
         self._done += 1
-        draw_bar(self._what, self._share(), perf_counter() - self._begin)
+        spent = perf_counter() - self._begin
+        draw_bar(self._what, _TYPED * min(self._done / self._total, 1.0), spent)
         if event.data["dispatcher"] is self._function:
-            self._finish(perf_counter() - self._begin)
+            _unregister(self)
+            clear_bar()
+            kept = f"kept in {self._kept}" if self._kept else "not kept: no folder can be written"
+            logging.getLogger("poise").warning("compiled %s in %.0f s, %s", self._what, spent, kept)
 
-    def _share(self) -> float:
-        return _TYPED * min(self._done / self._total, 1.0)
 
-    def _finish(self, spent: float) -> None:
-        event.unregister(EVENT, self)
-        clear_bar()
-        where = f"kept in {self._kept}" if self._kept else "not kept: no folder can be written"
-        logging.getLogger("poise").warning("compiled %s in %.0f s, %s", self._what, spent, where)
+class _Noted(event.Listener):
+    """Report of each function that is compiled."""
+
+    def __init__(self, note: Callable[[str], None]) -> None:
+        self._note = note
+
+    def on_start(self, event: Any) -> None:
+        """Wait for the end."""
+
+    def on_end(self, event: Any) -> None:
+        """Report the function's name."""
+        self._note(_name(event.data["dispatcher"]))
+
+
+def _unregister(listener: event.Listener) -> None:
+    event.unregister(_EVENT, listener)
+
+
+def say_if_slow(function: Callable[..., object], what: str) -> None:
+    """Show the compilation of a function at its next call, unless its machine code is kept."""
+    dispatcher = cast("Any", function)
+    # With NUMBA_DISABLE_JIT it is a plain function.
+    if _notes or not hasattr(dispatcher, "signatures") or dispatcher.signatures:
+        return
+    kept = dispatcher._cache if isinstance(dispatcher._cache, KeptCode) else None
+    if kept is None or not kept.has_code(dispatcher.targetctx):
+        event.register(_EVENT, _FirstUse(dispatcher, what, kept and kept.cache_path))
+
+
+@contextmanager
+def compiling_told(note: Callable[[str], None]) -> Generator[None]:
+    """Call `note` with the name of each function compiled within; nothing else is shown."""
+    listener = _Noted(note)
+    event.register(_EVENT, listener)
+    _notes.append(note)
+    try:
+        yield
+    finally:
+        _notes.remove(note)
+        _unregister(listener)
 
 
 def draw_bar(what: str, share: float, spent: float) -> None:
@@ -77,14 +119,14 @@ def draw_bar(what: str, share: float, spent: float) -> None:
 
 
 def clear_bar() -> None:
-    """Takes the bar away."""
+    """Remove the bar of `draw_bar`."""
     if sys.stderr.isatty():
         sys.stderr.write("\r\033[K")
         sys.stderr.flush()
 
 
 def functions_of(function: Any) -> list[Any]:
-    """A compiled function and all that it calls, each once."""
+    """List a compiled function and all that it calls, each once."""
     found: dict[Any, None] = {}
     left = [function]
     while left:
@@ -95,3 +137,62 @@ def functions_of(function: Any) -> list[Any]:
             callees = [plain.__globals__.get(name) for name in plain.__code__.co_names]
             left += [callee for callee in callees if hasattr(callee, "py_func")]
     return list(found)
+
+
+def find_unkept(skipped: tuple[str, ...] = ()) -> list[Any]:
+    """List the compiled functions of imported modules of which no machine code is on disk."""
+    return [
+        function
+        for function in _keepable()
+        if not function.py_func.__module__.startswith(skipped)
+        and not function._cache.has_code(function.targetctx)
+    ]
+
+
+def names_of(functions: list[Any]) -> set[str]:
+    """Names of functions and of all that they call, as `compiling_told` reports them."""
+    return {_name(one) for function in functions for one in functions_of(function)}
+
+
+def code_folder() -> str:
+    """Return the folder below which machine code is kept."""
+    asked = str(cast("Any", numba).config.CACHE_DIR)
+    paths = [function._cache.cache_path for function in _keepable()]
+    if not paths or (asked and not os.path.abspath(paths[0]).startswith(os.path.abspath(asked))):
+        raise ConfigurationError(
+            "compiled code cannot be kept", got=asked or "no such folder", wanted=_WANTED
+        )
+    return os.path.commonpath(paths)
+
+
+def check_kept(compiled: set[str]) -> None:
+    """Raise where functions that were compiled are not on disk."""
+    left = [name for one in find_unkept() if (name := _name(one)) in compiled]
+    if left:
+        raise ConfigurationError(
+            f"compiled code is not kept, such as that of {left[0]}",
+            got=code_folder(),
+            wanted=_WANTED,
+        )
+
+
+def usable_cores() -> int:
+    """Count the cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _keepable() -> list[Any]:
+    """All compiled functions of Poise's imported modules whose code can be kept, each once."""
+    found: dict[Any, None] = {}
+    for name, module in list(sys.modules.items()):
+        if name.split(".")[0] == "poise":
+            for value in vars(module).values():
+                if isinstance(getattr(value, "_cache", None), KeptCode):
+                    found[value] = None
+    return list(found)
+
+
+def _name(function: Any) -> str:
+    return f"{function.py_func.__module__}.{function.py_func.__qualname__}"

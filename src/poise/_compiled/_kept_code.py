@@ -1,8 +1,4 @@
-"""`KeptCode`: machine code on disk, whatever the disk does.
-
-Numba raises where a file cannot be written or read. A controller must begin all the same: slower,
-and saying why.
-"""
+"""`KeptCode`: machine code on disk, and compilation anew where a file cannot be read or written."""
 
 import logging
 from itertools import count
@@ -11,7 +7,7 @@ from typing import Any
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 _SAID: set[str] = set()
-"""Folders of which was said that they do not work."""
+"""Folders about which a warning was logged."""
 
 
 class KeptCode(FunctionCache):
@@ -23,31 +19,28 @@ class KeptCode(FunctionCache):
         self._cache_file = self._files = _Files(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Machine code for a signature, or None.
-
-        Numba would first read all that it can compile, SciPy's linear algebra included: three
-        quarters of the time. What is compiled already needs none of it; whoever compiles something
-        later reads it then.
-        """
+        """Return machine code for a signature, or None."""
+        # Numba's own would first read all that it can compile, SciPy's linear algebra included:
+        # three quarters of the time, and nothing that is needed here.
         try:
             return self._load_overload(sig, target_context)
         except Exception as error:  # A damaged file makes pickle and LLVM raise anything.
-            self._say("read", error)
+            self._warn("read", error)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keeps machine code for a signature, if that can be done."""
+        """Write machine code for a signature, if that can be done."""
         try:
             super().save_overload(sig, data)
         except OSError as error:
-            self._say("written", error)
+            self._warn("written", error)
 
     def has_code(self, target_context: Any) -> bool:
-        """Whether there is any for this processor."""
+        """Test for code of any signature for this processor."""
         processor = target_context.codegen().magic_tuple()
-        return any(key[1] == processor for key in self._files.load_index())
+        return any(key[1] == processor for key in self._files.read_index())
 
-    def _say(self, what: str, error: Exception) -> None:
+    def _warn(self, what: str, error: Exception) -> None:
         if self._cache_path in _SAID:
             return
         _SAID.add(self._cache_path)
@@ -62,19 +55,18 @@ class KeptCode(FunctionCache):
 
 
 class _Files(IndexDataCacheFile):
-    """Files that never mix two versions of a source, whichever process stops at which moment.
+    """Files that never mix versions of a source, at whichever moment a process stops."""
 
-    Numba writes the list of files before the files, and uses their names again: who reads in
-    between, or after a disk was full, gets the code of another version.
-    """
+    # Numba writes the index before the files, and uses their names again: a reader in between, or
+    # after a disk was full, gets the code of another version.
 
     def __init__(self, folder: str, base: str, stamp: str) -> None:
         super().__init__(folder, base, stamp)
         self._data_name_pattern = f"{base}.{stamp[:12]}.{{number:d}}.nbc"
 
     def save(self, key: Any, data: Any) -> None:
-        """Adds code to what the files hold."""
-        names = self._load_index()
+        """Add code under a key, file before index."""
+        names = self.read_index()
         taken = set(names.values())
         name = names.get(key) or next(
             name for number in count(1) if (name := self._data_name(number)) not in taken
@@ -82,12 +74,11 @@ class _Files(IndexDataCacheFile):
         self._save_data(name, data)
         self._save_index({**names, key: name})
 
-    def load_index(self) -> dict[Any, str]:
-        """Names of files by what their code is for; none where they are of another version."""
-        return self._load_index()
-
-    def _load_index(self) -> dict[Any, str]:
+    def read_index(self) -> dict[Any, str]:
+        """Return file names by key; none where they are of another version or damaged."""
         try:
             return super()._load_index()
         except Exception:  # As above: what is damaged is written anew.
             return {}
+
+    _load_index = read_index

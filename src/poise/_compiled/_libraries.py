@@ -1,8 +1,8 @@
-"""How compiled functions go through LLVM: a whole program at once, instead of each part by itself.
+"""Compilation by LLVM of a whole program, instead of each function by itself.
 
-Numba would turn every function into machine code of its own, with all that it calls, although
-nobody ever calls most of them: of the time that takes, what is in this file saves four fifths. It
-stands on names that Numba keeps to itself; `tests/compiled` says when they have changed.
+Numba would make machine code of every function with all its callees, although most are never called
+from outside: a whole program takes a fifth of that time. This relies on private names of Numba, of
+which `tests/compiled` notices changes.
 """
 
 import gc
@@ -18,22 +18,19 @@ _LEVEL = 1
 
 
 class PartCompiler(Compiler):
-    """Compiles a function that becomes machine code as a part of those that call it."""
+    """Compiler of a function that becomes machine code as a part of its callers."""
 
     def define_pipelines(self) -> Any:
-        """Numba's own passes, into a library that nothing is made of yet."""
+        """Select Numba's own passes, into a library without machine code."""
         _use(self, _Part)
         return super().define_pipelines()
 
 
 class WholeCompiler(Compiler):
-    """Compiles a function that Python calls, together with all the parts that it calls."""
+    """Compiler of a function that Python calls, together with its parts."""
 
     def compile_extra(self, func: Any) -> Any:
-        """Compiles it, and all its parts on the way.
-
-        What is made now stays; looking for garbage in it takes a fifth of the time.
-        """
+        """Compile without garbage collection, which takes a fifth of the time and finds nothing."""
         collects = gc.isenabled()
         gc.disable()
         try:
@@ -43,13 +40,13 @@ class WholeCompiler(Compiler):
                 gc.enable()
 
     def define_pipelines(self) -> Any:
-        """Numba's own passes, into a library that is optimised once, as a whole."""
+        """Select Numba's own passes, into a library that is optimised as a whole."""
         _use(self, _Whole)
         return super().define_pipelines()
 
 
 def compile_once_for_all_numbers(function: Any) -> None:
-    """Keeps Numba from compiling a function anew for each whole number in the source of a call."""
+    """Keep Numba from compiling a function for each literal whole number in a call."""
     resolve = function.get_call_template
 
     def resolve_any(args: Any, kws: Any) -> Any:
@@ -66,14 +63,14 @@ def _use(compiler: Any, kind: type[JITCodeLibrary]) -> None:
 
 
 class _NoEnvironment:
-    """Where Numba leaves a function's environment, of which a part has no use."""
+    """Receiver of a function's environment, of which a part has no use."""
 
     def set_env(self, name: str, environment: object) -> None:
         pass
 
 
 class _Part(JITCodeLibrary):
-    """LLVM's code of one function, as it came from Numba."""
+    """LLVM's code of one function, not optimised."""
 
     @property
     def codegen(self) -> Any:
@@ -87,8 +84,7 @@ class _Part(JITCodeLibrary):
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """None is made, whatever the name."""
-        del name
+        del name  # A part has no machine code of its own.
         return 0
 
 
@@ -107,7 +103,7 @@ class _Whole(JITCodeLibrary):
             if isinstance(library, _Part):
                 for function in library._final_module.functions:
                     if not function.is_declaration:
-                        # Nobody else can call it, so that it may become part of its only caller.
+                        # Without other callers it may become part of its only one.
                         self._final_module.get_function(function.name).linkage = "internal"
         tuning = llvm.create_pipeline_tuning_options(speed_level=_LEVEL)
         tuning.loop_vectorization = True
@@ -117,7 +113,7 @@ class _Whole(JITCodeLibrary):
 
 
 def _with_parts(libraries: list[Any]) -> list[Any]:
-    """Libraries, and those that the parts among them need, each once."""
+    """List libraries, and those that the parts among them need, each once."""
     found: dict[Any, None] = {}
     left = list(libraries)
     while left:

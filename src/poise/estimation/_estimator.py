@@ -13,10 +13,9 @@ from poise._checks import is_array, is_time
 from poise._compiled import allocate
 from poise.dynamics import RobotState, frames_of, motion_of
 from poise.errors import ConfigurationError
-from poise.estimation._cell_vote import LoadCellVote
 from poise.estimation._config import EstimatorConfig
 from poise.estimation._filter import InvariantFilter
-from poise.estimation._load_cells import LoadCellTare
+from poise.estimation._load_cells import LoadCellTare, LoadCellVote
 from poise.estimation._memory import OFFSET, SPEED, EstimatorMemory
 from poise.estimation._operations import BAD_STATE, JUMP, SEE, STEP, TAKE, WAIT, run
 from poise.estimation._payload import PayloadEstimator
@@ -29,12 +28,11 @@ class EstimatorStatus(Enum):
     Attributes:
         OK: everything was measured and used.
         FLYING: no sole is in contact, so the inertial unit is all there is.
-        NO_IMU: the inertial unit said nothing of use; its last readings stand in.
+        NO_IMU: no usable readings of the inertial unit; the last ones replace them.
         CLOCK_JUMP: time went back, or on by more than `EstimatorConfig.longest_step`; contacts
             begin anew.
-        CLOCK_STILL: the time is that of a state before, and the readings are others; nothing of
-            them is used.
-        BAD_STATE: the measured state is none of this robot; it comes back as it is.
+        CLOCK_STILL: other readings than those of a state of the same time; they are not used.
+        BAD_STATE: the measured state is none of this robot; it is returned as it is.
         RESTARTED: the filter's numbers were no longer sound, and it begins anew.
     """
 
@@ -48,17 +46,17 @@ class EstimatorStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether nothing was wrong."""
+        """True for `OK` and `FLYING`."""
         return self in (EstimatorStatus.OK, EstimatorStatus.FLYING)
 
 
 _STATUSES = tuple(EstimatorStatus)
 
 _CALIBRATING = 20
-"""As many samples at rest say something of a gyro's bias."""
+"""Samples at rest whose mean is the gyro's bias."""
 
 _JUMP_TILT, _JUMP_SPEED = 0.05, 0.5
-"""How far a robot may have tipped [rad] and sped up [m/s] while nobody looked."""
+"""Deviations of tilt [rad] and velocity [m/s] after a jump of time."""
 
 
 class StateEstimator:
@@ -69,18 +67,15 @@ class StateEstimator:
     with position and yaw as in `q_start` and the soles on the ground; `start` does that better from
     a second of standing still. Absolute position and yaw are dead reckoning.
 
-    Wrenches that no load cell measures, or a faulty one, are estimated from joint torques, as
-    `LoadCellVote` does; where these are not measured either, all soles are taken to be in contact
-    until they move.
-
-    It never raises on numbers; `status` says what was wrong.
+    Wrenches that no load cell measures, or a faulty one, are estimated from joint torques by
+    `LoadCellVote`; where these are not measured either, all soles count as in contact until they
+    move. Nothing raises on numbers; `status` is the quality of the last estimate.
 
     Args:
         robot: with a floating base and soles.
-        config: what it believes of the sensors.
-        q_start: where the robot begins, of which position and yaw count; its home if not given.
-        payload: finds how far the robot is from its description, and the state says so; nobody does
-            when None.
+        config: beliefs about the sensors.
+        q_start: start of the robot, of which position and yaw count; its home by default.
+        payload: estimator of the payload in the returned state; none by default.
 
     Attributes:
         filter: the filter.
@@ -113,7 +108,7 @@ class StateEstimator:
         m = self._memory = self._allocate()
         self._joints, self._speeds, self._wrenches = m.q[7:], m.v[6:], list(m.wrenches)
         self.reset()
-        # What is compiled is compiled now, not in the first tick.
+        # Compiled now, not in the first tick.
         run(m.address, TAKE, 0, 0.0, 0.0)
 
     def _allocate(self) -> EstimatorMemory:
@@ -134,7 +129,7 @@ class StateEstimator:
         )
 
     def reset(self) -> None:
-        """Forget everything; the next state starts it anew."""
+        """Discard the estimate; the next state starts anew."""
         m = self._memory
         self._started = False
         self._time = math.nan
@@ -150,17 +145,14 @@ class StateEstimator:
 
     @property
     def wrenches(self) -> dict[str, Float64[np.ndarray, "6"]]:
-        """Wrenches of the soles, measured or estimated [N, N m]; empty where neither is possible.
-
-        NaN of one that is not known.
-        """
+        """Wrenches of the soles, measured or estimated; NaN or empty where not known [N, N m]."""
         if not self._memory.measured:
             return {}
         return {name: w.copy() for name, w in zip(self._names, self._wrenches, strict=True)}
 
     @property
     def slipping(self) -> tuple[str, ...]:
-        """Soles that are taken to slip."""
+        """Soles that count as slipping."""
         ends = zip(self._names, self._memory.slip_end.tolist(), strict=True)
         return tuple(name for name, end in ends if self._time < end)
 
@@ -172,9 +164,9 @@ class StateEstimator:
     def start(self, states: Sequence[RobotState]) -> None:
         """Start from measurements of the robot at rest.
 
-        The mean specific force says which way is up, and where there are some twenty samples the
-        mean angular velocity is the gyro's bias. Whatever is of no use is passed over. It begins
-        where it last was, and after `reset` at `q_start`, its soles on `EstimatorConfig.ground`.
+        The mean specific force is upwards, and of twenty or more samples the mean angular velocity
+        is the gyro's bias. Unusable states are skipped. The base starts at its last position, and
+        after `reset` at `q_start`, its soles on `EstimatorConfig.ground`.
 
         Args:
             states: as measured, the last one being now.
@@ -199,8 +191,8 @@ class StateEstimator:
             state: as measured.
 
         Returns:
-            `q`, `v` with the joints as measured, sole wrenches less what they say in the air, and
-            the time of the measurement; the state as it came where it is of no use.
+            `q`, `v` with the joints as measured, sole wrenches less their zeros, and the time of
+            the measurement; an unusable state as it is.
         """
         if not self._take(state):
             self.status = EstimatorStatus.BAD_STATE
@@ -219,13 +211,13 @@ class StateEstimator:
         if self.status is EstimatorStatus.RESTARTED:
             before = pin.Quaternion(self._memory.pose[3:7]).toRotationMatrix()
             self._begin(state, before, None)
-            run(self._memory.address, WAIT, 0, self._time, 0.0)
+            self._run(WAIT, self._time, 0.0)
         return self._answer(state)
 
     # --- one update ------------------------------------------------------------------------------
 
     def _take(self, state: object) -> bool:
-        """Copy joints and readings; False for joints or a time of no use."""
+        """Copy joints and readings; return False for unusable joints or time."""
         if not isinstance(state, RobotState) or not is_time(state.time):
             return False
         m, reading = self._memory, state.readings
@@ -240,28 +232,32 @@ class StateEstimator:
         return run(m.address, TAKE, 0, 0.0, 0.0) != BAD_STATE
 
     def _advance(self, state: RobotState) -> None:
-        """Take one measurement into the filter."""
-        m, dt = self._memory, state.time - self._time
+        """Filter one measurement."""
+        dt = state.time - self._time
         if self.config.joint_bandwidth is not None:
             self._low_pass(self.config.joint_bandwidth, dt)
-        pin.computeJointJacobians(self._model, self._data, m.q)
+        pin.computeJointJacobians(self._model, self._data, self._memory.q)
         operation = WAIT
         if 0.0 < dt <= self.config.longest_step:
             operation = STEP
             self._sense(state)
         elif dt != 0.0:
             operation = JUMP
-            self._jump(state.time)
+            for contact in range(len(self._names)):
+                self.filter.release(contact)
+            self._memory.slip_end[:], self._memory.fitted[0] = -math.inf, state.time
+            self.filter.loosen(tilt=_JUMP_TILT, velocity=_JUMP_SPEED)
         self._time = state.time
-        self.status = _STATUSES[int(run(m.address, operation, 0, state.time, dt))]
+        self.status = self._run(operation, state.time, dt)
 
-    def _jump(self, time: float) -> None:
-        """Release all contacts: nobody knows what happened meanwhile; tilt and speed are unsure."""
+    def _run(self, operation: int, time: float, dt: float) -> EstimatorStatus:
+        """Run an operation of the tick; fill in the base of the estimate."""
         m = self._memory
-        for contact in range(len(self._names)):
-            self.filter.release(contact)
-        m.slip_end[:], m.fitted[0] = -math.inf, time
-        self.filter.loosen(tilt=_JUMP_TILT, velocity=_JUMP_SPEED)
+        status = _STATUSES[int(run(m.address, operation, 0, time, dt))]
+        if status is not EstimatorStatus.RESTARTED:
+            m.q[3:7] = pin.Quaternion(m.world_R_base).coeffs()
+            m.pose[:] = m.q[:7]
+        return status
 
     def _sense(self, state: RobotState) -> None:
         """Copy the soles' wrenches."""
@@ -272,7 +268,7 @@ class StateEstimator:
                 wrench = state.wrench(name)
                 row[:] = math.nan if wrench is None else wrench
 
-    # --- what goes in and out --------------------------------------------------------------------
+    # --- start and answer -----------------------------------------------------------------------
 
     def _begin(
         self,
@@ -280,7 +276,7 @@ class StateEstimator:
         world_R_base: Float64[np.ndarray, "3 3"],
         gyro_bias: Float64[np.ndarray, "3"] | None,
     ) -> None:
-        """At rest, where it last was, or else on its soles."""
+        """Start the filter at rest, at its last position or else on its soles."""
         m = self._memory
         pin.computeJointJacobians(self._model, self._data, m.q)
         run(m.address, SEE, 0, 0.0, 0.0)
@@ -294,11 +290,11 @@ class StateEstimator:
         self._sense(state)
 
     def _answer(self, state: RobotState) -> RobotState:
-        """The estimate in Poise's conventions: the base's velocity in the base's own frame."""
+        """Return the estimate, with the payload."""
         payload, m = self.payload, self._memory
-        told = None if payload is None else payload.payload
+        known = None if payload is None else payload.payload
         self._last = RobotState(
-            m.q.copy(), m.v.copy(), state.contacts, state.time, state.readings, told
+            m.q.copy(), m.v.copy(), state.contacts, state.time, state.readings, known
         )
         if payload is None or self.vote.estimated:
             return self._last
@@ -319,7 +315,7 @@ def _yaw(q: Float64[np.ndarray, " nq"]) -> float:
 
 
 def _upright(up: Float64[np.ndarray, "3"], yaw: float) -> Float64[np.ndarray, "3 3"]:
-    """world_R_body from the body's upward direction, along its axes, and its yaw [rad]."""
+    """Return world_R_body by the upward direction along the body's axes, and the yaw [rad]."""
     norm = float(np.linalg.norm(up))
     z = up / norm if norm > 0.1 * GRAVITY else np.array([0.0, 0.0, 1.0])
     y = np.array([0.0, z[2], -z[1]])
@@ -333,7 +329,7 @@ def _upright(up: Float64[np.ndarray, "3"], yaw: float) -> Float64[np.ndarray, "3
 def _mounting(
     robot: Robot, name: str | None
 ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, "3"]]:
-    """base_R_unit and the unit's origin in the base."""
+    """Return base_R_unit and the unit's origin in the base."""
     if not robot.floating_base or not robot.soles:
         raise ConfigurationError(
             f"the base of robot {robot.name!r} cannot be estimated",

@@ -2,17 +2,18 @@
 
 The right-invariant extended Kalman filter of Hartley, Ghaffari, Eustice and Grizzle (2020),
 "Contact-aided invariant extended Kalman filtering for robot state estimation", with the biases of
-the inertial unit and contact points that come and go. Its error does not depend on where the robot
-is nor how it moves, so a bad first guess does not spoil the covariance, and what cannot be seen
-(absolute position and yaw) stays unseen.
+the inertial unit and contact points that come and go. The dynamics of its error do not depend on
+the state, so a bad first guess does not spoil the covariance, and absolute position and yaw, which
+cannot be observed, keep theirs.
 """
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._compiled import allocate, say_if_slow
 from poise.estimation._config import ImuNoise, InitialDeviation
-from poise.estimation._group import gamma, hat, right_error
+from poise.estimation._group import right_error
 from poise.estimation._memory import CONTACTS, POSITION, VELOCITY, FilterMemory
 from poise.estimation._operations import (
     CHECK,
@@ -27,21 +28,21 @@ from poise.estimation._operations import (
 
 
 class InvariantFilter:
-    """The filter by itself: told what an inertial unit and the kinematics measure, nothing else.
+    """Filter of measurements by an inertial unit and the kinematics.
 
-    Arrays that it shows are its own and change with it. Nothing here raises on numbers: what is
-    not finite makes `sound` false.
+    Its arrays are its memory and change with it. Nothing here raises on numbers: any that is not
+    finite makes `sound` false.
 
     Args:
-        contacts: how many points can be in contact at once.
+        contacts: largest number of contact points.
         noise: of the inertial unit.
 
     Attributes:
         rotation: world_R_imu.
         velocity: of the unit, in the world [m/s].
         position: of the unit, in the world [m].
-        points: contact points, in the world; of use where `held` [m].
-        held: which contact points are held.
+        points: contact points, in the world; valid where `held` [m].
+        held: 1 for contact points in the state.
         gyro_bias: along the unit's axes [rad/s].
         accelerometer_bias: along the unit's axes [m/s^2].
         covariance: of the right-invariant error, in blocks of three: orientation, velocity,
@@ -60,10 +61,9 @@ class InvariantFilter:
         self.gyro_bias, self.accelerometer_bias = m.bias
         self.covariance = m.P
         self.start(np.eye(3), np.zeros(3))
-        # What is compiled is compiled now, not in the first tick.
+        # Compiled now, not in the first tick.
         say_if_slow(run, "the state estimator")
         self._run(CHECK)
-        gamma(0, np.zeros(3))
 
     def start(
         self,
@@ -73,13 +73,13 @@ class InvariantFilter:
         gyro_bias: Float64[np.ndarray, "3"] | None = None,
         deviation: InitialDeviation | None = None,
     ) -> None:
-        """At rest somewhere, with no contact point.
+        """Start at rest, with no contact point.
 
         Args:
             rotation: world_R_imu.
             position: of the unit [m].
             gyro_bias: of the gyro, zero if not given [rad/s].
-            deviation: how well all that is known, see `InitialDeviation`.
+            deviation: of all that.
         """
         d = deviation if deviation is not None else InitialDeviation()
         m = self.memory
@@ -94,11 +94,8 @@ class InvariantFilter:
         self._tip(m.P[:3, :3].copy())
 
     def _tip(self, about: Float64[np.ndarray, "3 3"]) -> None:
-        """P becomes that of an orientation with such a covariance about the unit.
-
-        The invariant error is about the world's origin, so velocity and position go along.
-        """
-        lever = np.vstack([np.eye(3), hat(self.velocity), hat(self.position)])
+        """Move a covariance of the orientation, in P about the unit, to the world's origin."""
+        lever = np.vstack([np.eye(3), pin.skew(self.velocity), pin.skew(self.position)])
         self.memory.P[:3, :3] -= about
         self.memory.P[:9, :9] += lever @ about @ lever.T
 
@@ -109,13 +106,13 @@ class InvariantFilter:
         dt: float,
         walk: Float64[np.ndarray, " contacts"] | float = 0.0,
     ) -> None:
-        """Time passes.
+        """Advance by the readings of a period.
 
         Args:
-            angular_velocity: as measured, along the unit's axes [rad/s].
-            specific_force: as measured: acceleration less gravity, along the unit's axes [m/s^2].
-            dt: how much time, of which these are means [s].
-            walk: density of the noise with which contact points move [m/s/sqrt(Hz)].
+            angular_velocity: mean, along the unit's axes [rad/s].
+            specific_force: mean acceleration less gravity, along the unit's axes [m/s^2].
+            dt: duration of the period [s].
+            walk: density of the walk of contact points [m/s/sqrt(Hz)].
         """
         m = self.memory
         m.imu[0], m.imu[1], m.contact_density[:] = angular_velocity, specific_force, walk
@@ -127,11 +124,11 @@ class InvariantFilter:
         offset: Float64[np.ndarray, "3"],
         spread: Float64[np.ndarray, "3 3"],
     ) -> None:
-        """Add a contact point to the state, or put one down anew.
+        """Add a contact point to the state, or replace one.
 
         Args:
             contact: its number.
-            offset: where the kinematics see it from the unit, along the unit's axes [m].
+            offset: its position from the unit by the kinematics, along the unit's axes [m].
             spread: covariance of that [m^2].
         """
         m = self.memory
@@ -154,16 +151,16 @@ class InvariantFilter:
         offset: Float64[np.ndarray, "3"],
         spread: Float64[np.ndarray, "3 3"],
     ) -> float:
-        """Innovate by a held contact point, as the kinematics place it.
+        """Innovate by a held contact point.
 
         Args:
             contact: its number.
-            offset: where the kinematics see it from the unit, along the unit's axes [m].
+            offset: its position from the unit by the kinematics, along the unit's axes [m].
             spread: covariance of that [m^2].
 
         Returns:
-            The square of the Mahalanobis distance: chi-squared with three degrees of freedom where
-            the point is at rest. NaN where it is not to be had.
+            The square of the Mahalanobis distance, chi-squared with three degrees of freedom where
+            the point is at rest; NaN where the covariance is singular.
         """
         m = self.memory
         m.offset[:], m.spread[:] = offset, spread
@@ -174,11 +171,11 @@ class InvariantFilter:
     ) -> float:
         """Innovate by a measurement of the gyro's bias.
 
-        Where a foot at rest does not turn, the kinematics say how the unit turns, and the gyro's
-        reading less that is its bias. Without this the bias about the vertical hides behind yaw.
+        A foot at rest does not turn, so the kinematics measure the turn of the unit, and the
+        gyro's reading less that is its bias. Only this shows the bias about the vertical.
 
         Args:
-            bias: as known, along the unit's axes [rad/s].
+            bias: as measured, along the unit's axes [rad/s].
             spread: covariance of that [rad^2/s^2].
 
         Returns:
@@ -209,12 +206,12 @@ class InvariantFilter:
 
     @property
     def holds(self) -> bool:
-        """Whether any contact point is held."""
+        """True where any contact point is held."""
         return 1 in self.held.tolist()
 
     @property
     def sound(self) -> bool:
-        """Whether all numbers are finite and no variance is negative."""
+        """True where all numbers are finite and no variance is negative."""
         return self._run(CHECK) != 0.0
 
     def error(
@@ -223,7 +220,7 @@ class InvariantFilter:
         velocity: Float64[np.ndarray, "3"],
         position: Float64[np.ndarray, "3"],
     ) -> Float64[np.ndarray, "9"]:
-        """The right-invariant error against the truth, of which `covariance` speaks.
+        """Return the right-invariant error against the truth, whose covariance is `covariance`.
 
         Args:
             rotation: world_R_imu.

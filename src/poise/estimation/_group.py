@@ -1,24 +1,22 @@
-"""The group SE_m(3): a rotation and m vectors that turn with it, and what its filter needs of it.
+"""The group SE_m(3): a rotation and m vectors that turn with it, as its filter needs them.
 
-An element is written as the rotation `R` (3 x 3) and its vectors as rows of one array (m x 3):
-velocity, position, contact points. In matrix form
+An element is the rotation `R` (3 x 3) and its vectors as rows of one array (m x 3): velocity,
+position, contact points. In matrix form
 
     X = [ R  x_1 ... x_m ]        X Y = (R S, x_i + R y_i)        X^-1 = (R^T, -R^T x_i)
         [ 0       I      ]
 
 A tangent vector is [phi; rho_1; ...; rho_m], as Hartley, Ghaffari, Eustice and Grizzle (2020,
 "Contact-aided invariant extended Kalman filtering for robot state estimation") order it.
-
-`fill_gamma`, `turn`, `turn_back`, `multiply`: compiled, for loops. `gamma`, `logarithm`: with
-arrays of their own.
 """
 
 import math
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._compiled import compiled, part
+from poise._compiled import part
 
 Rotation = Float64[np.ndarray, "3 3"]
 Vectors = Float64[np.ndarray, "m 3"]
@@ -56,13 +54,9 @@ def _coefficient(order: int, angle: float) -> float:
 def fill_gamma(
     order: int, phi: Float64[np.ndarray, "3"], scale: float, out: Float64[np.ndarray, "3 3"]
 ) -> None:
-    """Gamma_k(phi) = sum_n hat(phi)^n / (n + k)!: the exponential, and its integrals.
-
-    Gamma_0 is the rotation of phi, Gamma_1 its left Jacobian, and Gamma_2 what a constant specific
-    force becomes in position while the body turns (Hartley et al. 2020, eq. (60)).
-
-    `scale` is a factor on phi, such as a time; the order k is 0 to 2.
-    """
+    """Fill in Gamma_k(phi scale) = sum_n hat(phi scale)^n / (n + k)! for an order k of 0 to 2."""
+    # Gamma_0 is the rotation of phi, Gamma_1 its left Jacobian, and Gamma_2 what a constant
+    # specific force becomes in position while the body turns (Hartley et al. 2020, eq. (60)).
     x, y, z = scale * phi[0], scale * phi[1], scale * phi[2]
     square = x * x + y * y + z * z
     angle = math.sqrt(square)
@@ -74,8 +68,8 @@ def fill_gamma(
 
 
 @part
-def turn(R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float) -> tuple[float, float, float]:
-    """R times a vector."""
+def turn(R: Rotation, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return R times a vector."""
     return (
         R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
         R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
@@ -84,10 +78,8 @@ def turn(R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float) -> tuple[f
 
 
 @part
-def turn_back(
-    R: Float64[np.ndarray, "3 3"], x: float, y: float, z: float
-) -> tuple[float, float, float]:
-    """R^T times a vector."""
+def turn_back(R: Rotation, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return R^T times a vector."""
     return (
         R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
         R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
@@ -96,64 +88,18 @@ def turn_back(
 
 
 @part
-def multiply(
-    A: Float64[np.ndarray, "3 3"], B: Float64[np.ndarray, "3 3"], out: Float64[np.ndarray, "3 3"]
-) -> None:
+def multiply(A: Rotation, B: Rotation, out: Rotation) -> None:
     """Fill in the product A B."""
     for k in range(3):
         out[0, k], out[1, k], out[2, k] = turn(A, B[0, k], B[1, k], B[2, k])
 
 
-def hat(x: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
-    """The skew-symmetric matrix of a cross product with x from the left."""
-    a, b, c = x.tolist()
-    return np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
-
-
-@compiled
-def _fill_gamma(order: int, phi: Float64[np.ndarray, "3"], out: Float64[np.ndarray, "3 3"]) -> None:
-    fill_gamma(order, phi, 1.0, out)
-
-
-def gamma(order: int, phi: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
-    """As `fill_gamma`, in an array of its own."""
-    out = np.empty((3, 3))
-    _fill_gamma(order, phi, out)
-    return out
-
-
-def logarithm(R: Rotation, vectors: Vectors) -> Float64[np.ndarray, " n"]:
-    """The tangent vector of an element, of angles in [0, pi]."""
-    phi = _rotation_logarithm(R)
-    rho = np.linalg.solve(gamma(1, phi), vectors.T).T
-    return np.concatenate([phi, rho.ravel()])
-
-
 def right_error(
     estimate: tuple[Rotation, Vectors], truth: tuple[Rotation, Vectors]
 ) -> Float64[np.ndarray, " n"]:
-    """log(estimate truth^-1), the error that a right-invariant filter speaks of."""
+    """Return log(estimate truth^-1), the right-invariant error, of an angle in [0, pi]."""
     R = estimate[0] @ truth[0].T
-    return logarithm(R, estimate[1] - truth[1] @ R.T)
-
-
-def _rotation_logarithm(R: Rotation) -> Float64[np.ndarray, "3"]:
-    """By the unit quaternion's largest component, so that no angle loses digits."""
-    trace = float(np.trace(R))
-    K = np.array(
-        [
-            [trace, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
-            [0.0, 2.0 * R[0, 0] - trace, R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
-            [0.0, 0.0, 2.0 * R[1, 1] - trace, R[1, 2] + R[2, 1]],
-            [0.0, 0.0, 0.0, 2.0 * R[2, 2] - trace],
-        ]
-    )
-    K = K + np.triu(K, 1).T + np.eye(4)
-    # Each column is the quaternion times four times one of its components.
-    quaternion = K[:, int(np.argmax(np.diag(K)))]
-    quaternion = quaternion / np.linalg.norm(quaternion)
-    w, axis = float(quaternion[0]), quaternion[1:]
-    if w < 0.0:
-        w, axis = -w, -axis
-    sine = float(np.linalg.norm(axis))
-    return axis * (2.0 if sine == 0.0 else 2.0 * math.atan2(sine, w) / sine)
+    phi = pin.log3(R)
+    # The left Jacobian is the right one transposed.
+    rho = np.linalg.solve(pin.Jexp3(phi).T, (estimate[1] - truth[1] @ R.T).T).T
+    return np.concatenate([phi, rho.ravel()])

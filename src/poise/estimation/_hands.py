@@ -1,4 +1,4 @@
-"""`HandLoads`: masses in the hands, told from the body's own mass by the motion of the hands."""
+"""`HandLoads`: masses in the hands, apart from the body's own by the motion of the hands."""
 
 import math
 
@@ -11,13 +11,10 @@ from poise.estimation._payload_memory import HAND
 from poise.robots import GRAVITY, Robot
 
 _AT_REST = 0.05
-"""A hand that stays within so much of a place in the torso has not moved: arms that rest swing as
-much when a robot walks [m]."""
+"""Motion in the torso that counts as none: resting arms swing as much when a robot walks [m]."""
 
 _VIOLENT = 1e6
-"""Square of a change of the force, over `PayloadBelief.push`, that is as good as any larger."""
-
-_EYE = np.eye(3)
+"""Bound of the square of a change of the force over `PayloadBelief.push`."""
 
 
 class HandLoads:
@@ -31,23 +28,18 @@ class HandLoads:
 
         y - y_slow = (B - B_slow) mu
 
-    At rest there is nothing on the right, and mu stays as it is. Its random walk is by the way
-    that the hand moves: what does not move grips nothing. It believes little while somebody pushes
-    or something is put on or leaned on, which the change of the force tells, and until the washout
-    has forgotten that.
+    At rest the right side is zero, and mu stays as it is. Its random walk is by the way of the
+    hand, since a hand at rest grips nothing. Measurements count little while the force changes, as
+    by a push or a load put on or leaned on, and until the washout has forgotten that.
 
     With (r - c) x a = ((r - c) x v)' + c' x v and one low-pass on v, (r - c) x v, c' x v and r - c
     nothing is differentiated.
-
-    Attributes:
-        held: found in each hand, by the robot's mass.
     """
 
     def __init__(self, robot: Robot, belief: PayloadBelief) -> None:
         self._model = robot.model
         self._frames = [robot.frame_id(name) for name in robot.hands]
         self._belief = belief
-        self.held: Float64[np.ndarray, " h"] = np.zeros(len(self._frames))
         self.reset()
 
     def __len__(self) -> int:
@@ -55,12 +47,12 @@ class HandLoads:
 
     def reset(self) -> None:
         """Restart with empty hands."""
-        self.held = np.zeros(len(self))
+        self.held: Float64[np.ndarray, " h"] = np.zeros(len(self))  # by the robot's mass
         self._covariance = self._belief.likely_held**2 * np.eye(len(self))
         self.restart()
 
     def restart(self) -> None:
-        """Forget the motion of the hands, after a jump of time."""
+        """Discard the motion of the hands, after a jump of time."""
         self._anchors: list[list[float] | None] = [None] * len(self)
         self._slow: Float64[np.ndarray, "6 k"] | None = None
         self._pushed = 0.0
@@ -68,7 +60,7 @@ class HandLoads:
     def columns(
         self, measured: Float64[np.ndarray, " k"], low: Float64[np.ndarray, " k"]
     ) -> Float64[np.ndarray, "6 h"]:
-        """Return B: force and moment that a unit mass in each hand takes."""
+        """Return B, force and moment of a unit mass in each hand."""
         measured, low = measured.reshape(-1, HAND), low.reshape(-1, HAND)
         found = (measured[:, :6] - low[:, :6]) / self._belief.smoothing
         found[:, 2] += GRAVITY
@@ -104,7 +96,7 @@ class HandLoads:
         self._pushed = pushed = max(pushed, kept * self._pushed)
         noise = b.held_noise * GRAVITY * (1.0 + pushed)
         BP = B.dot(P)
-        gain = np.linalg.solve(BP.dot(B.T) + (noise**2 / dt) * _EYE, BP).T
+        gain = np.linalg.solve(BP.dot(B.T) + (noise**2 / dt) * np.eye(3), BP).T
         P -= gain.dot(BP)
         held = before + gain.dot(y - B.dot(before))
         self.held = np.minimum(np.maximum(held, 0.0), b.held_max)

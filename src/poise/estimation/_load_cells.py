@@ -1,34 +1,53 @@
-"""`LoadCellTare`: zeros of the load cells, from soles in the air."""
+"""Load cells: zeros learned in the air, and wrenches of faulty and missing cells."""
 
 import math
+import operator
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
 
+from poise._checks import all_finite, is_array
 from poise.dynamics import CheckedWrenches, RobotState
+from poise.estimation._momentum import MomentumObserver
+from poise.robots import GRAVITY, Robot
 
 _MEMORY = 5.0
-"""Over so much time in the air a zero is averaged; it drifts with temperature [s]."""
+"""Time in the air over which a zero is averaged; it drifts with temperature [s]."""
 
 _FARTHEST = 0.04
-"""Part of the weight, in any direction, beyond which something touches the sole after all."""
+"""Force by the weight, in any direction, beyond which something touches the sole."""
 
 _REACH = 0.15
-"""A moment that is more than `_FARTHEST` of the weight at so long a lever is none of a zero [m]."""
+"""Lever of a force of `_FARTHEST` whose moment is the largest of a zero [m]."""
+
+_SUSPICIOUS, _AGREES = 0.15, 0.125
+"""Differences by the weight: a suspicious one to the inertial unit, 0.11 at most on walks; and the
+largest of a sound cell, a quarter of the load of each of two feet."""
+
+_LOW_PASS = 0.02
+"""Time constant of all differences, three times the observer's [s]."""
+
+_EVIDENCE = 0.005
+"""Excess of the difference over that of sound cells, summed over time, that accuses one [s]: a dead
+cell under half the weight reaches it in 0.04 s, a hard landing 0.0003."""
+
+_WATCH, _AGREED = 0.5, 2.0
+"""Time of watching after a suspicion, and time of agreement, two steps, that clears a cell [s]."""
+
+_LEAST = 0.1
+"""Estimated force by the weight that counts as none: 99th percentile of its error in the air."""
 
 
 class LoadCellTare:
-    """The zeros of load cells, from soles in the air: there a wrench is all error.
+    """Zeros of load cells, as the mean of the wrenches of soles in the air.
 
-    A force that is off along the ground by 1% of the weight looks like an attitude that is off by
-    0.6 degrees, and a moment, or a force at the height of the centre of mass, like a centre of mass
-    that is elsewhere. Standing, nothing tells them apart; in the air there is nothing but the zero.
-    It is the mean of what they say there, which forgets after 5 s in the air.
-
-    Wrenches have to be of the ground alone, without weight and inertia of what is below the cells.
-    Until a sole has been in the air its wrenches are taken as they come. What is less than 4% of
-    the weight and touches a sole in the air for long, as a wall may, counts as a part of its zero.
+    A zero of 1% of the weight along the ground looks like an error of the attitude of 0.6 degrees,
+    and a moment like an offset of the centre of mass; standing, they cannot be told apart. The mean
+    is over 5 s in the air. Wrenches have to be of the ground alone, without weight and inertia of
+    what is below the cells. Until a sole has been in the air its zero is zero. A lasting contact of
+    less than 4% of the weight, as of a wall, counts as a part of the zero.
 
     Attributes:
         zeros: of each sole that has been in the air, by name [N, N m].
@@ -60,7 +79,7 @@ class LoadCellTare:
             wrench = contacts.usable.get(sole)
             if wrench is not None and sole not in estimated:
                 contacts[sole] = contacts.usable[sole] = wrench - zero
-        return RobotState(state.q, state.v, contacts, state.time, state.readings, state.payload)
+        return replace(state, contacts=contacts)
 
     def _learn(self, sole: str, wrench: Float64[np.ndarray, "6"] | None, dt: float) -> None:
         """Average the wrench of a sole in the air, unless it is too large for a zero."""
@@ -76,3 +95,101 @@ class LoadCellTare:
             return
         self._seen[sole] = seen = min(self._seen[sole] + dt, _MEMORY)
         before += dt / seen * (wrench - before)
+
+
+class LoadCellVote:
+    """Replacement of the wrenches of faulty or missing load cells by estimates.
+
+    All soles together carry m (g + a), as the inertial unit at the base has it. Once their cells
+    differ from that, a `MomentumObserver` estimates each wrench from the joint torques. Where the
+    sums of cells and estimates differ by much for long (a one-sided CUSUM), the cell that differs
+    most is faulty, and joint torques and all other soles determine the wrench on its sole. A push
+    moves the estimates of both feet against each other, and leaves their sum. Estimates whose own
+    sum is not what the inertial unit measures accuse no cell: a rope carries the robot, or a knee
+    is straight.
+
+    Nothing is replaced where the joint torques are not measured.
+
+    Attributes:
+        estimated: soles whose wrenches in the last state are estimates.
+    """
+
+    def __init__(self, robot: Robot, *, longest: float = 0.05) -> None:
+        self._joints, self._weight, self._longest = robot.nj, robot.weight, longest
+        self._names, self._observer = tuple(robot.soles), MomentumObserver(robot)
+        self.reset()
+
+    def reset(self) -> None:
+        """Restart with sound cells."""
+        self.estimated: tuple[str, ...] = ()
+        # By faulty sole, the time for which its cell has agreed with its estimate [s].
+        self._faulty = dict[str, float]()
+        self._differs = self._unexplained = self._watch = self._evidence = 0.0
+        self._apart = np.zeros(len(self._names))
+        self._observer.reset()
+
+    def update(
+        self, state: RobotState, before: RobotState | None, up: Float64[np.ndarray, "3"]
+    ) -> RobotState:
+        """Return the state with the wrenches of faulty and missing cells replaced."""
+        if before is not None and state.time == before.time:
+            return self._replaced(state, before)
+        self.estimated = ()
+        dt = math.nan if before is None else state.time - before.time
+        reading = state.readings
+        if before is None or reading is None or not 0.0 < dt <= self._longest:
+            self._observer.reset()
+            return state
+        torque, force = reading.torque, reading.specific_force
+        if not (is_array(torque, self._joints) and is_array(force, 3)):
+            return state
+        lift = sum(map(operator.mul, up.tolist(), force.tolist()))
+        if not (math.isfinite(lift) and all_finite(torque)):
+            # The observer would never be finite again.
+            self._observer.reset()
+            return state
+        measured = {n: wrench for n in self._names if (wrench := state.wrench(n)) is not None}
+        loads = {name: float(wrench[2]) for name, wrench in measured.items()}
+        payload = 0.0 if before.payload is None else before.payload.mass * GRAVITY
+        gain = dt / (_LOW_PASS + dt)
+        expected = (self._weight + payload) * lift / GRAVITY
+        differs = (sum(loads.values()) - expected) / self._weight
+        self._differs += gain * (differs - self._differs)
+        if abs(self._differs) > _SUSPICIOUS:
+            self._watch = _WATCH
+        if self._watch <= 0.0 and not self._faulty and len(loads) == len(self._names):
+            self._observer.reset()
+            self._apart[:], self._unexplained = 0.0, 0.0
+            return state
+        self._watch -= dt
+        self._observer.update(before, torque, dt, measured)
+        estimates = self._observer.wrenches
+        apart = [loads[n] - estimates[n][2] if n in loads else 0.0 for n in self._names]
+        total = sum(float(wrench[2]) for wrench in estimates.values())
+        self._unexplained += gain * ((total - expected) / self._weight - self._unexplained)
+        self._apart += gain * (np.array(apart) / self._weight - self._apart)
+        self._judge(payload / self._weight, dt)
+        self.estimated = tuple(n for n in self._names if n in self._faulty or n not in loads)
+        return self._replaced(state, before)
+
+    def _judge(self, payload: float, dt: float) -> None:
+        for name, apart in zip(self._names, self._apart.tolist(), strict=True):
+            if name in self._faulty:
+                self._faulty[name] = self._faulty[name] + dt if abs(apart) < _AGREES else 0.0
+                if self._faulty[name] > _AGREED:
+                    del self._faulty[name]
+        explained = abs(self._unexplained) < _AGREES
+        excess = abs(float(self._apart.sum()) - payload) - _AGREES if explained else -_AGREES
+        self._evidence = max(self._evidence + dt * excess, 0.0)
+        if not self._faulty and self._evidence > _EVIDENCE:
+            self._faulty[self._names[int(np.argmax(np.abs(self._apart)))]] = 0.0
+
+    def _replaced(self, state: RobotState, before: RobotState) -> RobotState:
+        if not self.estimated:
+            return state
+        contacts = {n: w for n, w in state.contacts.items() if n not in self.estimated}
+        known = {n: w for n in self._names if n in contacts and (w := state.wrench(n)) is not None}
+        for name, wrench in self._observer.share(before.q, known).items():
+            force = math.hypot(*wrench[:3].tolist())
+            contacts[name] = wrench if force >= _LEAST * self._weight else np.zeros(6)
+        return replace(state, contacts=contacts)

@@ -11,21 +11,20 @@ from poise.dynamics import RobotState
 from poise.robots import Robot
 
 _DAMPING = 1e-6
-"""Of the least squares for the wrenches, relative to the largest entry of its matrix: a stretched
-knee says nothing of the force along the leg, the base then does."""
-
+"""Damping of the least squares for the wrenches, by the largest entry of its matrix: a stretched
+knee does not measure the force along the leg, the base then does."""
 
 _TRUST = 5e-4
-"""The same towards measured wrenches: the square of 1 N m, by which torques are off, over the 45 N
-by which a cell may be off before it counts as faulty."""
+"""Damping towards measured wrenches: the square of 1 N m, the error of torques, over 45 N, the
+largest error of a sound cell."""
 
 _BASE_WEIGHT = 0.1
-"""Of the base's rows, which contain pushes: the force of G1's foot in the air, pushed by 0.4 m/s,
-is off by 0.024 of the weight with 0.01 to 0.1, and by 0.028 and 0.056 with 0.3 and 1."""
+"""Weight of the base's rows, which contain pushes: with 0.01 to 0.1 the force of a swing foot of a
+robot pushed by 0.4 m/s is off by 0.024 of the weight, with 0.3 and 1 by 0.028 and 0.056."""
 
 
 class MomentumObserver:
-    """The generalised force that a robot's motors do not explain, and the soles' part in it.
+    """Generalised force that a robot's motors do not explain, and the soles' part in it.
 
     With the generalised momentum p = M v, and Mdot = C + C^T,
 
@@ -34,8 +33,7 @@ class MomentumObserver:
 
     so r follows the disturbance with a lag of 1 / K and without accelerations (De Luca and Mattone
     2003, "Actuator failure detection and isolation using generalized momenta"). The soles' wrenches
-    are those that explain the rows of base and legs best, those of the legs first:
-    sum J_i^T F_i = r.
+    solve the rows of base and legs, mostly those of the legs, by least squares: sum J_i^T F_i = r.
 
     Args:
         robot: with a floating base.
@@ -60,7 +58,7 @@ class MomentumObserver:
         }
 
     def reset(self) -> None:
-        """Restart; the next update takes the robot to be at rest."""
+        """Restart; at the next update the robot counts as at rest."""
         self._momentum = None
 
     def update(
@@ -73,11 +71,11 @@ class MomentumObserver:
         """Advance by a tick.
 
         Args:
-            state: where the robot is, its base as estimated.
-            torque: of the motors in that time [N m].
-            dt: how much time [s].
+            state: with the base as estimated.
+            torque: of the motors in this tick [N m].
+            dt: duration of the tick [s].
             measured: wrenches to check: estimates stay as near to them as the legs' torques allow,
-                and the base's rows, which contain what else holds the robot, do not count [N, N m].
+                and the base's rows, which contain other forces on the robot, do not count [N, N m].
         """
         model, data, v = self._model, self._data, state.v
         M = pin.crba(model, data, state.q)
@@ -106,7 +104,7 @@ class MomentumObserver:
             q: configuration.
             known: wrenches of other soles [N, N m].
             measured: wrenches towards which the least squares are damped, without the base's rows;
-                none for damping towards zero [N, N m].
+                zero by default [N, N m].
         """
         model, data = self._model, self._data
         pin.computeJointJacobians(model, data, q)
@@ -135,7 +133,7 @@ class MomentumObserver:
 
 
 def _rows_of_legs(robot: Robot, frame_ids: list[int]) -> Int64[np.ndarray, " rows"]:
-    """The velocities that move some frames, those of the base among them."""
+    """List the velocities that move some frames, those of the base among them."""
     model = robot.model
     joints = {j for i in frame_ids for j in model.supports[model.frames[i].parentJoint] if j > 0}
     return np.array([model.idx_vs[j] + k for j in sorted(joints) for k in range(model.nvs[j])])

@@ -1,22 +1,16 @@
-"""`PayloadEstimator`: mass and centre of mass of a robot, and masses in its hands."""
+"""`PayloadEstimator`: mass, centre of mass, masses in the hands, error of the attitude."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._compiled import allocate
-from poise.dynamics import (
-    KINEMATICS,
-    Payload,
-    RobotState,
-    frames_of,
-    motion_of,
-)
+from poise.dynamics import KINEMATICS, Payload, RobotState, frames_of, motion_of
 from poise.errors import ConfigurationError
 from poise.estimation._config import PayloadBelief
-from poise.estimation._group import hat
 from poise.estimation._hands import HandLoads
 from poise.estimation._payload_memory import HAND, SOLES, PayloadMemory, measure
 from poise.robots import GRAVITY, Robot
@@ -24,62 +18,65 @@ from poise.robots import GRAVITY, Robot
 _GRAVITY = np.array([0.0, 0.0, -GRAVITY])
 
 _LONGEST = 0.05
-"""A clock that jumps farther says nothing of what happened meanwhile [s]."""
-
+"""Longest time between two states that the low-pass goes on over [s]."""
 
 _PERIOD = 0.02
-"""The filter goes on after so long: what it looks for is slow [s]."""
+"""Of the filter, whose unknowns are slow [s]."""
 
 _SETTLED = 2.0
-"""It begins when so many time constants of the low-pass have passed: until then that has the first
-sample, in which soles may not yet carry what they will."""
+"""Time constants of the low-pass after which masses are learned: until then it has the first
+sample, in which soles may not yet carry their share."""
 
 _MASS_STEP, _OFFSET_STEP, _HELD_STEP = 0.002, 0.0005, 0.001
-"""What is told stays as it is until it is off by so much, by the robot's mass, [m], and in a hand
-by the robot's mass: who computes with it has its work with every change."""
+"""Smallest changes of the output, by the robot's mass, [m], and in a hand by the robot's mass: each
+costs the controllers an update of their model."""
 
 
 class PayloadEstimator:
-    """Mass and centre of mass by the soles' wrenches, as a slow and bounded random walk.
+    """Masses and the error of the attitude by the soles' wrenches, as slow random walks.
 
-    With m, c, h = [p; L] the mass, the centre of mass and the centroidal momentum that the
-    description says, F and N the soles' forces and their moment about c, sigma m the mass beyond
-    the description's, and e m the first moment beyond it, in the axes of the torso R,
+    With m, c, h = [p; L] the mass, the centre of mass and the centroidal momentum of the
+    description, F and N the soles' forces and their moment about c, sigma m the mass beyond the
+    description's, e m the first moment beyond it, in the axes of the torso R, and phi a small turn
+    of the base in the state against its true attitude, in the axes of the base B,
 
-        F - (p' - m g) = sigma (p' - m g)
+        F - (p' - m g) = sigma (p' - m g) + F_z (B phi) x z
         N - L'         = sigma L' + m R e x (a - g)                a = p' / m
 
-    and what hands hold beside that, which shows as they move (`HandLoads`).
-    A Kalman filter finds sigma and e, three numbers of which gravity shows two; the third stays
-    near zero until the torso has leaned. All that is compared goes through one low-pass, so that
-    rates are differences to it, h' = (h - h_low) / smoothing, and nothing is differentiated.
+    and masses in the hands beside that, which show as they move (`HandLoads`).
+    A Kalman filter finds sigma, e, and where `attitude` is set phi about the base's x and y. Of
+    sigma and e, four numbers, gravity shows three; the last stays near zero until the torso has
+    leaned. Both sides go through one low-pass, so that rates are differences to it,
+    h' = (h - h_low) / smoothing, and nothing is differentiated.
 
-    It takes no measurement where a sole that should measure does not, where the soles carry next
-    to nothing, or the robot moves violently, and believes them the less the more somebody pushes:
-    no mass and no offset makes a force along the ground. What somebody else carries, a hand on a
-    table, looks as if the robot were lighter. Base and torso have to be upright in the state: 0.2
-    degrees of tilt are 2 to 3 mm of the centre of mass. Wrenches that are estimated from the
-    motors' torques with the description's own masses contain those, and are of no use.
+    No measurement counts where a sole measures nothing, where the soles carry next to nothing, or
+    where the robot moves violently, and all count the less the more something pushes: no mass and
+    no offset makes a force along the ground. A steady push looks like an error of the attitude;
+    a load that others carry, as by a hand on a table, makes the robot look lighter. Without
+    `attitude` base and torso have to be upright in the state: 0.2 degrees of tilt are 2 to 3 mm of
+    the centre of mass. Wrenches estimated from the motors' torques contain the description's own
+    masses, and cannot be used.
 
     It is an estimator of `rollout` by itself, for states whose base is known, or a part of
     `StateEstimator`.
 
     Args:
         robot: with a floating base and soles that measure their wrenches.
-        belief: what it believes.
+        belief: about robot and sensors.
+        attitude: estimate phi, too; the caller passes states whose attitude is `corrected`.
 
     Attributes:
-        belief: what it believes.
-        payload: mass and offset as they are told, changed no faster than `belief` says; None until
-            there is something to tell.
-        force: of all soles in the last state, along the world's axes, by the robot's mass [m/s^2];
-            None where one measures nothing of use.
+        belief: about robot and sensors.
+        payload: mass and offset for controllers, at the rates of `belief`; None before the first.
+        tilt: phi, about the base's x and y; zero without `attitude` [rad].
 
     Raises:
         ConfigurationError: the robot has no floating base or no sole.
     """
 
-    def __init__(self, robot: Robot, belief: PayloadBelief | None = None) -> None:
+    def __init__(
+        self, robot: Robot, belief: PayloadBelief | None = None, *, attitude: bool = False
+    ) -> None:
         if not (robot.floating_base and robot.soles):
             raise ConfigurationError(
                 f"the payload of robot {robot.name!r} cannot be estimated",
@@ -101,80 +98,87 @@ class PayloadEstimator:
             frames=frames_of(robot.model, frame_ids),
             momentum=self._data.hg.vector,
         )
-        self._rows, self._measured_force = list(self._memory.wrenches), self._memory.measured[:3]
-        # What is told changes in these steps, and no faster than that.
+        self._rows = list(self._memory.wrenches)
         self._steps = np.array([_MASS_STEP, *[_OFFSET_STEP] * 3, *[_HELD_STEP] * hands])
         self._rates = np.array([b.mass_rate, *[b.offset_rate] * 3, *[b.held_rate] * hands])
-        self._walk = np.array([b.mass_walk, *[b.offset_walk] * 3]) ** 2
+        likely = np.array([b.likely_mass, *[b.likely_offset] * 3, *[b.likely_tilt] * 2])
+        walk = np.array([b.mass_walk, *[b.offset_walk] * 3, *[b.tilt_walk] * 2])
         self._noise = np.repeat([b.force_noise, b.moment_noise], 3) * GRAVITY
-        # What is compiled is compiled now, not in the first tick.
+        if attitude:
+            self._noise[:2] = b.tilt_noise * GRAVITY
+        else:
+            likely[4:], walk[4:] = 0.0, 0.0
+        self._attitude, self._likely, self._walk = attitude, np.diag(likely**2), walk**2
+        # Compiled now, not in the first tick.
         measure(self._memory.address, 1.0)
         self.reset()
 
     def reset(self) -> None:
-        """Restart with the robot as described."""
+        """Restart with the robot as described and an attitude that is right."""
         self.payload: Payload | None = None
-        self.force: Float64[np.ndarray, "3"] | None = None
-        self._time, self._since = math.nan, 0.0
-        self._mean = np.zeros(4)
-        b = self.belief
-        self._covariance = np.diag([b.likely_mass, *[b.likely_offset] * 3]) ** 2
+        self._time, self._since, self._settling = math.nan, 0.0, 0.0
+        self._mean, self._covariance = np.zeros(4), self._likely.copy()
+        self.tilt: Float64[np.ndarray, "2"] = np.zeros(2)
         self._told, self._last = np.zeros(4 + len(self._hands)), np.zeros(4 + len(self._hands))
         self._hands.reset()
 
     @property
     def mass(self) -> float:
-        """What it finds beyond the description's mass, without what hands hold [kg].
-
-        It is told more slowly, as offset and what is held are.
-        """
+        """Mass beyond the description's and without the hands', ahead of `payload` [kg]."""
         return float(self._mean[0]) * self._mass
 
     @property
     def offset(self) -> Float64[np.ndarray, "3"]:
-        """How far it finds the centre of mass to be off, along the torso's axes [m]."""
+        """Offset of the centre of mass along the torso's axes, ahead of `payload` [m]."""
         return self._mean[1:] / (1.0 + self._mean[0])
 
     @property
     def held(self) -> Float64[np.ndarray, " h"]:
-        """What it finds in each hand [kg]."""
+        """Mass in each hand, ahead of `payload` [kg]."""
         return self._hands.held * self._mass
+
+    def corrected(self, quaternion: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "4"]:
+        """Return an attitude of the base less its error `tilt`.
+
+        Args:
+            quaternion: x, y, z, w.
+        """
+        back = pin.Quaternion(pin.exp3(np.append(-self.tilt, 0.0)))
+        return (pin.Quaternion(quaternion) * back).coeffs()
 
     def update(self, state: RobotState) -> RobotState:
         """Return the state with the payload.
 
         Args:
             state: with the base known or estimated; one without the soles' wrenches, or with
-                numbers of no use, changes nothing.
+                unusable numbers, changes nothing.
         """
         dt = state.time - self._time
         goes_on = 0.0 < dt <= _LONGEST
         gain = -math.expm1(-dt / self.belief.smoothing) if goes_on else 1.0
         if dt == 0.0 or not self._measure(state, gain):
-            # Nothing new: what has been smoothed goes on where the next one comes soon.
+            # The low-pass goes on where the next state comes soon.
             return self._with_payload(state)
         self._time = state.time
         if not goes_on:
-            self._since = -_SETTLED * self.belief.smoothing
+            self._since, self._settling = 0.0, _SETTLED * self.belief.smoothing
             self._hands.restart()
         else:
             self._since += dt
             if self._since >= _PERIOD:
                 self._correct(self._since)
-                self._tell(self._since)
+                self._output(self._since)
+                self._settling -= self._since
                 self._since = 0.0
         return self._with_payload(state)
 
     def _with_payload(self, state: RobotState) -> RobotState:
         if state.payload is self.payload:
             return state
-        return RobotState(
-            state.q, state.v, state.contacts, state.time, state.readings, self.payload
-        )
+        return replace(state, payload=self.payload)
 
     def _measure(self, state: RobotState, gain: float) -> bool:
-        """Smooth what soles and hands do; False where there is nothing, or numbers of no use."""
-        self.force = None
+        """Smooth wrenches and motion; return False where they are missing or unusable."""
         if state.q.shape != self._shapes[0] or state.v.shape != self._shapes[1]:
             return False
         for row, name in zip(self._rows, self._soles, strict=True):
@@ -183,16 +187,16 @@ class PayloadEstimator:
                 return False
             row[:] = wrench
         pin.computeCentroidalMomentum(self._model, self._data, state.q, state.v)
-        if not measure(self._memory.address, gain):
-            return False
-        self.force = self._measured_force
-        return True
+        return measure(self._memory.address, gain)
 
     def _correct(self, dt: float) -> None:
-        """One step of the filter, all by the robot's mass."""
+        """Advance the filter, all by the robot's mass."""
         b, measured, low = self.belief, self._memory.measured, self._memory.low
+        settled = self._settling < 0.5 * _PERIOD
+        if not (settled or self._attitude):
+            return
         rate = (measured[6:12] - low[6:12]) / b.smoothing
-        self._covariance.flat[::5] += self._walk * dt
+        self._covariance.flat[::7] += self._walk * dt
         if low[2] < b.least_load * GRAVITY:
             self._hands.restart()
             return
@@ -200,13 +204,18 @@ class PayloadEstimator:
             return
         torso = pin.updateFramePlacement(self._model, self._data, self._torso)
         reaction = rate[:3] - _GRAVITY
-        H = np.zeros((6, 4))
-        H[:3, 0], H[3:, 0] = reaction, rate[3:]
-        H[3:, 1:] = hat(-reaction).dot(torso.rotation)
         left = np.concatenate((low[:3] - reaction, low[3:6] - rate[3:]))
-        if len(self._hands):
+        if settled and len(self._hands):
             left -= self._held(left, rate, torso, dt)
-        left -= H.dot(self._mean)
+        H = np.zeros((6, 6))
+        H[:3, 0], H[3:, 0] = reaction, rate[3:]
+        H[3:, 1:4] = pin.skew(-reaction).dot(torso.rotation)
+        # The state's attitude is corrected by `tilt` already.
+        left -= H[:, :4].dot(self._mean)
+        if not settled:
+            H[:, :4] = 0.0
+        world_R_base = self._data.oMi[1].rotation
+        H[0, 4:], H[1, 4:] = low[2] * world_R_base[1, :2], -low[2] * world_R_base[0, :2]
         pushed = math.hypot(float(left[0]), float(left[1])) / (b.push * GRAVITY)
         noise = self._noise * (1.0 + pushed**2)
         HP = H.dot(self._covariance)
@@ -215,9 +224,14 @@ class PayloadEstimator:
         gain = np.linalg.solve(spread, HP).T
         covariance = self._covariance - gain.dot(HP)
         self._covariance = 0.5 * (covariance + covariance.T)
-        mass, *offset = (self._mean + gain.dot(left)).tolist()
+        change = gain.dot(left)
+        mass, *offset = (self._mean + change[:4]).tolist()
         offset = (min(max(x, -b.offset_max), b.offset_max) for x in offset)
         self._mean[:] = (min(max(mass, -b.lost_mass), b.added_mass), *offset)
+        if self._attitude:
+            most = b.tilt_rate * dt
+            tilt = self.tilt + np.clip(change[4:], -most, most)
+            self.tilt = np.clip(tilt, -b.tilt_max, b.tilt_max)
 
     def _held(
         self,
@@ -226,20 +240,17 @@ class PayloadEstimator:
         torso: pin.SE3,
         dt: float,
     ) -> Float64[np.ndarray, "6"]:
-        """Force and moment of what hands hold; what is found to be theirs the body gives up.
-
-        Of the body its accelerations are taken away before, but not its weight: the offset that is
-        found follows what hands do, late, and would take from them what is theirs.
-        """
+        """Return force and moment of the loads in the hands, after an update of these."""
+        # The body's weight stays in: its offset follows the hands, late, and would take their part.
         columns = self._hands.columns(self._memory.measured[SOLES:], self._memory.low[SOLES:])
         more, offset = float(self._mean[0]), torso.rotation.dot(self._mean[1:])
         changing = left - more * rate
-        changing[3:] -= hat(offset).dot(rate[:3])
+        changing[3:] -= pin.skew(offset).dot(rate[:3])
         self._mean -= self._hands.correct(changing, columns, self._data, torso, dt)
         return columns.dot(self._hands.held)
 
-    def _tell(self, dt: float) -> None:
-        """What is told follows what is found, no faster than it may, and in steps worth telling."""
+    def _output(self, dt: float) -> None:
+        """Rate-limit the output, and update it where it changes by enough."""
         told, most = self._told, self._rates * dt
         found = np.concatenate((self._mean[:1], self.offset, self._hands.held))
         told += np.minimum(np.maximum(found - told, -most), most)

@@ -1,4 +1,4 @@
-"""`PayloadMemory`, `measure`: forces of the soles, momentum and motion of the hands, smoothed."""
+"""Forces of the soles, momentum and motion of the hands, smoothed by compiled code."""
 
 import math
 
@@ -6,14 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._compiled import Block, compiled, part, view
-from poise.dynamics import (
-    ROTATION,
-    VELOCITY,
-    Frames,
-    Motion,
-    place_frame,
-    turn_to_world,
-)
+from poise.dynamics import ROTATION, VELOCITY, Frames, Motion, place_frame, turn_to_world
 
 SOLES, HAND = 12, 12
 """Numbers of all soles and of the momentum, and of each hand."""

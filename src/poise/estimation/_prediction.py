@@ -1,7 +1,4 @@
-"""`StatePredictor`: the state of now, where sensors are late by a known time.
-
-`StampedPredictor`: the same where clock and stamps say how late they are.
-"""
+"""States predicted over the delay of the sensors, known in advance or by stamps."""
 
 import math
 from collections import deque
@@ -19,18 +16,18 @@ from poise.robots import Robot
 class StatePredictor:
     """Prediction over the delay between a measurement and the torque that answers it.
 
-    A state that is d old is carried on by the n = d / T accelerations a_i that the robot has been
-    commanded since, the first of them the oldest:
+    A state of age d is integrated over the n = d / T accelerations a_i commanded since, the oldest
+    first:
 
         v(t) = v(t - d) + T sum a_i
         q(t) = q(t - d) (+) (d v(t - d) + T^2 sum (n - i - 1/2) a_i),    i = 0 ... n - 1
 
-    It is exact while the robot does what it is told, and what a model or a push adds within d is
-    missing. Wrenches stay as old as they are. It goes behind the estimator:
+    It is exact while the robot follows its commands; pushes and errors of the model within d are
+    missing. Wrenches stay as old as they are. It follows the estimator,
 
         estimator=lambda state: predictor.predict(estimator.update(state))
 
-    and `command` is called with what the controller answered, after each tick.
+    and takes each command after its tick.
 
     Args:
         robot: the robot.
@@ -61,46 +58,48 @@ class StatePredictor:
         self._commanded.extend([self._still] * len(self._commanded))
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None) -> None:
-        """Note the last command.
+        """Take the last command.
 
         Args:
-            acceleration: that the command was computed for, as `Command.acceleration`
-                [m/s^2, rad/s^2]; what is missing or not finite counts as none.
+            acceleration: of the command, as `Command.acceleration` [m/s^2, rad/s^2]; zero where it
+                is None or not finite.
         """
-        if acceleration is None or not all_finite(acceleration):
-            acceleration = self._still
-        self._commanded.append(acceleration.copy())
+        self._commanded.append(_usable(acceleration, self._still))
 
     def predict(self, state: RobotState) -> RobotState:
         """Return the state at which the next command begins to act.
 
         Args:
-            state: as measured or estimated, `delay` old; one of another robot comes back as it is.
+            state: as measured or estimated, `delay` old; one of another robot is returned as it is.
         """
         if not self._commanded or state.q.shape != (self._model.nq,):
             return state
-        return _carried_on(self._model, state, np.array(self._commanded), self._left, self._period)
+        return _integrated(self._model, state, np.array(self._commanded), self._left, self._period)
 
 
 _OLDEST = 25
-"""Commands that are remembered: a state that is older is carried on by no more of them."""
+"""Largest number of commands to integrate over."""
 
 _JUMP = 1.0
-"""A state that is so much older than the last command is of a clock that has gone back [s]."""
+"""Age of a state at the last command beyond which a clock has gone back [s]."""
 
 _LONGEST = 0.05
-"""A command that comes later than this after the one before follows a pause [s]."""
+"""Time between commands beyond which the later one follows a pause [s]."""
 
 
 class StampedPredictor:
     """Prediction over the age of a state, by its stamp and the clock of commands.
 
-    The sum of `StatePredictor`, over all commands that the robot has been given since the state was
-    measured: of a state that is not late there are none, and it stays as it is. Nobody has to know
-    the delay, and it may change.
+    The sum of `StatePredictor`, over all commands since the stamp of the state, so that the delay
+    may be unknown and change. A state that is not late stays as it is.
 
-    Where soles rock and masses are other than believed, a robot does only a part of what it is
-    commanded: then a part of the accelerations is nearer to the truth than all of them.
+    Args:
+        robot: the robot.
+        share: part of the commanded accelerations that the robot follows, from 0 to 1; less than 1
+            where soles rock and masses differ from the description.
+
+    Raises:
+        ConfigurationError: the share is out of range.
     """
 
     def __init__(self, robot: Robot, share: float = 1.0) -> None:
@@ -113,18 +112,16 @@ class StampedPredictor:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all commands."""
+        """Discard all commands."""
         self._commanded: deque[tuple[float, Float64[np.ndarray, " nv"]]] = deque(maxlen=_OLDEST)
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
-        """Note the last command."""
+        """Take the last command, as `StatePredictor.command`, and its time [s]."""
         if not math.isfinite(time):
             return
         if self._commanded and not 0.0 < time - self._commanded[-1][0] < _LONGEST:
             self.reset()
-        if acceleration is None or not all_finite(acceleration):
-            acceleration = self._still
-        self._commanded.append((time, acceleration.copy()))
+        self._commanded.append((time, _usable(acceleration, self._still)))
 
     def predict(self, state: RobotState) -> RobotState:
         """Return the state at which the next command begins to act."""
@@ -133,15 +130,24 @@ class StampedPredictor:
         (oldest, _), (newest, _) = self._commanded[0], self._commanded[-1]
         period = (newest - oldest) / (len(self._commanded) - 1)
         measured = state.time - 0.5 * period
-        # Of a state that is not late, or has no time, not even the newest command came since.
+        # No command came since a state that is not late, or has no time.
         if not newest > measured or newest - state.time > _JUMP:
             return state
         since = [a for time, a in self._commanded if time > measured]
         left = (len(since) - np.arange(len(since)) - 0.5) * period * period
-        return _carried_on(self._model, state, self._share * np.array(since), left, period)
+        return _integrated(self._model, state, self._share * np.array(since), left, period)
 
 
-def _carried_on(
+def _usable(
+    acceleration: Float64[np.ndarray, " nv"] | None, still: Float64[np.ndarray, " nv"]
+) -> Float64[np.ndarray, " nv"]:
+    """Return a copy of a commanded acceleration, or zeros where it is missing or not finite."""
+    if acceleration is None or not all_finite(acceleration):
+        return still.copy()
+    return acceleration.copy()
+
+
+def _integrated(
     model: pin.Model,
     state: RobotState,
     commanded: Float64[np.ndarray, "n nv"],

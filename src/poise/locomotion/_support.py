@@ -302,7 +302,7 @@ class SingleSupportRegion:
         return one_sole(part, place, rotation, self.margin)
 
     def asked(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
-        """Return where the CT-ZMP may be asked for: beyond the outer edge of a narrow sole only."""
+        """Return the region of the CT-ZMP: beyond the outer edge of a narrow sole only."""
         inner = -_INNER_MARGIN if self.narrow else _MOMENTUM
         part = self._widened(foot, inner, self.momentum, _MOMENTUM)
         return one_sole(part, place, rotation, 0.0)

@@ -20,7 +20,7 @@ _WRITTEN = 1e-4  # Keyframes are written with about so many digits [rad, m]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Assembly:
+class AssembledModel:
     """A document's robot."""
 
     model: pin.Model  # Pinocchio's, without the joints that are welded
@@ -40,7 +40,7 @@ def assemble(
     *,
     locked: Iterable[str] = (),
     taken: Iterable[str] = (),
-) -> Assembly:
+) -> AssembledModel:
     """Settle a document and build its model."""
     facts, floating = document.facts, base == "floating"
     root = document.settle(base)
@@ -78,7 +78,7 @@ def assemble(
         remarks.append(f"{said}: {outputs}")
     source = document.source(dict.fromkeys([*locked, *followers, *gears]))
     poses, clipped = _within_limits(model, facts.poses)
-    return Assembly(
+    return AssembledModel(
         model=welded(model, source.locked_joints),
         poses=poses,
         clipped=clipped,

@@ -31,7 +31,7 @@ _FEW, _SHALLOW = 5, 0.04
 larger than the links, never overlap by more than this then [m], joint limits keep them apart."""
 
 _LEAST_AT_HOME = -0.01
-"""Capsules that overlap by more than this at home say nothing about their links [m]."""
+"""Distance of two capsules at home below which they are too coarse for their links [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,7 +140,7 @@ def _at_random(
 
 
 def _solids(robot: Robot) -> dict[int, tuple[str, list[Balls]]]:
-    """What each joint carries as points in the joint, under the name of its first link."""
+    """Collect the points fixed to each joint, with the name of its first link."""
     bodies = [f for f in robot.model.frames if f.type == pin.FrameType.BODY]
     # A link whose name is that of a frame with a part to play has another one in the model.
     links = {f.name.removesuffix("_link") if _renamed(f, robot) else f.name: f for f in bodies}

@@ -252,7 +252,7 @@ class _Describer:
             self._put(key, joint, upright, reason)
 
     def _link(self, joint: int) -> pin.Frame:
-        """The heaviest of the links that a joint moves; the first where none says its mass."""
+        """Return the heaviest of the links that a joint moves, the first where none has a mass."""
         links = [self._model.frames[i] for i in body_frames(self._model, joint)]
         return max(links, key=lambda link: link.inertia.mass)
 

@@ -1,7 +1,7 @@
 """A robot's document, read into the form that the rest of Poise relies on.
 
-In that form a floating base has no joint in the document (whoever builds a model adds one to the
-root link), a fixed base hangs on a link called `world`, every URDF hinge has limits, and an MJCF
+In that form a floating base has no joint in the document (building a model adds one to the root
+link), a fixed base hangs on a link called `world`, every URDF hinge has limits, and an MJCF
 document includes no other file and names all its bodies and joints.
 """
 
@@ -191,7 +191,7 @@ class Document(ABC):
 
     @abstractmethod
     def _check(self) -> None:
-        """Refuse faults that nobody can repair."""
+        """Refuse faults that cannot be repaired."""
 
     def _check_inertias(self) -> None:
         """Refuse masses and inertias below zero; zero is checked where it matters."""
@@ -296,6 +296,6 @@ _UNNAMED = "MuJoCo_Model"  # The name that MuJoCo gives to a model without one
 
 
 def _plain(name: str) -> str:
-    """A name that may also be that of a folder; "" for one that says nothing."""
+    """Return a name as it may name a folder; "" for MuJoCo's default."""
     letters = "".join(c if c.isalnum() or c in "_+-." else "_" for c in name).strip("._")
     return "" if letters == _UNNAMED else letters

@@ -17,7 +17,7 @@ from poise.robots._mjcf_compile import compile_mjcf, mujoco_module, pose_of
 from poise.robots._robot import ModelSource
 
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-"""Where the rim of a cylinder is sampled [rad]."""
+"""Samples of the rim of a cylinder [rad]."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Balls:
 
 @dataclass
 class LinkShape:
-    """What a link looks like and what it touches with, each shape as balls in the link."""
+    """Shapes of a link for pictures and for contact, each as balls in the link."""
 
     collision: list[Balls] = field(default_factory=list[Balls])
     visual: list[Balls] = field(default_factory=list[Balls])
@@ -82,7 +82,7 @@ def load_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "
 
 
 def is_binary_stl(path: Path) -> bool:
-    """True for an STL file in binary, which is as long as its number of triangles says."""
+    """True for a binary STL file, whose size follows from its number of triangles."""
     if path.suffix.lower() != ".stl":
         return False
     with path.open("rb") as file:

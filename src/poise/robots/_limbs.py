@@ -121,7 +121,7 @@ class _Tree:
         return not carried and self.end(pair) <= min(hip - down, float(self._places[1, 2]) + down)
 
     def sided(self, pair: Pair, forward: Point) -> Pair:
-        """The left chain first, by the joints' names, or where these do not say, by its place."""
+        """Return the left chain first, by the joints' names or else by their places."""
         names = self._model.names
         votes = float(sum(_side(names[a], names[b]) for a, b in zip(*pair, strict=True)))
         apart = self._places[pair[0][0]] - self._places[pair[1][0]]

@@ -151,7 +151,7 @@ def _by_kind(model: pin.Model, limits: Mapping[int, float], *, turns: str, slide
 
 
 def joint_kind(joint: pin.JointModel) -> str:
-    """Whether a joint of one freedom is "revolute" or "prismatic"."""
+    """Return "revolute" or "prismatic" for a joint of one freedom."""
     return "prismatic" if "P" in joint.shortname().removeprefix("JointModel")[:1] else "revolute"
 
 

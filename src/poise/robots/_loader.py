@@ -75,7 +75,7 @@ def load_robot(
     if document.has_shapes and not guessed:
         notes += soles_off_their_feet(robot)
     if guessed or notes:
-        # A proposal's remarks and the notes of its load may say the same.
+        # A proposal's remarks and the notes of its load may be the same.
         notes = list(dict.fromkeys([*guessed, *notes]))
         warnings.warn(f"{document.where}: {'; '.join(notes)}", stacklevel=2)
     return robot

@@ -37,7 +37,7 @@ _MACROS = ("replicate//body", "attach")
 
 _NAN = frozenset({"nan", "-nan", "+nan"})
 _SPRINGS = ("stiffness", "springref", "springdamper")
-"""Attributes of joints that would push in the plant while the controller knows of no spring."""
+"""Attributes of springs, which a plant would have and a controller's model has not."""
 
 _PLACEMENT = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 """Attributes that place an MJCF body."""
@@ -80,7 +80,7 @@ class MjcfDocument(Document):
                     raise RobotError(f"{self.where}: {what}", got=text, wanted="numbers")
 
     def _check(self) -> None:
-        """Refuse ball joints here: MuJoCo alone knows of classes that make one."""
+        """Refuse ball joints; those that a class makes MuJoCo finds."""
         for joint in self.root.iterfind("worldbody//joint"):
             if joint.get("type") == "ball":
                 what = f"{self.where}: joint {joint.get('name')!r} is a ball joint"
@@ -289,7 +289,7 @@ def _placement_of(element: ET.Element) -> dict[str, str]:
 
 
 def _torques(mujoco: ModuleType, spec: Any) -> dict[str, float]:
-    """The largest force of each joint's actuators, where any of their ranges says so."""
+    """Return the largest force of each joint's actuators with a range."""
     found: dict[str, float] = {}
     for motor in spec.actuators:
         joint_kinds = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)

@@ -39,7 +39,7 @@ def settled_spec(source: ModelSource, where: str) -> Any:
     """MuJoCo's specification of a settled document, which compiles link by link."""
     spec = parse_mjcf(ET.fromstring(source.text), source.directory, where)
     spec.compiler.fusestatic = False
-    # MuJoCo wants some mass on every moving body; a massless one gets this little.
+    # MuJoCo needs some mass on every moving body; a massless one gets this little.
     spec.compiler.boundmass = max(spec.compiler.boundmass, 1e-12)
     spec.compiler.boundinertia = max(spec.compiler.boundinertia, 1e-14)
     return spec
@@ -80,7 +80,7 @@ def make_spec(mujoco: ModuleType, root: ET.Element) -> Any:
 def anchor_assets(root: ET.Element, directory: Path) -> None:
     """Make the folders for meshes and textures absolute, for a document read from a string."""
     folders = {k: str(directory / asset_folder(root, k)) for k in ("meshdir", "texturedir")}
-    # The last of several sections wins, each for what it says.
+    # Of several sections the last wins, attribute by attribute.
     for compiler in root.findall("compiler") or [ET.SubElement(root, "compiler")]:
         compiler.attrib.update(folders)
 

@@ -1,4 +1,4 @@
-"""What libraries print while they read a file: kept from the terminal, and not lost."""
+"""Output of libraries that read a file, kept from the terminal and logged."""
 
 import logging
 import os
@@ -10,12 +10,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 _LOG = logging.getLogger("poise.robots")
-_LOCK = threading.Lock()  # Where the process writes is one thing that all threads have in common
+_LOCK = threading.Lock()  # All threads share stdout and stderr
 
 
 @dataclass
 class Noise:
-    """What was printed, on one line; complete when the block has been left."""
+    """Captured output on one line, complete after the block."""
 
     text: str = ""
 

@@ -52,12 +52,12 @@ class Sole:
 
     @property
     def leans(self) -> bool:
-        """Whether it tilts sideways as its leg leans, and so stands on one of its long edges."""
+        """True where it tilts sideways as its leg leans, and so stands on one of its long edges."""
         return 3 not in self.controlled
 
     @property
     def turns(self) -> bool:
-        """Whether its leg can turn it about its normal."""
+        """True where its leg can turn it about its normal."""
         return 5 in self.controlled
 
 
@@ -151,9 +151,9 @@ class Robot:
         return draw_robot(self, at)
 
     def carrying(self, frame: str, mass: float, offset: Numbers = (0.0, 0.0, 0.0)) -> "Robot":
-        """The same robot with a load rigidly attached, which its controller then knows of.
+        """Return the robot with a load rigidly attached, for its controller's model.
 
-        A simulated plant is built from the document and carries what its own payloads say.
+        A simulated plant is built from the document and has payloads of its own.
 
         Args:
             frame: that holds it, such as "right_hand".

@@ -20,7 +20,7 @@ _MARGIN = 0.02  # Distance from position limits, for a controller to move both w
 
 
 @dataclass(frozen=True)
-class Stance:
+class StancePosture:
     """A posture, or how near one came to it: see `find_stance`."""
 
     q: Float64[np.ndarray, " nq"]
@@ -112,7 +112,7 @@ def find_stance(
     forward: Float64[np.ndarray, "3"],
     apart: float,
     start: Mapping[str, float],
-) -> Stance:
+) -> StancePosture:
     """Bend the legs, each its joints from the hip, from `start` [rad] to meet `StanceGoals`."""
     turn = np.stack([forward, np.cross([0.0, 0.0, 1.0], forward), [0.0, 0.0, 1.0]])
     world_R_base = turn @ upright
@@ -130,14 +130,14 @@ def find_stance(
     q = np.clip(q, *bounds)
     columns = [*range(6), *(model.joints[j].idx_v for leg in legs for j in leg)]
     joints = [(model.names[j], model.joints[j].idx_q) for leg in legs for j in leg]
-    found: list[Stance] = []
+    found: list[StancePosture] = []
     for knee in _KNEES:
         q[2] = (hip - sole) * math.cos(0.5 * knee) - hip
         goals = StanceGoals(model, soles, world_R_base, apart, float(q[2]), False)
         for bend in (knee, -knee):
             bent = _bent(model, q, axes, legs, bend, bounds)
             bent, ((must, _), (wish, _)) = goals.solve(bent, columns, bounds)
-            stance = Stance(
+            stance = StancePosture(
                 q=bent,
                 error=float(np.abs(must).max()),
                 tilt=float(np.linalg.norm(wish[:3])),

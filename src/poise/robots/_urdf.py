@@ -214,7 +214,7 @@ class UrdfDocument(Document):
                 element.set(key, repr(float(inertia[i, j])))
 
     def endless(self) -> list[str]:
-        """Joints that turn without end, and hinges whose limits do not say how far they turn."""
+        """List joints that turn without end, and hinges without both limits."""
         return sorted(
             j.get("name", "")
             for j in self._joints()

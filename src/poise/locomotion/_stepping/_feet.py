@@ -1,4 +1,4 @@
-"""Feet that an operator leads: `FootDevices`, and `Level`, which leads a stack by them."""
+"""Feet by an operator's devices: `FootDevices`, and `SteppingLevel`, a leader by them."""
 
 import math
 from functools import partial
@@ -27,7 +27,7 @@ from poise.locomotion._walking import (
 from poise.stack import Stack
 
 _THERE = 1e-6
-"""A foot is sent no nearer than this to where the operator says, whatever is rounded [m]."""
+"""Least distance of a foot's target from the operator's, against rounding [m]."""
 
 _HANGS, _COMES = 0.005, 0.002
 """Height over its target of a foot that has not arrived; descent of one that comes [m]."""
@@ -306,7 +306,7 @@ class LevelTick(NamedTuple):
     ended: StepEnd | None  # None while a step goes on, and before the first
 
 
-class Level:
+class SteppingLevel:
     """Leader of a stack that is solved for torques, or for velocities."""
 
     def __init__(

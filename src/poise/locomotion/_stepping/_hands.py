@@ -59,7 +59,7 @@ _ARM_MARGIN = 0.05
 """Distance of an arm's joints from their limits [rad]."""
 
 _ARMS_BY_TORQUES = (25.0, 150.0, 150.0)
-"""At rest as stiff as the posture; what a hand carries, and nobody knows of, is learned."""
+"""At rest as stiff as the posture; an unknown load in a hand is learned."""
 
 
 class HandLeader:
@@ -136,7 +136,7 @@ class HandLeader:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets the past: the arms are at rest."""
+        """Restart with arms at rest."""
         self._arms.reset()
         self.places = [arm.place for arm in self._arms.limbs]
         self.rotations: list[Float64[np.ndarray, "3 3"] | None] = [None for _ in self.names]
@@ -210,7 +210,7 @@ class HandLeader:
         )
 
     def _stop_at_edge(self, hand: int, arm: Limb) -> None:
-        """A hand that comes no further says so, and its place stays near."""
+        """Report a hand that comes no further, and keep its place near."""
         if self.status[hand] is HandStatus.REST:
             self.places[hand], self.rotations[hand] = arm.place, None
         elif arm.blocked:
@@ -306,7 +306,7 @@ class GazeLeader:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets the past: the head looks straight ahead."""
+        """Restart with the head straight ahead."""
         self._neck.reset()
         # No burst: the head turns at its own speed, whoever leads it.
         self._limiter = RateLimiter(self._dt * self._speed, self._dt * self._speed)

@@ -216,11 +216,11 @@ class StepTeleoperator:
         self._status: TeleopStatus | None = None
 
     def controller(self, *, time_limit: float | None = None) -> Controller:
-        """Solves the stack: for velocities of the legs' joints, or for torques of all.
+        """Make the controller: for velocities of the legs' joints, or for torques of all.
 
         Args:
-            time_limit: cap of one solve, None for none [s]. A tick that reaches it falls back, as
-                `CommandStatus` says.
+            time_limit: cap of one solve, None for none [s]. A tick that reaches it falls back, see
+                `CommandStatus`.
 
         Raises:
             ConfigurationError: the controller takes none.
@@ -247,7 +247,7 @@ class StepTeleoperator:
 
     @property
     def dt(self) -> float:
-        """Length of a tick: how often it has to be asked [s]."""
+        """Length of a tick [s]."""
         return self.parameters.dt
 
     @property
@@ -273,7 +273,7 @@ class StepTeleoperator:
 
     @property
     def resting_sample(self) -> OperatorSample:
-        """A sample that asks for nothing: both devices on the feet where they stand."""
+        """Sample of rest: both devices on the feet where they stand."""
         left, right = (TrackedPose.of(anchor) for anchor in self.estimator.anchors)
         return OperatorSample(0.0, (left, right))
 
@@ -311,7 +311,7 @@ class StepTeleoperator:
         }
 
     def lead(self, state: RobotState) -> None:
-        """Sets contacts, velocities and weights of the stack for the tick that begins.
+        """Set contacts, velocities and weights of the stack for the tick that begins.
 
         Args:
             state: as the estimator gave it.

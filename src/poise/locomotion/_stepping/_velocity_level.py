@@ -14,7 +14,7 @@ from poise.control import Controller
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import BodyRotator, ComShifter
-from poise.locomotion._stepping._feet import Level, LevelTick
+from poise.locomotion._stepping._feet import LevelTick, SteppingLevel
 from poise.locomotion._stepping._guard import OperatorGuard
 from poise.locomotion._stepping._sample import BodyCommand, OperatorSample
 from poise.locomotion._stepping._stance import (
@@ -274,7 +274,7 @@ def _felt(footing: Footing, target: Vector3) -> Vector3:
     return np.array([x, y, max(z, floor)])
 
 
-class VelocityLevel(Level):
+class VelocityLevel(SteppingLevel):
     """Events (14), references (15), CoM shifter (37), body rotator (39) and P controllers (17)."""
 
     def __init__(

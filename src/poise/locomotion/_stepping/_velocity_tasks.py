@@ -101,7 +101,7 @@ class SoleGrounds:
         self._known = [[False, False], [False, False]]
 
     def update(self, footing: Footing) -> None:
-        """Takes one tick."""
+        """Advance by one tick."""
         for foot in (0, 1):
             if footing.mode.single and foot == footing.other:
                 # It will land on what the other stands on, for all that is known.
@@ -262,7 +262,7 @@ class VelocityTasks:
         self._grounds.reset()
 
     def controller(self, dynamics: Dynamics, time_limit: float | None) -> Controller:
-        """Solves the stack, (19) to (23)."""
+        """Make the controller, (19) to (23)."""
         refuse_solver_settings(ControllerPlan(name="differential_ik", time_limit=time_limit))
         robot = self._biped.robot
         return DifferentialIK(

@@ -1,4 +1,4 @@
-"""Walking: footsteps, and the walker that makes them, planned or as it is led."""
+"""Walking: footsteps, and the walker that makes them by a plan or by commands."""
 
 from poise.locomotion._walking._commands import VelocityLimits as VelocityLimits
 from poise.locomotion._walking._engine import SteppingEngine as SteppingEngine

@@ -45,7 +45,7 @@ class BodyMotion:
         self.rise, self.heading = (height, 0.0, 0.0), (heading, 0.0, 0.0)
 
     def move(self, height: float, heading: float, time: float, dt: float) -> None:
-        """Moves on towards a height [m] and a heading [rad], to be there in a time [s]."""
+        """Move towards a height [m] and a heading [rad], to be there in a time [s]."""
         self._lowered = least_jerk_towards(self._lowered, self._crouch, self._lowering, dt)
         self._lowering = max(self._lowering - dt, 0.0)
         self.rise = least_jerk_towards(self.rise, height, time, dt)

@@ -1,7 +1,4 @@
-"""`StepCommands`: what somebody wants of a walk now, as the next few footholds.
-
-`VelocityLimits`: how fast a robot is led at most.
-"""
+"""Commands of a walk, as the next few footholds, and their limits."""
 
 import math
 from collections import deque
@@ -103,7 +100,7 @@ class StepCommands:
         self._planned: tuple[tuple[object, ...], list[Placement]] = ((), [])
 
     def set_velocity(self, ahead: float, sideways: float, turn: float) -> None:
-        """Asks for a velocity from now on; one that is not finite is ignored."""
+        """Set the commanded velocity; one that is not finite is ignored."""
         asked = (ahead, sideways, turn)
         if not all(math.isfinite(value) for value in asked):
             self.notice = f"velocity {_shown(asked)} ignored: not finite"
@@ -115,13 +112,13 @@ class StepCommands:
             self.notice = f"velocity {_shown(asked)} taken to {_shown(self._wanted)}"
 
     def stop(self) -> None:
-        """Forgets all that was asked for, and stands."""
+        """Discard all commands and stand."""
         self._wanted = self.velocity = (0.0, 0.0, 0.0)
         self.footholds.clear()
         self.closes = True
 
     def add_foothold(self, foothold: Foothold) -> None:
-        """Asks for a foothold after those that were given before; one not finite is ignored."""
+        """Append a foothold; one not finite is ignored."""
         x, y, _ = foothold.place.position
         if not all(math.isfinite(value) for value in (x, y, foothold.place.yaw)):
             self.notice = "foothold ignored: not finite"
@@ -131,11 +128,11 @@ class StepCommands:
         self.footholds.append(foothold)
 
     def insert(self, foothold: Foothold) -> None:
-        """Makes a step before all that was asked for, of which nothing is forgotten."""
+        """Insert a foothold before all others."""
         self.footholds.appendleft(foothold)
 
     def follow(self, plan: FootstepPlan) -> None:
-        """Asks for all footholds of a plan."""
+        """Append all footholds of a plan."""
         for done, step in enumerate(plan.steps):
             other = plan.placements(done)[1 - step.foot]
             turned = _outwards(step.foot, step.goal.yaw - other.yaw)
@@ -210,7 +207,7 @@ class StepCommands:
         return steps
 
     def _beside(self, foot: int, stance: Placement, velocity: Velocity) -> Placement:
-        """The foothold that a velocity asks for."""
+        """Return the foothold of a velocity."""
         ahead, sideways, turn = (self._time * speed for speed in velocity)
         out, room = side(foot), self._room
         turned = _share(turn * out, room.turn_in) * out

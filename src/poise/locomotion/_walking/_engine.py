@@ -30,7 +30,7 @@ _MISPLACED = 0.03
 
 
 class SteppingEngine:
-    """Set CoM, feet and contacts of a stack, tick by tick, whoever wants the steps."""
+    """Set CoM, feet and contacts of a stack, tick by tick, for any source of steps."""
 
     def __init__(self, stack: Stack, make: Callable[[], WalkParts]) -> None:
         self._stack, self._make = stack, make

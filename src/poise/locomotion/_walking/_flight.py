@@ -88,7 +88,7 @@ class HeldFlight:
         self.goal = Placement(position=(x, y, z), yaw=yaw)
 
     def land(self) -> None:
-        """Do nothing: who holds the foot puts it down."""
+        """Do nothing: the holder of the foot puts it down."""
 
     @property
     def slant(self) -> float:

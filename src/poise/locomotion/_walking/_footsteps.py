@@ -79,13 +79,13 @@ _STEP_PHASE = 2.1
 """omega T of a step: as fast as people walk without hurry."""
 
 _DOUBLE_SUPPORT = 0.12
-"""Of a step's time, unless a gait says otherwise."""
+"""Part of a step's time, by default."""
 
 _CROUCH = 0.05
-"""Descent of the COM, over its height, unless a gait says otherwise."""
+"""Descent of the COM over its height, by default."""
 
 _SWING_HEIGHT = 0.06
-"""Of a foot, over the height of the COM, unless a gait says otherwise."""
+"""Lift of a foot over the height of the COM, by default."""
 
 
 def usual_gait(height: float) -> Gait:

@@ -388,7 +388,7 @@ the pelvis, taken to go along with the COM, is not known better."""
 
 
 class LegReach:
-    """Puts a foot where it should stand, with the base where the walk has it."""
+    """Reach of a foot to its place, with the base where the walk has it."""
 
     def __init__(self, robot: Robot, stand: Stand) -> None:
         self._robot, self._stand = robot, stand

@@ -1,4 +1,4 @@
-"""`StepMachine`: double support, weight shift and single support, for whoever leads the feet."""
+"""`StepMachine`: double support, weight shift and single support, for any source of steps."""
 
 from dataclasses import dataclass
 from enum import Enum

@@ -124,7 +124,7 @@ class StepPhases:
         self._left = self._gait.shift_time
 
     def put_down(self, foot: int) -> None:
-        """Make a capture step with a foot in the air, whoever lifted it."""
+        """Make a capture step with the swing foot."""
         self._overrule()
         # On its way to be side by side it would cost time, and its leg momentum.
         self._commands.insert(Foothold(foot, self._sense.placement(foot)))
@@ -229,7 +229,7 @@ class StepPhases:
         self.foot, self._left, self._released, self._waited = foot, time, False, 0.0
 
     def _overrule(self) -> None:
-        """Take the feet from whoever holds them."""
+        """End the hold of the feet."""
         if self.held:
             self.held, self.ended = False, StepEnd.OVERRULED
 
@@ -288,12 +288,12 @@ class StepPhases:
         self.held, self.ended, self._left = False, ended, self._gait.settle_time
 
     def _has_shifted(self) -> bool:
-        """Return whether the DCM rests over the foot that shall carry."""
+        """Return True once the DCM rests over the next stance foot."""
         xi = self._parts.legs.parted(self._pendulum.xi(None), self._pendulum.places(None))
         return math.dist(xi, self._of_stance(self._region.arriving)) < self._region.arrived
 
     def _can_wait(self) -> bool:
-        """Whether both feet hold the robot, and a step now would cost it much."""
+        """Return True while both feet hold the robot and a step now would cost much."""
         return self.is_held() and self._planner.cost(self._next_foot()) > _WORTH
 
     def _calm_down(self) -> None:
@@ -355,7 +355,7 @@ class StepPhases:
         self._hurried = False
 
     def _follow(self, flight: HeldFlight, dt: float) -> None:
-        """Follow whoever holds the swing foot, until touchdown or a capture step."""
+        """Follow the holder of the swing foot, until touchdown or a capture step."""
         foot, motion = flight.foot, self.motion
         if motion is None or not self.is_held():
             self.put_down(foot)

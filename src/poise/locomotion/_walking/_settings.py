@@ -1,7 +1,4 @@
-"""`WalkSettings`: how a walker keeps its balance and feels the ground.
-
-`WalkStatus`: how a walk stands.
-"""
+"""Settings of a walker's feedback and touchdown, and the status of a walk."""
 
 from dataclasses import dataclass
 from enum import Enum

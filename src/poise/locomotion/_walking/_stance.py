@@ -18,7 +18,7 @@ _SPREAD = 0.2
 may carry [m/s]."""
 
 _LEAST = 0.004
-"""Length and width that are always left: on less, nothing could be asked for [m]."""
+"""Least length and width of the area [m]."""
 
 
 _SETTLING = 0.15
@@ -34,7 +34,7 @@ _Edges = tuple[float, ...]
 
 
 class CarryingArea:
-    """A rectangle in a sole on which it may be asked to carry."""
+    """Rectangle of a sole that may bear load."""
 
     def __init__(self, sense: WalkSense, foot: int, contact: Contact) -> None:
         self._sense, self._foot = sense, foot
@@ -47,7 +47,7 @@ class CarryingArea:
 
     @property
     def lies(self) -> bool:
-        """True while the sole seems to lie flat: on an edge, it says nothing of the ground."""
+        """True while the sole seems flat: on an edge, it does not measure the ground."""
         return all(
             self.edges[2 + k] - self.edges[k] >= _FLAT[k] * 2.0 * self.whole[2 + k] for k in (0, 1)
         )
@@ -102,7 +102,7 @@ class CarryingArea:
         self._settle(stands, dt)
 
     def _tell(self, edges: _Edges) -> None:
-        """Tells the contact what it does not know yet: its lower and its upper edges."""
+        """Set the contact's edges where they have changed."""
         if self._contact is not None and edges != self._told:
             self._told = edges
             self._contact.carry_on(*self._open(edges))
@@ -115,7 +115,7 @@ class CarryingArea:
         return (a, b), (c, d)
 
     def _settle(self, stands: bool, dt: float) -> None:
-        """Averages the area for those who plan, from where the foot came to stand on."""
+        """Average the area for planning, since the foot came to stand."""
         if not stands:
             self._settled, self._average = None, self.whole
             return
@@ -213,7 +213,7 @@ class Stance:
                 return
 
     def _feel(self, rotation: Rotation) -> None:
-        """Learns from a sole that lies on the ground, world_R_sole."""
+        """Update the ground's slope by a flat sole, world_R_sole."""
         x, y, z = rotation[:, 2].tolist()
         seen = (-x / z, -y / z)
         if math.dist(seen, self.slope) < _STEEPEST:

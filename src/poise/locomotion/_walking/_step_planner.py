@@ -1,4 +1,4 @@
-"""`StepPlanner`: the next few steps of a command, and what they ask of the pendulum."""
+"""`StepPlanner`: the next few steps of a command, and the pendulum's motion for them."""
 
 import math
 from collections.abc import Sequence
@@ -60,7 +60,7 @@ class Lifted(NamedTuple):
 
 
 class StepPlanner:
-    """Makes the next few steps anew from a command, and chooses the next touchdown."""
+    """Planner of the next few steps from a command, and of the next touchdown."""
 
     def __init__(
         self,

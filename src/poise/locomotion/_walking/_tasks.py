@@ -72,7 +72,7 @@ class CarriedTarget:
 
     @property
     def target_position(self) -> Float64[np.ndarray, "3"]:
-        """Where the frame should be had the robot not walked [m]."""
+        """Target position of the frame, without the way of the walk [m]."""
         return self._given[0].copy()
 
     def set_target(
@@ -151,7 +151,7 @@ class WalkTasks:
         target[4, 2] += rate
 
     def lead_com(self, sense: WalkSense, com: ComMotion, horizontal: Point) -> None:
-        """Height by the task's own gains, the rest as feedback says."""
+        """Height by the task's own gains, the rest by the feedback."""
         task, (place, velocity, acceleration) = self.com, com
         task.overwrite_target()[:] = com
         height, speed = place[2] - sense.com[2], velocity[2] - sense.com_velocity[2]

@@ -1,8 +1,4 @@
-"""Faults of a walk and the responses to them, in one table.
-
-`TroubleWatch`: notices it. `HangWatch`: notices a foot that hangs in the air. `Hanging`: what is
-asked of a robot that no foot carries.
-"""
+"""Faults of a walk and the responses to them, in one table."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -130,7 +126,7 @@ class HangWatch:
         self.foot: int | None = None  # which hangs, 0 for the left one; None for none
 
     def update(self, dt: float) -> None:
-        """Takes in what the feet carry."""
+        """Update by the loads of the feet."""
         for foot, contact in enumerate(self._contacts):
             idle = self._sense.load(foot) < _IDLE and contact.active
             if idle or self._idle[foot] > 0.0:

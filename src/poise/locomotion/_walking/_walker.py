@@ -30,11 +30,11 @@ from poise.stack import Stack, Task
 
 
 class Walker:
-    """Walks as it is told, now: a `poise.stack.Leader`.
+    """Leader of a stack that walks, by a plan or by commands; a `poise.stack.Leader`.
 
-    Its steps come from a plan that was made before it began, or it is led by `set_velocity` and
-    `step_to` while it walks. The next footholds are made anew in every tick from the
-    command, and from them, by backward recursion, where the DCM should be.
+    Its steps come from a plan, or from `set_velocity` and `step_to` while it walks. Every tick
+    computes the next footholds from the command, and from them, by backward recursion, the desired
+    DCM.
     While a foot is in the air, place and time of its touchdown are chosen from the measured one.
     Standing, the robot steps by itself when its feet cannot hold it, and comes back to rest side by
     side.
@@ -42,7 +42,7 @@ class Walker:
     It only sets targets of tasks and loads of contacts of the stack: the COM task (its target, and
     the acceleration that keeps the balance), the frame task of the swing foot, the contacts of
     both soles, and every other frame task, which goes along with the body. It never raises while it
-    runs: what is cut of a command is said by `notice`, what goes wrong by `status`.
+    runs: `notice` has the part of a command that was cut, `status` the state of the walk.
 
     Args:
         robot: on two soles.
@@ -104,12 +104,12 @@ class Walker:
         parts = self._engine.parts
         self.height, self.commands = parts.height, parts.commands
         if plan is not None:
-            # Now, so that all that is said before the first tick comes after it.
+            # Now, so that commands before the first tick come after it.
             self.commands.follow(plan)
         self.carried: Mapping[str, CarriedTarget] = parts.tasks.carried
 
     def set_velocity(self, ahead: float, sideways: float = 0.0, turn: float = 0.0) -> None:
-        """Walks with a velocity from now on; zero brings the robot to rest, feet side by side.
+        """Set the commanded velocity; zero brings the robot to rest, feet side by side.
 
         Args:
             ahead: [m/s].
@@ -119,12 +119,12 @@ class Walker:
         self.commands.set_velocity(_double(ahead), _double(sideways), _double(turn))
 
     def step_to(self, sole: str, x: float, y: float, yaw: float) -> None:
-        """Makes a step, after those that were asked for before and the one under way.
+        """Append a step to those that are commanded or under way.
 
         Args:
             sole: its name.
             x: of the sole's centre in the world [m].
-            y: likewise [m].
+            y: of the sole's centre in the world [m].
             yaw: its heading [rad].
         """
         soles = self._engine.parts.stand.soles
@@ -136,14 +136,14 @@ class Walker:
         self.commands.add_foothold(Foothold(foot, place))
 
     def hold(self, motion: FootMotion | None) -> None:
-        """Lift, lead and put down feet by a motion, in place of timed steps.
+        """Move the swing foot by a motion in place of timed steps.
 
         The engine shifts the weight first, keeps the balance over the stance foot for as long as
         the other one is up, and takes the feet over while it has to catch the robot, or is given a
         velocity.
 
         Args:
-            motion: of the feet; None for nobody, and a foot in the air is put down.
+            motion: of the feet; None to put down a swing foot and end.
         """
         self._engine.hold(motion)
 

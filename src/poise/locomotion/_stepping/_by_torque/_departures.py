@@ -32,12 +32,12 @@ def waist_ranges(biped: Biped) -> Float64[np.ndarray, "3 2"]:
 
 
 _NEAR, _BACK = 0.005, 0.03
-"""Distance from a limit at which an ankle is left to its stop, and to which it has to come back
-until the limit holds again [rad]."""
+"""Distances from a limit at which an ankle is left to its stop, and at which the limit holds again
+[rad]."""
 
 _GROUND = 0.1
-"""Sine of how far a sole may be off level, and lie as the ground does, as far as anyone knows: a
-slope of 3 degrees with an attitude off by 1, or a bump."""
+"""Sine of the largest tilt of a sole that may be flat on the ground: a slope of 3 degrees with an
+attitude off by 1, or a bump."""
 
 
 class AnkleStops:

@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from poise.control import Controller, ControllerPlan, make_controller
 from poise.dynamics import Dynamics, RobotState
 from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
-from poise.locomotion._stepping._feet import Level, LevelTick
+from poise.locomotion._stepping._feet import LevelTick, SteppingLevel
 from poise.locomotion._stepping._guard import DeviceStatus, OperatorGuard
 from poise.locomotion._stepping._sample import BodyCommand, OperatorSample
 from poise.locomotion._stepping._stance import Biped, Footing, StanceEstimator, TeleopParameters
@@ -42,10 +42,10 @@ _CAPTURE = WalkSettings(zmp_margin=0.005, clearance=0.03, bounce_time=0.03)
 noise of as much as counts as a bounce, and a sole that came down on an edge turns over it."""
 
 _HIGHER = 1.6
-"""Swing height over that of a walk: what stumbles over a bump catches nobody."""
+"""Swing height of a capture step over that of a walk, so that it does not stumble over a bump."""
 
 
-class TorqueLevel(Level):
+class TorqueLevel(SteppingLevel):
     """Feet by the operator's devices, or by the engine where it walks or catches the robot."""
 
     def __init__(

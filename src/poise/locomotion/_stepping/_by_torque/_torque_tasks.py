@@ -43,8 +43,8 @@ _Weights = tuple[float | tuple[float, ...], float | tuple[float, ...], tuple[flo
 """Of CoM, feet and trunk."""
 
 _EASED = 0.3
-"""In what time the balance comes to weigh that much after them [s]: all at once, it throws over a
-robot one of whose soles carries less than it is taken to."""
+"""Time in which the balance comes to weigh that much after them [s]: a step of the weight throws
+over a robot one of whose soles is loaded less than estimated."""
 
 _TRUNK, _URGENT_TRUNK = (1.0, 1.0, 10.0), (10.0, 10.0, 10.0)
 """Weights of the trunk while the operator leads, and while they ask for an upright torso as well:

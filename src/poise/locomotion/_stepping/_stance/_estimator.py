@@ -1,4 +1,4 @@
-"""`StanceEstimator`: where the robot is, from joints, the torso's attitude and a foot at rest."""
+"""`StanceEstimator`: base of the robot by joints, the torso's attitude and a foot at rest."""
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +8,6 @@ from poise._checks import is_array
 from poise.control import is_usable
 from poise.dynamics import CheckedWrenches, Dynamics, RobotState
 from poise.estimation import (
-    AttitudeBiasEstimator,
     EstimatorConfig,
     LoadCellTare,
     LoadCellVote,
@@ -16,16 +15,15 @@ from poise.estimation import (
     StampedPredictor,
     StateEstimator,
 )
-from poise.locomotion._stepping._stance._parameters import BASE_JOINT, Biped
+from poise.locomotion._stepping._stance._parameters import Biped
 from poise.locomotion._support import Rotation, Vector3
 from poise.locomotion._walking import CLEARANCE, Mode, WalkSense
 
 _DONE = 0.5
-"""Part of what was commanded within the sensors' delay that counts as done: with less the rates of
-the legs are off, with more that of the base."""
+"""Part of the accelerations commanded within the sensors' delay that counts as done: with less the
+rates of the legs are off, with more that of the base."""
 
 _CORRECTED = EstimatorConfig(tare=False, vote=False)
-
 
 POSITION_GAIN = 10.0
 """k_v of (17a) and (17c), from distances to velocities of CoM and feet [1/s]."""
@@ -44,12 +42,12 @@ _ZMP_TIME = 0.01
 
 
 class StanceEstimator:
-    """The base from kinematics: the stance sole stays where it was put down.
+    """Base by kinematics: the stance sole stays where it was put down.
 
     It reads joints, the attitude and angular velocity of the base, and the soles' loads; never the
     base's position or linear velocity. With readings of an inertial unit the linear velocity is
     that of a `StateEstimator`, which notices a stance sole that rocks on its edge; without, the one
-    with which that sole rests. What feet slip the position drifts.
+    with which that sole rests. Slips of the feet are drift of the position.
     """
 
     def __init__(
@@ -67,23 +65,21 @@ class StanceEstimator:
         self._soles = biped.frames
         self._least_load = LANDED * biped.weight
         self._press_speed, self._dt = _PRESS_SPEED * biped.wide, dt
-        self._world_R_base = self.dynamics.motion.placements[BASE_JOINT, :9].reshape(3, 3).T
         self._start = RobotState(q_start, np.zeros(robot.nv))
         self._inertial = StateEstimator(robot, _CORRECTED, q_start=q_start) if inertial else None
-        self._payload = PayloadEstimator(robot) if inertial else None
-        self._attitude = AttitudeBiasEstimator() if inertial else None
+        self.payload = PayloadEstimator(robot, attitude=True) if inertial else None
         self._now = StampedPredictor(robot, _DONE) if inertial else None
         self.tare, self._vote = LoadCellTare(soles, robot.weight), LoadCellVote(robot)
         self.anchors: list[Vector3] = []
         self.reset()
 
     def reset(self) -> None:
-        """Back to the configuration at the start."""
+        """Restart in the configuration at the start."""
         self.tare.reset()
         self._vote.reset()
         self._sense.reset()
         self._last: RobotState | None = None
-        for part in (self._inertial, self._payload, self._attitude, self._now):
+        for part in (self._inertial, self.payload, self._now):
             if part is not None:
                 part.reset()
         self.dynamics.update(self._start)
@@ -103,11 +99,11 @@ class StanceEstimator:
         estimated = self._vote.estimated
         known = self.tare.update(known, self._airborne(), estimated)
         q, v = known.q, known.v
-        if self._attitude is not None:
-            q[3:7] = self._attitude.corrected(q[3:7])
+        if self.payload is not None:
+            q[3:7] = self.payload.corrected(q[3:7])
         fused = None if inertial is None else inertial.update(known)
         if inertial is not None and fused is not None and inertial.status.ok:
-            # Along the base's own axes it does not matter how upright either says the base is.
+            # Along the base's own axes its attitude does not matter.
             v[:3] = fused.v[:3]
             pin.forwardKinematics(self._robot.model, self._data, q)
         else:
@@ -115,13 +111,10 @@ class StanceEstimator:
         sole = self._soles[self.stance]
         place = pin.updateFramePlacement(self._robot.model, self._data, sole)
         np.subtract(self.anchors[self.stance], place.translation, out=q[:3])
-        if self._payload is not None and not estimated:
-            known = self._payload.update(known)
+        if self.payload is not None and not estimated:
+            known = self.payload.update(known)
         self._last = known
         self.dynamics.update(known)
-        if self._attitude is not None and self._payload is not None and not estimated:
-            force, velocity = self._payload.force, self.dynamics.com_velocity
-            self._attitude.update(known.time, force, velocity, self._world_R_base)
         if self._now is None:
             return known
         now = self._now.predict(known)
@@ -130,12 +123,12 @@ class StanceEstimator:
         return now
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
-        """Takes in what the robot was commanded, once a tick; without it states stay late."""
+        """Take the commanded acceleration, once a tick; without it states stay late."""
         if self._now is not None:
             self._now.command(acceleration, time)
 
     def _without_base_motion(self, state: object) -> RobotState | None:
-        """A copy less what no sensor gives: where the base is and how fast it goes along."""
+        """Return a copy without the base's position and linear velocity, which are not measured."""
         robot = self._robot
         if not isinstance(state, RobotState):
             return None
@@ -144,7 +137,7 @@ class StanceEstimator:
         q, v = state.q.copy(), state.v.copy()
         q[:3], v[:3] = 0.0, 0.0
         # The payload of the last state: the estimate is made anew only where it changes.
-        payload = state.payload if self._payload is None else self._payload.payload
+        payload = state.payload if self.payload is None else self.payload.payload
         contacts = CheckedWrenches(state.contacts)
         return RobotState(q, v, contacts, state.time, state.readings, payload)
 
@@ -169,11 +162,11 @@ class StanceEstimator:
         return self.sense.sole(foot)[1]
 
     def put_down(self, foot: int) -> None:
-        """A sole stands on the ground where it is now."""
+        """Anchor a sole to the ground at its place."""
         self.anchors[foot] = self.sole(foot).copy()
 
     def stand_on(self, foot: int) -> None:
-        """From now on this sole is the one at rest; the estimate stays continuous."""
+        """Take this sole as the one at rest; the estimate stays continuous."""
         if foot != self.stance:
             self.put_down(foot)
             self.stance = foot
@@ -186,7 +179,7 @@ class StanceEstimator:
             self.stand_on(mode.support)
 
     def follow(self, mode: Mode) -> None:
-        """Each tick with both feet on the ground: the one that carries more is the stance."""
+        """Take the foot with more load as the stance, each tick in double support."""
         if mode.single:
             return
         sense, stance = self.sense, self.stance
@@ -201,7 +194,7 @@ class StanceEstimator:
             self._pressing, self.pressed = False, 0.0
 
     def _press(self, foot: int, sense: WalkSense) -> None:
-        """Send a foot down until it carries something."""
+        """Lower a foot until it is loaded."""
         anchor, height = self.anchors[foot], float(sense.sole(foot)[0][2])
         if sense.loads[foot] < self._least_load:
             anchor[2] = min(float(anchor[2]), height)

@@ -280,7 +280,7 @@ def teleop_parameters(
 
 
 def scaled_parameters(biped: Biped, actuation: str) -> TeleopParameters:
-    """Scale the paper's settings, as `teleop_parameters` says."""
+    """Scale the paper's settings, see `teleop_parameters`."""
     paper = TeleopParameters()
     scaled = replace(
         paper,
