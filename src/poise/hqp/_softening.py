@@ -112,7 +112,6 @@ class SoftenedSolver:
     ) -> None:
         self._problem, self._solver, self._tolerance = problem, solver, tolerance
         self._weights, self._reference, self._find = weights, reference, find
-        self._columns = np.array(columns, dtype=np.int64)
         self._stages = [
             _SoftenedLevel(problem, key, level, columns, make_solver())
             for key, level in levels.items()

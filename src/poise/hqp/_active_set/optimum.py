@@ -361,4 +361,7 @@ def _solve_factored(cost: FinalCost, rank: int) -> None:
         z[k] /= C[k, k]
         add_multiple(z[k + 1 : rank], -z[k], C[k, k + 1 : rank])
     for k in range(rank - 1, -1, -1):
-        z[k] = minus_dot(z[k], z[k + 1 : rank], C[k, k + 1 : rank]) / C[k, k]
+        total, row = z[k], C[k]
+        for i in range(k + 1, rank):
+            total -= row[i] * z[i]
+        z[k] = total / row[k]
