@@ -5,6 +5,7 @@ a quarter as often.
 """
 
 from math import sqrt
+from typing import Any
 
 from poise._compiled import part
 from poise.hqp._active_set.workspace import Indices, Matrix, Vector
@@ -18,7 +19,7 @@ def copy(to: Vector, x: Vector) -> None:
 
 
 @part
-def add_multiple(to: Vector, factor: float, x: Vector) -> None:
+def add_multiple(to: Vector, factor: Any, x: Vector) -> None:
     """To <- to + factor x."""
     for i in range(len(to)):
         to[i] += factor * x[i]
@@ -34,7 +35,7 @@ def dot(x: Vector, y: Vector) -> float:
 
 
 @part
-def minus_dot(total: float, x: Vector, y: Vector) -> float:
+def minus_dot(total: Any, x: Vector, y: Vector) -> float:
     """Total - x^T y, over the length of x."""
     for i in range(len(x)):
         total -= x[i] * y[i]

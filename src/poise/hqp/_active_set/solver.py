@@ -299,7 +299,7 @@ class LexicographicSolver:
         if shape != self._shape:
             if self._asked_damping.size not in (1, len(starts)):
                 raise ConfigurationError(
-                    "damping needs one entry, or one a level",
+                    "damping needs one entry a level",
                     got=self._asked_damping.size,
                     wanted=f"1 or {len(starts)}",
                 )
