@@ -24,7 +24,7 @@ from poise._compiled import compiled, view
 from poise.apps.pages import INK, LINE, MUTED, PALETTE, house_style
 from poise.hqp import HierarchicalProblem, LexicographicSolver
 from poise.hqp._active_set.guess import guess
-from poise.hqp._active_set.moves import find_values, leap
+from poise.hqp._active_set.moves import change_rows, find_values
 from poise.hqp._active_set.optimum import find_optimum
 from poise.hqp._active_set.search import CONVERGED, UNFINISHED
 from poise.hqp._active_set.workspace import (
@@ -36,7 +36,7 @@ from poise.hqp._active_set.workspace import (
     NOTHING,
     STEPPING,
     Problem,
-    Work,
+    SearchWork,
 )
 from poise.hqp._tolerances import (
     ASTRAY,
@@ -363,27 +363,27 @@ def run_nothing(_problem_at: int, _work_at: int) -> None:
 @compiled
 def run_guess(problem_at: int, work_at: int) -> None:
     """The guess, which only compiled functions may call."""
-    guess(view(Problem, problem_at), view(Work, work_at))
+    guess(view(Problem, problem_at), view(SearchWork, work_at))
 
 
 @compiled
 def run_leap(problem_at: int, work_at: int) -> None:
     """The leap before it, which only compiled functions may call."""
-    problem, work = view(Problem, problem_at), view(Work, work_at)
+    problem, work = view(Problem, problem_at), view(SearchWork, work_at)
     find_optimum(problem, work)
     find_values(problem.A, work.points.target, work.points.target_values)
-    leap(problem, work)
+    change_rows(problem, work)
 
 
 @compiled
 def run_factoring(problem_at: int, work_at: int) -> None:
     """The factorisation, which only compiled functions may call."""
-    problem, work = view(Problem, problem_at), view(Work, work_at)
+    problem, work = view(Problem, problem_at), view(SearchWork, work_at)
     work.state.changes = 1  # So that every level is factored anew.
     find_optimum(problem, work)
 
 
-def arrays_of(work: Work) -> list[np.ndarray]:
+def arrays_of(work: SearchWork) -> list[np.ndarray]:
     """All arrays of a workspace."""
     groups = (work.rows, work.points, work.factor, work.squares, work.cost, work.duals)
     return [a for group in (*groups, work.answer, work.guessed) for a in group.arrays().values()]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from poise.hqp import HierarchicalProblem, Level, SolveStatus
-from poise.hqp._backends import QP, QpsolversBackend, make_backend
+from poise.hqp._backends import QP, SETTINGS, make_backend
 from poise.hqp._cascade import CascadeSolver, Reduction
 
 
@@ -23,15 +23,16 @@ def test_what_projection_leaves_of_a_dependent_row_is_exactly_nothing():
     assert np.linalg.norm(left[1]) == pytest.approx(np.linalg.norm(across))
 
 
-@pytest.mark.parametrize("backend", sorted(QpsolversBackend.SETTINGS), indirect=True)
+@pytest.mark.parametrize("backend", sorted(SETTINGS), indirect=True)
 def test_a_time_limit_reaches_the_one_backend_that_has_a_name_for_it(backend, monkeypatch):
+    import qpsolvers
+
     solve, given = make_backend(backend), []
 
     def solve_problem(problem, solver, **settings):
         given.append(settings.get("time_limit"))
         return qpsolvers.Solution(problem)
 
-    qpsolvers = solve._qpsolvers
     monkeypatch.setattr(qpsolvers, "solve_problem", solve_problem)
     qp = QP(P=np.eye(1), q=np.zeros(1), A=np.eye(1), lower=-np.ones(1), upper=np.ones(1))
     for limit in (0.25, 0.0, np.inf):
@@ -44,7 +45,8 @@ def test_a_time_limit_reaches_the_one_backend_that_has_a_name_for_it(backend, mo
 )
 def test_a_final_cost_that_is_not_solved_is_not_called_optimal(monkeypatch, took, status):
     now = [0.0]
-    monkeypatch.setattr("poise.hqp._cascade.perf_counter", lambda: now[0])
+    for module in ("_cold", "_cascade"):
+        monkeypatch.setattr(f"poise.hqp.{module}.perf_counter", lambda: now[0])
     solver = CascadeSolver("daqp", time_limit=1.0)
     solve_qp = solver._solve_qp
 

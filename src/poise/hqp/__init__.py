@@ -4,7 +4,7 @@ from poise.hqp._active_set import (
     LOST as LOST,
     UNSOUND as UNSOUND,
     LexicographicSolver,
-    Work as Work,
+    SearchWork as SearchWork,
     search as search,
 )
 from poise.hqp._certificate import certify_point as certify_point

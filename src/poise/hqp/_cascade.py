@@ -1,4 +1,4 @@
-"""The `cascade` strategy: one QP a level, in the null space of the equalities solved before.
+"""Strategy `cascade`: one QP a level, in the null space of the equalities solved before.
 
 The sequential method of (Herzog et al. 2016, "Momentum control with hierarchical inverse dynamics
 on a torque-controlled humanoid") and (Ahn et al. 2024, section 4.1): each level's QP has the slack
@@ -19,20 +19,19 @@ import scipy.linalg
 import scipy.optimize
 from jaxtyping import Bool, Float64, Int
 
-from poise._checks import checked_time_limit
-from poise.hqp._backends import QP, make_backend
-from poise.hqp._faults import is_sound
+from poise.hqp._backends import QP
+from poise.hqp._cold import ColdSolver
 from poise.hqp._measure import measure_point, row_sizes
 from poise.hqp._problem import HierarchicalProblem
-from poise.hqp._solution import KeepsSolution, Solution, SolveStatus, failure
+from poise.hqp._solution import Solution, SolveStatus
 from poise.hqp._tolerances import (
     ACCURACY,
     HELD_ACTIVE,
     HELD_BALANCE,
     HELD_MULTIPLIER,
     MET_TOLERANCE,
-    PIVOT_RANK,
     PROJECTION_RANK,
+    RANK_TOLERANCE,
     SLOPS,
 )
 
@@ -49,26 +48,18 @@ class TwoSidedRows:
 
 
 class Reduction:
-    """What the levels resolved so far leave over.
-
-    Attributes:
-        point: a point that meets everything held so far; `y = 0`.
-        basis: orthonormal directions in which x may still move.
-        held: stacked indices of the inequalities that must keep holding.
-        fixed: which stacked rows hold as equalities, at their value at `point`.
-    """
+    """Remaining freedom below the levels resolved so far."""
 
     def __init__(self, problem: HierarchicalProblem) -> None:
         n = problem.n
         self.problem = problem
         self.coefficients = np.vstack([np.eye(n), problem.A])
         self.norms = np.linalg.norm(self.coefficients, axis=1)
-        # A row without bounds asks for nothing.
         self.bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
-        self.point = np.zeros(n)
-        self.basis = np.eye(n)
-        self.held = np.zeros(0, dtype=np.int64)
-        self.fixed = np.zeros(n + problem.m, dtype=np.bool_)
+        self.point = np.zeros(n)  # meets all rows held so far; `y = 0`
+        self.basis = np.eye(n)  # orthonormal directions of y
+        self.held = np.zeros(0, dtype=np.int64)  # stacked indices of inequalities that must hold
+        self.fixed = np.zeros(n + problem.m, dtype=np.bool_)  # rows that hold as equalities
 
     @property
     def freedom(self) -> int:
@@ -80,7 +71,7 @@ class Reduction:
         return np.flatnonzero((self.problem.level_of == level) & self.bounded)
 
     def rows(self, indices: Int[np.ndarray, " k"]) -> TwoSidedRows:
-        """Return rows in y. What projection left of dependent rows is set to zero exactly."""
+        """Return rows in y; those of dependent rows are exactly zero."""
         A = self.coefficients[indices] @ self.basis
         gone = np.linalg.norm(A, axis=1) <= PROJECTION_RANK * self.norms[indices]
         A[gone] = 0.0
@@ -111,38 +102,26 @@ class Reduction:
         if len(normals) == 0:
             return
         q, r, _ = _linalg.qr(normals.T, pivoting=True, check_finite=False)
-        rank = int(np.count_nonzero(np.abs(np.diagonal(r)) > PIVOT_RANK))
+        rank = int(np.count_nonzero(np.abs(np.diagonal(r)) > RANK_TOLERANCE))
         self.basis = self.basis @ q[:, rank:]
 
     def hold(self, indices: Int[np.ndarray, " k"], equality: Bool[np.ndarray, " k"]) -> None:
-        """Take rows into account from now on: equalities are fixed, the others are held."""
+        """Fix equalities and hold inequalities from now on."""
         self.held = np.concatenate([self.held, indices[~equality]])
         if equality.any():
             self.fix(indices[equality])
 
 
 _SHORT = 1e-4
-"""A weighted row that is shorter is very short."""
+"""Length of a weighted row below which its slack is measured by its length."""
 
 
-class CascadeSolver(KeepsSolution):
-    """Solves level by level with any QP backend; nothing is kept from one solve to the next."""
+class CascadeSolver(ColdSolver):
+    """Solve level by level with any QP backend."""
 
-    def __init__(self, backend: str = "daqp", time_limit: float | None = None) -> None:
-        self.backend = backend
-        self.time_limit = checked_time_limit(time_limit)
-        self.name = f"cascade/{backend}"
-        self._solve_qp = make_backend(backend)
+    strategy = "cascade"
 
-    def reset(self) -> None:
-        """Do nothing: every solve starts cold."""
-
-    def solve(self, problem: HierarchicalProblem) -> Solution:
-        """Solve one problem; the answer owns its arrays."""
-        start = perf_counter()
-        if not is_sound(problem):
-            return failure(problem, SolveStatus.BAD_PROBLEM, self.name, start)
-        deadline = np.inf if self.time_limit is None else start + self.time_limit
+    def _solve(self, problem: HierarchicalProblem, start: float, deadline: float) -> Solution:
         space = Reduction(problem)
         count = len(problem.levels)
         reached = np.zeros(count)
@@ -161,10 +140,24 @@ class CascadeSolver(KeepsSolution):
                 reached[level] = measure_point(problem, space.point).residuals[level]
             name = f"level {level}" if level < count else "final"
             timings[name] = perf_counter() - before
-        return self._report(problem, space.point, status, reached, timings, start)
+        measure = measure_point(problem, space.point)
+        accuracy = ACCURACY[self.backend]
+        if status.ok and bool((measure.residuals > reached + accuracy * measure.scales).any()):
+            status = SolveStatus.INACCURATE
+        timings["total"] = perf_counter() - start
+        return Solution(
+            status=status,
+            x=space.point,
+            slacks=measure.slacks,
+            residuals=measure.residuals,
+            relative_residuals=measure.relative,
+            strategy=self.name,
+            relaxed=bool((measure.residuals > accuracy * measure.scales).any()),
+            timings=timings,
+        )
 
     def _solve_level(self, space: Reduction, level: int, deadline: float) -> bool:
-        """Solve one level, or the final cost after the last; return whether the backend did."""
+        """Solve one level, or the final cost after the last; return the backend's success."""
         problem = space.problem
         indices = space.level_rows(level)
         if space.freedom == 0:
@@ -187,46 +180,20 @@ class CascadeSolver(KeepsSolution):
         return True
 
     def _holds(self, space: Reduction, y: Float64[np.ndarray, " d"]) -> bool:
-        """Return whether a point that a backend calls solved is finite and meets the held rows."""
+        """Check that a backend's point is finite and meets the held rows."""
         held = space.held_rows()
         values = held.A @ y
         sizes = row_sizes(space.problem, space.point + space.basis @ y)[space.held]
         violation = np.maximum(values - held.upper, held.lower - values)
         return bool(np.isfinite(y).all() and (violation <= ACCURACY[self.backend] * sizes).all())
 
-    def _report(
-        self,
-        problem: HierarchicalProblem,
-        x: Float64[np.ndarray, " n"],
-        status: SolveStatus,
-        reached: Float64[np.ndarray, " p"],
-        timings: dict[str, float],
-        start: float,
-    ) -> Solution:
-        measure = measure_point(problem, x)
-        slacks, residuals, scales = measure
-        accuracy = ACCURACY[self.backend]
-        if status.ok and bool((residuals > reached + accuracy * scales).any()):
-            status = SolveStatus.INACCURATE
-        timings["total"] = perf_counter() - start
-        return Solution(
-            status=status,
-            x=x,
-            slacks=slacks,
-            residuals=residuals,
-            relative_residuals=measure.relative,
-            strategy=self.name,
-            relaxed=bool((residuals > accuracy * scales).any()),
-            timings=timings,
-        )
-
 
 def _settle(space: Reduction, indices: Int[np.ndarray, " k"]) -> None:
-    """Hold a solved level: equalities leave the space, inequalities stay, widened by their slack.
+    """Hold a solved level: fix its equalities, hold its inequalities, widened by their slack.
 
-    Where the level kept slack, its violated rows and the held rows that oppose them have the
-    same value at every optimum. Kept as inequalities they would leave a set without inside, which
-    no backend handles well, so they leave the space too, if the forces balance well enough to tell.
+    Where the level has slack, its violated rows and the held rows that oppose them have the same
+    value at every optimum. As inequalities they would leave a set without interior, which no
+    backend handles well, so they are fixed as well if the multipliers are certain.
     """
     problem = space.problem
     equality = problem.lower[indices] == problem.upper[indices]
@@ -268,10 +235,10 @@ def _forced_rows(
 
 
 def _level_qp(space: Reduction, level: int, slop: float) -> QP:
-    """Set up a level's QP in (z, w), the slack in the user's weighted units.
+    """Set up a level's QP in (z, w), with the slack in the user's weighted units.
 
-    Where some row is very short in these the unit is its length: backends have absolute tolerances,
-    and would take its slack for none.
+    Where some row is very short in these, its length is the unit: the tolerances of backends are
+    absolute, and its slack would count as none.
     """
     indices = space.level_rows(level)
     weights = space.problem.weights[indices]
@@ -295,7 +262,7 @@ def _level_qp(space: Reduction, level: int, slop: float) -> QP:
 
 
 def _final_qp(space: Reduction, slop: float) -> QP:
-    """Set up the final cost over what all levels leave."""
+    """Set up the final cost over the remaining freedom."""
     problem, held = space.problem, space.held_rows(slop)
     P = space.basis.T @ problem.H @ space.basis
     return QP(

@@ -1,4 +1,4 @@
-"""Certifying a point as lexicographically optimal, independently of how it was found.
+"""Certificate of lexicographic optimality of a point, independent of the solver.
 
 Every level's optimality conditions are checked on the problem's own numbers, with multipliers found
 here by nonnegative least squares: for level k some `lambda` with
@@ -15,7 +15,7 @@ these conditions are sufficient.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int
+from jaxtyping import Bool, Float64
 
 from poise.hqp._measure import measure_point, row_sizes, row_values
 from poise.hqp._problem import HierarchicalProblem
@@ -23,23 +23,18 @@ from poise.hqp._tolerances import (
     BALANCE_RANK,
     CERTIFIED_ACTIVE,
     CERTIFIED_MULTIPLIER,
-    CERTIFIED_RANK,
     CERTIFIED_SLACK,
+    RANK_TOLERANCE,
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """How well a point meets the optimality conditions.
+    """Errors of the optimality conditions at a point."""
 
-    Attributes:
-        errors: of each level and then of the final cost: the norm of the forces that do not
-            balance, relative to the forces that should.
-        multipliers: of each level over bounds and rows; zero for a level that is met.
-    """
-
+    # Of each level, then of the final cost: imbalance relative to the forces that should balance
     errors: Float64[np.ndarray, " p1"]
-    multipliers: tuple[Float64[np.ndarray, " nm"], ...]
+    multipliers: tuple[Float64[np.ndarray, " nm"], ...]  # of each level; zero if it is met
 
     @property
     def worst(self) -> float:
@@ -77,7 +72,7 @@ class _Certifier:
             stiffness = np.where(mine, problem.weights**2, 0.0)
             forces = stiffness * self.slacks
             size = float(np.linalg.norm(forces * self.norms))
-            # Of a row that counts as met nobody knows its slack: it may be what balances others.
+            # The slack of a row that counts as met is uncertain, and may balance others.
             most = np.where(self.slacks == 0.0, stiffness * self.rounding, 0.0)
             most[problem.level_of < level] = np.inf
             error, found = self._balance(self.rows.T @ forces, size, most)
@@ -109,7 +104,9 @@ class _Certifier:
         upper = np.flatnonzero(signed & self.at_upper)
         lower = np.flatnonzero(signed & self.at_lower)
         null = _null_space(self.rows[free], self.norms[free])
-        columns, signs = _signed_columns(self.rows, upper, lower)
+        # Normals of active bounds, outwards, and the sign of their multipliers.
+        columns = np.concatenate([self.rows[upper], -self.rows[lower]]).T
+        signs = np.concatenate([np.ones(len(upper)), -np.ones(len(lower))])
         within = most[np.concatenate([upper, lower])]
         scaled = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         error, sizes = _nearest(null, columns / scaled, -gradient / size, within * scaled / size)
@@ -128,17 +125,13 @@ def _nearest(
     target: Float64[np.ndarray, " n"],
     most: Float64[np.ndarray, " k"],
 ) -> tuple[float, Float64[np.ndarray, " k"]]:
-    """Find `0 <= sizes <= most` for which the columns come near a target, seen along `null`.
-
-    What would have to be more than `most` is as much as that. So the sizes are no worse than those
-    found, but where several are at their most others may come nearer.
-    """
+    """Find `0 <= sizes <= most`, clipped in turn, whose columns come near a target along `null`."""
     # SciPy's optimizers take long to import, and no tick needs them.
     from scipy.optimize import nnls
 
     outside, left = null.T @ columns, null.T @ target
     # Rounding times a huge multiplier would balance anything.
-    outside[:, np.linalg.norm(outside, axis=0) <= CERTIFIED_RANK] = 0.0
+    outside[:, np.linalg.norm(outside, axis=0) <= RANK_TOLERANCE] = 0.0
     sizes, open_ = np.zeros(len(most)), np.ones(len(most), dtype=np.bool_)
     while len(left) and open_.any():
         sizes[open_], _ = nnls(outside[:, open_], left, maxiter=30 * len(most) + 300)
@@ -153,18 +146,10 @@ def _nearest(
 def _null_space(
     rows: Float64[np.ndarray, "k n"], norms: Float64[np.ndarray, " k"]
 ) -> Float64[np.ndarray, "n d"]:
-    """Return an orthonormal basis of what the rows do not see."""
+    """Return an orthonormal basis of the null space of the rows."""
     kept = norms > 0.0
     if not kept.any():
         return np.eye(rows.shape[1])
     unit = rows[kept] / norms[kept, None]
     _, singular, V = np.linalg.svd(unit)
-    return V[np.count_nonzero(singular > CERTIFIED_RANK * singular[0]) :].T
-
-
-def _signed_columns(
-    rows: Float64[np.ndarray, "nm n"], upper: Int[np.ndarray, " u"], lower: Int[np.ndarray, " l"]
-) -> tuple[Float64[np.ndarray, "n k"], Float64[np.ndarray, " k"]]:
-    """Return the normals of active bounds, outwards, and the sign of their multiplier."""
-    columns = np.concatenate([rows[upper], -rows[lower]]).T
-    return columns, np.concatenate([np.ones(len(upper)), -np.ones(len(lower))])
+    return V[np.count_nonzero(singular > RANK_TOLERANCE * singular[0]) :].T

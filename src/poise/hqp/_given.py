@@ -1,4 +1,4 @@
-"""What is given for the numbers and labels of a problem: checked, and as arrays."""
+"""Checks of the numbers and labels of a problem, and their conversion to arrays."""
 
 from collections.abc import Iterator, Sequence
 from operator import index
@@ -10,19 +10,10 @@ from jaxtyping import Float, Float64
 from poise.errors import ProblemError
 
 Numbers = np.ndarray | Sequence[Any] | float | int
-"""What becomes an array of floats: an array, nested sequences, or one number for all rows."""
+"""An array, nested sequences, or one number for all rows."""
 
 Labels = str | Sequence[tuple[str, int]]
 """One name for all rows, or (name, number of rows) pairs that add up to the rows."""
-
-
-def check_shape(
-    matrix: Float64[np.ndarray, "m n"], shape: tuple[int, int], what: str
-) -> Float64[np.ndarray, "m n"]:
-    """Return `matrix` if it has the shape, or raise `ProblemError`."""
-    if matrix.shape != shape:
-        raise ProblemError(f"{what} has the wrong shape", got=matrix.shape, wanted=str(shape))
-    return matrix
 
 
 def check_matrix(values: Numbers, what: str) -> Float64[np.ndarray, "m n"]:
@@ -44,11 +35,8 @@ def check_bound(values: Numbers, rows: int, what: str) -> Float64[np.ndarray, " 
     """Return `values` as `rows` bounds without NaN, or raise `ProblemError`."""
     bound = _as_vector(values, rows, what)
     if np.isnan(bound).any():
-        raise ProblemError(
-            f"{what} is NaN at row {int(np.flatnonzero(np.isnan(bound))[0])}",
-            got="nan",
-            wanted="numbers, -inf or inf",
-        )
+        row = int(np.isnan(bound).argmax())
+        raise ProblemError(f"{what} is NaN at row {row}", got="nan", wanted="numbers, -inf or inf")
     return bound
 
 
@@ -56,7 +44,7 @@ def check_order(lower: Float[np.ndarray, " m"], upper: Float[np.ndarray, " m"], 
     """Raise `ProblemError` where `lower > upper`, or where no finite number fits between them."""
     bad = (lower > upper) | (lower == np.inf) | (upper == -np.inf)
     if bad.any():
-        row = int(np.flatnonzero(bad)[0])
+        row = int(bad.argmax())
         raise ProblemError(
             f"bounds of {where} cross at row {row}",
             got=(float(lower[row]), float(upper[row])),
@@ -69,7 +57,7 @@ def check_weights(values: Numbers, rows: int, where: str) -> Float64[np.ndarray,
     weights = _as_vector(values, rows, f"weights of {where}")
     bad = ~(np.isfinite(weights) & (weights > 0.0))
     if bad.any():
-        row = int(np.flatnonzero(bad)[0])
+        row = int(bad.argmax())
         raise ProblemError(
             f"weights of {where} are wrong at row {row}",
             got=float(weights[row]),
@@ -79,7 +67,7 @@ def check_weights(values: Numbers, rows: int, where: str) -> Float64[np.ndarray,
 
 
 def row_names(labels: list[tuple[str, int]]) -> Iterator[tuple[str, int]]:
-    """A name for each row: its label, and which of the label's rows it is."""
+    """Return a name for each row: its label, and its number among the label's rows."""
     return ((name, k) for name, count in labels for k in range(count))
 
 

@@ -1,6 +1,6 @@
-"""How far a point is from meeting each row and each level, in the user's own units.
+"""Slacks of rows and residuals of levels at a point, in the user's own units.
 
-Compiled, so that every strategy measures by the same few lines and the search may call them too.
+Compiled, so that every strategy measures by the same lines and the search calls them too.
 """
 
 from math import sqrt
@@ -14,18 +14,11 @@ from poise.hqp._problem import HierarchicalProblem
 
 
 class Measure(NamedTuple):
-    """How a point meets a problem.
+    """Violations of a problem's rows and levels at a point."""
 
-    Attributes:
-        slacks: signed distance of bounds and rows outside `[lower, upper]`: positive above,
-            negative below.
-        residuals: `|W w|` of each level.
-        scales: `max(1, |W w|)` of each level at `x = 0`.
-    """
-
-    slacks: Float64[np.ndarray, " nm"]
-    residuals: Float64[np.ndarray, " p"]
-    scales: Float64[np.ndarray, " p"]
+    slacks: Float64[np.ndarray, " nm"]  # signed distances outside `[lower, upper]`, positive above
+    residuals: Float64[np.ndarray, " p"]  # `|W w|` of each level
+    scales: Float64[np.ndarray, " p"]  # `max(1, |W w|)` of each level at `x = 0`
 
     @property
     def relative(self) -> Float64[np.ndarray, " p"]:
@@ -33,7 +26,7 @@ class Measure(NamedTuple):
         return self.residuals / self.scales
 
 
-class _Numbers(Block):
+class _PointNumbers(Block):
     """A problem and a point."""
 
     A: Float64[np.ndarray, "m n"]
@@ -49,16 +42,12 @@ class _Numbers(Block):
 
 
 class PointMeasure:
-    """Measures points of one problem, whose numbers may change, in memory that stays.
-
-    Attributes:
-        measure: of the last point; overwritten by the next.
-    """
+    """Measure of points of one problem, whose numbers may change, in memory that stays."""
 
     def __init__(self, problem: HierarchicalProblem) -> None:
         sizes = {"n": problem.n, "nm": problem.n + problem.m, "p": len(problem.levels)}
         self._numbers = numbers = allocate(
-            _Numbers,
+            _PointNumbers,
             sizes,
             A=problem.A,
             lower=problem.lower,
@@ -66,15 +55,15 @@ class PointMeasure:
             weights=problem.weights,
             level_of=problem.level_of,
         )
-        self.measure = Measure(numbers.slacks, numbers.residuals, numbers.scales)
-        # What is compiled is compiled now, not in a control loop.
+        self._measure = Measure(numbers.slacks, numbers.residuals, numbers.scales)
+        # Compiled now, not in a control loop.
         _measure(numbers.address)
 
     def at(self, x: Float64[np.ndarray, " n"]) -> Measure:
-        """Return slacks, residuals and scales at a point."""
+        """Return slacks, residuals and scales at a point, overwritten by the next call."""
         self._numbers.x[:] = x
         _measure(self._numbers.address)
-        return self.measure
+        return self._measure
 
 
 def measure_point(problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]) -> Measure:
@@ -84,11 +73,11 @@ def measure_point(problem: HierarchicalProblem, x: Float64[np.ndarray, " n"]) ->
 
 @compiled
 def _measure(address: int) -> None:
-    m = view(_Numbers, address)
+    m = view(_PointNumbers, address)
     n, values = len(m.x), m.values
     for i in range(len(values)):
         values[i] = 0.0
-    find_residuals(m.lower, m.upper, m.weights, m.level_of, values, m.scales)
+    measure_values(m.lower, m.upper, m.weights, m.level_of, values, m.slacks, m.scales)
     for level in range(len(m.scales)):
         m.scales[level] = max(m.scales[level], 1.0)
     for i in range(n):
@@ -98,8 +87,7 @@ def _measure(address: int) -> None:
         for j in range(n):
             total += row[j] * m.x[j]
         values[n + i] = total
-    find_slacks(m.lower, m.upper, values, m.slacks)
-    find_residuals(m.lower, m.upper, m.weights, m.level_of, values, m.residuals)
+    measure_values(m.lower, m.upper, m.weights, m.level_of, values, m.slacks, m.residuals)
 
 
 def row_values(
@@ -122,30 +110,20 @@ def row_sizes(
 
 
 @compiled
-def find_slacks(
-    lower: Float64[np.ndarray, " nm"],
-    upper: Float64[np.ndarray, " nm"],
-    values: Float64[np.ndarray, " nm"],
-    slacks: Float64[np.ndarray, " nm"],
-) -> None:
-    """Signed distances of row values outside `[lower, upper]`."""
-    for i in range(len(values)):
-        slacks[i] = max(values[i] - upper[i], 0.0) - max(lower[i] - values[i], 0.0)
-
-
-@compiled
-def find_residuals(
+def measure_values(
     lower: Float64[np.ndarray, " nm"],
     upper: Float64[np.ndarray, " nm"],
     weights: Float64[np.ndarray, " nm"],
     level_of: Int64[np.ndarray, " nm"],
     values: Float64[np.ndarray, " nm"],
+    slacks: Float64[np.ndarray, " nm"],
     residuals: Float64[np.ndarray, " p"],
 ) -> None:
-    """`|W w|` of each level."""
+    """Find the signed slacks of rows of such values, and `|W w|` of each level."""
     residuals[:] = 0.0
     for i in range(len(values)):
         slack = max(values[i] - upper[i], 0.0) - max(lower[i] - values[i], 0.0)
+        slacks[i] = slack
         residuals[level_of[i]] += slack * weights[i] * (slack * weights[i])
     for level in range(len(residuals)):
         residuals[level] = sqrt(residuals[level])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
+from poise._show import few
 from poise.errors import ProblemError
 from poise.hqp._given import (
     Labels,
@@ -14,7 +15,6 @@ from poise.hqp._given import (
     check_bound,
     check_matrix,
     check_order,
-    check_shape,
     check_weights,
     expand_labels,
     row_names,
@@ -22,7 +22,7 @@ from poise.hqp._given import (
 from poise.hqp._tolerances import DEFINITENESS_TOLERANCE, RANGE_TOLERANCE, SYMMETRY_TOLERANCE
 
 _STORED = ("A", "lower", "upper", "weights", "H", "g")
-"""What a problem's numbers are, by name."""
+"""Names of the arrays of a problem."""
 
 
 class Level:
@@ -68,23 +68,14 @@ class Level:
 
 @dataclass(frozen=True, slots=True)
 class LevelView:
-    """Writable views into a problem's storage: filling them is filling the problem.
-
-    Attributes:
-        name: the level's name.
-        A: its rows of coefficients.
-        lower: its lower bounds.
-        upper: its upper bounds.
-        weights: its slack weights.
-        slice: where its rows lie in `problem.A`.
-    """
+    """Writable views of one level in a problem's storage."""
 
     name: str
     A: Float64[np.ndarray, "m n"]
     lower: Float64[np.ndarray, " m"]
     upper: Float64[np.ndarray, " m"]
-    weights: Float64[np.ndarray, " m"]
-    slice: slice
+    weights: Float64[np.ndarray, " m"]  # of the slack
+    slice: slice  # of its rows in `problem.A`
 
 
 class HierarchicalProblem:
@@ -143,7 +134,10 @@ class HierarchicalProblem:
             view.upper[:] = level.upper
             view.weights[:] = level.weights
         if H is not None:
-            self.H[:] = check_shape(check_matrix(H, "H"), (n, n), "H")
+            H = check_matrix(H, "H")
+            if H.shape != (n, n):
+                raise ProblemError("H has the wrong shape", got=H.shape, wanted=str((n, n)))
+            self.H[:] = H
         if g is not None:
             self.g[:] = check_bound(g, n, "g")
         if x_lower is not None:
@@ -243,16 +237,16 @@ class HierarchicalProblem:
         self.levels = tuple(views)
 
     def __setattr__(self, name: str, value: object) -> None:
-        # Adding in place comes by here, too, with the array that is there.
-        there = getattr(self, name, value)
-        if isinstance(there, np.ndarray) and there is not value:
+        # An addition in place assigns the array itself.
+        present = getattr(self, name, value)
+        if isinstance(present, np.ndarray) and present is not value:
             raise AttributeError(
                 f"{name} of a problem is filled, not replaced: problem.{name}[:] = ..."
             )
         super().__setattr__(name, value)
 
     def __getstate__(self) -> dict[str, Any]:
-        """What a copy is made of, here or in another process: its levels are views of its own."""
+        """Return the parts of a copy, whose levels are views of its own arrays."""
         rows = [view.A.shape[0] for view in self.levels]
         sizes = (self.n, rows, [view.name for view in self.levels], self.bounds_level)
         arrays = {name: getattr(self, name).copy() for name in _STORED}
@@ -271,7 +265,7 @@ class HierarchicalProblem:
 
     @property
     def equality(self) -> Bool[np.ndarray, " nm"]:
-        """Which of the n bounds and m rows are equalities: those whose two bounds are equal."""
+        """Mask of the bounds and rows whose lower and upper bound are equal."""
         return self.lower == self.upper
 
     @property
@@ -297,13 +291,13 @@ class HierarchicalProblem:
     def rows_shared_with(
         self, other: "HierarchicalProblem"
     ) -> tuple[Int64[np.ndarray, " s"], Int64[np.ndarray, " s"]]:
-        """Bounds and rows that another problem has under the same labels.
+        """Return the bounds and rows that another problem has under the same labels.
 
         Args:
-            other: such as that of another set of contacts.
+            other: a problem, such as that of another set of contacts.
 
         Returns:
-            Their numbers here, and there, counted as in `lower`.
+            Their stacked indices in this problem, and in the other.
         """
         theirs = {name: row for row, name in enumerate(row_names(other.labels))}
         ours = enumerate(row_names(self.labels))
@@ -312,23 +306,32 @@ class HierarchicalProblem:
         return here, there
 
     def validate(self) -> None:
-        """Raise `ProblemError` unless every number in the storage can be right.
-
-        A controller that fills the storage in place calls this in its tests, not in its loop.
-        """
+        """Raise `ProblemError` where the numbers are no problem; not for control loops."""
         for view in self.levels:
-            where = f"level {view.name!r}"
-            check_matrix(view.A, f"A of {where}")
-            rows = view.A.shape[0]
-            check_bound(view.lower, rows, f"lower of {where}")
-            check_bound(view.upper, rows, f"upper of {where}")
-            check_order(view.lower, view.upper, where)
-            check_weights(view.weights, rows, where)
+            Level(view.A, view.lower, view.upper, view.weights, name=view.name)
         check_weights(self.weights[: self.n], self.n, "the bounds on x")
         check_bound(self.x_lower, self.n, "x_lower")
         check_bound(self.x_upper, self.n, "x_upper")
         check_order(self.x_lower, self.x_upper, "x")
         _check_cost(self)
+
+
+def faults(problem: HierarchicalProblem) -> list[str]:
+    """Describe invalid numbers by the labels of their rows, without an error in a control loop."""
+    lower, upper, weights = problem.lower, problem.upper, problem.weights
+    wrong = np.isnan(lower) | np.isnan(upper) | (lower == np.inf) | (upper == -np.inf)
+    wrong |= ~(np.isfinite(weights) & (weights > 0.0))
+    wrong[problem.n :] |= ~np.isfinite(problem.A).all(axis=1)
+    found: list[str] = []
+    for rows, text in (
+        (wrong, "numbers that are not finite"),
+        (lower > upper, "bounds that cross"),
+    ):
+        if names := dict.fromkeys(problem.label(row) for row in np.flatnonzero(rows).tolist()):
+            found.append(f"{text} in {few(list(names))}")
+    if not (np.isfinite(problem.H).all() and np.isfinite(problem.g).all()):
+        found.append("a final cost that is not finite")
+    return found
 
 
 def _check_cost(problem: HierarchicalProblem) -> None:
@@ -355,19 +358,16 @@ def _check_cost(problem: HierarchicalProblem) -> None:
 
 
 def _falls_for_ever(problem: HierarchicalProblem, flat: Float64[np.ndarray, "n k"]) -> bool:
-    """Whether the final cost falls along a direction in which no bound and no row ever ends.
-
-    Strategies go to the end of such a direction by what curves elsewhere: where nothing does, only
-    equalities hold it.
-    """
+    """Return whether the final cost falls along a direction that no row and no bound ends."""
     slope = problem.g @ flat
     least = RANGE_TOLERANCE * max(1.0, float(np.abs(problem.g).max()))
     if float(np.abs(slope).max()) <= least:
         return False
-    # scipy takes a tenth of a second to import, which few problems need.
+    # SciPy's optimizers take a tenth of a second to import, and few problems need them.
     from scipy.optimize import linprog
 
     rows = np.vstack([flat, problem.A @ flat])
+    # Strategies need curvature elsewhere to reach the end; without any only equalities hold.
     held = problem.equality if not problem.H.any() else np.ones(len(rows), dtype=np.bool_)
     above, below = held & np.isfinite(problem.upper), held & np.isfinite(problem.lower)
     ends = np.vstack([rows[above], -rows[below]])

@@ -1,4 +1,4 @@
-"""`SoftenedSolver`: levels that yield to a reference where they cannot be met."""
+"""`SoftenedSolver`: levels softened towards a reference where they cannot be met."""
 
 from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
@@ -15,8 +15,8 @@ from poise.hqp._tolerances import RELAXED
 _USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
 
 
-class _Stage:
-    """The problem down to one level, with the reference's rows in that level."""
+class _SoftenedLevel:
+    """The problem down to one level, with the rows of the reference in that level."""
 
     def __init__(
         self,
@@ -75,18 +75,25 @@ class SoftenedSolver:
 
     and the levels below keep `A_k x = A_k x_k`, not x_k: the null space of its rows stays theirs.
     So a level comes to rest where it cannot be met (Tikhonov regularisation), and the levels below
-    cost it nothing, for x_k does not depend on them. What the reference costs it is bounded by
+    cost it nothing, for x_k does not depend on them. The reference costs it no more than
 
         |W_k (A_k x_k - b_k)|^2 <= r_k^2 + mu_k^2 |x_J - d|^2
 
-    with r_k its residual without softening and x any point that reaches it. Where that says less
-    than `tolerance` the level is not softened but strict: a tick in which everything can be met
-    takes one solve, and gives the answer of the problem as it stands.
+    with r_k its residual without softening and x any point that reaches it. Where
+    `mu_k |x_J - d|` is at most `tolerance` the level is strict: a tick in which everything can be
+    met takes one solve, and its answer is that of the problem without softening.
 
-    Attributes:
-        softened: mu of each level at the last solve, 0 where it was strict.
-        x: the answer.
-        relative_residuals: of each level of the problem, as it was set, at `x`.
+    Args:
+        problem: the hierarchy; its numbers may change, its arrays may not.
+        solver: solver of the whole problem.
+        levels: softened levels, highest first, by the key that `follow` matches them by.
+        columns: variables of the reference.
+        weights: mu of each of these levels, 0 for none.
+        reference: value of those variables.
+        find: sets the reference and returns the largest weight times the distance from a point.
+        exact: whether the last of these levels decides the whole answer.
+        tolerance: weighted distance from the reference below which a level is strict.
+        make_solver: makes the solver of a level.
     """
 
     def __init__(
@@ -105,11 +112,12 @@ class SoftenedSolver:
     ) -> None:
         self._problem, self._solver, self._tolerance = problem, solver, tolerance
         self._weights, self._reference, self._find = weights, reference, find
-        self._columns = np.array(columns, dtype=np.int64)
         self._stages = [
-            _Stage(problem, key, level, columns, make_solver()) for key, level in levels.items()
+            _SoftenedLevel(problem, key, level, columns, make_solver())
+            for key, level in levels.items()
         ]
         self._exact = exact
+        # mu of each level at the last solve, 0 where it was strict
         self.softened: Float64[np.ndarray, " s"] = np.zeros(len(levels))
         self._soft = [False] * len(levels)
         self._any_soft = False
@@ -166,7 +174,7 @@ class SoftenedSolver:
         self._any_soft = any(self._soft)
 
     def report(self) -> Solution:
-        """All about the last `run`; it owns its arrays."""
+        """Return the solution of the last `run`; it owns its arrays."""
         if self._measure is None:
             return self._solver.report()
         slacks, residuals, _ = self._measure
@@ -183,7 +191,7 @@ class SoftenedSolver:
         )
 
     def _solve(self, strict: SolveStatus | None) -> SolveStatus:
-        """Soften the last levels again, then those that strain, from below; `strict` if solved."""
+        """Soften the levels of the last solve, then those that strain, the lowest first."""
         weights = self._weights.tolist()
         soft = [was and mu > 0.0 for was, mu in zip(self._soft, weights, strict=True)]
         while True:
@@ -193,7 +201,7 @@ class SoftenedSolver:
                 status = strict or self._solver.run(self._problem)
                 x = self._solver.x
             if status not in _USABLE:
-                # A stage without an answer: strict levels may have one.
+                # Without an answer of the softened levels, strict ones may have one.
                 soft = self._soft = [False] * len(soft)
                 status, x = self._solver.run(self._problem), self._solver.x
                 break
@@ -212,7 +220,7 @@ class SoftenedSolver:
         return status
 
     def _solve_softened(self, soft: list[bool]) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
-        """Solve with some levels softened, from the top, each for what those above it reached."""
+        """Solve with some levels softened, highest first, and hold the rows that each reached."""
         problem, kept = self._problem, list[tuple[slice, Float64[np.ndarray, " m"]]]()
         weights = self._weights.tolist()
         status, x, whole = SolveStatus.FAILED, self._solver.x, False
@@ -243,6 +251,6 @@ class SoftenedSolver:
         return status, x
 
     def _strain(self, x: Float64[np.ndarray, " n"]) -> float:
-        """Distance of a point's variables from their reference."""
+        """Return the distance of a point's variables from their reference."""
         largest = float(self._weights.max())
         return self._find(x) / largest if largest > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""`Solution`: what a strategy found, with everything needed to judge it and to say it in words."""
+"""`Solution`: answer of a strategy, with its residuals, conflicts and optimality conditions."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -9,17 +9,16 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from poise.hqp._certificate import Certificate, certify_point
-from poise.hqp._faults import faults
 from poise.hqp._measure import measure_point
-from poise.hqp._problem import HierarchicalProblem
+from poise.hqp._problem import HierarchicalProblem, faults
 from poise.hqp._tolerances import OPPOSING_RATIO, VISIBLE_VIOLATION
 
 
 class SolveStatus(Enum):
-    """How a solve ended."""
+    """End of a solve."""
 
     OPTIMAL = "optimal"
-    """Checked against the rows; what could not be met stands in `residuals`."""
+    """Checked against the rows; `residuals` show levels that could not be met."""
     INACCURATE = "inaccurate"
     """A finite point whose optimality or row residuals missed the documented tolerance."""
     TIME_LIMIT = "time_limit"
@@ -40,56 +39,35 @@ _CANNOT, _ARE_NOT = "cannot be met", "are not met"
 
 @dataclass(frozen=True, slots=True)
 class Conflict:
-    """One row that is not met; at an optimum of strict levels, one that could not be.
+    """One row that is not met; at an optimum of strict levels, one that could not be."""
 
-    Attributes:
-        label: the task or limit the row comes from.
-        level: index of the row's level, 0 is the highest.
-        row: stacked index of the row; the first n are the simple bounds.
-        violation: signed distance outside the row's bounds, in the row's unit.
-        conflicting_with: labels of the rows that oppose it, strongest first.
-    """
-
-    label: str
-    level: int
-    row: int
-    violation: float
-    conflicting_with: tuple[str, ...]
+    label: str  # task or limit of the row
+    level: int  # index of its level, 0 is the highest
+    row: int  # its stacked index; the first n are the simple bounds
+    violation: float  # signed distance outside its bounds, in its unit
+    conflicting_with: tuple[str, ...]  # labels of the rows that oppose it, strongest first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solution:
     """A point and how it meets the levels. Every array is finite, whatever the status.
 
-    Attributes:
-        status: how the solve ended.
-        x: the point.
-        slacks: signed distance of the n bounds and m rows outside `[lower, upper]`: positive
-            above, negative below, zero inside.
-        residuals: `|W w_i|` of each level.
-        relative_residuals: `residuals` divided by each level's scale, `max(1, |W w_i(0)|)`:
-            what the level's slack would be at `x = 0`, and at least 1.
-        multipliers: of the final cost over the bounds and rows: `H x + g + [I; A]^T multipliers`
-            is zero; positive at an upper bound, negative at a lower one. None where the strategy
-            has none. Rows that a level had to give up count as equalities here.
-        strategy: name of the strategy, with the backend after a slash where there is one.
-        strict: whether the strategy holds each level's optimum, and does not only weigh levels.
-        relaxed: whether something had to give.
-        iterations: solver iterations, all QPs together.
-        timings: seconds by phase; "total" is the whole solve.
+    A level's scale is `max(1, |W w_i(0)|)`, of its slack at `x = 0`. The multipliers of the final
+    cost fulfil `H x + g + [I; A]^T multipliers = 0` and are positive at an upper bound, negative at
+    a lower one; rows with slack count as equalities there.
     """
 
     status: SolveStatus
-    x: Float64[np.ndarray, " n"]
-    slacks: Float64[np.ndarray, " nm"]
-    residuals: Float64[np.ndarray, " p"]
-    relative_residuals: Float64[np.ndarray, " p"]
-    multipliers: Float64[np.ndarray, " nm"] | None = None
-    strategy: str = ""
-    strict: bool = True
-    relaxed: bool = False
-    iterations: int = 0
-    timings: dict[str, float] = field(default_factory=dict)
+    x: Float64[np.ndarray, " n"]  # the point
+    slacks: Float64[np.ndarray, " nm"]  # signed distances of bounds and rows outside, upwards > 0
+    residuals: Float64[np.ndarray, " p"]  # `|W w_i|` of each level
+    relative_residuals: Float64[np.ndarray, " p"]  # `residuals` by the levels' scales
+    multipliers: Float64[np.ndarray, " nm"] | None = None  # of the final cost; None for no such
+    strategy: str = ""  # name of the strategy, with the backend after a slash
+    strict: bool = True  # whether each level's optimum is held, and not only weighted
+    relaxed: bool = False  # whether some level is not met
+    iterations: int = 0  # of the solver, all QPs together
+    timings: dict[str, float] = field(default_factory=dict)  # [s], by phase and in "total"
 
     @property
     def ok(self) -> bool:
@@ -105,10 +83,9 @@ class Solution:
         return active
 
     def conflicts(self, problem: HierarchicalProblem) -> list[Conflict]:
-        """List the violated rows in order of priority, with what opposes each of them.
+        """List the violated rows in order of priority, with the rows that oppose each of them.
 
-        What opposes a row are the others that carry a multiplier in the optimality conditions of
-        its level, those of the level itself included.
+        Those are the rows with a multiplier in the optimality conditions of its level.
 
         Args:
             problem: the problem as it was when it was solved.
@@ -127,18 +104,18 @@ class Solution:
         return found
 
     def explain(self, problem: HierarchicalProblem, unnumbered: Collection[int] = ()) -> str:
-        """Say in words which rows conflict, by how much, and with which tasks or limits.
+        """Describe which rows conflict, by how much, and with which tasks or limits.
 
         Args:
             problem: the problem as it was when it was solved.
-            unnumbered: indices of levels that have no number, by which those after them go on.
+            unnumbered: indices of levels without a number; those after them continue the count.
         """
         if self.status is SolveStatus.BAD_PROBLEM:
             return f"{self.status.value}: {'; '.join(faults(problem))}"
         conflicts = self.conflicts(problem)
         if not conflicts:
             return f"{self.status.value}: every row of every level is met"
-        # Only an optimum, level by level, shows that a row that is missed has to be.
+        # Only an optimum, level by level, proves that a row cannot be met.
         proven = self.ok and self.strict
         lines = [f"{self.status.value}: {len(conflicts)} rows {_CANNOT if proven else _ARE_NOT}"]
         groups: dict[tuple[int, str], list[Conflict]] = {}
@@ -147,13 +124,15 @@ class Solution:
         for (level, label), rows in groups.items():
             number = level + 1 - sum(other < level for other in unnumbered)
             which = "level without a number" if level in unnumbered else f"level {number}"
-            lines.append(f"  {which} ({problem.level(level).name}): {_say(label, rows, proven)}")
+            lines.append(
+                f"  {which} ({problem.level(level).name}): {_describe(label, rows, proven)}"
+            )
         return "\n".join(lines)
 
     def certify(self, problem: HierarchicalProblem) -> Certificate:
         """Check the optimality conditions of every level and of the final cost at the point.
 
-        Nothing that the solver says of itself is used: the multipliers are found anew.
+        The multipliers are found anew, independently of the solver.
 
         Args:
             problem: the problem as it was when it was solved.
@@ -163,13 +142,12 @@ class Solution:
     def _multipliers_by_level(
         self, problem: HierarchicalProblem
     ) -> tuple[Float64[np.ndarray, " nm"], ...]:
-        """Multipliers of each level over bounds and rows."""
         return self.certify(problem).multipliers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LexicographicSolution(Solution):
-    """A solution from which optimality can be checked without solving again.
+    """A solution with the multipliers of all levels, which prove its optimality.
 
     With `a_i` the coefficients of bound or row i, the conditions are, for each level k,
 
@@ -181,74 +159,29 @@ class LexicographicSolution(Solution):
     the lower one; those after it may have either sign, for there the row is an equality.
 
     They hold for the bounds that damping moved: a row's slack is counted from there.
-
-    Attributes:
-        level_multipliers: of each level over the n bounds and m rows.
-        sides: the active set: 1 at or above the upper bound, -1 at or below the lower one, 2 for
-            an equality, 0 for a row that is not active. What `begin_with` takes.
-        eased: square of the damping that each level needed, see `LexicographicSolver`.
-        shift: by how much damping moved the bounds of equalities; zero where nothing is damped.
     """
 
     level_multipliers: Float64[np.ndarray, "p nm"]
+    # 1 active at or above the upper bound, -1 at or below the lower one, 2 equality, 0 inactive
     sides: Int64[np.ndarray, " nm"]
-    eased: Float64[np.ndarray, " p"]
-    shift: Float64[np.ndarray, " nm"]
+    eased: Float64[np.ndarray, " p"]  # square of the damping that each level needed
+    shift: Float64[np.ndarray, " nm"]  # displacement of equalities' bounds by damping
 
     def _multipliers_by_level(
         self, problem: HierarchicalProblem
     ) -> tuple[Float64[np.ndarray, " nm"], ...]:
-        del problem  # it carries them already
+        del problem
         return tuple(self.level_multipliers)
-
-
-class KeepsSolution:
-    """A solver whose `solve` makes a `Solution` anyway: `run` keeps it."""
-
-    _kept: Solution | None = None
-
-    def solve(self, problem: HierarchicalProblem) -> Solution:
-        """Solve one problem; the answer owns its arrays."""
-        raise NotImplementedError
-
-    def prepare(self, problem: HierarchicalProblem) -> None:
-        """Nothing: what such a solver needs is made in each solve."""
-
-    def follow(self, problem: HierarchicalProblem, last: object) -> None:
-        """Nothing: every solve starts cold."""
-
-    def run(self, problem: HierarchicalProblem) -> SolveStatus:
-        """Solve one problem and keep the answer."""
-        self._kept = self.solve(problem)
-        return self._kept.status
-
-    def report(self) -> Solution:
-        """All about the last `run`."""
-        assert self._kept is not None, "nothing was run yet"
-        return self._kept
-
-    @property
-    def x(self) -> Float64[np.ndarray, " n"]:
-        """The point of the last `run`; empty before."""
-        return np.zeros(0) if self._kept is None else self._kept.x
-
-    @property
-    def relative_residuals(self) -> Float64[np.ndarray, " p"]:
-        """What each level leaves over there, see `Solution`; empty before."""
-        return np.zeros(0) if self._kept is None else self._kept.relative_residuals
 
 
 def failure(
     problem: HierarchicalProblem, status: SolveStatus, strategy: str, start: float
 ) -> Solution:
-    """Return the answer where there is no point: x is zero, and everything in it is finite.
-
-    The residuals of a bad problem say nothing and are zero; a sound one's are those of x = 0.
-    """
+    """Return the answer x = 0 with its residuals, which are zero for a bad problem."""
     x, levels = np.zeros(problem.n), np.zeros(len(problem.levels))
     slacks, residuals, scales = np.zeros(problem.n + problem.m), levels, levels + 1.0
     if status is not SolveStatus.BAD_PROBLEM:
-        # Squares of bounds near the largest number are none.
+        # Squares of huge bounds are infinite.
         largest = np.finfo(np.float64).max
         slacks, residuals, scales = measure_point(problem, x)
         residuals, scales = np.minimum(residuals, largest), np.minimum(scales, largest)
@@ -264,7 +197,7 @@ def failure(
 
 
 def _by_strength(problem: HierarchicalProblem, forces: Float64[np.ndarray, " nm"]) -> list[str]:
-    """Labels of the rows that carry a multiplier, the strongest first."""
+    """Return the labels of the rows with a multiplier, the strongest first."""
     strength: dict[str, float] = {}
     for row in np.flatnonzero(forces).tolist():
         name = problem.label(row)
@@ -274,8 +207,8 @@ def _by_strength(problem: HierarchicalProblem, forces: Float64[np.ndarray, " nm"
     return [name for name, force in ordered if force > least]
 
 
-def _say(label: str, rows: list[Conflict], proven: bool) -> str:
-    """How far the rows of a label miss, and against what; nobody knows where that is not proven."""
+def _describe(label: str, rows: list[Conflict], proven: bool) -> str:
+    """Describe the rows of a label that are missed, with their opponents if proven."""
     worst = max(rows, key=lambda conflict: abs(conflict.violation))
     opponents = list(dict.fromkeys(name for c in rows for name in c.conflicting_with))
     against = f", against {', '.join(opponents)}" if opponents else ", by itself"

@@ -1,4 +1,4 @@
-"""One call for every strategy: `solve`, and `make_solver` for a solver that keeps its workspace."""
+"""`solve`, and `make_solver` for a solver that keeps its workspace, by name of the strategy."""
 
 from typing import Protocol, runtime_checkable
 
@@ -16,7 +16,7 @@ STRATEGIES = ("direct", "cascade", "weighted")
 
 @runtime_checkable
 class Solver(Protocol):
-    """What every strategy offers: a workspace that persists and never raises on numbers."""
+    """Interface of every strategy: the workspace persists, and no number raises."""
 
     time_limit: float | None
 
@@ -25,29 +25,29 @@ class Solver(Protocol):
         ...
 
     def prepare(self, problem: HierarchicalProblem) -> None:
-        """Make room for a problem of its shape, so that no solve has to."""
+        """Allocate the memory for problems of this shape ahead of the first solve."""
         ...
 
     def run(self, problem: HierarchicalProblem) -> SolveStatus:
-        """Solve one problem; the answer stays here until the next call."""
+        """Solve one problem; the solver keeps the answer until the next call."""
         ...
 
     @property
     def x(self) -> Float64[np.ndarray, " n"]:
-        """The point that the last `run` left; zero where there is none."""
+        """The point of the last `run`; zero where there is none."""
         ...
 
     @property
     def relative_residuals(self) -> Float64[np.ndarray, " p"]:
-        """What each level leaves over at that point, see `Solution`."""
+        """Relative residuals of the levels at that point, see `Solution`."""
         ...
 
     def report(self) -> Solution:
-        """All about the last `run`; it owns its arrays."""
+        """Return the solution of the last `run`; it owns its arrays."""
         ...
 
     def follow(self, problem: HierarchicalProblem, last: object) -> None:
-        """Make the next solve, of a problem, begin where a solver of another one ended."""
+        """Begin the next solve, of a problem, with the active set of another problem's solver."""
         ...
 
     def reset(self) -> None:
@@ -73,7 +73,7 @@ def make_solver(
         if backend is not None:
             raise UnknownNameError("direct has no backends", got=backend, choices=["None"])
         return LexicographicSolver(time_limit)
-    # SciPy's optimizers, which these use, take long to import; most controllers need neither.
+    # These import SciPy's optimizers, which take long, and most controllers need neither.
     if strategy == "cascade":
         from poise.hqp._cascade import CascadeSolver
 

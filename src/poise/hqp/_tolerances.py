@@ -1,30 +1,29 @@
-"""What counts as zero in the hierarchical QP, and when each method gives up: all its constants.
+"""Tolerances and limits of the hierarchical QP: all its constants.
 
-They are constants and no arguments: state problems in units in which what matters is above them.
+They are no arguments: state problems in units in which quantities that matter are above them.
 """
 
-# --- what a user sees -------------------------------------------------------------------------
+# --- solutions --------------------------------------------------------------------------------
 
 RELAXED = 1e-9
-"""Relative residual above which a level of the strategy `direct` counts as not met."""
+"""Relative residual above which a level of the strategies direct and weighted is not met."""
 
 MET_TOLERANCE = 1e-9
-"""Largest violation, relative to `max(1, |a| |x|)`, of a row that counts as met: in the strategies
-cascade and weighted."""
+"""Largest violation, relative to `max(1, |a| |x|)`, of a row that counts as met in a cascade."""
 
 VISIBLE_VIOLATION = 1e-8
-"""Violations below this, relative to the level's largest, are rounding and not worth words."""
+"""Violations below this, relative to the level's largest, are rounding in an explanation."""
 
 OPPOSING_RATIO = 1e-6
-"""Multipliers below this, relative to the level's largest, oppose nobody in an explanation."""
+"""Multipliers below this, relative to the level's largest, oppose no row in an explanation."""
 
-# --- a problem that is stated -----------------------------------------------------------------
+# --- checks of a problem ----------------------------------------------------------------------
 
 SYMMETRY_TOLERANCE = 1e-9
-"""Relative asymmetry of H above which it was hardly meant to be a Hessian."""
+"""Relative asymmetry of H above which it is no Hessian."""
 
 DEFINITENESS_TOLERANCE = 1e-10
-"""Relative size below zero that rounding may give the smallest eigenvalue of a semidefinite H."""
+"""Relative rounding below zero of the smallest eigenvalue of a semidefinite H."""
 
 RANGE_TOLERANCE = 1e-9
 """Relative part of g along a direction that H does not curve, above which the final cost has no
@@ -33,25 +32,25 @@ minimum."""
 # --- the active-set solver: numbers that are zero ---------------------------------------------
 
 RANK_TOLERANCE = 1e-9
-"""A row depends on those before it where less than this part of it lies outside them."""
+"""Rows depend on those before them where less than this part of them lies outside: in the
+factorisation, the certificate and the cascade."""
 
 SLACK_TOLERANCE = 1e-12
 """Slack below this, relative to the numbers that cancel in it, is rounding."""
 
 DEPENDENCE_TOLERANCE = 1e-13
-"""A dependent row has nothing of a pivot where less than this part of it lies along the pivot's own
-coordinate; of a row of which less than this is left, that is rounding."""
+"""Parts of a dependent row below this, along a pivot's own coordinate or outside all pivots, are
+rounding."""
 
 CANCELLATION = 1e-13
 """Sums below this, relative to their terms, are zero: in the least squares of a level."""
 
 STEEP = 1e3
-"""A dependent row this many times longer than the pivots it depends on magnifies what rounding
-leaves of their slack."""
+"""A dependent row this many times longer than its pivots magnifies the rounding of their slack."""
 
 FEASIBILITY_TOLERANCE = 1e-11
-"""A row may leave its interval by this much relative to |a| |x|; more than `SLACK_TOLERANCE`, or
-rows would be deactivated and activated again for ever."""
+"""Room of a row outside its interval, relative to |a| |x|; above `SLACK_TOLERANCE`, or rows would
+alternate without end."""
 
 DUAL_TOLERANCE = 1e-10
 """Multipliers of the wrong sign below this, relative to the terms that balance, are zero."""
@@ -60,108 +59,102 @@ FLAT_TOLERANCE = 1e-12
 """Curvatures of the final cost below this, relative to its largest coefficient, are zero."""
 
 SAME_TOLERANCE = 1e-9
-"""Residuals of which none is larger by more than this, relative to it, are the same."""
+"""Residuals whose relative difference is below this are the same."""
 
 SINGULAR_TOLERANCE = 1e-6
-"""Relative change at which the search for the least singular value of a level that may be damped
-ends; where several lie close together, it finds one that is some percent too large."""
+"""Relative change that ends the iteration for a level's least singular value, which is some percent
+too large where several lie close together."""
 
 SINGULAR_ROUNDS = 30
-"""Inverse iterations of that search at most."""
+"""Inverse iterations for it at most."""
 
 MOVE_TOLERANCE = 1e-11
-"""A step shorter than this, relative to the point, is none: rows may be as far from their bounds as
-that."""
+"""Steps shorter than this, relative to the point, are rounding of the rows."""
 
 OPTIMALITY_TOLERANCE = 1e-8
-"""Relative error of active rows, and of terms that should balance, up to which an answer counts as
-exact; and change of a level's residual after the level was solved, up to which nothing moved it."""
+"""Relative error, in an exact answer, of active rows, of terms that should balance, and of the
+residual of a level after it was solved."""
 
 CANCELLED = 1e-5
-"""Squares that became smaller than this by subtraction, relatively, are computed anew."""
+"""Squares smaller than this by subtraction, relatively, are computed anew."""
 
-# --- the active-set solver: when the search goes on in another way ----------------------------
+# --- the active-set solver: changes of its phase ----------------------------------------------
 
 PATIENCE = 20
-"""Changes without a step after which rows are deactivated by number, so as not to go in circles."""
+"""Changes without a step after which rows are deactivated by number, against cycles."""
 
 RESIGNED = 60
-"""Changes without a step after which a row that comes back stays: rows at this point take turns."""
+"""Changes without a step after which a row that comes back stays active: the rows take turns."""
 
 ADD_RATIOS = (0.5, 0.7, 0.6, 0.9, 0.8)
-"""Of each leap in turn: rows violated by at least this part of the largest violation are added."""
+"""Of each leap in turn: part of the largest violation from which rows are added."""
 
 DROP_RATIOS = (0.0, 0.5, 0.0, 0.2, 0.0, 0.7, 0.1)
-"""Of each leap in turn: rows whose multiplier of the wrong sign is at least this part of the
-largest such are dropped. Because the ratios come in turn, and their numbers have no common divisor,
-few leaps go round in a circle."""
+"""Of each leap in turn: part of the largest multiplier of the wrong sign that drops a row.
+The lengths of the two lists have no common divisor, against cycles."""
 
 MANY = 2
-"""Wrong rows up to which single steps are the way to go on."""
+"""Wrong rows up to which exchanges or single steps follow."""
 
 COLD_CHANGES, WARM_CHANGES = 3, 12
 """Changes from no active set, or from that of the last solve, after which a guess costs less."""
 
 ASTRAY = 100
-"""Changes after which a search that a guess did not help begins anew, from no active set."""
+"""Changes after which a search with a guess begins anew, from no active set."""
 
 MOST_EXCHANGES = 4
-"""Exchanges after which the search goes step by step."""
+"""Exchanges after which single steps follow."""
 
 MOST_LEAPS = 25
-"""Leaps after which the search goes step by step."""
+"""Leaps after which single steps follow."""
 
 LEAP_PATIENCE = 4
-"""Leaps without fewer wrong rows than ever before, after which it does so, too."""
+"""Leaps without fewer wrong rows than ever before, after which single steps follow."""
 
 
 def changes_allowed(n: int, m: int) -> int:
-    """Changes of the active set after which a search ends with the point that it has."""
+    """Return the cap on changes of the active set."""
     return 50 + 10 * (n + m)
 
 
 # --- the active-set solver: the guess ---------------------------------------------------------
 
 HARD, SOFT = 1e-14, 1e-8
-"""Compliance of rows in a guess, of the levels above and of the level at hand, relative to what
-they do to x: D over |M|^2."""
+"""Compliance of rows in a guess, of the levels above and of the level at hand: D over |M|^2."""
 
 UNMET_RATIO = 0.1
-"""A level of a guess whose slack a correction leaves more of than this cannot be met."""
+"""Part of a level's slack after a correction above which a guess takes the level for unmet."""
 
 CORRECTIONS = 2
-"""How often a guess corrects the levels above one that cannot be met."""
+"""Corrections in a guess of the levels above one that cannot be met."""
 
 GUESS_SLACK_TOLERANCE = 1e-6
 """Slack of a level below this, relative to its rows and to x, is none in a guess."""
 
 HOLDING_RATIO = 1e-8
-"""In a guess, rows with less than this part of a level's largest multiplier do not hold it up."""
+"""Part of a level's largest multiplier below which a row does not oppose it in a guess."""
 
 GUESS_TOLERANCE = 1e-9
 """Violations below this, relative to the distance from the final cost's optimum, are none in a
 guess."""
 
 RIDGE = 1e-9
-"""What a guess adds to the final cost's curvatures, relative to their mean."""
+"""Curvature that a guess adds to the final cost, relative to its mean."""
 
 FLOOR = 1e-15
-"""Pivots of a guess are at least this, relative to their rows: some depend on others."""
+"""Least pivot of a guess, relative to its row, for rows that depend on others."""
 
-# --- certifying a point -----------------------------------------------------------------------
+# --- the certificate --------------------------------------------------------------------------
 
 CERTIFIED_ACTIVE = 1e-7
 """A row this close to its bound, relative to its size, counts as active."""
 
 CERTIFIED_SLACK = 1e-8
-"""Slack below this, relative to the row's size, is rounding: such a row is met, and what it does to
-the others of its level may be anything that so much slack would do."""
+"""Slack below this, relative to the row's size, is rounding: the row counts as met, with any
+multiplier that so much slack allows."""
 
 CERTIFIED_MULTIPLIER = 1e-7
 """Multipliers above this part of the largest are certainly positive."""
-
-CERTIFIED_RANK = 1e-9
-"""Rows of which no more than this part lies outside the free ones depend on them."""
 
 BALANCE_RANK = 1e-10
 """Singular values of the free rows below this, relative to the largest, are zero."""
@@ -176,28 +169,24 @@ ACCURACY: dict[str, float] = {
     "clarabel": 1e-6,
     "osqp": 1e-3,
 }
-"""How far a level's slack, relative to its scale, may have drifted by the end of a cascade before
-the answer is called INACCURATE. The one table of tolerances, by backend."""
+"""Drift of a level's slack by the end of a cascade, relative to its scale, from which it is
+INACCURATE, by backend."""
 
 SLOPS = (0.0, 1e-10, 1e-9, 1e-8, 1e-7)
-"""How far held rows are widened, relative to their size, when the backend finds no point: what
-earlier levels left may be too thin for it to enter."""
+"""Widening of held rows in turn, relative to their size, where the backend finds no point: the set
+that earlier levels leave may be too thin for it."""
 
 HELD_ACTIVE = 1e-8
 """Held rows this close to their bound, relative to their size, may carry a multiplier."""
 
 HELD_BALANCE = 1e-7
-"""Terms that balance no better than this, relative to the largest, say nothing about rows."""
+"""Relative imbalance above which multipliers are uncertain."""
 
 HELD_MULTIPLIER = 1e-6
 """Multipliers above this part of the level's largest term are certainly positive."""
 
 PROJECTION_RANK = 1e-10
-"""Rows of which a projection leaves less than this part depend on what was projected out: what is
-left of an exactly dependent row after two projections is near 1e-15."""
-
-PIVOT_RANK = 1e-9
-"""Pivots of unit rows below this are zero: such a row is a combination of the rows before it."""
+"""Part of a row after projection below which it is dependent; of exactly dependent ones, 1e-15."""
 
 # --- QP backends ------------------------------------------------------------------------------
 
@@ -208,14 +197,15 @@ SINGULAR_COST = 1e-12
 """Singular values of P below this, relative to the largest, are zero where a QP has no rows."""
 
 PROXIMAL_RATIOS = (1e-7, 1e-5, 1e-3)
-"""Curvatures added, relative to P's largest entry, for backends that factor a singular P: the
-smallest converges fastest, a larger one is tried where the backend finds no point with it."""
+"""Proximal weights in turn, relative to P's largest entry. The smallest converges fastest, but
+magnifies the backend's own tolerance: a larger one follows where rows are missed. Of 2,000 random
+hierarchies all were right so, against 2 to 13 wrong with any single weight."""
 
 PROXIMAL_STEPS = 300
-"""Most repetitions; two or three are usual, more where a level barely curves a direction."""
+"""Most repetitions; two or three are usual, more along directions of little curvature."""
 
 PROXIMAL_CREEP = 10
-"""Repetitions after which a slope that the problem allows may be left over."""
+"""Repetitions after which a slope that the QP allows may remain."""
 
 PROXIMAL_STEP = 1e-11
 """The repetition ends when a step is this small, relative to the point."""
@@ -228,14 +218,14 @@ PROXIMAL_FEASIBILITY = 1e-10
 magnifies the backend's own tolerance."""
 
 PROXIMAL_FAILURE = 1e-6
-"""A last step larger than this says that the repetitions did not converge."""
+"""Last step, relative to the point, above which the repetitions did not converge."""
 
 # --- the weighted QP --------------------------------------------------------------------------
 
 LEFT_OVER = 0.01
-"""Of the lowest level of tasks, what a cost that is flat elsewhere may leave over: internal forces
-between two feet cost next to nothing [unit/s^2]."""
+"""Error of the lowest level of tasks that may remain along directions of next to no cost, such as
+internal forces between two feet [unit/s^2]."""
 
 WEIGHT_SPAN = 1e6
-"""How much dearer the highest level of a cost may be than the final cost below all levels: wider
-costs use up double precision, and DAQP finds no point."""
+"""Largest weight of a level in the cost, relative to the final cost: beyond it, for want of
+precision, DAQP finds no point."""

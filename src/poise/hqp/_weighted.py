@@ -1,78 +1,73 @@
-"""The `weighted` strategy: one QP in which a higher level is merely dearer, as a last resort.
+"""Strategy `weighted`: one QP in which higher levels have larger weights.
 
     min  sum_i ratio^(p - i) |W w_i|^2 + x^T H x / 2 + g^T x      i = 0 .. p - 1
 
-On a robot the lowest levels, of equality rows alone, are terms of the cost, and all above is hard.
-Where that has no solution, the lowest of the hard levels is soft, then the lowest two, and so on;
-the first level last. A lower level worsens a higher one by about 1/ratio of its own slack:
-priorities are kept only approximately.
+The lowest levels, of equality rows alone, are terms of the cost, and the rows of all levels above
+are hard. Where that has no solution, the lowest of the hard levels is soft, then the lowest two,
+and so on; the first level last. A lower level worsens a higher one by about 1/ratio of its own
+slack: priorities are approximate.
 """
 
 from collections.abc import Iterator
 from time import perf_counter
 
 import numpy as np
-from jaxtyping import Float64
 
-from poise._checks import checked_time_limit
 from poise.errors import ConfigurationError
-from poise.hqp._backends import QP, make_backend
-from poise.hqp._faults import is_sound
+from poise.hqp._backends import QP
+from poise.hqp._cold import ColdSolver
 from poise.hqp._measure import measure_point
 from poise.hqp._problem import HierarchicalProblem
-from poise.hqp._solution import KeepsSolution, Solution, SolveStatus, failure
-from poise.hqp._tolerances import LEFT_OVER, MET_TOLERANCE, WEIGHT_SPAN
+from poise.hqp._solution import Solution, SolveStatus, failure
+from poise.hqp._tolerances import LEFT_OVER, RELAXED, WEIGHT_SPAN
 
 
-class WeightedSolver(KeepsSolution):
-    """Solves one QP over x and all slacks."""
+class WeightedSolver(ColdSolver):
+    """Solve one QP over x and all slacks.
+
+    Args:
+        backend: name of the QP solver.
+        ratio: weight of a level relative to the next, more than one.
+        time_limit: cap on a solve [s]; None for none.
+
+    Raises:
+        ConfigurationError: a ratio or a cap out of range.
+    """
+
+    strategy = "weighted"
 
     def __init__(
         self, backend: str = "daqp", ratio: float = 1e2, time_limit: float | None = None
     ) -> None:
         if not 1.0 < ratio < np.inf:
             raise ConfigurationError("not a ratio of priorities", got=ratio, wanted="1 < ratio")
-        self.backend, self.ratio = backend, ratio
-        self.time_limit = checked_time_limit(time_limit)
-        self.name = f"weighted/{backend}"
-        self._solve_qp = make_backend(backend)
+        super().__init__(backend, time_limit)
+        self.ratio = ratio
 
-    def reset(self) -> None:
-        """Do nothing: every solve starts cold."""
-
-    def solve(self, problem: HierarchicalProblem) -> Solution:
-        """Solve one problem; the answer owns its arrays."""
-        start = perf_counter()
-        if not is_sound(problem):
-            return failure(problem, SolveStatus.BAD_PROBLEM, self.name, start)
-        deadline = np.inf if self.time_limit is None else start + self.time_limit
+    def _solve(self, problem: HierarchicalProblem, start: float, deadline: float) -> Solution:
         for qp in _forms(problem, self.ratio):
             point = self._solve_qp(qp, deadline - perf_counter())
             if point is not None and np.isfinite(point).all():
-                return self._report(problem, point[: problem.n], start)
+                x = point[: problem.n].copy()
+                measure = measure_point(problem, x)
+                return Solution(
+                    status=SolveStatus.OPTIMAL,
+                    x=x,
+                    slacks=measure.slacks,
+                    residuals=measure.residuals,
+                    relative_residuals=measure.relative,
+                    strategy=self.name,
+                    strict=False,
+                    relaxed=bool((measure.relative > RELAXED).any()),
+                    timings={"total": perf_counter() - start},
+                )
             if perf_counter() > deadline:
                 return failure(problem, SolveStatus.TIME_LIMIT, self.name, start)
         return failure(problem, SolveStatus.FAILED, self.name, start)
 
-    def _report(
-        self, problem: HierarchicalProblem, x: Float64[np.ndarray, " n"], start: float
-    ) -> Solution:
-        measure = measure_point(problem, x)
-        return Solution(
-            status=SolveStatus.OPTIMAL,
-            x=x.copy(),
-            slacks=measure.slacks,
-            residuals=measure.residuals,
-            relative_residuals=measure.relative,
-            strategy=self.name,
-            strict=False,
-            relaxed=bool((measure.relative > MET_TOLERANCE).any()),
-            timings={"total": perf_counter() - start},
-        )
-
 
 def _forms(problem: HierarchicalProblem, ratio: float) -> Iterator[QP]:
-    """The QPs to try, the hardest first; the last one always has a solution."""
+    """Yield QPs of ever more soft levels; the last one always has a solution."""
     first = len(problem.levels)
     while first > 0 and _can_be_cost(problem, first - 1):
         first -= 1
@@ -85,9 +80,9 @@ def _forms(problem: HierarchicalProblem, ratio: float) -> Iterator[QP]:
 
 
 def _tasks_as_cost(problem: HierarchicalProblem, ratio: float, first: int, soft: int) -> QP:
-    """The usual form on a robot: the lowest levels are terms of the cost, and need no slack."""
+    """Set up the QP with the levels from `first` on in the cost, and slack from `soft` on."""
     count, n = len(problem.levels), problem.n
-    # The dearest task weighs one: DAQP takes rows that a large Hessian shrinks for empty ones.
+    # The largest weight is one: DAQP takes rows that a large Hessian shrinks for empty ones.
     ratio = min(ratio, WEIGHT_SPAN ** (1.0 / (count - first)))
     unit = ratio ** (first - count)
     hessian, q = unit * problem.H, unit * problem.g
@@ -98,11 +93,11 @@ def _tasks_as_cost(problem: HierarchicalProblem, ratio: float, first: int, soft:
     rows = np.flatnonzero(np.isfinite(problem.lower) | np.isfinite(problem.upper))
     rows = rows[problem.level_of[rows] < first]
     slack = np.flatnonzero(problem.level_of[rows] >= soft)
-    dearness = ratio ** (first - problem.level_of[rows[slack]]) * problem.weights[rows[slack]] ** 2
+    costs = ratio ** (first - problem.level_of[rows[slack]]) * problem.weights[rows[slack]] ** 2
     A = np.zeros((len(rows), n + len(slack)))
     A[:, :n] = np.vstack([np.eye(n), problem.A])[rows]
-    # Each slack is measured so that its square costs one.
-    A[slack, n + np.arange(len(slack))] = -1.0 / np.sqrt(dearness)
+    # In units in which the square of a slack costs one.
+    A[slack, n + np.arange(len(slack))] = -1.0 / np.sqrt(costs)
     P = np.eye(n + len(slack))
     P[:n, :n] = hessian
     return QP(
@@ -116,10 +111,7 @@ def _tasks_as_cost(problem: HierarchicalProblem, ratio: float, first: int, soft:
 
 
 def _can_be_cost(problem: HierarchicalProblem, level: int) -> bool:
-    """Whether a level can be a term of the cost: equality rows alone, below the simple bounds.
-
-    An empty level is one, too: above it others may be.
-    """
+    """Return whether a level has equality rows alone, or none, and lies below the simple bounds."""
     view = problem.levels[level]
     return level > problem.bounds_level and bool((view.lower == view.upper).all())
 

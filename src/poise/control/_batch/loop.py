@@ -8,7 +8,7 @@ from jaxtyping import Float64, Int8, Int64
 from poise._compiled import Block, compiled, compiled_for_threads, part, view
 from poise.control._full_problem import FullNumbers, answer, fill
 from poise.dynamics import StateNumbers
-from poise.hqp import LOST, UNSOUND, Work, search
+from poise.hqp import LOST, UNSOUND, SearchWork, search
 from poise.stack import Numbers, find_softening, update_rows
 
 UNUSABLE = -1
@@ -66,7 +66,7 @@ def solve_states(
 ) -> None:
     """Solves some states, each by itself."""
     program = view(Program, program_at)
-    work, full = view(Work, program.work), view(FullNumbers, program.full)
+    work, full = view(SearchWork, program.work), view(FullNumbers, program.full)
     x, side, v = work.points.x, work.rows.side, view(StateNumbers, program.state).v
     for i in range(len(answers.found)):
         if answers.found[i] == UNUSABLE:
@@ -101,7 +101,7 @@ def _scatter(packed: Float64[np.ndarray, " size"], places: Int64[np.ndarray, " p
 
 
 @part
-def _begin(work: Work, sides: Int8[np.ndarray, " nm"]) -> None:
+def _begin(work: SearchWork, sides: Int8[np.ndarray, " nm"]) -> None:
     """Has the next search begin with an active set, and with nothing else of the last state."""
     rows = work.rows
     work.state.begun = 0

@@ -2,6 +2,6 @@
 
 from poise.hqp._active_set.search import LOST as LOST, UNSOUND as UNSOUND, search as search
 from poise.hqp._active_set.solver import LexicographicSolver
-from poise.hqp._active_set.workspace import Work as Work
+from poise.hqp._active_set.workspace import SearchWork as SearchWork
 
 __all__ = ["LexicographicSolver"]

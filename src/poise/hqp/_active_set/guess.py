@@ -1,8 +1,8 @@
 """A guess of the active set, level by level, by a dual active-set method with penalties.
 
 Every row may be violated at a price: high for the level at hand, and so much higher for those above
-that they hardly ever are. Then no row can be impossible, and a step adds one row, which costs as
-little as a product of matrix and vector. With the final cost's H = C C^T and rows M_i = C^-1 a_i,
+that they hardly ever are. So no row is impossible, and a step adds one row at the cost of a product
+of matrix and vector. With the final cost's H = C C^T and rows M_i = C^-1 a_i,
 the active rows' multipliers solve
 
     (M M^T + D) lambda = a x_0 - b,    x = x_0 - H^-1 A^T lambda,    a x = b + D lambda,
@@ -13,23 +13,22 @@ Where all multipliers of the active rows have the right sign, the row that is vi
 active, and its own multiplier grows from zero. Where another's changes its sign on the way, that
 row is deactivated, and the step goes on from there (Goldfarb, Idnani 1983).
 
-Numbers have no room for penalties so high that D lambda can be forgotten. So it is taken back: with
-bounds moved by -D lambda the same rows are solved again, as in the method of multipliers (Hestenes
-1969, "Multiplier and gradient methods"). If the level at hand can be met, its slack is gone after
-that. If not, it stays, and then only the levels above are corrected until they are met; for the
-level itself D lambda is what the others leave it.
+Double precision does not allow penalties so high that D lambda is negligible. So the same rows are
+solved again with bounds moved by -D lambda, as in the method of multipliers (Hestenes 1969,
+"Multiplier and gradient methods"). That removes the slack of a level that can be met. If slack
+stays, the levels above alone are corrected until they are met; the level keeps its D lambda.
 """
 
 from math import sqrt
 
 from poise._compiled import part
+from poise.hqp._active_set.kernels import norm_of
 from poise.hqp._active_set.penalties import (
     add_row,
+    deactivate,
     find_multipliers,
     find_point,
     prepare_rows,
-    refactor,
-    remove_row,
     solve_rhs,
 )
 from poise.hqp._active_set.workspace import (
@@ -37,8 +36,8 @@ from poise.hqp._active_set.workspace import (
     UNKNOWN,
     Penalties,
     Problem,
+    SearchWork,
     Vector,
-    Work,
 )
 from poise.hqp._tolerances import (
     CORRECTIONS,
@@ -51,12 +50,12 @@ from poise.hqp._tolerances import (
 )
 
 _ALL_LEVELS = -1
-"""Instead of a level that bounds are not moved for."""
+"""For `_correct`: bounds of all levels move."""
 
 
 @part
-def guess(problem: Problem, work: Work) -> None:
-    """Chooses the sides of all rows anew."""
+def guess(problem: Problem, work: SearchWork) -> None:
+    """Choose the sides of all rows anew."""
     guessed = work.guessed
     prepare_rows(problem, guessed, work.duals.chosen, work.rows.shift)
     count = unchanged = 0
@@ -64,7 +63,9 @@ def guess(problem: Problem, work: Work) -> None:
         if not _soften(problem.weights, guessed, level):
             continue
         count = _activate_needed(guessed, level, count)
-        refactor(guessed, unchanged, count)
+        solve_rhs(guessed, unchanged)
+        for place in range(unchanged, count):
+            add_row(guessed, place)
         count = _activate_violated(guessed, level, _deactivate_wrong(guessed, count))
         slack = _find_slack(problem.weights, guessed, level, count)
         if slack > 0.0:
@@ -84,7 +85,7 @@ def guess(problem: Problem, work: Work) -> None:
 
 @part
 def _soften(weights: Vector, guessed: Penalties, level: int) -> bool:
-    """Sets D of a level's rows while it is at hand; returns whether it has any."""
+    """Set D of the rows of the level at hand; return whether it has any."""
     total, count = 0.0, 0
     for i in range(len(guessed.level)):
         if guessed.level[i] == level:
@@ -102,7 +103,7 @@ def _soften(weights: Vector, guessed: Penalties, level: int) -> bool:
 
 @part
 def _activate_needed(guessed: Penalties, level: int, count: int) -> int:
-    """Makes rows active that are the level's equalities or were needed by it; how many are then."""
+    """Activate equalities of the level and rows that it needed; return the active rows' count."""
     for i in range(len(guessed.level)):
         if guessed.level[i] > level or guessed.side[i] != 0 or not guessed.norm[i] > 0.0:
             continue
@@ -122,7 +123,7 @@ def _activate_needed(guessed: Penalties, level: int, count: int) -> int:
 
 @part
 def _correct(guessed: Penalties, level: int, count: int) -> int:
-    """Moves bounds by -D lambda, but not a level's own; returns how many rows stay active."""
+    """Move bounds by -D lambda, but not a level's own; return the active rows' count."""
     for k in range(count):
         i = guessed.order[k]
         guessed.moved[i] = guessed.held[i]
@@ -134,9 +135,9 @@ def _correct(guessed: Penalties, level: int, count: int) -> int:
 
 @part
 def _hold(weights: Vector, guessed: Penalties, level: int, count: int) -> int:
-    """Holds what a level reached; returns how many rows keep the compliance they had.
+    """Hold a level's optimum; return the count of rows whose compliance stays.
 
-    Where a level has slack, its rows and those that hold it up stay active.
+    Where a level has slack, its rows and those that oppose them stay active.
     """
     slack, most = _find_slack(weights, guessed, level, count), 0.0
     if slack > 0.0:
@@ -166,10 +167,8 @@ def _hold(weights: Vector, guessed: Penalties, level: int, count: int) -> int:
 
 @part
 def _find_slack(weights: Vector, guessed: Penalties, level: int, count: int) -> float:
-    """What a level's active rows miss, weighted; zero where that is next to nothing."""
-    square = size = reach = 0.0
-    for j in range(len(guessed.y)):
-        reach += guessed.y[j] * guessed.y[j]
+    """Return the weighted slack of a level's active rows, or zero for rounding."""
+    square = size = 0.0
     for k in range(count):
         i = guessed.order[k]
         if guessed.level[i] == level:
@@ -177,12 +176,12 @@ def _find_slack(weights: Vector, guessed: Penalties, level: int, count: int) -> 
             square += missed * missed
             size = max(size, guessed.norm[i] * weights[i])
     slack = sqrt(square)
-    return slack if slack > GUESS_SLACK_TOLERANCE * size * sqrt(reach) else 0.0
+    return slack if slack > GUESS_SLACK_TOLERANCE * size * norm_of(guessed.y) else 0.0
 
 
 @part
 def _missed(guessed: Penalties, place: int) -> float:
-    """How far an active row is from its bound."""
+    """Return the distance of an active row from its bound."""
     i = guessed.order[place]
     return float(guessed.moved[i] + guessed.compliance[i] * guessed.multiplier[place])
 
@@ -192,7 +191,7 @@ def _missed(guessed: Penalties, place: int) -> float:
 
 @part
 def _activate_violated(guessed: Penalties, level: int, count: int) -> int:
-    """Activates rows down to a level until none is violated; returns how many are active then."""
+    """Activate rows down to a level until none is violated; return the active rows' count."""
     for _ in range(2 * len(guessed.side)):
         find_point(guessed, count)
         index = _find_most_violated(guessed, level)
@@ -204,7 +203,7 @@ def _activate_violated(guessed: Penalties, level: int, count: int) -> int:
 
 @part
 def _deactivate_wrong(guessed: Penalties, count: int) -> int:
-    """Deactivates rows until no multiplier has the wrong sign; returns how many are left."""
+    """Deactivate rows until no multiplier has the wrong sign; return the active rows' count."""
     wrong = True
     while wrong:
         wrong = False
@@ -212,18 +211,15 @@ def _deactivate_wrong(guessed: Penalties, count: int) -> int:
         for k in range(count - 1, -1, -1):
             row = guessed.order[k]
             if guessed.sign_free[row] == 0 and guessed.multiplier[k] * guessed.side[row] < 0.0:
-                _deactivate(guessed, k, count)
+                deactivate(guessed, k, count)
                 count, wrong = count - 1, True
     return count
 
 
 @part
 def _find_most_violated(guessed: Penalties, level: int) -> int:
-    """The inactive row down to a level that is violated most, relative to its norm; or -1."""
-    most, worst = 0.0, -1
-    for j in range(len(guessed.y)):
-        most += guessed.y[j] * guessed.y[j]
-    most = GUESS_TOLERANCE * sqrt(most)
+    """Return the inactive row down to a level most violated relative to its norm, or -1."""
+    most, worst = GUESS_TOLERANCE * norm_of(guessed.y), -1
     for i in range(len(guessed.level)):
         if guessed.side[i] != 0 or guessed.level[i] > level or not guessed.norm[i] > 0.0:
             continue
@@ -236,7 +232,7 @@ def _find_most_violated(guessed: Penalties, level: int) -> int:
 
 @part
 def _activate(guessed: Penalties, index: int, count: int) -> int:
-    """Makes a violated row active; returns how many are active then."""
+    """Activate a violated row; return the active rows' count."""
     guessed.side[index] = 1 if guessed.values[index] > guessed.upper[index] else -1
     guessed.order[count] = index
     guessed.multiplier[count] = 0.0
@@ -256,14 +252,5 @@ def _activate(guessed: Penalties, index: int, count: int) -> int:
             guessed.multiplier[k] += length * (guessed.next_multiplier[k] - guessed.multiplier[k])
         if blocking < 0:
             return count
-        _deactivate(guessed, blocking, count)
+        deactivate(guessed, blocking, count)
         count -= 1
-
-
-@part
-def _deactivate(guessed: Penalties, place: int, count: int) -> None:
-    """Makes an active row inactive."""
-    row = guessed.order[place]
-    guessed.side[row] = 0
-    guessed.moved[row] = guessed.held[row]
-    remove_row(guessed, place, count)

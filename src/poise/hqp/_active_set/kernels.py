@@ -1,10 +1,11 @@
-"""What compiled code does with rows: Householder reflections I - tau v v^T, sums, copies.
+"""Compiled sums, copies and Householder reflections I - tau v v^T of rows.
 
-Four rows at a time where there are many, so that none waits for its own sum, and a total is read
-and written a quarter as often.
+Many rows go four at a time: their sums do not wait for each other, and a total is read and written
+a quarter as often.
 """
 
 from math import sqrt
+from typing import Any
 
 from poise._compiled import part
 from poise.hqp._active_set.workspace import Indices, Matrix, Vector
@@ -12,36 +13,54 @@ from poise.hqp._active_set.workspace import Indices, Matrix, Vector
 
 @part
 def copy(to: Vector, x: Vector) -> None:
-    """Copies numbers; NumPy's way would compile the words of an error that cannot happen."""
+    """To <- x; NumPy's assignment would compile the message of an error that cannot happen."""
     for i in range(len(to)):
         to[i] = x[i]
 
 
 @part
+def add_multiple(to: Vector, factor: Any, x: Vector) -> None:
+    """To <- to + factor x."""
+    for i in range(len(to)):
+        to[i] += factor * x[i]
+
+
+@part
+def dot(x: Vector, y: Vector) -> float:
+    """x^T y, over the length of x."""
+    total = 0.0
+    for i in range(len(x)):
+        total += x[i] * y[i]
+    return total
+
+
+@part
+def minus_dot(total: Any, x: Vector, y: Vector) -> float:
+    """Total - x^T y, over the length of x."""
+    for i in range(len(x)):
+        total -= x[i] * y[i]
+    return total
+
+
+@part
 def norm_of(x: Vector) -> float:
     """The Euclidean norm of a vector."""
-    square = 0.0
-    for i in range(len(x)):
-        square += x[i] * x[i]
-    return sqrt(square)
+    return sqrt(dot(x, x))
 
 
 @part
 def multiply(A: Matrix, x: Vector, out: Vector) -> None:
     """Out <- A x."""
     for i in range(len(A)):
-        row, total = A[i], 0.0
-        for j in range(len(x)):
-            total += row[j] * x[j]
-        out[i] = total
+        out[i] = dot(x, A[i])
 
 
 @part
-def make_reflection(x: Vector, v: Vector, norm: float) -> float:
-    """The reflection that turns a row into (-+norm, 0, ..., 0), away from its first number."""
-    first = x[0]
+def make_reflection(x: Vector, v: Vector) -> float:
+    """Find the reflection of x onto (-+|x|, 0, ..., 0), away from its first number."""
+    first, norm = x[0], norm_of(x)
     end = -norm if first >= 0.0 else norm
-    # Scaled so that v begins with one and no square leaves the range of numbers.
+    # Scaled so that v begins with one and no square overflows or underflows.
     scale = 1.0 / (first - end)
     for i in range(len(x)):
         v[i], x[i] = x[i] * scale, 0.0
@@ -52,20 +71,15 @@ def make_reflection(x: Vector, v: Vector, norm: float) -> float:
 @part
 def reflect(x: Vector, v: Vector, tau: float) -> None:
     """X <- (I - tau v v^T) x."""
-    along = 0.0
-    for i in range(len(v)):
-        along += v[i] * x[i]
-    along *= tau
-    for i in range(len(v)):
-        x[i] -= along * v[i]
+    add_multiple(x[: len(v)], -tau * dot(v, x), v)
 
 
 @part
 def reflect_rows(X: Matrix, begin: int, end: int, column: int, v: Vector, tau: float) -> None:
-    """Reflects rows from a column on."""
+    """Reflect rows from a column on."""
     n, i = len(v), begin
     while i + 4 <= end:
-        # Single rows are known to lie in one piece, unlike a block of X.
+        # Numba takes a single row for contiguous, unlike a block of X.
         x_0, x_1, x_2, x_3 = X[i, column:], X[i + 1, column:], X[i + 2, column:], X[i + 3, column:]
         s_0 = s_1 = s_2 = s_3 = 0.0
         for j in range(n):
@@ -92,7 +106,7 @@ def reflect_rows(X: Matrix, begin: int, end: int, column: int, v: Vector, tau: f
 def reflect_rows_by_all(
     X: Matrix, begin: int, end: int, V: Matrix, tau: Vector, count: int, way: int
 ) -> None:
-    """Reflects rows by the first vectors in V: from the first on, or from the last one (way -1)."""
+    """Reflect rows by the first vectors in V, in order or, with way -1, in reverse order."""
     k, first = 0, 0 if way > 0 else count - 1
     while k + 4 <= count:
         i = first + way * k
@@ -108,7 +122,7 @@ def reflect_rows_by_all(
 def _reflect_rows_by_four(
     X: Matrix, begin: int, end: int, V: Matrix, tau: Vector, first: int, way: int, column: int
 ) -> None:
-    """Four reflections in one pass over each row, which is read and written once."""
+    """Apply four reflections in one pass over each row."""
     a, b, c, d = first, first + way, first + 2 * way, first + 3 * way
     v_a, v_b, v_c, v_d = V[a, column:], V[b, column:], V[c, column:], V[d, column:]
     t_a, t_b, t_c, t_d = tau[a], tau[b], tau[c], tau[d]
@@ -128,7 +142,7 @@ def _reflect_rows_by_four(
             s_b += v_b[j] * x[j]
             s_c += v_c[j] * x[j]
             s_d += v_d[j] * x[j]
-        # What each finds once those before it have acted.
+        # Each acts on what those before it left.
         s_a *= t_a
         s_b = t_b * (s_b - s_a * ab)
         s_c = t_c * (s_c - s_a * ac - s_b * bc)
@@ -141,7 +155,7 @@ def _reflect_rows_by_four(
 def add_rows(
     total: Vector, rows: Matrix, factors: Vector, chosen: Indices, count: int, offset: int
 ) -> None:
-    """Adds combinations of rows to a vector."""
+    """Add a combination of the chosen rows to a vector."""
     n, i = len(total), 0
     while i + 4 <= count:
         a, b, c, d = chosen[i], chosen[i + 1], chosen[i + 2], chosen[i + 3]
@@ -152,18 +166,16 @@ def add_rows(
             total[j] += f_a * r_a[j] + f_b * r_b[j] + f_c * r_c[j] + f_d * r_d[j]
         i += 4
     while i < count:
-        row, factor = rows[chosen[i]], factors[offset + chosen[i]]
-        for j in range(n):
-            total[j] += factor * row[j]
+        add_multiple(total, factors[offset + chosen[i]], rows[chosen[i]])
         i += 1
 
 
 @part
 def choose_nonzero(x: Vector, chosen: Indices) -> int:
-    """Lists the places of the numbers that are not zero; returns how many they are."""
+    """List the places of the nonzero numbers; return their count."""
     count = 0
     for j in range(len(x)):
         chosen[count] = j
-        # Without a branch that nothing could predict.
+        # Without an unpredictable branch.
         count += 1 if x[j] != 0.0 else 0
     return count

@@ -1,47 +1,56 @@
 """The least squares of a level whose rows contradict each other.
 
 Each row that depends on the pivots is a combination C of them, and misses its bound by e where the
-pivots meet theirs. If they give u instead, the others give w = C u + e, and |u|^2 + |w|^2 is to be
-least. Pivots that the contradiction does not touch have no coefficient in C, so that no rounding
-reaches them, however large the slack of the others is.
+pivots meet theirs. With slack u of the pivots the others have w = C u + e, and |u|^2 + |w|^2 is
+minimal. Pivots outside the contradiction have no coefficient in C, so that no rounding reaches
+them, however large the slack of the others is.
 """
 
 from poise._compiled import part
-from poise.hqp._active_set.kernels import copy, make_reflection, norm_of, reflect, reflect_rows
+from poise.hqp._active_set.kernels import (
+    add_multiple,
+    copy,
+    make_reflection,
+    minus_dot,
+    norm_of,
+    reflect,
+    reflect_rows,
+)
 from poise.hqp._active_set.workspace import Factor, LeastSquares, Vector
 from poise.hqp._tolerances import CANCELLATION, DEPENDENCE_TOLERANCE, STEEP
 
 
 @part
 def find_slacks_of_conflict(factor: Factor, squares: LeastSquares, level: int) -> None:
-    """Divides a level's slack among its rows."""
+    """Divide a level's slack among its rows."""
     begin, end, first = factor.begin[level], factor.begin[level + 1], factor.first[level]
     rank = factor.rank[level]
     count, dependent = end - begin - rank, begin + rank
     _combine(factor, begin, end, first, rank)
+    for i in range(count):
+        # Rows that depend on no pivot have no part in the contradiction, nor in its rounding.
+        touched = norm_of(factor.R[dependent + i, first : first + rank]) > 0.0
+        squares.rhs[i] = -factor.slack[dependent + i] if touched else 0.0
     if count < rank:
         _solve_wide(factor, squares, dependent, end, first, rank)
     else:
         _solve_tall(factor, squares, dependent, end, first, rank)
     found, u = squares.rhs[: rank + count], factor.slack[begin : begin + rank]
-    sizes = squares.v
-    for i in range(count):
-        sizes[i] = norm_of(factor.R[dependent + i, first : first + rank])
     norm = norm_of(found)
     for j in range(rank):
         u[j] = found[j] if abs(found[j]) > CANCELLATION * norm else 0.0
-    # Each is taken from the solver, or from the others, wherever less is lost by rounding.
+    # Each comes from the solver, or from the others, whichever loses less by rounding.
     balance, noise = squares.balance, squares.noise
     balance[:rank], noise[:rank] = 0.0, 0.0
     for i in range(count):
         C = factor.R[dependent + i, first : first + rank]
-        total = factor.slack[dependent + i]
+        total, length = factor.slack[dependent + i], norm_of(C)
         size = abs(total)
         for j in range(rank):
             total += C[j] * u[j]
             size += abs(C[j] * u[j])
-        # A steep row makes much of the pivots' rounding.
-        if (size > norm or sizes[i] > STEEP) and sizes[i] > 0.0:
+        # A steep row magnifies the pivots' rounding.
+        if (size > norm or length > STEEP) and length > 0.0:
             total, size = found[rank + i], norm
         w = total if abs(total) > CANCELLATION * size else 0.0
         factor.slack[dependent + i] = w
@@ -55,25 +64,17 @@ def find_slacks_of_conflict(factor: Factor, squares: LeastSquares, level: int) -
 
 @part
 def _combine(factor: Factor, begin: int, end: int, first: int, rank: int) -> None:
-    """Writes each dependent row as a combination of the pivots, over its own part of R."""
+    """Write each dependent row as a combination of the pivots, over its own part of R."""
     for row in range(begin + rank, end):
         C, size = factor.R[row, first : first + rank], factor.size[row]
         for k in range(rank - 1, -1, -1):
             pivot = factor.R[begin + k, first : first + rank]
-            # What is left of a coefficient that is zero is rounding of the row.
+            # So small a coefficient is rounding of the row.
             if abs(C[k]) <= DEPENDENCE_TOLERANCE * size:
                 C[k] = 0.0
                 continue
-            coefficient = C[k] / pivot[k]
-            C[k] = coefficient
-            for j in range(k):
-                C[j] -= coefficient * pivot[j]
-
-
-@part
-def _contradiction(factor: Factor, row: int, first: int, rank: int) -> float:
-    """-e; what depends on nothing has no part in it, nor in its rounding."""
-    return -factor.slack[row] if norm_of(factor.R[row, first : first + rank]) > 0.0 else 0.0
+            C[k] /= pivot[k]
+            add_multiple(C[:k], -C[k], pivot)
 
 
 @part
@@ -88,16 +89,12 @@ def _solve_wide(
         copy(T[i, :rank], factor.R[begin + i, first : first + rank])
         T[i, rank:size] = 0.0
         T[i, rank + i] = -1.0
-        solution[i] = _contradiction(factor, begin + i, first, rank)
     for i in range(count):
-        tail, v = T[i, i:size], V[i, : size - i]
-        taus[i] = make_reflection(tail, v, norm_of(tail))
+        v = V[i, : size - i]
+        taus[i] = make_reflection(T[i, i:size], v)
         reflect_rows(T, i + 1, count, i, v, taus[i])
     for i in range(count):
-        row, total = T[i], solution[i]
-        for j in range(i):
-            total -= row[j] * solution[j]
-        solution[i] = total / row[i]
+        solution[i] = minus_dot(solution[i], solution[:i], T[i]) / T[i, i]
     solution[count:] = 0.0
     for i in range(count - 1, -1, -1):
         reflect(solution[i:], V[i, : size - i], taus[i])
@@ -113,9 +110,8 @@ def _solve_tall(
         C = factor.R[begin + i, first : first + rank]
         for j in range(rank):
             squares.T[j, i] = C[j]
-        squares.rhs[i] = _contradiction(factor, begin + i, first, rank)
     solve_damped(squares, count, 1.0, squares.u[:rank])
-    # What is left over, turned back, is (-w, -u): rounded as a whole, not one by one.
+    # The remainder, turned back, is (-w, -u): rounded as a whole, not one by one.
     found, size = squares.rhs[: count + rank], count + rank
     found[:rank] = 0.0
     for j in range(rank - 1, -1, -1):
@@ -131,7 +127,7 @@ def _solve_tall(
 
 @part
 def solve_damped(squares: LeastSquares, count: int, damping: float, u: Vector) -> None:
-    """Least squares of the columns in T, and of damping times u = 0."""
+    """Solve the least squares of the columns in T, and of damping times u = 0."""
     rank, T, taus = len(u), squares.T, squares.tau
     size = count + rank
     rhs = squares.rhs[:size]
@@ -141,15 +137,12 @@ def solve_damped(squares: LeastSquares, count: int, damping: float, u: Vector) -
         T[j, count + j] = damping
     for j in range(rank):
         tail, v = T[j, j:size], squares.v[: size - j]
-        taus[j] = make_reflection(tail, v, norm_of(tail))
+        taus[j] = make_reflection(tail, v)
         reflect_rows(T, j + 1, rank, j, v, taus[j])
         reflect(rhs[j:], v, taus[j])
-        # Where the column is zero now, its reflection is kept.
+        # The reflection stays where the column is zero now.
         copy(tail[1:], v[1:])
-    for j in range(rank):
-        u[j] = rhs[j]
+    copy(u, rhs)
     for j in range(rank - 1, -1, -1):
         u[j] /= T[j, j]
-        column = T[j]
-        for i in range(j):
-            u[i] -= u[j] * column[i]
+        add_multiple(u[:j], -u[j], T[j])

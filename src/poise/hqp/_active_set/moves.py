@@ -1,12 +1,12 @@
-"""How the active set changes: steps of one row, exchanges of one after the other, leaps of many.
+"""Changes of the active set: steps of one row, exchanges of one after the other, leaps of many.
 
 A step goes from the point towards the target, as far as the first row that blocks it. Exchanges and
-leaps look at the target alone. An exchange deactivates a row whose multiplier has the wrong sign
+leaps regard the target alone. An exchange deactivates a row whose multiplier has the wrong sign
 before it activates another, as dual methods do: where a tick violates a row or two, it mostly ends
-within three. A leap changes many rows at once, as in block pivoting (Portugal, Judice, Vicente
-1994, "A comparison of block pivoting and interior-point algorithms for linear least squares
-problems with nonnegative variables"). Nothing says that either leads nearer. But where nothing is
-wrong is the optimum, and mostly they get there in fewer factorisations than single steps.
+within three. A leap changes many rows, as in block pivoting (Portugal, Judice, Vicente 1994, "A
+comparison of block pivoting and interior-point algorithms for linear least squares problems with
+nonnegative variables"). Neither is sure to come nearer. But a set with nothing wrong is the
+optimum, and mostly they get there in fewer factorisations than single steps.
 """
 
 import numpy as np
@@ -16,19 +16,19 @@ from poise.hqp._active_set.kernels import copy, multiply, norm_of
 from poise.hqp._active_set.multipliers import FIRST, LARGEST, deactivate_wrong_signs
 from poise.hqp._active_set.workspace import (
     EQUALITY,
+    LEAPING,
     LOCKED,
     RELEASED,
     STEPPING,
-    Answer,
     Matrix,
     Points,
     Problem,
-    Rows,
+    RowStates,
+    SearchWork,
     State,
     Vector,
-    Work,
 )
-from poise.hqp._measure import find_residuals, find_slacks
+from poise.hqp._measure import measure_values
 from poise.hqp._tolerances import (
     ADD_RATIOS,
     DROP_RATIOS,
@@ -44,52 +44,33 @@ from poise.hqp._tolerances import (
 
 
 @part
-def exchange(problem: Problem, work: Work) -> bool:
-    """Change one row: drop the worst multiplier of the wrong sign, or add a violated row."""
-    state, points = work.state, work.points
-    largest = find_violations(problem, work.rows, points.target, points.target_values)
-    signs = deactivate_wrong_signs(problem, work, LARGEST)
-    optimal = largest == 0.0 and signs == 0
-    if optimal or is_better(problem, work.rows, points, work.answer):
-        move_to_target(points)
-    if optimal:
-        return True
-    state.turn += 1
-    if state.turn == MOST_EXCHANGES:
-        state.phase = STEPPING
-        _begin_steps(problem, work.rows, points)
-    elif signs == 0:
-        activate(work.rows, largest)
-    return False
-
-
-@part
-def leap(problem: Problem, work: Work) -> bool:
-    """Change many rows; return whether there was nothing to change."""
-    state, points = work.state, work.points
+def change_rows(problem: Problem, work: SearchWork) -> bool:
+    """Leap, or exchange one row; return whether nothing was wrong with the active set."""
+    state, rows, points, leaping = work.state, work.rows, work.points, work.state.phase == LEAPING
     turn = state.turn
-    state.turn += 1
-    largest = find_violations(problem, work.rows, points.target, points.target_values)
-    wrong = count_violations(work.rows)
-    wrong += deactivate_wrong_signs(problem, work, DROP_RATIOS[turn % len(DROP_RATIOS)])
-    if wrong == 0 or is_better(problem, work.rows, points, work.answer):
-        move_to_target(points)
+    largest = find_violations(problem, work, points.target, points.target_values)
+    ratio = DROP_RATIOS[turn % len(DROP_RATIOS)] if leaping else LARGEST
+    signs = deactivate_wrong_signs(problem, work, ratio)
+    wrong = state.violated + signs
+    move_to_better(problem, work, wrong)
     if wrong == 0:
         return True
-    state.since += 1
+    state.turn, state.since = turn + 1, state.since + 1
     if wrong < state.fewest:
         state.fewest, state.since = wrong, 0
-    if turn + 1 >= MOST_LEAPS or state.since >= LEAP_PATIENCE:
-        state.phase = STEPPING
-        _begin_steps(problem, work.rows, points)
-    elif largest > 0.0:
-        activate(work.rows, ADD_RATIOS[turn % len(ADD_RATIOS)] * largest)
+    if leaping and turn + 1 < MOST_LEAPS and state.since < LEAP_PATIENCE:
+        activate(rows, ADD_RATIOS[turn % len(ADD_RATIOS)] * largest)
+    elif not leaping and turn + 1 < MOST_EXCHANGES:
+        if signs == 0:
+            activate(rows, largest)
+    else:
+        _begin_steps(problem, work)
     return False
 
 
 @part
-def step(problem: Problem, work: Work) -> bool:
-    """Goes towards the target, and deactivates a row there; returns whether there was none."""
+def step(problem: Problem, work: SearchWork) -> bool:
+    """Go towards the target and deactivate a row there; return whether there was none."""
     state = work.state
     if _step_until_blocked(problem, work.rows, work.points, state):
         state.idle = 0
@@ -104,20 +85,22 @@ def step(problem: Problem, work: Work) -> bool:
 
 
 @part
-def _begin_steps(problem: Problem, rows: Rows, points: Points) -> None:
-    """Makes active what the point violates, and nothing that it keeps away from."""
+def _begin_steps(problem: Problem, work: SearchWork) -> None:
+    """Activate the rows that the point violates, and deactivate those with room at the point."""
+    rows, points = work.rows, work.points
+    work.state.phase = STEPPING
     size = FEASIBILITY_TOLERANCE * norm_of(points.x)
     for i in range(len(points.values)):
         value, room = points.values[i], size * rows.norm[i]
         if rows.side[i] != EQUALITY and problem.lower[i] + room < value < problem.upper[i] - room:
             rows.side[i] = rows.sign_free[i] = 0
-    if find_violations(problem, rows, points.x, points.values) > 0.0:
-        activate(rows, 0.0)
+    find_violations(problem, work, points.x, points.values)
+    activate(rows, 0.0)
 
 
 @part
-def _step_until_blocked(problem: Problem, rows: Rows, points: Points, state: State) -> bool:
-    """Goes towards the target until a row blocks the step; returns whether x moved."""
+def _step_until_blocked(problem: Problem, rows: RowStates, points: Points, state: State) -> bool:
+    """Go towards the target until a row blocks the step; return whether x moved."""
     x, target, values, goal = points.x, points.target, points.values, points.target_values
     size = max(norm_of(target), norm_of(x))
     length, blocking, side = 1.0, -1, 0
@@ -153,15 +136,16 @@ def _step_until_blocked(problem: Problem, rows: Rows, points: Points, state: Sta
 
 @part
 def find_values(A: Matrix, x: Vector, values: Vector) -> None:
-    """Values of all bounds and rows at a point."""
+    """Find the values of all bounds and rows at a point."""
     copy(values[: len(x)], x)
     multiply(A, x, values[len(x) :])
 
 
 @part
-def find_violations(problem: Problem, rows: Rows, x: Vector, values: Vector) -> float:
-    """Find the signed violations of inactive rows, by their norms; return the largest."""
-    size, largest = FEASIBILITY_TOLERANCE * norm_of(x), 0.0
+def find_violations(problem: Problem, work: SearchWork, x: Vector, values: Vector) -> float:
+    """Find and count the signed violations of inactive rows, by norm; return the largest."""
+    rows, size, largest = work.rows, FEASIBILITY_TOLERANCE * norm_of(x), 0.0
+    work.state.violated = 0
     for i in range(len(values)):
         rows.violation[i] = 0.0
         if rows.side[i] != 0:
@@ -171,21 +155,13 @@ def find_violations(problem: Problem, rows: Rows, x: Vector, values: Vector) -> 
             far = over / rows.norm[i] if rows.norm[i] > 0.0 else over
             rows.violation[i] = far if values[i] > problem.upper[i] else -far
             largest = max(largest, far)
+            work.state.violated += 1
     return largest
 
 
 @part
-def count_violations(rows: Rows) -> int:
-    """How many rows `find_violations` found."""
-    count = 0
-    for i in range(len(rows.violation)):
-        count += 1 if rows.violation[i] != 0.0 else 0
-    return count
-
-
-@part
-def activate(rows: Rows, least: float) -> None:
-    """Makes rows active that are violated by at least so much."""
+def activate(rows: RowStates, least: float) -> None:
+    """Activate rows that are violated by at least `least`."""
     for i in range(len(rows.violation)):
         far = rows.violation[i]
         if far != 0.0 and abs(far) >= least:
@@ -194,41 +170,46 @@ def activate(rows: Rows, least: float) -> None:
 
 
 @part
-def move_to_target(points: Points) -> None:
-    """Makes the target the point."""
-    copy(points.x, points.target)
-    copy(points.values, points.target_values)
+def move_to_better(problem: Problem, work: SearchWork, wrong: int) -> None:
+    """Make the target the point, where no row is wrong or the levels are met no worse there."""
+    points = work.points
+    if wrong == 0 or _is_better(problem, work):
+        copy(points.x, points.target)
+        copy(points.values, points.target_values)
 
 
 @part
-def is_better(problem: Problem, rows: Rows, points: Points, answer: Answer) -> bool:
-    """Whether the target meets the levels better than the point, or as well."""
+def _is_better(problem: Problem, work: SearchWork) -> bool:
+    """Return whether the target meets the levels better than the point, or as well."""
     lower, upper, weights = problem.lower, problem.upper, problem.weights
-    find_residuals(lower, upper, weights, rows.level, points.values, answer.residuals)
-    find_residuals(lower, upper, weights, rows.level, points.target_values, answer.target_residuals)
+    rows, points, answer = work.rows, work.points, work.answer
+    level_of, slacks = rows.level, answer.slacks
+    old, new = answer.residuals, answer.target_residuals
+    measure_values(lower, upper, weights, level_of, points.values, slacks, old)
+    measure_values(lower, upper, weights, level_of, points.target_values, slacks, new)
     reach = max(norm_of(points.x), norm_of(points.target))
-    for level in range(len(answer.residuals)):
-        old, new, size = answer.residuals[level], answer.target_residuals[level], 0.0
+    for level in range(len(old)):
+        size = 0.0
         for i in range(len(weights)):
-            if rows.level[i] == level:
+            if level_of[i] == level:
                 size = max(size, rows.norm[i] * weights[i])
-        # A level that both meet is met to rounding. Written so that what is no number is no better.
-        room = max(SAME_TOLERANCE * max(old, new), SLACK_TOLERANCE * size * reach)
-        if not abs(old - new) <= room:
-            return bool(new < old)
+        # A level that both meet is met to rounding. NaN is never better.
+        room = max(SAME_TOLERANCE * max(old[level], new[level]), SLACK_TOLERANCE * size * reach)
+        if not abs(old[level] - new[level]) <= room:
+            return bool(new[level] < old[level])
     return True
 
 
 @part
-def measure(problem: Problem, work: Work) -> bool:
-    """Slacks of all rows, residuals of all levels; returns whether all that was found is finite."""
+def measure(problem: Problem, work: SearchWork) -> bool:
+    """Find slacks and residuals at the point; return whether the whole answer is finite."""
     answer, values = work.answer, work.points.values
     lower, upper, weights, level = problem.lower, problem.upper, problem.weights, work.rows.level
-    find_slacks(lower, upper, values, answer.slacks)
-    find_residuals(lower, upper, weights, level, values, answer.residuals)
     # The levels' scales are their residuals at x = 0.
-    work.rows.violation[:] = 0.0
-    find_residuals(lower, upper, weights, level, work.rows.violation, answer.relative)
+    zeros = work.rows.violation
+    zeros[:] = 0.0
+    measure_values(lower, upper, weights, level, zeros, answer.slacks, answer.relative)
+    measure_values(lower, upper, weights, level, values, answer.slacks, answer.residuals)
     for p in range(len(answer.residuals)):
         answer.relative[p] = answer.residuals[p] / max(answer.relative[p], 1.0)
     total = 0.0

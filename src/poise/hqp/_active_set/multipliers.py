@@ -1,6 +1,6 @@
-"""Multipliers at the optimum of an active set, level by level, and what they say about it.
+"""Multipliers at the optimum of an active set, level by level, and its optimality conditions.
 
-Whether they may be believed is asked of the problem's own rows, not of those that were factored.
+The conditions are checked with the problem's own rows, not with those that were factored.
 """
 
 from math import sqrt
@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 
 from poise._compiled import part
-from poise.hqp._active_set.kernels import add_rows, copy, norm_of, reflect
+from poise.hqp._active_set.kernels import add_multiple, add_rows, copy, norm_of, reflect
 from poise.hqp._active_set.optimum import find_gradient
 from poise.hqp._active_set.workspace import (
     EQUALITY,
@@ -18,12 +18,11 @@ from poise.hqp._active_set.workspace import (
     Duals,
     Factor,
     Matrix,
-    Points,
     Problem,
-    Rows,
+    RowStates,
+    SearchWork,
     State,
     Vector,
-    Work,
 )
 from poise.hqp._tolerances import (
     DUAL_TOLERANCE,
@@ -33,16 +32,15 @@ from poise.hqp._tolerances import (
 )
 
 LARGEST, FIRST = 2.0, 3.0
-"""What `deactivate_wrong_signs` takes instead of a ratio, to deactivate one row: which."""
+"""Instead of a ratio of `deactivate_wrong_signs`: the one row to deactivate."""
 
 
 @part
-def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
-    """Finds multipliers at the optimum of the active set, and deactivates rows of the wrong sign.
+def deactivate_wrong_signs(problem: Problem, work: SearchWork, ratio: float) -> int:
+    """Find multipliers at the optimum of the active set; deactivate rows of the wrong sign.
 
     A level's slack is its own multiplier, and the levels above balance it. Of a row's multipliers,
-    highest level first, the first that is not zero must have the sign of its side; the others are
-    free.
+    highest level first, the first nonzero one must have the sign of its side; the others are free.
     """
     factor, rows, multipliers = work.factor, work.rows, work.duals.multipliers
     state = work.state
@@ -71,7 +69,11 @@ def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
         if wrong > 0:
             return wrong
         if level < levels:
-            _free_signs(rows, factor, level, size)
+            reach = norm_of(factor.y)
+            # Rows with slack have multipliers of either sign below their level.
+            for place in range(factor.begin[level], factor.begin[level + 1]):
+                if _is_clear(factor, place, size, reach):
+                    rows.sign_free[factor.order[place]] = 1
     for level in range(levels + 1):
         for place in range(active):
             index = factor.order[place]
@@ -80,10 +82,10 @@ def deactivate_wrong_signs(problem: Problem, work: Work, ratio: float) -> int:
 
 
 @part
-def _take_slacks(problem: Problem, work: Work, found: Vector, level: int) -> int:
-    """Takes slacks as multipliers; deactivates those of the wrong sign, and returns how many.
+def _take_slacks(problem: Problem, work: SearchWork, found: Vector, level: int) -> int:
+    """Take slacks as multipliers; deactivate rows of the wrong sign, and return their count.
 
-    Slack that is rounding has no sign: the row that it deactivates may block the next step at once.
+    Slack that is rounding has no sign: a row that it deactivates may block the very next step.
     """
     rows, factor, state = work.rows, work.factor, work.state
     wrong, size, reach = 0, -1.0, 0.0
@@ -101,7 +103,13 @@ def _take_slacks(problem: Problem, work: Work, found: Vector, level: int) -> int
                     state.doubtful = 1
             elif _is_clear(factor, place, size, reach):
                 wrong += 1
-                _deactivate_slack(problem, rows, work.points, index)
+                # It may violate its other bound.
+                value = work.points.target_values[index]
+                room = FEASIBILITY_TOLERANCE * rows.norm[index] * norm_of(work.points.target)
+                over = value > problem.upper[index] + room
+                under = value < problem.lower[index] - room
+                rows.side[index] = 1 if over else (-1 if under else 0)
+                rows.sign_free[index] = 0
                 if state.phase == STEPPING:
                     rows.locked[index] = RELEASED
         elif rows.sign_free[index] == 0:
@@ -111,7 +119,7 @@ def _take_slacks(problem: Problem, work: Work, found: Vector, level: int) -> int
 
 @part
 def _slack_force(factor: Factor, level: int) -> float:
-    """The size of the gradient of half a level's squared slack, before anything cancels in it."""
+    """Return the size of the terms in the gradient of half a level's squared slack."""
     square = 0.0
     for place in range(factor.begin[level], factor.begin[level + 1]):
         force = factor.slack[place] * factor.size[place]
@@ -128,41 +136,25 @@ def _is_clear(factor: Factor, place: int, size: float, reach: float) -> bool:
 
 
 @part
-def _deactivate_slack(problem: Problem, rows: Rows, points: Points, index: int) -> None:
-    """Makes a row inactive whose slack has the wrong sign, unless it violates its other bound."""
-    value = points.target_values[index]
-    room = FEASIBILITY_TOLERANCE * rows.norm[index] * norm_of(points.target)
-    side = 0
-    if value > problem.upper[index] + room:
-        side = 1
-    elif value < problem.lower[index] - room:
-        side = -1
-    rows.side[index] = side
-    rows.sign_free[index] = 0
-
-
-@part
 def _find_level_gradient(factor: Factor, gradient: Vector, level: int) -> float:
-    """The gradient of half a level's squared slack, in y; returns its size before cancellation."""
+    """Find the gradient of half a level's squared slack, in y; return the size of its terms."""
     first = factor.first[level]
     gradient[:first] = 0.0
     for place in range(factor.begin[level], factor.begin[level + 1]):
         slack = factor.slack[place]
         if slack != 0.0:
-            row = factor.R[place]
-            for j in range(first):
-                gradient[j] += slack * row[j]
+            add_multiple(gradient[:first], slack, factor.R[place])
     return _slack_force(factor, level)
 
 
 @part
-def _find_cost_gradient(problem: Problem, work: Work) -> float:
-    """The gradient of the final cost, in y; returns the size of what cancels in it."""
+def _find_cost_gradient(problem: Problem, work: SearchWork) -> float:
+    """Find the gradient of the final cost, in y; return the size of its terms."""
     factor, target, gradient = work.factor, work.points.target, work.cost.gradient
     find_gradient(problem.H, problem.g, target, gradient)
     size = 0.0
     for i in range(len(gradient)):
-        # Not what is left of H x: that is rounding where x lies in the kernel of H.
+        # Not of H x itself, which is rounding where x lies in the kernel of H.
         row, terms = problem.H[i], abs(problem.g[i])
         for j in range(len(gradient)):
             terms += abs(row[j] * target[j])
@@ -175,7 +167,7 @@ def _find_cost_gradient(problem: Problem, work: Work) -> float:
 
 @part
 def _balance(factor: Factor, gradient: Vector, found: Vector, level: int) -> None:
-    """Multipliers of the levels above that balance the gradient, of rows with a coordinate."""
+    """Find the multipliers of the levels above, of rows with a coordinate, that balance it."""
     for upper in range(level - 1, -1, -1):
         begin, first = factor.begin[upper], factor.first[upper]
         for k in range(factor.first[upper + 1] - first - 1, -1, -1):
@@ -185,13 +177,12 @@ def _balance(factor: Factor, gradient: Vector, found: Vector, level: int) -> Non
             row = factor.R[begin + k]
             multiplier = -gradient[column] / row[column]
             found[factor.order[begin + k]] = multiplier
-            for j in range(column):
-                gradient[j] += multiplier * row[j]
+            add_multiple(gradient[:column], multiplier, row)
 
 
 @part
 def _deactivate_above(
-    rows: Rows,
+    rows: RowStates,
     factor: Factor,
     duals: Duals,
     state: State,
@@ -200,7 +191,7 @@ def _deactivate_above(
     size: float,
     ratio: float,
 ) -> int:
-    """Deactivates rows above a level whose multiplier has the wrong sign; returns how many."""
+    """Deactivate rows above a level with a multiplier of the wrong sign; return their count."""
     found = duals.multipliers[level]
     for place in range(above):
         size = max(size, abs(found[factor.order[place]]) * factor.size[place])
@@ -244,21 +235,12 @@ def _deactivate_above(
     return dropped
 
 
-@part
-def _free_signs(rows: Rows, factor: Factor, level: int, size: float) -> None:
-    """Lets rows with slack have multipliers of either sign below their level."""
-    reach = norm_of(factor.y)
-    for place in range(factor.begin[level], factor.begin[level + 1]):
-        if _is_clear(factor, place, size, reach):
-            rows.sign_free[factor.order[place]] = 1
-
-
-# --- whether they may be believed ---------------------------------------------------------------
+# --- optimality conditions ----------------------------------------------------------------------
 
 
 @part
-def is_optimal(problem: Problem, work: Work) -> bool:
-    """Return whether rows, balances and signs are those of the optimum."""
+def is_optimal(problem: Problem, work: SearchWork) -> bool:
+    """Check rows, balances and signs."""
     if work.state.doubtful != 0:
         return False
     factor, duals, norm = work.factor, work.duals, work.rows.norm
@@ -282,7 +264,7 @@ def is_optimal(problem: Problem, work: Work) -> bool:
 
 
 @part
-def _has_wrong_sign(work: Work, reach: float) -> bool:
+def _has_wrong_sign(work: SearchWork, reach: float) -> bool:
     """Return whether the first multiplier of a row beyond rounding has the wrong sign."""
     factor, rows, decided = work.factor, work.rows, work.duals.forces
     levels = len(factor.rank)
@@ -311,15 +293,17 @@ def _has_wrong_sign(work: Work, reach: float) -> bool:
 
 
 @part
-def _row_error(problem: Problem, rows: Rows, factor: Factor, values: Vector, reach: float) -> float:
-    """How far rows are from where they should be, relatively; inactive ones inside their bounds."""
+def _row_error(
+    problem: Problem, rows: RowStates, factor: Factor, values: Vector, reach: float
+) -> float:
+    """Return the largest relative error of rows; inactive ones may lie inside their bounds."""
     worst = 0.0
     for place in range(factor.begin[len(factor.rank)]):
         index = factor.order[place]
         bound = factor.bound[place]
         miss = abs(values[index] * problem.weights[index] - bound - factor.slack[place])
         scale = abs(bound) + factor.size[place] * reach
-        # Written so that NaN is an error, too.
+        # Comparisons that fail on NaN.
         if not (miss < np.inf and abs(bound) < np.inf):
             return np.inf
         if miss > worst * scale:
@@ -349,7 +333,7 @@ def natural_reach(factor: Factor) -> float:
 def _imbalance(
     A: Matrix, norm: Vector, factor: Factor, duals: Duals, level: int, size: float
 ) -> float:
-    """What a level's multipliers, times the rows, leave of its gradient, relatively."""
+    """Return the relative remainder of a level's gradient and its multipliers times the rows."""
     gradient, chosen, found = duals.gradient, duals.chosen, duals.multipliers[level]
     n, count = len(gradient), 0
     for place in range(factor.begin[len(factor.rank)]):

@@ -1,19 +1,21 @@
 """The lexicographic optimum of an active set: its rows are equalities, all others are left out.
 
 The factorisation turns the coordinates, x = Q y, so that each level's rows become a trapezoid in y:
-zero to the right of the coordinates that it and the levels above it take. So the levels can be
-solved one after the other, and what a level does with its own coordinates leaves those above
-untouched.
+zero to the right of the coordinates that it and the levels above it take. So the levels are solved
+one after the other, and a level's own coordinates leave those above as they are.
 """
 
 from math import sqrt
 
 from poise._compiled import part
 from poise.hqp._active_set.kernels import (
+    add_multiple,
     add_rows,
     choose_nonzero,
     copy,
+    dot,
     make_reflection,
+    minus_dot,
     multiply,
     norm_of,
     reflect,
@@ -28,9 +30,9 @@ from poise.hqp._active_set.workspace import (
     LeastSquares,
     Matrix,
     Problem,
-    Rows,
+    RowStates,
+    SearchWork,
     Vector,
-    Work,
 )
 from poise.hqp._tolerances import (
     CANCELLED,
@@ -41,17 +43,17 @@ from poise.hqp._tolerances import (
 )
 
 _SIGN_FREE = 8
-"""What tells the code of the side of a row whose sign is free from another's."""
+"""Added to the side of a row whose sign is free, in `RowStates.factored`."""
 
 
 @part
-def find_optimum(problem: Problem, work: Work) -> None:
-    """Factors the active rows and finds their optimum."""
+def find_optimum(problem: Problem, work: SearchWork) -> None:
+    """Factor the active rows and find their optimum."""
     factor, target = work.factor, work.points.target
     n, levels = len(target), len(factor.rank)
     start = _first_changed(work.rows, levels)
-    # A new problem has new numbers everywhere.
-    start = 0 if work.state.changes == 1 else start
+    if work.state.changes == 1:
+        start = 0
     factor.begin[0] = factor.first[0] = 0
     for level in range(start, levels):
         factor_level(problem, work.rows, factor, level)
@@ -67,11 +69,8 @@ def find_optimum(problem: Problem, work: Work) -> None:
 
 
 @part
-def _first_changed(rows: Rows, levels: int) -> int:
-    """The first level whose active rows are not as they were factored, and notes how they are.
-
-    What was found for the levels above it stays as it is.
-    """
+def _first_changed(rows: RowStates, levels: int) -> int:
+    """Return the first level whose active rows are not as they were factored, and note them."""
     first = levels
     for i in range(len(rows.side)):
         now = 0 if rows.side[i] == 0 else rows.side[i] + _SIGN_FREE * rows.sign_free[i]
@@ -85,8 +84,8 @@ def _first_changed(rows: Rows, levels: int) -> int:
 
 
 @part
-def factor_level(problem: Problem, rows: Rows, factor: Factor, level: int) -> None:
-    """Turn the coordinates that the levels above leave: a level's rows become a trapezoid."""
+def factor_level(problem: Problem, rows: RowStates, factor: Factor, level: int) -> None:
+    """Turn the coordinates that the levels above leave until a level's rows are a trapezoid."""
     n, R = len(factor.y), factor.R
     begin, first = factor.begin[level], factor.first[level]
     free = _gather(problem, rows, factor, level, begin, 1)
@@ -104,44 +103,48 @@ def factor_level(problem: Problem, rows: Rows, factor: Factor, level: int) -> No
             best = _best_pivot(factor, pivot, stop)
             if best < 0:
                 break
-            if best != pivot:
-                _swap(factor, best, pivot)
-            v, tail = factor.V[column, column:], R[pivot, column:]
-            tau = make_reflection(tail, v, norm_of(tail))
-            factor.tau[column] = tau
-            reflect_rows(R, pivot + 1, end, column, v, tau)
+            _take_coordinate(factor, best, pivot, end, column)
             column += 1
             pivot += 1
             _update_left(factor, pivot, end, column)
     factor.rank[level] = column - first
-    column = _take_guarded(rows, factor, pivot, end, column)
+    # Guarded rows take a coordinate for what little of them lies outside the pivots.
+    for place in range(pivot, end):
+        if rows.guarded[factor.order[place]] == 0 or column == n:
+            continue
+        if norm_of(R[place, column:]) > DEPENDENCE_TOLERANCE * factor.size[place]:
+            _take_coordinate(factor, place, pivot, end, column)
+            column, pivot = column + 1, pivot + 1
     factor.first[level + 1] = column
 
 
 @part
-def _take_guarded(rows: Rows, factor: Factor, pivot: int, end: int, column: int) -> int:
-    """Takes a coordinate for each guarded row that depends on the pivots; returns the next one."""
-    R = factor.R
-    for place in range(pivot, end):
-        if rows.guarded[factor.order[place]] == 0 or column == len(factor.y):
-            continue
-        norm = norm_of(R[place, column:])
-        if not norm > DEPENDENCE_TOLERANCE * factor.size[place]:
-            continue
-        if place != pivot:
-            _swap(factor, place, pivot)
-        v, tail = factor.V[column, column:], R[pivot, column:]
-        factor.tau[column] = make_reflection(tail, v, norm)
-        reflect_rows(R, pivot + 1, end, column, v, factor.tau[column])
-        column, pivot = column + 1, pivot + 1
-    return column
+def _take_coordinate(factor: Factor, place: int, pivot: int, end: int, column: int) -> None:
+    """Make a row the next pivot, and reflect it and those after it."""
+    if place != pivot:
+        row_a, row_b = factor.R[place], factor.R[pivot]
+        for j in range(len(row_a)):
+            row_a[j], row_b[j] = row_b[j], row_a[j]
+        factor.order[place], factor.order[pivot] = factor.order[pivot], factor.order[place]
+        _swap(factor.bound, place, pivot)
+        _swap(factor.size, place, pivot)
+        _swap(factor.left, place, pivot)
+        _swap(factor.left_exact, place, pivot)
+    v = factor.V[column, column:]
+    factor.tau[column] = make_reflection(factor.R[pivot, column:], v)
+    reflect_rows(factor.R, pivot + 1, end, column, v, factor.tau[column])
+
+
+@part
+def _swap(numbers: Vector, a: int, b: int) -> None:
+    numbers[a], numbers[b] = numbers[b], numbers[a]
 
 
 @part
 def _gather(
-    problem: Problem, rows: Rows, factor: Factor, level: int, place: int, sign_free: int
+    problem: Problem, rows: RowStates, factor: Factor, level: int, place: int, sign_free: int
 ) -> int:
-    """Copies a level's active rows, times their weights; returns where the next ones go."""
+    """Copy a level's active rows, times their weights; return the next free place."""
     n = len(factor.y)
     if problem.bounds_level == level:
         for i in range(n):
@@ -160,8 +163,8 @@ def _gather(
 
 
 @part
-def _note(problem: Problem, rows: Rows, factor: Factor, index: int, place: int) -> int:
-    """Notes which row stands at a place; returns the next place."""
+def _note(problem: Problem, rows: RowStates, factor: Factor, index: int, place: int) -> int:
+    """Note which row stands at a place; return the next place."""
     weight = problem.weights[index]
     bound = problem.upper[index] if rows.side[index] > 0 else problem.lower[index]
     factor.order[place] = index
@@ -172,10 +175,7 @@ def _note(problem: Problem, rows: Rows, factor: Factor, index: int, place: int) 
 
 @part
 def _best_pivot(factor: Factor, begin: int, end: int) -> int:
-    """The row that is the largest of those with anything left, or -1.
-
-    Large rows first, so that the others are combinations with small coefficients.
-    """
+    """Return the largest row with anything left, or -1; the others get small coefficients so."""
     best, most = -1, 0.0
     for row in range(begin, end):
         worth = factor.left[row] * factor.size[row]
@@ -185,21 +185,8 @@ def _best_pivot(factor: Factor, begin: int, end: int) -> int:
 
 
 @part
-def _swap(factor: Factor, a: int, b: int) -> None:
-    """Lets two active rows of a level change places."""
-    row_a, row_b = factor.R[a], factor.R[b]
-    for j in range(len(row_a)):
-        row_a[j], row_b[j] = row_b[j], row_a[j]
-    factor.order[a], factor.order[b] = factor.order[b], factor.order[a]
-    factor.bound[a], factor.bound[b] = factor.bound[b], factor.bound[a]
-    factor.size[a], factor.size[b] = factor.size[b], factor.size[a]
-    factor.left[a], factor.left[b] = factor.left[b], factor.left[a]
-    factor.left_exact[a], factor.left_exact[b] = factor.left_exact[b], factor.left_exact[a]
-
-
-@part
 def _update_left(factor: Factor, begin: int, end: int, column: int) -> None:
-    """Takes what the last pivot saw of each row out of what is left of it."""
+    """Subtract the last pivot's part of each row from the part left of it."""
     for row in range(begin, end):
         size = factor.size[row]
         if not size > 0.0:
@@ -218,23 +205,17 @@ def _update_left(factor: Factor, begin: int, end: int, column: int) -> None:
 
 @part
 def solve_level(factor: Factor, squares: LeastSquares, level: int) -> None:
-    """Gives a level the least slack that is left to it."""
+    """Find the coordinates and the least slack of a level."""
     begin, end = factor.begin[level], factor.begin[level + 1]
     first, rank = factor.first[level], factor.rank[level]
     y, rhs, slack = factor.y, factor.rhs, factor.slack
     above, z = y[:first], y[first : first + rank]
     for row in range(begin, end):
-        head, left = factor.R[row], factor.bound[row]
-        for j in range(first):
-            left -= head[j] * above[j]
-        rhs[row] = left
-        slack[row] = 0.0
+        rhs[row], slack[row] = minus_dot(factor.bound[row], above, factor.R[row]), 0.0
     _solve_pivots(factor, begin, first, rank)
     size, met = norm_of(y[: first + rank]), True
     for row in range(begin + rank, end):
-        own, left = factor.R[row, first : first + rank], rhs[row]
-        for j in range(rank):
-            left -= own[j] * z[j]
+        left = minus_dot(rhs[row], z, factor.R[row, first : first + rank])
         if abs(left) > SLACK_TOLERANCE * (abs(factor.bound[row]) + factor.size[row] * size):
             slack[row], met = -left, False
     y[first + rank : factor.first[level + 1]] = 0.0
@@ -248,18 +229,16 @@ def solve_level(factor: Factor, squares: LeastSquares, level: int) -> None:
 
 @part
 def _solve_pivots(factor: Factor, begin: int, first: int, rank: int) -> None:
-    """Meets a level's pivots, one after the other."""
+    """Meet a level's pivots, one after the other."""
     z = factor.y[first : first + rank]
     for k in range(rank):
-        own, left = factor.R[begin + k, first : first + rank], factor.rhs[begin + k]
-        for j in range(k):
-            left -= own[j] * z[j]
-        z[k] = left / own[k]
+        own = factor.R[begin + k, first : first + rank]
+        z[k] = minus_dot(factor.rhs[begin + k], z[:k], own) / own[k]
 
 
 @part
 def _write_out_guarded(factor: Factor, level: int) -> None:
-    """Makes guarded rows rows again of what the least squares wrote as combinations of pivots."""
+    """Turn guarded rows, which the least squares wrote in terms of the pivots, back into rows."""
     begin, first, rank = factor.begin[level], factor.first[level], factor.rank[level]
     for column in range(first + rank, factor.first[level + 1]):
         own = factor.R[begin + column - first, first : first + rank]
@@ -277,42 +256,36 @@ def _write_out_guarded(factor: Factor, level: int) -> None:
 def solve_cost(
     problem: Problem, factor: Factor, cost: FinalCost, target: Vector, chosen: Indices
 ) -> None:
-    """Moves the target to the least final cost that leaves all levels as they are."""
+    """Move the target to the least final cost that leaves all levels as they are."""
     n, taken = len(target), factor.first[len(factor.rank)]
     free = n - taken
     _make_basis(factor, cost, taken)
     _reduce_hessian(problem.H, cost, chosen, free)
     z, rank = cost.z, free
-    # A second step takes off what the first one loses where curvatures lie far apart.
+    # A second step removes the error of the first where curvatures lie far apart.
     for step in range(2):
         find_gradient(problem.H, problem.g, target, cost.gradient)
         for k in range(rank):
-            direction, slope = cost.Z[k if step == 0 else cost.pivot[k]], 0.0
-            for j in range(n):
-                slope -= direction[j] * cost.gradient[j]
-            z[k] = slope
+            direction = cost.Z[k if step == 0 else cost.pivot[k]]
+            z[k] = minus_dot(0.0, direction, cost.gradient)
         if step == 0:
             rank = _factor_hessian(problem.H, cost, free)
         _solve_factored(cost, rank)
         for k in range(rank):
-            place = cost.pivot[k]
-            direction, length = cost.Z[place], z[k]
-            factor.y[taken + place] += length
-            for j in range(n):
-                target[j] += length * direction[j]
+            factor.y[taken + cost.pivot[k]] += z[k]
+            add_multiple(target, z[k], cost.Z[cost.pivot[k]])
 
 
 @part
 def find_gradient(H: Matrix, g: Vector, x: Vector, out: Vector) -> None:
-    """H x + g."""
+    """Out <- H x + g."""
     multiply(H, x, out)
-    for i in range(len(x)):
-        out[i] += g[i]
+    add_multiple(out, 1.0, g)
 
 
 @part
 def _make_basis(factor: Factor, cost: FinalCost, taken: int) -> None:
-    """What Q makes of the unit vectors of the coordinates that are left."""
+    """Apply Q to the unit vectors of the free coordinates."""
     Z, n = cost.Z, len(cost.Z)
     free = n - taken
     Z[:free] = 0.0
@@ -326,26 +299,21 @@ def _make_basis(factor: Factor, cost: FinalCost, taken: int) -> None:
 
 @part
 def _reduce_hessian(H: Matrix, cost: FinalCost, chosen: Indices, free: int) -> None:
-    """The upper triangle of C = Z^T H Z; H is mostly zeros where it is a mass matrix."""
-    n = len(H)
-    for i in range(n):
+    """Find the upper triangle of C = Z^T H Z; a mass matrix H is mostly zeros."""
+    for i in range(len(H)):
         product, row = cost.z[:free], H[i]
         product[:] = 0.0
         add_rows(product, cost.ZT, row, chosen, choose_nonzero(row, chosen), 0)
         for k in range(free):
             cost.HZ[k, i] = product[k]
     for k in range(free):
-        left = cost.HZ[k]
         for o in range(k, free):
-            right, total = cost.Z[o], 0.0
-            for j in range(n):
-                total += left[j] * right[j]
-            cost.C[k, o] = total
+            cost.C[k, o] = dot(cost.HZ[k], cost.Z[o])
 
 
 @part
 def _factor_hessian(H: Matrix, cost: FinalCost, free: int) -> int:
-    """Cholesky factor with pivots, in place and transposed; returns the rank."""
+    """Find the Cholesky factor with pivots, in place and transposed; return the rank."""
     C, pivot, z = cost.C, cost.pivot, cost.z
     largest = 0.0
     for i in range(len(pivot)):
@@ -362,22 +330,20 @@ def _factor_hessian(H: Matrix, cost: FinalCost, free: int) -> int:
         if best != k:
             _exchange(C, k, best, free)
             pivot[k], pivot[best] = pivot[best], pivot[k]
-            z[k], z[best] = z[best], z[k]
+            _swap(z, k, best)
         root = sqrt(C[k, k])
         C[k, k] = root
         row = C[k]
         for j in range(k + 1, free):
             row[j] /= root
         for i in range(k + 1, free):
-            ratio, other = row[i], C[i]
-            for j in range(i, free):
-                other[j] -= ratio * row[j]
+            add_multiple(C[i, i:free], -row[i], row[i:free])
     return free
 
 
 @part
 def _exchange(C: Matrix, a: int, b: int, free: int) -> None:
-    """Exchanges two rows and columns, a < b, of which the upper triangle is kept."""
+    """Exchange two rows and columns, a < b, of an upper triangle."""
     for i in range(a):
         C[i, a], C[i, b] = C[i, b], C[i, a]
     for i in range(a + 1, b):
@@ -389,13 +355,11 @@ def _exchange(C: Matrix, a: int, b: int, free: int) -> None:
 
 @part
 def _solve_factored(cost: FinalCost, rank: int) -> None:
-    """Solves U^T U z = slopes for the curved directions; the flat ones stay where they are."""
+    """Solve U^T U z = slopes for the curved directions; the flat ones stay as they are."""
     C, z = cost.C, cost.z
     for k in range(rank):
         z[k] /= C[k, k]
-        row, known = C[k], z[k]
-        for i in range(k + 1, rank):
-            z[i] -= known * row[i]
+        add_multiple(z[k + 1 : rank], -z[k], C[k, k + 1 : rank])
     for k in range(rank - 1, -1, -1):
         total, row = z[k], C[k]
         for i in range(k + 1, rank):

@@ -3,14 +3,21 @@
 from math import hypot, sqrt
 
 from poise._compiled import part
-from poise.hqp._active_set.kernels import choose_nonzero
+from poise.hqp._active_set.kernels import (
+    add_multiple,
+    choose_nonzero,
+    copy,
+    dot,
+    minus_dot,
+    norm_of,
+)
 from poise.hqp._active_set.workspace import EQUALITY, Indices, Matrix, Penalties, Problem, Vector
 from poise.hqp._tolerances import FLOOR, RIDGE
 
 
 @part
 def prepare_rows(problem: Problem, guessed: Penalties, chosen: Indices, shift: Vector) -> None:
-    """Finds C, all rows M with their norms, and the rows' values at x_0; no row is active."""
+    """Find C, all rows M with their norms, and the rows' values at x_0; no row is active."""
     (m, n), M = problem.A.shape, guessed.M
     _factor_cost(problem.H, guessed.C, chosen)
     for i in range(n):
@@ -24,11 +31,7 @@ def prepare_rows(problem: Problem, guessed: Penalties, chosen: Indices, shift: V
     _add_combination(z, M, problem.g, chosen)
     for i in range(n + m):
         # a x_0 = -M C^-1 g.
-        row, square, value = M[i], 0.0, 0.0
-        for j in range(n):
-            square += row[j] * row[j]
-            value -= row[j] * z[j]
-        guessed.norm[i], guessed.start[i] = sqrt(square), value
+        guessed.norm[i], guessed.start[i] = norm_of(M[i]), minus_dot(0.0, M[i], z)
         guessed.lower[i], guessed.upper[i] = problem.lower[i], problem.upper[i]
         side = guessed.side[i] if guessed.side[i] != EQUALITY else 0
         needed_by = guessed.needed_by[i]
@@ -39,10 +42,7 @@ def prepare_rows(problem: Problem, guessed: Penalties, chosen: Indices, shift: V
 
 @part
 def _factor_cost(H: Matrix, C: Matrix, begin: Indices) -> None:
-    """C of H, a little of whose trace is added to its diagonal, for it may be singular.
-
-    Rows of C begin where those of H do, which `begin` receives: H is often a few blocks.
-    """
+    """Factor H plus a ridge; its rows and those of C, often a few blocks, begin at `begin`."""
     n, trace = len(H), 0.0
     for i in range(n):
         trace += H[i, i]
@@ -53,36 +53,24 @@ def _factor_cost(H: Matrix, C: Matrix, begin: Indices) -> None:
     for i in range(n):
         row = C[i]
         for j in range(begin[i], i + 1):
-            other, total = C[j], H[i, j]
-            if i == j:
-                total += ridge
-            # Slices count from zero, where a loop's first number may be negative for all it knows.
-            start = max(begin[i], begin[j])
-            ours, theirs = row[start:j], other[start:j]
-            for k in range(j - start):
-                total -= ours[k] * theirs[k]
-            if i == j:
-                row[i] = sqrt(max(total, ridge))
-            else:
-                row[j] = total / other[j]
+            start, total = max(begin[i], begin[j]), H[i, j] + (ridge if i == j else 0.0)
+            total = minus_dot(total, row[start:j], C[j, start:j])
+            row[j] = sqrt(max(total, ridge)) if i == j else total / C[j, j]
 
 
 @part
 def _invert(C: Matrix, begin: Indices, index: int, column: Vector) -> None:
-    """A column of C^-1."""
+    """Find a column of C^-1."""
     column[:] = 0.0
     for k in range(index, len(column)):
-        row, total = C[k], 1.0 if k == index else 0.0
         start = max(index, begin[k])
-        ours, theirs = row[start:k], column[start:k]
-        for j in range(k - start):
-            total -= ours[j] * theirs[j]
-        column[k] = total / row[k]
+        total = minus_dot(1.0 if k == index else 0.0, C[k, start:k], column[start:k])
+        column[k] = total / C[k, k]
 
 
 @part
 def _add_combination(total: Vector, M: Matrix, factors: Vector, chosen: Indices) -> None:
-    """Adds C^-1 times a vector, of which most is zero; four columns at once, as in `add_rows`."""
+    """Add C^-1 times a vector of mostly zeros, four columns at a time as in `add_rows`."""
     n, count, i = len(factors), choose_nonzero(factors, chosen), 0
     while i + 4 <= count:
         a, b, c, d = chosen[i], chosen[i + 1], chosen[i + 2], chosen[i + 3]
@@ -94,35 +82,21 @@ def _add_combination(total: Vector, M: Matrix, factors: Vector, chosen: Indices)
         i += 4
     while i < count:
         a = chosen[i]
-        row, factor, out = M[a, a:], factors[a], total[a:]
-        for j in range(n - a):
-            out[j] += factor * row[j]
+        add_multiple(total[a:], factors[a], M[a, a:])
         i += 1
 
 
 @part
-def refactor(guessed: Penalties, begin: int, count: int) -> None:
-    """Factors the system of the first rows of `order` anew."""
-    solve_rhs(guessed, begin)
-    for k in range(begin, count):
-        add_row(guessed, k)
-
-
-@part
 def add_row(guessed: Penalties, place: int) -> None:
-    """Factors one more row of the system, the one that stands at a place in `order`."""
+    """Factor one more row of the system, which stands at a place in `order`."""
     index = guessed.order[place]
-    row, M, n = guessed.G[place], guessed.M[index], len(guessed.y)
+    row, M = guessed.G[place], guessed.M[index]
     right = _right(guessed, place)
     square = guessed.norm[index] * guessed.norm[index]
     left = square + guessed.compliance[index]
     for k in range(place):
-        other, N, total = guessed.G[k], guessed.M[guessed.order[k]], 0.0
-        for j in range(n):
-            total += M[j] * N[j]
-        for j in range(k):
-            total -= row[j] * other[j]
-        row[k] = total / other[k]
+        other, product = guessed.G[k], dot(M, guessed.M[guessed.order[k]])
+        row[k] = minus_dot(product, row[:k], other) / other[k]
         left -= row[k] * row[k]
         right -= row[k] * guessed.rhs[k]
     row[place] = sqrt(max(left, FLOOR * square))
@@ -131,13 +105,10 @@ def add_row(guessed: Penalties, place: int) -> None:
 
 @part
 def solve_rhs(guessed: Penalties, count: int) -> None:
-    """Divides the right sides by the factor anew, their slack being another."""
+    """Divide the right sides by the factor anew, for moved bounds."""
     for k in range(count):
         row = guessed.G[k]
-        left = _right(guessed, k)
-        for j in range(k):
-            left -= row[j] * guessed.rhs[j]
-        guessed.rhs[k] = left / row[k]
+        guessed.rhs[k] = minus_dot(_right(guessed, k), guessed.rhs[:k], row) / row[k]
 
 
 @part
@@ -148,14 +119,13 @@ def _right(guessed: Penalties, place: int) -> float:
 
 
 @part
-def remove_row(guessed: Penalties, place: int, count: int) -> None:
-    """Takes a row out of the system, and out of `order`; rotations mend the factor."""
-    G, rhs = guessed.G, guessed.rhs
+def deactivate(guessed: Penalties, place: int, count: int) -> None:
+    """Take a row out of the system and out of `order`; rotations mend the factor."""
+    G, rhs, index = guessed.G, guessed.rhs, guessed.order[place]
+    guessed.side[index], guessed.moved[index] = 0, guessed.held[index]
     for k in range(place, count - 1):
         guessed.order[k], guessed.multiplier[k] = guessed.order[k + 1], guessed.multiplier[k + 1]
-        to, source = G[k], G[k + 1]
-        for j in range(k + 2):
-            to[j] = source[j]
+        copy(G[k, : k + 2], G[k + 1])
     for k in range(place, count - 1):
         length = hypot(G[k, k], G[k, k + 1])
         c, s = G[k, k] / length, G[k, k + 1] / length
@@ -168,27 +138,18 @@ def remove_row(guessed: Penalties, place: int, count: int) -> None:
 
 @part
 def find_multipliers(guessed: Penalties, count: int, out: Vector) -> None:
-    """Multipliers of the first rows of `order`."""
-    for k in range(count):
-        out[k] = guessed.rhs[k]
+    """Find the multipliers of the first rows of `order`."""
+    copy(out[:count], guessed.rhs)
     for k in range(count - 1, -1, -1):
-        row = guessed.G[k]
-        out[k] /= row[k]
-        for j in range(k):
-            out[j] -= row[j] * out[k]
+        out[k] /= guessed.G[k, k]
+        add_multiple(out[:k], -out[k], guessed.G[k])
 
 
 @part
 def find_point(guessed: Penalties, count: int) -> None:
-    """C^T (x - x_0) and the values of all rows that the multipliers amount to."""
-    n, y = len(guessed.y), guessed.y
-    y[:] = 0.0
+    """Find y = C^T (x_0 - x) and the values of all rows, from the multipliers."""
+    guessed.y[:] = 0.0
     for k in range(count):
-        row, multiplier = guessed.M[guessed.order[k]], guessed.multiplier[k]
-        for j in range(n):
-            y[j] -= multiplier * row[j]
+        add_multiple(guessed.y, guessed.multiplier[k], guessed.M[guessed.order[k]])
     for i in range(len(guessed.M)):
-        row, value = guessed.M[i], guessed.start[i]
-        for j in range(n):
-            value += row[j] * y[j]
-        guessed.values[i] = value
+        guessed.values[i] = minus_dot(guessed.start[i], guessed.y, guessed.M[i])

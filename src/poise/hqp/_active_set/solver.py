@@ -9,7 +9,7 @@ from poise._checks import checked_time_limit
 from poise._compiled import say_if_slow
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp._active_set.search import CONVERGED, LOST, UNFINISHED, UNSOUND, search
-from poise.hqp._active_set.workspace import Problem, Work, make_work
+from poise.hqp._active_set.workspace import Problem, SearchWork, make_work
 from poise.hqp._given import Numbers
 from poise.hqp._problem import HierarchicalProblem, Level
 from poise.hqp._solution import LexicographicSolution, Solution, SolveStatus, failure
@@ -17,11 +17,11 @@ from poise.hqp._tolerances import RELAXED, changes_allowed
 
 
 class LexicographicSolver:
-    """Solves hierarchies by one active set and one factorisation for all levels.
+    """Solve hierarchies by one active set and one factorisation for all levels.
 
     The workspace persists: a controller keeps one solver and calls `solve` or `run` every tick, and
-    each call begins with the active set of the last. As long as that stays the same, one
-    factorisation ends it. Nothing raises on numbers.
+    each call begins with the active set of the last. As long as that stays the same, a call takes
+    one factorisation. No number raises.
 
         >>> import numpy as np
         >>> from poise.hqp import HierarchicalProblem, Level, LexicographicSolver
@@ -35,16 +35,16 @@ class LexicographicSolver:
         >>> solution.level_multipliers[1]
         array([ 0.,  0.,  2., -2.,  0.])
 
-    The first solver ever made on a machine compiles the search, which takes some twenty seconds
-    and is kept on disk; making one is never cheap, so do not make one in a control loop.
+    The first solver on a machine compiles the search, which takes some twenty seconds and is kept
+    on disk. Constructing a solver is never cheap: do so before the control loop begins.
 
     Args:
         time_limit: cap on a solve [s]; None for none.
         max_changes: cap on the changes of the active set in a solve; by default one that grows
             with the problem.
         damping: of each level, or of all; 0 for none. Where the least singular value s of a
-            level's weighted equalities, over what those above leave, is less than its damping d,
-            they ask for no more than the z with the least `|W w|^2 + (d^2 - s^2) |z|^2` reaches, z
+            level's weighted equalities, in the null space of those above, is less than its damping
+            d, their bounds move to where the z with the least `|W w|^2 + (d^2 - s^2) |z|^2` is, z
             being the coordinates of x that they take. So x is bounded near singularities, the
             levels above lose nothing, and away from singularities the answer is exact.
 
@@ -75,7 +75,7 @@ class LexicographicSolver:
         self._compile()
 
     def _compile(self) -> None:
-        """Make a tiny solve, so that nothing is compiled in a control loop."""
+        """Solve a tiny problem, so that nothing is compiled in a control loop."""
         say_if_slow(search, "the hierarchical solver")
         level = Level([[1.0]], 1.0, 2.0)
         self.run(HierarchicalProblem([level] * max(self._asked_damping.size, 1)))
@@ -85,16 +85,14 @@ class LexicographicSolver:
         """Forget the last active set, so that the next solve starts cold."""
         if self._shape:
             self._work.points.x[:] = 0.0
-            for numbers in self._work.rows.arrays().values():
-                if numbers.dtype == np.int64:
-                    numbers[:] = 0
+            self._work.rows.side[:] = self._work.rows.needed_by[:] = 0
 
     def begin_with(self, problem: HierarchicalProblem, sides: Int64[np.ndarray, " nm"]) -> None:
         """Make the next solve, of a problem of this shape, begin with an active set.
 
         Args:
             problem: a problem of that shape.
-            sides: as in `LexicographicSolution`; only good for a start, never believed.
+            sides: as in `LexicographicSolution`; a start only, the answer is checked.
 
         Raises:
             ProblemError: not one entry a bound and row.
@@ -108,17 +106,17 @@ class LexicographicSolver:
             )
         self._fit(problem)
         self._work.rows.side[:] = np.clip(sides, -1, 2)
-        # Those of the last solve say nothing about rows that were equalities in this active set.
+        # Those of the last solve are not of this active set.
         self._work.duals.multipliers[:] = 0.0
 
     def follow(self, problem: HierarchicalProblem, last: object) -> None:
-        """Make the next solve, of a problem, begin with the active set that another solver found.
+        """Begin the next solve, of a problem, with the active set that another solver found.
 
-        Rows that only this problem has begin as its own last solve left them.
+        Rows without a counterpart there begin as this solver's last solve left them.
 
         Args:
-            problem: what is solved next, such as that of the contacts there are now.
-            last: the other solver; rows of its last problem go by their labels.
+            problem: the next problem, such as that of another set of contacts.
+            last: the other solver; rows of its last problem are matched by their labels.
 
         Raises:
             ConfigurationError: as for `run`.
@@ -134,7 +132,7 @@ class LexicographicSolver:
         self._work.rows.side[here] = last.sides[there]
 
     def prepare(self, problem: HierarchicalProblem) -> None:
-        """Make room for a problem of its shape, so that no solve has to.
+        """Allocate the workspace for a problem's shape ahead of the first solve.
 
         Args:
             problem: of that shape; its numbers do not matter.
@@ -144,14 +142,14 @@ class LexicographicSolver:
         """
         self._fit(problem)
 
-    def memory_for(self, problem: HierarchicalProblem) -> tuple[Problem, Work, int]:
-        """What `search` is given for a problem, for compiled code that calls it by itself.
+    def memory_for(self, problem: HierarchicalProblem) -> tuple[Problem, SearchWork, int]:
+        """Return the arguments of `search` for a problem, for compiled code that calls it.
 
         Args:
             problem: a problem; its numbers may change afterwards, its arrays may not.
 
         Returns:
-            Where its numbers lie, the workspace, and the cap on changes.
+            The block of its arrays, the workspace, and the cap on changes.
 
         Raises:
             ConfigurationError: as for `run`.
@@ -160,29 +158,45 @@ class LexicographicSolver:
         return self._problem, self._work, self._limit
 
     def run(self, problem: HierarchicalProblem) -> SolveStatus:
-        """Solve one problem without making anything: the answer stays in the workspace.
+        """Solve one problem without allocation: the answer stays in the workspace.
 
         Args:
-            problem: of any shape; a new shape sets the workspace up anew.
+            problem: of any shape; a new shape allocates a new workspace.
 
         Returns:
             The status; the answer is in `x`, `slacks`, `residuals`, `relative_residuals`,
             `multipliers`, `sides`, `eased`, `shift` and `changes` until the next call.
 
         Raises:
-            ConfigurationError: the first problem of a shape has not as many levels as `damping`.
+            ConfigurationError: the number of levels is not that of `damping`.
         """
         begin = perf_counter()
         self._fit(problem)
-        # Setting up counts as time taken, but not against the cap: it happens once.
-        deadline = None if self.time_limit is None else perf_counter() + self.time_limit
-        found, late = self._change(self._limit, deadline)
-        self._status = self._taken(found, late)
+        # The time of a new workspace counts, but not against the cap.
+        found, late = self._run_search()
+        self._status = self._status_of(found, late)
         self._seconds = perf_counter() - begin
         return self._status
 
-    def _taken(self, found: int, late: bool) -> SolveStatus:
-        """The status of what was found; what cannot be used is cleared away."""
+    def _run_search(self) -> tuple[int, bool]:
+        """Search up to the cap on changes; return the end, and whether time ran out."""
+        self._work.state.begun = 0
+        if self.time_limit is None:
+            return self._search(self._limit), False
+        deadline = perf_counter() + self.time_limit
+        for allowed in range(1, self._limit + 1):
+            found = self._search(allowed)
+            if found != UNFINISHED:
+                return found, False
+            if perf_counter() > deadline:
+                return found, True
+        return UNFINISHED, False
+
+    def _search(self, changes: int) -> int:
+        return search(self._problem.address, self._work.address, changes)
+
+    def _status_of(self, found: int, late: bool) -> SolveStatus:
+        """Return the status; reset the parts of the workspace that are not usable."""
         if found == UNSOUND:
             self._work.rows.side[:] = 0
             return SolveStatus.BAD_PROBLEM
@@ -197,7 +211,7 @@ class LexicographicSolver:
         """Solve one problem; the answer owns its arrays.
 
         Args:
-            problem: of any shape; a new shape sets the workspace up anew.
+            problem: of any shape; a new shape allocates a new workspace.
 
         Returns:
             A `LexicographicSolution`, or a plain failure where there is no point.
@@ -209,7 +223,7 @@ class LexicographicSolver:
         return self.report()
 
     def report(self) -> Solution:
-        """All about the last `run`; it owns its arrays."""
+        """Return the solution of the last `run`; it owns its arrays."""
         status, problem = self._status, self._fitted
         assert problem is not None
         if status in (SolveStatus.BAD_PROBLEM, SolveStatus.FAILED):
@@ -248,7 +262,7 @@ class LexicographicSolver:
 
     @property
     def relative_residuals(self) -> Float64[np.ndarray, " p"]:
-        """The same divided by each level's scale, see `Solution`."""
+        """`residuals` divided by each level's scale, see `Solution`."""
         return self._work.answer.relative
 
     @property
@@ -268,54 +282,33 @@ class LexicographicSolver:
 
     @property
     def shift(self) -> Float64[np.ndarray, " nm"]:
-        """By how much damping moved the bounds of equalities, as the last `run` left it."""
+        """Displacement of the bounds of equalities by damping, as the last `run` left it."""
         return self._work.rows.shift
 
     @property
     def changes(self) -> int:
-        """How many factorisations the last `run` took."""
+        """Number of factorisations of the last `run`."""
         return self._work.state.changes
 
     def _fit(self, problem: HierarchicalProblem) -> None:
-        """Set the workspace up if the problem has another shape than the last."""
+        """Take the addresses of a problem's arrays, and a new workspace for a new shape."""
         if problem is self._fitted and self._shape:
             return
         starts = [view.slice.start for view in problem.levels]
         shape = (problem.n, problem.m, *starts, problem.bounds_level)
-        if shape == self._shape:
-            self._take(problem)
-            return
-        if self._asked_damping.size not in (1, len(starts)):
-            raise ConfigurationError(
-                "damping has not one entry a level",
-                got=self._asked_damping.size,
-                wanted=f"1 or {len(starts)}",
-            )
-        self._shape = shape
-        self._damping = np.broadcast_to(self._asked_damping, len(starts)).copy()
-        self._starts = np.array([*starts, problem.m], dtype=np.int64)
-        self._work = make_work(problem.n, problem.m, len(starts))
-        self._take(problem)
-        self._limit = self._max_changes or changes_allowed(problem.n, problem.m)
-
-    def _change(self, limit: int, deadline: float | None) -> tuple[int, bool]:
-        """Search until something is found, up to a number of changes, and whether time ran out."""
-        self._work.state.begun = 0
-        if deadline is None:
-            return self._search(limit), False
-        for allowed in range(1, limit + 1):
-            found = self._search(allowed)
-            if found != UNFINISHED:
-                return found, False
-            if perf_counter() > deadline:
-                return found, True
-        return UNFINISHED, False
-
-    def _search(self, changes: int) -> int:
-        return search(self._problem.address, self._work.address, changes)
-
-    def _take(self, problem: HierarchicalProblem) -> None:
-        """Note where a problem's numbers lie."""
+        if shape != self._shape:
+            if self._asked_damping.size not in (1, len(starts)):
+                raise ConfigurationError(
+                    "damping needs one entry a level",
+                    got=self._asked_damping.size,
+                    wanted=f"1 or {len(starts)}",
+                )
+            self._shape = shape
+            self._damping = np.broadcast_to(self._asked_damping, len(starts)).copy()
+            self._starts = np.array([*starts, problem.m], dtype=np.int64)
+            self._work = make_work(problem.n, problem.m, len(starts))
+            self._work.rows.level[:] = problem.level_of
+            self._limit = self._max_changes or changes_allowed(problem.n, problem.m)
         self._fitted = problem
         self._problem = Problem(
             A=problem.A,
@@ -334,6 +327,6 @@ def _check_damping(damping: Numbers) -> Float64[np.ndarray, " p"]:
     found = np.atleast_1d(np.asarray(damping, dtype=np.float64))
     if found.ndim != 1 or found.size == 0 or not np.isfinite(found).all() or found.min() < 0.0:
         raise ConfigurationError(
-            "damping cannot be that", got=damping, wanted="a finite number >= 0, or one a level"
+            "damping is out of range", got=damping, wanted="a finite number >= 0, or one a level"
         )
     return found

@@ -1,8 +1,8 @@
 """Strictness of an answer: no level gets worse once it has been solved.
 
-What a level does with its own coordinates leaves the levels above as they are, with two exceptions.
-A row that depends on those before it to within `RANK_TOLERANCE` has no coordinate, so that a long
-step below moves it all the same. And a step so long that its rounding counts moves every row.
+The coordinates of a level leave the levels above as they are, with two exceptions. A row that
+depends on those before it to within `RANK_TOLERANCE` has no coordinate, so that a long step below
+moves it nevertheless. And the rounding of a very long step moves every row.
 """
 
 from math import sqrt
@@ -11,19 +11,20 @@ import numpy as np
 
 from poise._compiled import part
 from poise.hqp._active_set.multipliers import natural_reach
-from poise.hqp._active_set.workspace import UNKNOWN, Factor, Problem, Work
-from poise.hqp._measure import find_residuals
+from poise.hqp._active_set.workspace import UNKNOWN, Factor, Problem, SearchWork
+from poise.hqp._measure import measure_values
 from poise.hqp._tolerances import DEPENDENCE_TOLERANCE, OPTIMALITY_TOLERANCE
 
 
 @part
-def find_moved(problem: Problem, work: Work) -> int:
-    """The first level whose residual is not the one that it was solved with, or -1."""
+def find_moved(problem: Problem, work: SearchWork) -> int:
+    """Return the first level whose residual changed after it was solved, or -1."""
     rows, factor, answer = work.rows, work.factor, work.answer
     if work.state.unsettled == 0:
         return -1
     lower, upper, weights = problem.lower, problem.upper, problem.weights
-    find_residuals(lower, upper, weights, rows.level, work.points.values, answer.residuals)
+    values, level_of = work.points.values, rows.level
+    measure_values(lower, upper, weights, level_of, values, answer.slacks, answer.residuals)
     sizes, reach = answer.target_residuals, _reach(problem, factor)
     sizes[:] = 0.0
     for i in range(len(weights)):
@@ -41,8 +42,8 @@ def find_moved(problem: Problem, work: Work) -> int:
 
 
 @part
-def guard(problem: Problem, work: Work, level: int) -> bool:
-    """Keeps what little is left of a level's rows, where it was moved, from the levels below."""
+def guard(problem: Problem, work: SearchWork, level: int) -> bool:
+    """Keep the remainder of a level's dependent rows, where it moved, from the levels below."""
     rows, factor, values = work.rows, work.factor, work.points.values
     reach, found = _reach(problem, factor), False
     for place in range(factor.begin[level] + factor.rank[level], factor.begin[level + 1]):
@@ -56,11 +57,11 @@ def guard(problem: Problem, work: Work, level: int) -> bool:
 
 
 @part
-def hangs_on_rank(problem: Problem, work: Work) -> bool:
+def hangs_on_rank(problem: Problem, work: SearchWork) -> bool:
     """Return whether a level would miss less if a nearly dependent row were independent.
 
     With equalities alone the same rows count as dependent however many levels follow. Inequalities
-    that are active for a level below may take what was left of a row, or leave more of it.
+    that are active for a level below may take the remainder of a row, or leave more of it.
     """
     factor, level_of = work.factor, work.rows.level
     least = DEPENDENCE_TOLERANCE * DEPENDENCE_TOLERANCE
