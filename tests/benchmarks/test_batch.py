@@ -34,7 +34,7 @@ def test_a_state_is_timed_and_its_figures_have_bounds(capsys):
 def test_the_table_says_what_holds(capsys):
     assert main(["batch", "--robot", "humanoid20", "--ticks", "40"]) == 0
     printed = capsys.readouterr().out
-    assert "humanoid20, default, 40 states" in printed
+    assert "40 states of humanoid20, default" in printed
     assert "(1.2)" in printed
     assert "(1.8)" in printed
 

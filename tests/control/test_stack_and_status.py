@@ -17,12 +17,12 @@ from poise.robots._catalog import catalog_names
 from poise.stack import (
     ComTask,
     FrameTask,
-    JointLimit,
     JointTask,
     PointContact,
     PostureTask,
     Stack,
     SurfaceContact,
+    TorqueLimit,
     default_stack,
 )
 
@@ -278,20 +278,20 @@ def test_controllers_are_made_by_name(robot):
     assert controller.step(home(robot)).status.ok
 
 
-class _Crossing(JointLimit):
-    """A limit of somebody's own that is narrower than a joint's own bounds leave room for."""
+class _Crossing(TorqueLimit):
+    """A limit of somebody's own whose bounds leave a joint no torque."""
 
-    def evaluate(self, dynamics):
-        super().evaluate(dynamics)
-        self.lower[-1] = self.upper[-1] + 1.0
+    def begin(self, time):
+        super().begin(time)
+        self.tick_lower[-1] = self.tick_upper[-1] + 1.0
 
 
 def test_a_limit_that_cannot_be_is_named_and_nothing_is_said_of_the_tasks(robot, kind):
     stack = default_stack(robot)
-    controller = kind(robot, Stack(stack.contacts, stack.levels, joint_limit=_Crossing()))
+    controller = kind(robot, Stack(stack.contacts, stack.levels, torque_limit=_Crossing()))
     assert controller.step(home(robot)).status is CommandStatus.SOLVER_FAILED
     status = controller.status()
     assert status.explanation == (
-        f"bad_problem: bounds that cross in joint limit of {robot.joint_names[-1]}"
+        f"bad_problem: bounds that cross in torque limit of {robot.joint_names[-1]}"
     )
     assert all(np.isnan(task.residual) for task in status.tasks)

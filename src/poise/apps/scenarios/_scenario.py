@@ -307,7 +307,7 @@ class DevicePlan:
     latency: Seconds = 0.0
     # Probability that the sample of a tick does not arrive
     loss: Annotated[float, Bounds(least=0.0, most=1.0)] = 0.0
-    cut: Seconds = float("inf")  # nothing arrives from this time on [s]
+    cut: Seconds | None = None  # nothing arrives from this time on [s]
 
     def __post_init__(self) -> None:
         if self.script and self.script not in SCRIPTS:

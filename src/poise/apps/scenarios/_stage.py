@@ -154,9 +154,8 @@ def _device(
     else:
         points = plan.points if script is None else script.points
         device = ScriptedDevice(points, *teleoperator.estimator.anchors)
-    if plan.latency or plan.loss or plan.cut < float("inf"):
-        link = {"latency": plan.latency, "loss": plan.loss, "cut": plan.cut}
-        device = PoorLink(device, **link, seed=seed)
+    if plan.latency or plan.loss or plan.cut is not None:
+        device = PoorLink(device, latency=plan.latency, loss=plan.loss, cut=plan.cut, seed=seed)
     return device
 
 

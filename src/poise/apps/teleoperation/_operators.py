@@ -142,7 +142,7 @@ class PoorLink:
         loss: probability that one never arrives.
         seed: of losses and delays.
         jitter: largest random addition to the delay [s], by which samples overtake each other.
-        cut: when the link breaks for good [s].
+        cut: when the link breaks for good [s]; never when None.
 
     Raises:
         ConfigurationError: a device that gives no samples, or a number that cannot be.
@@ -156,7 +156,7 @@ class PoorLink:
         loss: float,
         seed: int,
         jitter: float = 0.0,
-        cut: float = math.inf,
+        cut: float | None = None,
     ) -> None:
         self._device = checked_kind(device, Device, "the device at the end of the link")
         self._latency = checked_number(latency, "latency of the link [s]")
@@ -166,7 +166,7 @@ class PoorLink:
                 "the link's losses have no probability", got=loss, wanted="0 to 1"
             )
         self._jitter = checked_number(jitter, "jitter of the link [s]")
-        self._cut = cut if cut == math.inf else checked_number(cut, "cut of the link [s]")
+        self._cut = math.inf if cut is None else checked_number(cut, "cut of the link [s]")
         self._rng = np.random.default_rng(checked_count(seed, "seed of the link"))
         self._under_way: list[tuple[float, OperatorSample]] = []
 
