@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 from scipy.optimize import minimize
+from velocity_levels import solve_levels, stacked
 
-from poise.control._differential_ik import VelocityLevel, solve_levels
 from poise.control._differential_ik._closed_form import (
     RANK,
     ClosedForm,
     right_inverse,
     robust_step,
 )
-from poise.control._differential_ik._kernels import VelocityLevels
+from poise.control._differential_ik._kernels import VelocityLevel
 
 
 def level(rng, m, n, jacobian=None):
@@ -211,12 +211,12 @@ def test_the_robust_step_is_as_short_as_its_docstring_says(seed):
 def test_projectors_and_eigenvalues_give_what_the_compiled_levels_do(sizes, exact):
     """The way of levels that lose rank, taken by levels that keep it."""
     rng = np.random.default_rng(7)
-    levels = VelocityLevels.of([level(rng, m, 12) for m in sizes])
-    form, wb = ClosedForm(12, exact, RANK), rng.uniform(1.0, 20.0, size=12)
+    levels = stacked([level(rng, m, 12) for m in sizes], exact)
+    form, wb = ClosedForm(12, RANK), rng.uniform(1.0, 20.0, size=12)
     u = form.solve(levels, wb)
-    form.solve(levels._replace(ends=levels.ends[:1]), wb)
-    form.work.B[:] = np.eye(12)
-    assert np.abs(form._serve_lost(levels, 0, 0) - u).max() < 1e-9
+    form.solve(levels, wb, count=0)
+    form.memory.B[:], form.memory.count = np.eye(12), len(sizes)
+    assert np.abs(form._serve_lost(levels, 0) - u).max() < 1e-9
 
 
 def test_joints_that_nothing_moves_rest_exactly():

@@ -4,12 +4,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from velocity_levels import solve_within_bounds
 
 from poise.control import DifferentialIK
-from poise.control._differential_ik import VelocityLevel
-from poise.control._differential_ik._closed_form import RANK, ClosedForm
-from poise.control._differential_ik._kernels import VelocityLevels
-from poise.control._differential_ik._limited import LimitedLevels
+from poise.control._differential_ik._kernels import VelocityLevel
 from poise.hqp import HierarchicalProblem, Level, solve
 from poise.robots import capsules_of
 from poise.stack import ComTask, FrameTask, SelfCollisionLimit, Stack, SurfaceContact
@@ -140,10 +138,8 @@ def problem(rng, n=12):
 
 
 def hold(levels, limits, bound):
-    n = len(bound)
-    limited = LimitedLevels(VelocityLevels.of(levels), limits)
-    forms = ClosedForm(n, 2, RANK), ClosedForm(n, 3, RANK)
-    return limited.hold(*forms, np.ones(n), -bound, bound)
+    ones = np.ones(len(bound))
+    return solve_within_bounds(levels, ones, -bound, bound, exact=2, limits=limits)
 
 
 def broken(limits, u):

@@ -17,7 +17,7 @@ from poise.control._differential_ik._rows import (
     RowWeights,
     VelocityRows,
 )
-from poise.control._excess import excess
+from poise.control._differential_ik._within_bounds import WithinBounds
 from poise.control._rank import RankTreatment
 from poise.control._strategy import PHYSICS_LEVELS, UNSOFTENED, USABLE, Answer, softening_notes
 from poise.dynamics import Dynamics
@@ -28,9 +28,6 @@ from poise.stack import Contact, ContactSets, Stack, Task
 
 STRATEGIES = ("closed_form", "hqp")
 """How the levels are solved, by name."""
-
-_EXACT = 2
-"""Levels that the closed form meets exactly: held contacts, and the first of the user's."""
 
 _BOUND_TOLERANCE = 1e-6
 """How far outside its bounds a QP may leave a joint before its answer is refused [rad/s]."""
@@ -175,9 +172,7 @@ class VelocityStrategy:
             raise UnknownNameError("no such strategy", got=strategy, choices=STRATEGIES)
         self.robot, self.stack, self.name = robot, stack, strategy
         self._joints, self._led, self._bounds, self._dt = joints, led, bounds, dt
-        self._form = ClosedForm(len(joints), _EXACT, rank)
-        # With one more level, the self-collision limit.
-        self._joined_form = ClosedForm(len(joints), _EXACT + 1, rank)
+        self._within = WithinBounds(ClosedForm(len(joints), rank))
         self._q_index = joints + (robot.nq - robot.nj)
         self._home = HomeJacobians(robot, stack)
         self.weights = RowWeights(stack)
@@ -199,7 +194,6 @@ class VelocityStrategy:
         self.reset()
         # What is compiled is compiled now, not in the first tick.
         limit_weights(bounds.q_min, self._last, bounds.q_min, bounds.q_max)
-        excess(self._last, 0, *bounds.at(bounds.q_min))
 
     @property
     def current(self) -> VelocityRows:
@@ -320,7 +314,8 @@ class VelocityStrategy:
         # By the last answer: the sign of a measured velocity is noise where a joint rests.
         self._joint_weight = limit_weights(self._q, self._last, bounds.q_min, bounds.q_max)
         bounds = self._joint_weight, self._lower, self._upper
-        u, self._held = self.current.limited.hold(self._form, self._joined_form, *bounds)
+        rows = self.current
+        u, self._held = self._within.solve(rows.served, rows.joined, *bounds)
         return SolveStatus.OPTIMAL, u
 
     def _by_qp(self, hierarchy: VelocityHierarchy) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
@@ -351,7 +346,6 @@ class VelocityStrategy:
                 home=self._home,
             )
             if self.name != "hqp":
-                rows.limited.compile(self._joined_form)
                 return rows, None
             names = [self.robot.joint_names[i] for i in self._joints]
             return rows, VelocityHierarchy(rows, names, self._joints, self._dt)
