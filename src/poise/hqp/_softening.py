@@ -15,7 +15,7 @@ from poise.hqp._tolerances import RELAXED
 _USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
 
 
-class _Stage:
+class SoftenedStage:
     """The problem down to one level, with the reference's rows in that level."""
 
     def __init__(
@@ -107,7 +107,8 @@ class SoftenedSolver:
         self._weights, self._reference, self._find = weights, reference, find
         self._columns = np.array(columns, dtype=np.int64)
         self._stages = [
-            _Stage(problem, key, level, columns, make_solver()) for key, level in levels.items()
+            SoftenedStage(problem, key, level, columns, make_solver())
+            for key, level in levels.items()
         ]
         self._exact = exact
         self.softened: Float64[np.ndarray, " s"] = np.zeros(len(levels))

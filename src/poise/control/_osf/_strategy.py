@@ -7,7 +7,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
-from poise.control._excess import excess
 from poise.control._osf._contact_forces import TOLERANCE, ContactForces
 from poise.control._osf._kernels import SLACK
 from poise.control._osf._recursion import OperationalRecursion
@@ -40,8 +39,6 @@ class OperationalStrategy:
         self._scales = RowScales(robot)
         self._wrenches: dict[str, Float64[np.ndarray, " c"]] = {}
         self._set_stack(stack)
-        # What is compiled is compiled now, not in the first tick.
-        excess(np.zeros(robot.nv), robot.base_dofs, np.zeros(robot.nj), np.zeros(robot.nj))
 
     @property
     def current(self) -> OperationalRows:
@@ -134,8 +131,7 @@ class OperationalStrategy:
     def solve(self) -> Answer:
         """Accelerations of all levels, then the wrenches and torques that bring them about."""
         rows, forces, dynamics = self._current, self.forces, self._dynamics
-        reference = rows.stack_rows.softening.terms.reference
-        wanted = self.recursion.resolve(rows.levels, dynamics, reference)
+        wanted = self.recursion.resolve(rows.levels, dynamics)
         acceleration = forces.solve(wanted, dynamics)
         self._solved = True
         self._find_held(acceleration)
@@ -210,9 +206,9 @@ class OperationalStrategy:
 
     def _measure(self, acceleration: Float64[np.ndarray, " nv"]) -> tuple[float, ...]:
         """Residuals: dynamics and torque limits, contacts and joint limits, then the levels."""
-        limit, base = self.stack.joint_limit, self.robot.base_dofs
-        outside = excess(acceleration, base, limit.lower, limit.upper)
-        self._bound_error = outside / limit.acceleration_max
+        limit, joints = self.stack.joint_limit, acceleration[self.robot.base_dofs :]
+        outside = np.maximum(joints - limit.upper, limit.lower - joints).max(initial=0.0)
+        self._bound_error = float(outside) / limit.acceleration_max
         contacts, *levels = self._current.stack_rows.measure(acceleration).tolist()
         forces = self.forces
         return (
