@@ -6,8 +6,7 @@ from poise._checks import checked_kind
 from poise.control._batch import Batch
 from poise.control._command import Commands
 from poise.control._controller import Controller
-from poise.control._full_problem import FullProblem
-from poise.control._softened import SoftenedFull
+from poise.control._full_problem import FullProblem, SoftenedFull
 from poise.control._strategy import Answer, Programs, bound_stack, softening_notes, solver_maker
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError

@@ -30,7 +30,6 @@ from poise.dynamics._partition import (
     FreeChain as FreeChain,
     Partition as Partition,
     Partitions,
-    Selection as Selection,
 )
 from poise.dynamics._payload import LoadedModel as LoadedModel, Payload
 from poise.dynamics._reduction import (

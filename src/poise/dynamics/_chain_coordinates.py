@@ -28,26 +28,15 @@ CENTROID_DIM = 6
 
 
 class ChainFactors(Block):
-    """What the coordinates are made of, for all free chains of a robot together.
+    """Factors of the coordinates (z, p) of all free chains of a robot together."""
 
-    Attributes:
-        chains: where each chain's joints begin and end in `u`.
-        order: for each of the coordinates (z, p), its place while reflecting: a centroid takes
-            the first six places of its chain.
-        reach: where the joints that hang on each joint end in `u`.
-        U: factor of M_uu, zero between branches.
-        V: the reflections' vectors.
-        tau: the reflections' factors.
-        turned: scratch, for the vector that a reflection turns.
-    """
-
-    chains: Int64[np.ndarray, "chains ends"]
-    order: Int64[np.ndarray, " nu"]
-    reach: Int64[np.ndarray, " nu"]
-    U: Float64[np.ndarray, "nu nu"]
-    V: Float64[np.ndarray, "nz nu"]
-    tau: Float64[np.ndarray, " nz"]
-    turned: Float64[np.ndarray, " nu"]
+    chains: Int64[np.ndarray, "chains ends"]  # begin and end of each chain's joints in `u`
+    order: Int64[np.ndarray, " nu"]  # place of (z, p) in reflections; z first in their chain
+    reach: Int64[np.ndarray, " nu"]  # end in `u` of the joints that hang on each joint
+    U: Float64[np.ndarray, "nu nu"]  # factor of M_uu, zero between branches
+    V: Float64[np.ndarray, "nz nu"]  # the reflections' vectors
+    tau: Float64[np.ndarray, " nz"]  # the reflections' factors
+    turned: Float64[np.ndarray, " nu"]  # scratch: input of a reflection
 
 
 def chain_factors(

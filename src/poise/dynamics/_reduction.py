@@ -12,40 +12,26 @@ from poise.dynamics._chain_coordinates import (
     to_coordinates,
 )
 from poise.dynamics._dynamics import Dynamics
+from poise.dynamics._motion import StateNumbers
 from poise.dynamics._partition import Partition
 from poise.robots import Robot
 
 
 class ReducedMatrices(Block):
-    """What compiled code reads and writes of a `ReducedDynamics`, which says what the names mean.
+    """A `ReducedDynamics` for compiled code."""
 
-    Attributes:
-        a: coordinates of the virtual and the constraint chain and kept joints.
-        u: coordinates of the unconstrained chain.
-        carriers: places in `a` of the coordinates that carry a free chain; no others feel it.
-        M: of the reduced robot.
-        M_au: block of the robot's mass matrix.
-        M_uu: block of the robot's mass matrix.
-        h_a: nonlinear effects.
-        h_u: nonlinear effects.
-        factors: what turns motions of u into z and what is left.
-        leading: how many rows of A_G are felt, where there is no base that feels them.
-        felt: scratch: what is felt of dv_u, in A_G and then by all carriers; a column for each.
-        shares: scratch.
-    """
-
-    a: Int64[np.ndarray, " na"]
-    u: Int64[np.ndarray, " nu"]
-    carriers: Int64[np.ndarray, " carriers"]
-    M: Float64[np.ndarray, "nr nr"]
-    M_au: Float64[np.ndarray, "na nu"]
+    a: Int64[np.ndarray, " na"]  # virtual and constraint chain, and kept joints
+    u: Int64[np.ndarray, " nu"]  # coordinates of the unconstrained chain
+    carriers: Int64[np.ndarray, " carriers"]  # places in `a` of what carries a free chain
+    M: Float64[np.ndarray, "nr nr"]  # of the reduced robot
+    M_au: Float64[np.ndarray, "na nu"]  # blocks of the robot's mass matrix
     M_uu: Float64[np.ndarray, "nu nu"]
-    h_a: Float64[np.ndarray, " na"]
+    h_a: Float64[np.ndarray, " na"]  # nonlinear effects
     h_u: Float64[np.ndarray, " nu"]
-    factors: ChainFactors
-    leading: int
-    felt: Float64[np.ndarray, "nu felt"]
-    shares: Float64[np.ndarray, " felt"]
+    factors: ChainFactors  # of the coordinates z and p
+    leading: int  # rows of A_G that stand for the base's where there is none
+    felt: Float64[np.ndarray, "nu felt"]  # scratch: columns are rows of A_G, then of carriers
+    shares: Float64[np.ndarray, " felt"]  # scratch
 
 
 class ReducedDynamics:
@@ -109,8 +95,8 @@ class ReducedDynamics:
         self.matrices = matrices = allocate(
             ReducedMatrices,
             sizes,
-            a=part.a.index,
-            u=part.u.index,
+            a=part.a,
+            u=part.u,
             carriers=carriers,
             M=np.eye(part.nr),
             factors=chain_factors(chains, _reach(robot, part)),
@@ -131,7 +117,7 @@ class ReducedDynamics:
         Args:
             dynamics: the state, up to date.
         """
-        _reduce(self.matrices.address, dynamics.M, dynamics.h, dynamics.momentum_matrix)
+        _reduce(self.matrices.address, dynamics.numbers.address)
 
     @property
     def Jbar_z(self) -> Float64[np.ndarray, "nu nz"]:
@@ -165,8 +151,8 @@ class ReducedDynamics:
             out: receives what maps (dv_a, z).
         """
         part = self.partition
-        part.a.columns(jacobian, out)
-        out[:, part.na :] = jacobian[:, part.u.index].dot(self.Jbar_z)
+        out[:, : part.na] = jacobian[:, part.a]
+        out[:, part.na :] = jacobian[:, part.u].dot(self.Jbar_z)
 
     def reduce(self, dv: Float64[np.ndarray, " nv"]) -> Float64[np.ndarray, " nr"]:
         """Acceleration of the reduced robot, (dv_a, z), of an acceleration of the robot.
@@ -178,12 +164,7 @@ class ReducedDynamics:
             dv_a [m/s^2, rad/s^2], then z [kg^1/2 m/s^2].
         """
         part = self.partition
-        x = np.empty(part.nr)
-        part.a.entries(dv, x[: part.na])
-        dv_u = np.empty(part.nu)
-        part.u.entries(dv, dv_u)
-        np.dot(self.J_z, dv_u, out=x[part.na :])
-        return x
+        return np.concatenate((dv[part.a], self.J_z.dot(dv[part.u])))
 
     def recover(self, x: Float64[np.ndarray, " nr"]) -> Float64[np.ndarray, " nv"]:
         """The acceleration of least energy among those with the same (dv_a, z).
@@ -241,12 +222,12 @@ def _carriers(robot: Robot, partition: Partition) -> Int64[np.ndarray, " k"]:
     for chain in partition.chains:
         for joint in model.supports[model.getJointId(chain.body)].tolist():
             carrying.update(range(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint]))
-    return np.flatnonzero(np.isin(partition.a.index, sorted(carrying)))
+    return np.flatnonzero(np.isin(partition.a, sorted(carrying)))
 
 
 def _reach(robot: Robot, partition: Partition) -> Int64[np.ndarray, " nu"]:
     """Where what hangs on each joint of the free chains ends in `u`: it stands behind the joint."""
-    index, model = partition.u.index, robot.model
+    index, model = partition.u, robot.model
     trees = [set(robot.model.subtrees[j].tolist()) for j in range(model.njoints)]
     joint_of = np.repeat(np.arange(model.njoints), model.nvs.tolist())[index]
     return np.array(
@@ -256,14 +237,9 @@ def _reach(robot: Robot, partition: Partition) -> Int64[np.ndarray, " nu"]:
 
 
 @compiled
-def _reduce(
-    address: int,
-    M: Float64[np.ndarray, "nv nv"],
-    h: Float64[np.ndarray, " nv"],
-    momentum: Float64[np.ndarray, "six nv"],
-) -> None:
+def _reduce(address: int, state_at: int) -> None:
     matrices = view(ReducedMatrices, address)
-    reduce_dynamics(matrices, matrices.felt, matrices.shares, M, h, momentum)
+    reduce_dynamics(matrices, matrices.felt, matrices.shares, view(StateNumbers, state_at))
 
 
 @part
@@ -271,19 +247,17 @@ def reduce_dynamics(
     matrices: ReducedMatrices,
     rows: Float64[np.ndarray, "nu k"],
     shares: Float64[np.ndarray, " k"],
-    M: Float64[np.ndarray, "nv nv"],
-    h: Float64[np.ndarray, " nv"],
-    momentum: Float64[np.ndarray, "six nv"],
+    state: StateNumbers,
 ) -> None:
-    """Computes everything for a state, and turns the caller's own rows on the way."""
-    a, factors = matrices.a, matrices.factors
-    _copy_blocks(matrices, M, h)
+    """Compute everything for a state, and turn the caller's own rows on the way."""
+    a, factors, momentum = matrices.a, matrices.factors, state.motion.momentum
+    _copy_blocks(matrices, state.M, state.h)
     if len(rows) == 0:
         return
     carriers, leading = matrices.carriers, matrices.leading
     for i in range(len(rows)):
         for j in range(leading):
-            rows[i, j] = momentum[j, matrices.u[i]]
+            rows[i, j] = momentum[matrices.u[i], j]
         for j in range(len(carriers)):
             rows[i, leading + j] = matrices.M_au[carriers[j], i]
     if not find_coordinates(matrices.M_uu, rows, factors, shares):
@@ -300,7 +274,7 @@ def reduce_dynamics(
 def _copy_blocks(
     matrices: ReducedMatrices, M: Float64[np.ndarray, "nv nv"], h: Float64[np.ndarray, " nv"]
 ) -> None:
-    """Copies blocks of the robot's, but for zeros between branches and where nothing is carried."""
+    """Copy blocks of the robot's, but for zeros between branches and where nothing is carried."""
     a, u, reach = matrices.a, matrices.u, matrices.factors.reach
     for i in range(len(a)):
         own, kept = M[a[i]], matrices.M[i]

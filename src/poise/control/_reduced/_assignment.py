@@ -58,7 +58,7 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
     if isinstance(task, JointTask):
         names = robot.joint_names if task.joints is None else task.joints
         moved = [robot.base_dofs + robot.joint_index(name) for name in names]
-        in_u = np.isin(moved, partition.u.index)
+        in_u = np.isin(moved, partition.u)
         movers = tuple({moved[row]} for row in rows[in_u])
         return Assignment(task=task, first=rows[~in_u], second=rows[in_u], movers=movers)
     if isinstance(task, FrameTask):
@@ -68,7 +68,7 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
     else:
         # Nothing is known of it but its rows, which may need anything.
         needed = set(range(robot.nv))
-    if needed & set(partition.u.index.tolist()):
+    if needed & set(partition.u.tolist()):
         return Assignment(task=task, first=none, second=rows, movers=(needed,) * task.dim)
     return Assignment(task=task, first=rows, second=none)
 
@@ -132,8 +132,8 @@ class AssignedRows:
             np.array(index, dtype=np.int64) for index in (first, centroid, second, second_ends)
         )
         self.seen: Int64[np.ndarray, " seen"] = np.flatnonzero(
-            np.isin(partition.a.index, sorted(set().union(*movers)))
+            np.isin(partition.a, sorted(set().union(*movers)))
         )
-        moving = [np.flatnonzero(np.isin(partition.u.index, sorted(own))) for own in movers]
+        moving = [np.flatnonzero(np.isin(partition.u, sorted(own))) for own in movers]
         self.moving: Int64[np.ndarray, " k"] = np.concatenate([np.arange(0), *moving])
         self.moving_ends: Int64[np.ndarray, " ends"] = np.cumsum([0, *map(len, moving)])

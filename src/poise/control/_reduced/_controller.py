@@ -13,7 +13,6 @@ from poise.control._full_problem import FullProblem
 from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._constraint_chain import ConstraintChainProblem
 from poise.control._reduced._elimination import ChainElimination, announce
-from poise.control._reduced._joining import follow, join
 from poise.control._reduced._unconstrained_chain import UnconstrainedChainProblem
 from poise.control._strategy import (
     PHYSICS_LEVELS,
@@ -158,7 +157,7 @@ class ReducedProgram:
         problem, solver = self._current
         status = solver.run(problem.problem)
         x = solver.x.copy()
-        joined = follow(problem, x)
+        joined = problem.follow(x)
         physics = solver.relative_residuals[:PHYSICS_LEVELS]
         levels = self.rows.measure(joined.acceleration)[1:].tolist()
         if self.second is not None and status in USABLE and not joined.within:
@@ -168,7 +167,7 @@ class ReducedProgram:
             self.second.fill(x[: self.reduced.partition.nr])
             second, self._used_second = self._second_solver, True
             found = second.run(self.second.problem)
-            free, joined = joined.acceleration, join(problem, x, second.x)
+            free, joined = joined.acceleration, problem.join(x, second.x)
             costs = max(second.relative_residuals[:PHYSICS_LEVELS])
             bounded = self.rows.measure(joined.acceleration)[1:].tolist()
             costs = max([costs, *(b - f for f, b in zip(levels, bounded, strict=True))])

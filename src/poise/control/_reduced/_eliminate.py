@@ -37,53 +37,29 @@ ROUNDING = 1e-12
 
 
 class ChainRows(Block):
-    """Rows E y + P p = 0 of tasks, y = (x, 1) with x = (dv, z), and what their elimination leaves.
+    """Rows E y + P p = 0 with y = (x, 1), x = (dv, z), and the result of their elimination."""
 
-    Attributes:
-        E: coefficients of y; a column for each row. Overwritten by those of the rows that are left.
-        P: coefficients of p; overwritten by those in the coordinates that V turns p into.
-        ends: where each level ends; the first entry is zero.
-        ease: inverse inertia of each of x.
-        G: how p, so turned, answers: p = -G y. The lower rows are for those p that stay unknowns s.
-        V: vectors of the reflections that turn p.
-        tau: their factors.
-        turns: how many they are.
-        kept_rows: rows that are left, level by level.
-        left: how many rows each level leaves.
-        weak: p that stay unknowns s.
-        used: how many p are determined or unknowns s.
-        kept: how many are unknowns s.
-        every: 0, 1, ...: all of E.
-        order: scratch: p in the order in which a level's rows determine them.
-        pivot: scratch: a level's pivots.
-        moved: scratch: by how much x moves each row by a unit of energy, squared.
-        rest: scratch: what is left of a square, for each row or p.
-        vector: scratch: a reflection of rows.
-        turned: scratch: what a reflection turns.
-        shares: scratch.
-    """
-
-    E: Float64[np.ndarray, "y m"]
-    P: Float64[np.ndarray, "np m"]
-    ends: Int64[np.ndarray, " ends"]
-    ease: Float64[np.ndarray, " x"]
-    G: Float64[np.ndarray, "y_np np"]
-    V: Float64[np.ndarray, "np np"]
-    tau: Float64[np.ndarray, " np"]
-    kept_rows: Int64[np.ndarray, " m"]
-    left: Int64[np.ndarray, " levels"]
-    weak: Int64[np.ndarray, " np"]
-    turns: int
-    used: int
-    kept: int
-    every: Int64[np.ndarray, " y"]
-    order: Int64[np.ndarray, " np"]
-    pivot: Float64[np.ndarray, " m"]
-    moved: Float64[np.ndarray, " m"]
-    rest: Float64[np.ndarray, " np_m"]
-    vector: Float64[np.ndarray, " m"]
-    turned: Float64[np.ndarray, " np_m"]
-    shares: Float64[np.ndarray, " m"]
+    E: Float64[np.ndarray, "y m"]  # coefficients of y; columns are rows, then those left
+    P: Float64[np.ndarray, "np m"]  # coefficients of p, then in the coordinates that V turns p into
+    ends: Int64[np.ndarray, " ends"]  # of each level; the first entry is zero
+    ease: Float64[np.ndarray, " x"]  # inverse inertia of each of x
+    G: Float64[np.ndarray, "y_np np"]  # p, so turned, is -G y; lower rows: those that stay s
+    V: Float64[np.ndarray, "np np"]  # vectors of the reflections that turn p
+    tau: Float64[np.ndarray, " np"]  # their factors
+    kept_rows: Int64[np.ndarray, " m"]  # rows that are left, level by level
+    left: Int64[np.ndarray, " levels"]  # rows that each level leaves
+    weak: Int64[np.ndarray, " np"]  # p that stay unknowns s
+    turns: int  # number of these reflections
+    used: int  # number of p that are determined or unknowns s
+    kept: int  # number of unknowns s
+    every: Int64[np.ndarray, " y"]  # 0, 1, ...: all of E
+    order: Int64[np.ndarray, " np"]  # scratch: p in the order in which a level determines them
+    pivot: Float64[np.ndarray, " m"]  # scratch: a level's pivots
+    moved: Float64[np.ndarray, " m"]  # scratch: squared motion of rows by a unit of energy of x
+    rest: Float64[np.ndarray, " np_m"]  # scratch: rest of a square, for each row or p
+    vector: Float64[np.ndarray, " m"]  # scratch: a reflection of rows
+    turned: Float64[np.ndarray, " np_m"]  # scratch: input of a reflection
+    shares: Float64[np.ndarray, " m"]  # scratch
 
 
 def chain_rows(fixed: int, inside: int, ends: Int64[np.ndarray, " ends"]) -> ChainRows:

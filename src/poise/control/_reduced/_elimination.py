@@ -10,51 +10,32 @@ from poise.dynamics import (
     Dynamics,
     ReducedDynamics,
     ReducedMatrices,
+    StateNumbers,
     from_coordinates,
     reduce_dynamics,
 )
 
 
 class Elimination(Block):
-    """What compiled code reads and writes of a `ChainElimination`.
-
-    Attributes:
-        reduced: the reduced dynamics.
-        J: coefficients of dv of the tasks' rows.
-        target: their right-hand sides.
-        weight: of each row in its level.
-        second: rows that need the unconstrained chain's own joints.
-        moving: places in `u` of the coordinates that may move each of them, one after the other.
-        moving_ends: where those of each end; the first entry is zero.
-        seen: places in `a` of the coordinates that may move any of them.
-        through: rows that move with the centroids.
-        variables: which variable of LQP 1 each of x = (dv_seen, z) is.
-        rows: the second ones, eliminated.
-        centroid: coefficients of z of those that move with the centroids; a column for each row.
-        turned: scratch: what the carriers feel, then both, in the coordinates (z, p).
-        shares: scratch.
-        dv_u: acceleration of the unconstrained chain, once it is known.
-        y: scratch: (x, 1, s).
-        zp: scratch: (z, p).
-    """
+    """A `ChainElimination` for compiled code."""
 
     reduced: ReducedMatrices
-    J: Float64[np.ndarray, "t nv"]
-    target: Float64[np.ndarray, " t"]
-    weight: Float64[np.ndarray, " t"]
-    second: Int64[np.ndarray, " m"]
-    moving: Int64[np.ndarray, " moving"]
-    moving_ends: Int64[np.ndarray, " moving_ends"]
-    seen: Int64[np.ndarray, " seen"]
-    through: Int64[np.ndarray, " through"]
-    variables: Int64[np.ndarray, " x"]
-    rows: ChainRows
-    centroid: Float64[np.ndarray, "nz through"]
-    turned: Float64[np.ndarray, "nu wide"]
-    shares: Float64[np.ndarray, " wide"]
-    dv_u: Float64[np.ndarray, " nu"]
-    y: Float64[np.ndarray, " y_np"]
-    zp: Float64[np.ndarray, " nu"]
+    J: Float64[np.ndarray, "t nv"]  # coefficients of dv of the tasks' rows
+    target: Float64[np.ndarray, " t"]  # their right-hand sides
+    weight: Float64[np.ndarray, " t"]  # of each row in its level
+    second: Int64[np.ndarray, " m"]  # rows that need the unconstrained chain's own joints
+    moving: Int64[np.ndarray, " moving"]  # coordinates of `u` that may move each
+    moving_ends: Int64[np.ndarray, " moving_ends"]  # of those of each; the first entry is zero
+    seen: Int64[np.ndarray, " seen"]  # places in `a` of the coordinates that may move any
+    through: Int64[np.ndarray, " through"]  # rows that move with the centroids
+    variables: Int64[np.ndarray, " x"]  # of LQP 1 that x = (dv_seen, z) are
+    rows: ChainRows  # the second ones, eliminated
+    centroid: Float64[np.ndarray, "nz through"]  # coefficients of z; a column for each row
+    turned: Float64[np.ndarray, "nu wide"]  # scratch: the carriers' rows, then both, in (z, p)
+    shares: Float64[np.ndarray, " wide"]  # scratch
+    dv_u: Float64[np.ndarray, " nu"]  # acceleration of the unconstrained chain, once it is known
+    y: Float64[np.ndarray, " y_np"]  # scratch: (x, 1, s)
+    zp: Float64[np.ndarray, " nu"]  # scratch: (z, p)
 
 
 class ChainElimination:
@@ -109,7 +90,7 @@ class ChainElimination:
 
     def update(self, dynamics: Dynamics) -> None:
         """Reduces the dynamics, and eliminates p for the state of the tasks."""
-        _eliminate(self.block.address, dynamics.M, dynamics.h, dynamics.momentum_matrix)
+        _eliminate(self.block.address, dynamics.numbers.address)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -128,25 +109,15 @@ def announce() -> None:
 
 
 @compiled
-def _eliminate(
-    address: int,
-    M: Float64[np.ndarray, "nv nv"],
-    h: Float64[np.ndarray, " nv"],
-    momentum: Float64[np.ndarray, "six nv"],
-) -> None:
-    eliminate_chain(view(Elimination, address), M, h, momentum)
+def _eliminate(address: int, state_at: int) -> None:
+    eliminate_chain(view(Elimination, address), view(StateNumbers, state_at))
 
 
 @part
-def eliminate_chain(
-    chain: Elimination,
-    M: Float64[np.ndarray, "nv nv"],
-    h: Float64[np.ndarray, " nv"],
-    momentum: Float64[np.ndarray, "six nv"],
-) -> None:
-    """Reduces the dynamics, and eliminates p for the state of the tasks."""
+def eliminate_chain(chain: Elimination, state: StateNumbers) -> None:
+    """Reduce the dynamics, and eliminate p for the state of the tasks."""
     _read_rows(chain)
-    reduce_dynamics(chain.reduced, chain.turned, chain.shares, M, h, momentum)
+    reduce_dynamics(chain.reduced, chain.turned, chain.shares, state)
     if len(chain.turned) > 0:
         _sort_coordinates(chain)
         eliminate(chain.rows)

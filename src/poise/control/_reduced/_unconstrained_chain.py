@@ -39,7 +39,7 @@ class UnconstrainedChainProblem:
     ) -> None:
         self._stack, self._reduced = stack, reduced
         part = reduced.partition
-        self._joints = part.u.index - robot.base_dofs
+        self._joints = part.u - robot.base_dofs
         self._nz = part.nz
         self._known = np.zeros(robot.nv)
         names = part.unconstrained
@@ -83,9 +83,9 @@ class UnconstrainedChainProblem:
         np.subtract(torque.tick_upper[joints], carried, out=physics.upper[nz:])
         problem.x_lower[:] = joint.lower[joints]
         problem.x_upper[:] = joint.upper[joints]
-        part.a.scatter(dv_a, self._known)
+        self._known[part.a] = dv_a
         J = self._tasks.J[self._tasks.second]
-        part.u.columns(J, self._rows)
+        self._rows[:] = J[:, part.u]
         problem.weights[self._values] = self._tasks.weight[self._tasks.second]
         values = self._tasks.target[self._tasks.second] - J.dot(self._known)
         problem.lower[self._values] = problem.upper[self._values] = values
