@@ -71,7 +71,7 @@ class Problem:
         na, nr, count = part.na, part.nr, len(self.J)
         reduced.update(self.dynamics)
         J, task = np.zeros((count, nr)), np.zeros((len(self.task), nr))
-        part.a.columns(self.J, J)
+        J[:, :na] = self.J[:, part.a]
         reduced.reduced_jacobian(self.task, task)
         E = np.block(
             [

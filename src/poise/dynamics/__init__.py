@@ -1,4 +1,4 @@
-"""Everything about one state of a robot, computed once a tick."""
+"""Dynamics of one state of a robot, computed once a tick."""
 
 from poise.dynamics._chain_coordinates import (
     ChainFactors as ChainFactors,

@@ -22,7 +22,7 @@ class ReducedMatrices(Block):
 
     a: Int64[np.ndarray, " na"]  # virtual and constraint chain, and kept joints
     u: Int64[np.ndarray, " nu"]  # coordinates of the unconstrained chain
-    carriers: Int64[np.ndarray, " carriers"]  # places in `a` of what carries a free chain
+    carriers: Int64[np.ndarray, " carriers"]  # places in `a` of joints with free chains
     M: Float64[np.ndarray, "nr nr"]  # of the reduced robot
     M_au: Float64[np.ndarray, "na nu"]  # blocks of the robot's mass matrix
     M_uu: Float64[np.ndarray, "nu nu"]
@@ -37,10 +37,10 @@ class ReducedMatrices(Block):
 class ReducedDynamics:
     """Exact dynamics of a robot with one centroid for each chain that hangs on it freely.
 
-    Equation (14) of Ahn et al. 2024 without the inverse of M. The other joints feel a free
-    chain only through the wrench y = A dv_u, six numbers, that its motion dv_u puts on its body.
-    `A` is `M[base, u]`, I_G,uc bJ_G,uc of the paper up to the point of reference; on a fixed base
-    it is the chain's part of the centroidal momentum matrix. With the factors
+    Equation (14) of Ahn et al. 2024 without the inverse of M. A free chain acts on the other joints
+    only through the wrench y = A dv_u, six numbers, that its motion dv_u exerts on its body. `A` is
+    `M[base, u]`, I_G,uc bJ_G,uc of the paper up to the point of reference; on a fixed base it is
+    the chain's part of the centroidal momentum matrix. With the factors
 
         M_uu = U U^T       A U^-T = R^T Q^T      Q^T Q = I
 
@@ -58,14 +58,14 @@ class ReducedDynamics:
         COM           J_com dv = J_com,a dv_a + J_com,u Jbar_z z
 
     Rows u keep M_ua dv_a, which (17) of the paper leaves out. The coupling of a and u in the
-    energy is C z too: whatever dv_a is, what makes z with the least energy of the whole robot is
-    dv_u = Jbar_z z. So a problem that asks nothing else of the unconstrained chain has the same
+    energy is C z too: for any dv_a the least energy of the whole robot for a z is that of
+    dv_u = Jbar_z z. So a problem without other rows on the unconstrained chain has the same
     solution in (dv_a, z) with the cost M_r as in dv with the cost M.
 
-    One Cholesky factor of M_uu is all there is to invert, and it has no entry between branches. It
-    exists wherever the robot cannot move without inertia, which is checked when a robot is loaded:
-    joints that carry no mass but have a rotor are no trouble. Otherwise, and where the state is not
-    finite, the numbers of the centroids are NaN, which every solver refuses. Nothing raises.
+    Only the Cholesky factor of M_uu is inverted, which has no entry between branches. It exists
+    wherever the robot cannot move without inertia, which is checked when a robot is loaded: a rotor
+    without a mass suffices. Otherwise, and where the state is not finite, the numbers of the
+    centroids are NaN, which every solver refuses. Nothing raises.
 
     Args:
         robot: the robot.
@@ -87,7 +87,7 @@ class ReducedDynamics:
     def __init__(self, robot: Robot, partition: Partition) -> None:
         self.partition = part = partition
         carriers = _carriers(robot, part)
-        # On a floating base A is what the base feels, and the base is among the carriers.
+        # On a floating base A is rows of the base, which is among the carriers.
         leading = 0 if robot.floating_base else CENTROID_DIM
         ends = [(chain.u.start, chain.u.stop) for chain in part.chains]
         chains = np.array(ends, dtype=np.int64).reshape(-1, 2)
@@ -112,7 +112,7 @@ class ReducedDynamics:
         self.h_u: Float64[np.ndarray, " nu"] = matrices.h_u
 
     def update(self, dynamics: Dynamics) -> None:
-        """Computes everything for a state, in place.
+        """Compute everything for a state, in place.
 
         Args:
             dynamics: the state, up to date.
@@ -121,15 +121,14 @@ class ReducedDynamics:
 
     @property
     def Jbar_z(self) -> Float64[np.ndarray, "nu nz"]:
-        """Maps z to the dv_u that makes it with the least energy."""
+        """Maps z to its dv_u of least energy."""
         return self._basis()[:, : self.partition.nz]
 
     @property
     def N_z(self) -> Float64[np.ndarray, "nu np"]:
-        """Spans the motions inside the chains that leave z as it is: J_z N_z = 0.
+        """Basis of the motions inside the chains that do not change z: J_z N_z = 0.
 
-        Nobody else feels them. They have unit energy, N_z^T M_uu N_z = I. Every dv_u is
-        Jbar_z z + N_z p.
+        They have unit energy, N_z^T M_uu N_z = I. Every dv_u is Jbar_z z + N_z p.
         """
         return self._basis()[:, self.partition.nz :]
 
@@ -141,10 +140,10 @@ class ReducedDynamics:
     def reduced_jacobian(
         self, jacobian: Float64[np.ndarray, "m nv"], out: Float64[np.ndarray, "m nr"]
     ) -> None:
-        """Projects a task's Jacobian onto (a, z): [J_a, J_u Jbar_z], as in (22).
+        """Project a task's Jacobian onto (a, z): [J_a, J_u Jbar_z], as in (22).
 
-        Exact for whatever needs the unconstrained chain through its centroids only: frames
-        in `a`, the COM, and the total momentum. Of other tasks it is the part that z has in them.
+        Exact for rows that depend on the unconstrained chain through its centroids only: frames
+        in `a`, the COM, and the total momentum. Of other tasks it is the part of z.
 
         Args:
             jacobian: maps `dv`.
@@ -155,7 +154,7 @@ class ReducedDynamics:
         out[:, part.na :] = jacobian[:, part.u].dot(self.Jbar_z)
 
     def reduce(self, dv: Float64[np.ndarray, " nv"]) -> Float64[np.ndarray, " nr"]:
-        """Acceleration of the reduced robot, (dv_a, z), of an acceleration of the robot.
+        """Return the acceleration of the reduced robot, (dv_a, z), of one of the robot.
 
         Args:
             dv: acceleration of the robot [m/s^2, rad/s^2].
@@ -167,7 +166,7 @@ class ReducedDynamics:
         return np.concatenate((dv[part.a], self.J_z.dot(dv[part.u])))
 
     def recover(self, x: Float64[np.ndarray, " nr"]) -> Float64[np.ndarray, " nv"]:
-        """The acceleration of least energy among those with the same (dv_a, z).
+        """Return the acceleration of least energy among those with the same (dv_a, z).
 
         Args:
             x: acceleration of the reduced robot: dv_a [m/s^2, rad/s^2], then z [kg^1/2 m/s^2].
@@ -179,7 +178,7 @@ class ReducedDynamics:
         return self.partition.merge(x[:na], self.Jbar_z.dot(x[na:]))
 
     def forces_a(self, x: Float64[np.ndarray, " nr"]) -> Float64[np.ndarray, " na"]:
-        """Rows a: what joint torques and contacts have to bring up together [N, N m].
+        """Return rows a: the sum of joint torques and contact forces [N, N m].
 
         Args:
             x: acceleration of the reduced robot: dv_a [m/s^2, rad/s^2], then z [kg^1/2 m/s^2].
@@ -194,7 +193,7 @@ class ReducedDynamics:
     def torques_u(
         self, dv_a: Float64[np.ndarray, " na"], dv_u: Float64[np.ndarray, " nu"]
     ) -> Float64[np.ndarray, " nu"]:
-        """Rows u: torques of the unconstrained chain, which no contact reaches [N m].
+        """Return rows u: torques of the unconstrained chain, which no contact reaches [N m].
 
         Args:
             dv_a: acceleration of a, as the reduced robot has it [m/s^2, rad/s^2].
@@ -209,14 +208,14 @@ class ReducedDynamics:
         return torque
 
     def _basis(self) -> Float64[np.ndarray, "nu nu"]:
-        """[Jbar_z, N_z]."""
+        """Return [Jbar_z, N_z]."""
         turned = np.eye(len(self.M_uu))
         _turn(self.matrices.address, turned, np.empty(len(turned)))
         return turned[self.matrices.factors.order].T
 
 
 def _carriers(robot: Robot, partition: Partition) -> Int64[np.ndarray, " k"]:
-    """Places in `a` of the coordinates that carry a free chain; no others feel it."""
+    """Find the places in `a` of the coordinates that carry a free chain."""
     model = robot.model
     carrying: set[int] = set()
     for chain in partition.chains:
@@ -226,7 +225,7 @@ def _carriers(robot: Robot, partition: Partition) -> Int64[np.ndarray, " k"]:
 
 
 def _reach(robot: Robot, partition: Partition) -> Int64[np.ndarray, " nu"]:
-    """Where what hangs on each joint of the free chains ends in `u`: it stands behind the joint."""
+    """Find the end in `u` of the joints that hang on each joint of the free chains."""
     index, model = partition.u, robot.model
     trees = [set(robot.model.subtrees[j].tolist()) for j in range(model.njoints)]
     joint_of = np.repeat(np.arange(model.njoints), model.nvs.tolist())[index]

@@ -6,7 +6,7 @@ from velocity_levels import solve_levels, solve_within_bounds, stacked
 
 from poise.control._differential_ik._bounds import VelocityBounds
 from poise.control._differential_ik._closed_form import RANK, ClosedForm
-from poise.control._differential_ik._kernels import VelocityLevel
+from poise.control._differential_ik._kernels import PriorityRows
 from poise.control._differential_ik._within_bounds import WithinBounds
 from poise.hqp import HierarchicalProblem, Level, solve
 from poise.stack import JointLimit
@@ -14,7 +14,7 @@ from poise.stack import JointLimit
 
 def levels_of(rng, n, sizes):
     return [
-        VelocityLevel(rng.normal(size=(m, n)), rng.normal(size=m), np.full(m, 1e4), np.ones(m))
+        PriorityRows(rng.normal(size=(m, n)), rng.normal(size=m), np.full(m, 1e4), np.ones(m))
         for m in sizes
     ]
 

@@ -3,14 +3,14 @@
 import numpy as np
 
 from poise.control._differential_ik._closed_form import RANK, ClosedForm
-from poise.control._differential_ik._kernels import VelocityLevel, VelocityLevels
+from poise.control._differential_ik._kernels import PriorityRows, VelocityLevels
 from poise.control._differential_ik._within_bounds import WithinBounds
 
 
 def stacked(levels, exact=1, limits=None):
     """Levels one below the other, and behind them rows that may not be broken."""
     n = levels[0].jacobian.shape[1]
-    none = VelocityLevel(np.zeros((0, n)), *np.zeros((3, 0)))
+    none = PriorityRows(np.zeros((0, n)), *np.zeros((3, 0)))
     parts = [*levels, none if limits is None else limits]
     sizes = [len(part.velocity) for part in parts]
     ends = np.cumsum([0, *sizes])

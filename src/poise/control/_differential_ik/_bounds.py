@@ -1,4 +1,4 @@
-"""`limit_weights`: joints near a limit move less, by Chan and Dubey's weights.
+"""`limit_weights`: Chan and Dubey's weights of joints near their limits.
 
 `VelocityBounds`: position and velocity limits as one pair of velocity bounds.
 """
@@ -18,9 +18,9 @@ class VelocityBounds:
 
         (q_min - q) / T <= u <= (q_max - q) / T     and     |u| <= v_max
 
-    so that it slows down before a limit with T as time constant and, beyond it, comes back with the
-    same. Bounds never cross: a joint that is beyond a limit by far comes back at v_max. Limits are
-    those of the stack's `JointLimit`, with its velocity scale.
+    so that it slows down before a limit with T as time constant and returns from beyond with the
+    same. Bounds never cross: a joint far beyond a limit returns at v_max. Limits are those of the
+    stack's `JointLimit`, with its velocity scale.
 
     Attributes:
         q_min: lower position limits, margin included [rad].

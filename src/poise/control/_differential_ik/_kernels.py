@@ -26,7 +26,7 @@ _NO_MOBILITY = 1e-6
 """Velocity of a row for a radian a second below which nothing moves it [m]."""
 
 
-class VelocityLevel(NamedTuple):
+class PriorityRows(NamedTuple):
     """Rows J u = v of one priority, as `VelocityLevels` has them."""
 
     jacobian: Float64[np.ndarray, "m n"]
@@ -47,10 +47,10 @@ class VelocityLevels(Block):
     limits: Int64[np.ndarray, " limits"]  # rows of the limit
     exact: int  # leading levels that are met exactly
 
-    def level(self, index: int) -> VelocityLevel:
+    def level(self, index: int) -> PriorityRows:
         """Copy one level."""
         rows = self.rows[self.ends[index] : self.ends[index + 1]]
-        return VelocityLevel(
+        return PriorityRows(
             self.jacobian[rows], self.velocity[rows], self.weight[rows], self.scale[rows]
         )
 
@@ -169,7 +169,7 @@ def _join(levels: VelocityLevels, joined: VelocityLevels, row: int, taken: int) 
 
 @part
 def _velocity_of(levels: VelocityLevels, row: int, memory: ClosedFormMemory) -> float:
-    """Return the velocity that is asked for of joints that are not held."""
+    """Return the velocity of a row for the joints that are not held."""
     J, asked = levels.jacobian[row], levels.velocity[row]
     for k in range(len(J)):
         if memory.fixed[k] != 0.0:
@@ -257,7 +257,7 @@ def _serve_rest(levels: VelocityLevels, memory: ClosedFormMemory, left: int) -> 
 
 @part
 def _solve_robustly(memory: ClosedFormMemory, size: int) -> None:
-    """X <- (G + I)^-1 x; NaN where numbers end."""
+    """X <- (G + I)^-1 x; NaN where that overflows."""
     for i in range(size):
         memory.G[i, i] += 1.0
     solvable = factor_leading(memory.G, size)

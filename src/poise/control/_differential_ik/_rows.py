@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers
-from poise.control._differential_ik._kernels import VelocityLevel, VelocityLevels
+from poise.control._differential_ik._kernels import PriorityRows, VelocityLevels
 from poise.control._differential_ik._led import LedJoints
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError, UnknownNameError
@@ -178,7 +178,7 @@ class VelocityRows:
         self.joined = self.served.with_limits()
         places = [slice(a, b) for a, b in pairwise(ends.tolist())]
         self.levels = [
-            VelocityLevel(self.jacobian[a], self.velocity[a], weight[a], scale[a]) for a in places
+            PriorityRows(self.jacobian[a], self.velocity[a], weight[a], scale[a]) for a in places
         ]
 
     def fill(self, dynamics: Dynamics) -> None:

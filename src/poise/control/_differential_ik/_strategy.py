@@ -1,4 +1,4 @@
-"""`VelocityStrategy`: levels in, joint velocities out, in closed form or by a hierarchical QP.
+"""`VelocityStrategy`: joint velocities of levels, in closed form or by a hierarchical QP.
 
 `VelocityHierarchy`: the levels as a hierarchical QP with hard joint limits.
 """
@@ -27,10 +27,10 @@ from poise.robots import Robot
 from poise.stack import Contact, ContactSets, Stack, Task
 
 STRATEGIES = ("closed_form", "hqp")
-"""How the levels are solved, by name."""
+"""Methods of solving the levels, by name."""
 
 _BOUND_TOLERANCE = 1e-6
-"""How far outside its bounds a QP may leave a joint before its answer is refused [rad/s]."""
+"""Excess of a joint's velocity over its bound beyond which a QP has failed [rad/s]."""
 
 
 class VelocityHierarchy:
@@ -76,7 +76,7 @@ class VelocityHierarchy:
                 *stack_rows.task_labels[:levels],
             ],
         )
-        # Where each of the problem's rows comes from: those of limits stand behind the others.
+        # Sources of the problem's rows: those of limits stand behind the others.
         bounded = stack_rows.collision_rows
         behind = np.arange(bounded.start, bounded.stop)
         self._order = np.insert(np.arange(contacts + sum(sizes)), contacts, behind)
@@ -106,7 +106,7 @@ class VelocityHierarchy:
         )
 
     def solve(self, lower: Float64[np.ndarray, " n"], upper: Float64[np.ndarray, " n"]) -> Solution:
-        """Solves for the rows as they are."""
+        """Solve for the present rows."""
         problem = self.problem
         problem.x_lower[:], problem.x_upper[:] = lower, upper
         problem.A[:] = self._rows.jacobian[self._order]
@@ -134,7 +134,7 @@ class VelocityHierarchy:
         return self._softening.by_level(self._solver.softened)
 
     def reset(self) -> None:
-        """Forgets the last solution."""
+        """Forget the last solution."""
         self._solver.reset()
         self.solution = None
 
@@ -150,7 +150,7 @@ class VelocityStrategy:
         robot: the robot.
         stack: contacts and tasks.
         weights: W_A, by task.
-        stance: the contact that the robot was taken to stand on at the last tick; None for none.
+        stance: the assumed stance contact of the last tick; None for none.
     """
 
     commands: Literal["torque", "velocity"] = "velocity"
@@ -208,7 +208,7 @@ class VelocityStrategy:
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Tasks that a contact stands in for at the last tick."""
+        """Tasks replaced by a contact at the last tick."""
         return self.current.stack_rows.suspended
 
     @property
@@ -232,7 +232,7 @@ class VelocityStrategy:
         return self._joint_weight.copy()
 
     def set_stance(self, name: str | None) -> None:
-        """Chooses the contact that the robot stands on, see `DifferentialIK.set_stance`."""
+        """Set the contact that the robot stands on, see `DifferentialIK.set_stance`."""
         if name is None:
             self.named = None
             return
@@ -247,7 +247,7 @@ class VelocityStrategy:
         self.named = contact
 
     def reset(self) -> None:
-        """Forgets the last answer."""
+        """Forget the last answer."""
         self._solved = False
         self._last = np.zeros(len(self._joints))
         self._held = np.zeros(len(self._joints), dtype=np.bool_)
@@ -258,26 +258,26 @@ class VelocityStrategy:
                     hierarchy.reset()
 
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
-        """Takes up the rows of a set of active contacts and of the stance among them."""
+        """Use the rows of a set of active contacts and of the stance among them."""
         last, self._current = self._current, self._find(contacts)
         return self._current is not last
 
     def rehearse(self, dynamics: Dynamics) -> None:
-        """Goes through a tick under the active contacts, and forgets it."""
+        """Run a tick under the active contacts, and forget it."""
         self.assemble(dynamics)
         self.solve()
         self.reset()
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows, and the bounds of the joints."""
-        # What a user asks for may be beyond all numbers; the check of the result finds it.
+        """Write one state's rows, and the bounds of the joints."""
+        # Targets may overflow; the check of the result finds it.
         with np.errstate(all="ignore"):
             self.current.fill(dynamics)
             self._q = dynamics.state.q[self._q_index]
             self._lower, self._upper = self._bounds.at(self._q)
 
     def solve(self) -> Answer:
-        """Velocities of all joints; zero of those that are neither solved for nor led."""
+        """Find velocities of all joints; zero where they are neither solved for nor of `led`."""
         rows, hierarchy = self._current
         with np.errstate(all="ignore"):
             status, u = self._in_closed_form() if hierarchy is None else self._by_qp(hierarchy)
@@ -291,11 +291,11 @@ class VelocityStrategy:
         return Answer(status, velocity, (0.0, *found))
 
     def task_residuals(self) -> dict[str, float]:
-        """Norm of the velocity that each task could not have at the last solve [unit/s]."""
+        """Return the norm of the velocity that each task missed at the last solve [unit/s]."""
         return self.current.stack_rows.task_residuals() if self._solved else {}
 
     def explain(self) -> str:
-        """What could not be met at the last tick, in words."""
+        """Describe what was not met at the last tick."""
         rows, hierarchy = self._current
         notes: list[str] = []
         if rows.stance is not None and not rows.stance.active:
@@ -330,7 +330,7 @@ class VelocityStrategy:
             if self.named is not None and self.named.active:
                 self.stance = self.named
             else:
-                # In flight the last stance stands for lack of a better one.
+                # In flight the last stance counts.
                 self.stance = next((c for c in contacts if c.dim == 6), self.stance)
         return self._prepared[self.stance].of(contacts)
 

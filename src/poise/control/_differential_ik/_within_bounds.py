@@ -17,10 +17,10 @@ _SINGLY = 5
 _FAR = 0.5
 """Beyond `_SINGLY`, joints this fraction as far outside as the farthest are held together with it.
 
-A round a joint takes long where too much is asked of all, and there it is not measurably better."""
+One joint a round takes long where many are outside, and there it is not measurably better."""
 
 _MISSED = 1e-3
-"""Velocity that the exact levels may miss before lower levels are let go for them [unit/s].
+"""Velocity that the exact levels may miss before lower levels are dropped for them [unit/s].
 
 Two ankles at their limits differ by noise, and the legs' closed chain cannot follow both: nothing
 to drop a posture for."""
@@ -40,14 +40,13 @@ class WithinBounds:
 
     Where joints would leave their bounds, those farthest outside are held at their bounds and the
     others make up for them, level by level, until none is outside. Where that costs the exact
-    levels something, levels are let go from the bottom up for as long as it helps. Where even the
+    levels something, levels are dropped from the bottom up for as long as it helps. Where even the
     first level, the contacts, would be missed, everything else slows down in proportion instead.
     A good answer, not always the best: the hierarchical QP finds that.
 
     Rows of the self-collision limit that would be broken are held at their bounds, the worst first,
-    as one more level below the contacts and above all that tasks ask for, until none is broken.
-    Joints' bounds come before them: what those leave no room for is missed, and contacts are held
-    all the same.
+    as one more level below the contacts and above all tasks, until none is broken. Joints' bounds
+    come before them: rows without room are missed, and contacts are held all the same.
     """
 
     def __init__(self, form: ClosedForm) -> None:

@@ -45,10 +45,7 @@ def solve_nearest(balance_at: int, state_at: int, dv: Float64[np.ndarray, " nv"]
 
 @compiled
 def weigh_base(balance_at: int, state_at: int, dv: Float64[np.ndarray, " nv"]) -> None:
-    """Find the force, and the equations J_c,u^T F = force_u on the wrenches' multiplier.
-
-    Wrenches of least cost are F = reference + W^-1 J_c,u multiplier.
-    """
+    """Find force_u = J_c,u^T F as equations of the multiplier, F = reference + W^-1 J_c,u x."""
     balance, state = view(Balance, balance_at), view(StateNumbers, state_at)
     M, h, J = state.M, state.h, balance.jacobian
     for i in range(len(h)):

@@ -26,9 +26,9 @@ class BoundedAcceleration:
         then      J_i dv = J_i a                            the tasks, level by level
         cost      |dv - a|^2 in the mass metric, and a little of the wrenches' own metric
 
-    so that levels lose from the bottom up what the bounds do not allow, and none loses anything to
-    those below it. A level that may be softened keeps J_i x_i in place of J_i a, with x_i the best
-    within the bounds and the levels above of
+    so that levels lose from the bottom up, and none loses anything to those below it. A level that
+    may be softened keeps J_i x_i in place of J_i a, with x_i the best within the bounds and the
+    levels above of
 
         |W_i (J_i x - target_i)|^2 + mu_i^2 |x_J - d|^2,
 

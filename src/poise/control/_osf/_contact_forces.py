@@ -38,10 +38,10 @@ class ContactForces:
 
     Attributes:
         contacts: active contacts.
-        slices: where each contact's wrench stands in `wrench`.
+        slices: place of each contact's wrench in `wrench`.
         torque: joint torques, within their limits or not [N m].
         wrench: wrenches of all contacts behind one another [N, N m].
-        reference: wrenches that the internal forces should come near [N, N m].
+        reference: reference of the internal forces [N, N m].
         bounded: True where the last acceleration, or its nearest wrenches, left a limit, so that
             others were looked for.
         base_error: largest base force that the contacts do not carry, over the weight.

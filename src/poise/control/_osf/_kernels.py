@@ -51,11 +51,7 @@ class RecursionMemory(Block):
 
 @compiled
 def resolve(levels_at: int, state_at: int, memory_at: int) -> tuple[int, bool]:
-    """Find the acceleration of one state, as long as levels keep their rank.
-
-    The first level that does not may still take all that is left, with nothing lost on the way; so
-    does a posture below tasks that leave it less freedom than it has rows.
-    """
+    """Find the acceleration of one state: how many levels keep their rank, and if that is all."""
     levels, state = view(LevelRows, levels_at), view(StateNumbers, state_at)
     memory = view(RecursionMemory, memory_at)
     _factor_mass(state.M, memory.L)
@@ -70,6 +66,7 @@ def resolve(levels_at: int, state_at: int, memory_at: int) -> tuple[int, bool]:
     fill_complement(memory.B, memory.X, taken, memory.tau)
     for i in range(len(memory.B) - taken):
         _to_acceleration(memory.L, memory.B, i)
+    # A posture may have more rows than the tasks above leave directions, and lose none.
     return regular, _take_rest(levels, memory, regular)
 
 
@@ -93,7 +90,7 @@ def is_inside(dv: Float64[np.ndarray, " n"], bounds_at: int) -> bool:
 
 @part
 def _factor_mass(M: Float64[np.ndarray, "n n"], L: Float64[np.ndarray, "n n"]) -> None:
-    """M = L^T L from the last coordinate on, section 6.5 of Featherstone (2008); NaN stays NaN."""
+    """Factor M = L^T L from the last coordinate on: section 6.5 of Featherstone (2008)."""
     n = len(M)
     for i in range(n):
         for j in range(i + 1):
@@ -224,7 +221,7 @@ def _add_levels(levels: LevelRows, memory: RecursionMemory, regular: int) -> Non
 
 @part
 def _let_go(h: Float64[np.ndarray, " n"], memory: RecursionMemory, taken: int) -> None:
-    """Leave what no level decides without force: dv <- dv - N M^-1 h."""
+    """Leave directions that no level decides without force: dv <- dv - N M^-1 h."""
     z = memory.z
     for i in range(len(h)):
         z[0, i] = h[i]
@@ -240,7 +237,7 @@ def _let_go(h: Float64[np.ndarray, " n"], memory: RecursionMemory, taken: int) -
 
 @part
 def _take_rest(levels: LevelRows, memory: RecursionMemory, level: int) -> bool:
-    """Give a level all that is left, by least squares, if it loses no direction of that."""
+    """Give a level all remaining directions by least squares, if it loses none of them."""
     # With A = J B and c = target - J S it adds B (A^T A)^-1 A^T c; later levels find nothing.
     dv = memory.dv
     begin, end = int(levels.ends[level]), int(levels.ends[level + 1])

@@ -28,7 +28,7 @@ class OperationalRecursion:
     can follow without loss of rank need no projector at all: their stacked rows are J~ = [L_J 0] Q,
     the squares of L_J's diagonal blocks are the Lambda_i|p^-1, and the recursion above is the
     substitution with L_J. From the first level that loses rank on, levels are taken one by one in
-    the basis of what is left, with the activations of `RankTreatment`; both ways give the same
+    the basis of their null space, with the activations of `RankTreatment`; both ways give the same
     numbers where both apply. The first way is compiled.
 
     Rows are scaled by w, `LevelRows.scale`, in which they are about one where a task moves freely.
@@ -39,7 +39,7 @@ class OperationalRecursion:
 
     with the weights W of its tasks and the joint accelerations d of `Softening`, and keeps all
     these directions: the null space for the levels below does not depend on mu. Where it loses rank
-    without having an error, mu is as large as `RankTreatment.damp` says for its rows.
+    without having an error, mu is `RankTreatment.damp` of its rows.
 
     Attributes:
         regular: number of leading levels that kept their rank at the last state.
@@ -68,7 +68,7 @@ class OperationalRecursion:
         S, reference = self._memory.S.copy(), levels.reference
         left = len(S) - int(levels.ends[self.regular])
         basis = self._memory.B[:left].T
-        # N in the mass metric: the part that is left of each direction of the basis.
+        # N in the mass metric, in coordinates of the basis.
         N = np.eye(left)
         for i, level in enumerate(levels.slices[self.regular :], start=self.regular):
             scale = levels.scale[level]

@@ -71,7 +71,7 @@ class RowScales:
         base = robot.base_dofs
         self.base = self._blocks(self._home.M[:base], (3, 3) if base else ())
 
-    def learn(self, stack: Stack) -> None:
+    def measure(self, stack: Stack) -> None:
         """Measure contacts and tasks that are new, before they serve in a tick."""
         owners = [*stack.contacts, *(task for _, task in stack.tasks())]
         new = [owner for owner in owners if owner not in self._scales]
@@ -79,7 +79,7 @@ class RowScales:
             self._scales[owner] = self._blocks(jacobian, owner.blocks)
 
     def of(self, owner: Contact | Task) -> Float64[np.ndarray, " m"]:
-        """Return the scales of the rows of a contact or a task that was learned."""
+        """Return the scales of the rows of a contact or a task that was measured."""
         return self._scales[owner]
 
     def _blocks(

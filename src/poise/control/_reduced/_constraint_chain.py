@@ -65,7 +65,7 @@ class ConstraintChainProblem:
     """LQP 1 of Ahn et al. 2024, (28), for one set of active contacts.
 
     Variables are x = [dv_a; z; s; F]: base, constraint chain and kept joints, the centroids of the
-    unconstrained chain, what else of it is not eliminated, and the wrenches. With M_r, C and
+    unconstrained chain, the part of it that is not eliminated, and the wrenches. With M_r, C and
     h_a of `ReducedDynamics`:
 
         level 1   [M_aa C] [dv_a; z] - J_c,a^T F = S_a tau - h_a      base rows: tau = 0
@@ -74,7 +74,7 @@ class ConstraintChainProblem:
                   bounds on the accelerations of these joints and on normal forces
         level     balance limit, where there is one
         levels    [J_a J_u Jbar_z] [dv_a; z] = reference - drift      rows assigned to LQP 1
-                  what tasks of the unconstrained chain leave over    `ChainElimination`
+                  the rest of tasks of the unconstrained chain        `ChainElimination`
         cost      [dv_a; z]^T M_r [dv_a; z] / 2, the acceleration energy (27), with that of the
                   motion inside the unconstrained chain, |c - G [dv_a; z; s]|^2 / 2
 

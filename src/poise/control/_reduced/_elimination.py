@@ -1,4 +1,4 @@
-"""`ChainElimination`: what tasks of the unconstrained chain ask of the reduced robot."""
+"""`ChainElimination`: conditions of tasks in the unconstrained chain on the reduced robot."""
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -42,22 +42,22 @@ class ChainElimination:
     """Takes the motions inside the unconstrained chain out of the hierarchy, exactly.
 
     With dv_u = Jbar_z z + N_z p, a row of a task in the unconstrained chain is T x + N p = r with
-    x = (dv_a, z). Nothing else knows p, and its energy is p^T p / 2. So p can be chosen for any x,
-    level by level: with the weighted rows of a level split into those directions that the
+    x = (dv_a, z). Nothing else depends on p, and its energy is p^T p / 2. So p can be chosen for
+    any x, level by level: with the weighted rows of a level split into those directions that the
     freedom Z left by the levels above reaches and those that it does not,
 
         W N Z = U1 T1 V1^T          Z <- Z V2         [U1 U2], [V1 V2] orthogonal
-        p <- p - Z V1 T1^-1 U1^T W (T x + N p - r)    meets what is reached, for any x
-        U2^T W (T x + N p - r) = 0                    is left for x, at the same level
+        p <- p - Z V1 T1^-1 U1^T W (T x + N p - r)    meets those reached, for any x
+        U2^T W (T x + N p - r) = 0                    remains for x, at the same level
 
     In the end p = c - G x, and its energy belongs to x. LQP 1 with the rows that are left and the
     energy |c - G x|^2 / 2 has the solution of the whole problem as long as no limit of the
     unconstrained chain is active, whatever the order of its tasks. Where two full arms do not
-    use up the freedom, nothing is left of their levels. Directions in which an arm hardly moves,
+    use up the freedom, their levels become empty. Directions in which an arm hardly moves,
     near a singular posture, are not eliminated but join x as unknowns s, with their rows.
 
     Of a level whose rows outnumber what they depend on, as those of a posture do once the arms have
-    used up the freedom, an orthogonal combination is left: no more rows than unknowns, however many
+    used up the freedom, an orthogonal combination remains: no more rows than unknowns, however many
     joints the chain has. Of dv_a only those coordinates count that move a frame of such a task.
 
     A task that turns out to move with the centroids alone, N = 0, is left to LQP 1 as it is.
@@ -89,7 +89,7 @@ class ChainElimination:
         )
 
     def update(self, dynamics: Dynamics) -> None:
-        """Reduces the dynamics, and eliminates p for the state of the tasks."""
+        """Reduce the dynamics, and eliminate p for the state of the tasks."""
         _eliminate(self.block.address, dynamics.numbers.address)
 
     @property
@@ -98,13 +98,13 @@ class ChainElimination:
         return (self._rows.kept, *self._rows.left.tolist())
 
     def recover(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nu"]:
-        """Acceleration of the unconstrained chain for what LQP 1 decided."""
+        """Find the acceleration of the unconstrained chain for a solution of LQP 1."""
         _recover(self.block.address, np.ascontiguousarray(x))
         return self.block.dv_u.copy()
 
 
 def announce() -> None:
-    """Logs that the reduced controller is about to be compiled, unless it already was."""
+    """Log that the reduced controller is about to be compiled, unless it already was."""
     say_if_slow(_eliminate, "the reduced controller")
 
 
@@ -125,7 +125,7 @@ def eliminate_chain(chain: Elimination, state: StateNumbers) -> None:
 
 @part
 def _read_rows(chain: Elimination) -> None:
-    """Weighted rows, where something moves them; in the rest there is nothing to be read."""
+    """Read weighted rows, at coordinates that move them."""
     a, u, X, E = chain.reduced.a, chain.reduced.u, chain.turned, chain.rows.E
     first = len(chain.reduced.shares)
     X[:] = 0.0
@@ -147,7 +147,7 @@ def _read_rows(chain: Elimination) -> None:
 
 @part
 def _sort_coordinates(chain: Elimination) -> None:
-    """Puts coefficients of z and of p where they belong."""
+    """Sort coefficients into those of z and of p."""
     rows, nz, order = chain.rows, len(chain.centroid), chain.reduced.factors.order
     first, m = len(chain.reduced.shares), len(chain.second)
     for i in range(len(rows.ease)):
@@ -169,7 +169,7 @@ def _recover(address: int, x: Float64[np.ndarray, " n"]) -> None:
 
 @part
 def recover(chain: Elimination, x: Float64[np.ndarray, " n"]) -> None:
-    """Acceleration of the unconstrained chain for what LQP 1 decided."""
+    """Find the acceleration of the unconstrained chain for a solution of LQP 1."""
     if len(chain.dv_u) == 0:
         return
     nz, fixed, nr = len(chain.centroid), len(chain.variables), len(chain.reduced.M)
