@@ -52,11 +52,6 @@ class FullProblem:
 
     Wrenches act on the robot, which turns the sign of the paper's F_c. Rows of contacts and tasks
     are written by `StackRows`, straight into this problem.
-
-    Attributes:
-        rows: the rows of the stack.
-        problem: the hierarchical problem, filled by `fill`.
-        velocity: generalized velocity of the state that it was filled for.
     """
 
     def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
@@ -98,11 +93,11 @@ class FullProblem:
         joints: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
     ) -> "FullNumbers":
         """Make the problem for compiled code, with bounds of torques and of joint accelerations."""
-        problem, (base, wrench_dim) = self.problem, self.sizes
+        problem = self.problem
         balance, first = self.rows.balance_rows, self.rows.evaluation.rows.first
         return FullNumbers(
-            base=base,
-            wrench_dim=wrench_dim,
+            base=self._base,
+            wrench_dim=self.rows.contact_rows.stop,
             A=problem.A,
             lower=problem.lower,
             upper=problem.upper,
@@ -123,11 +118,6 @@ class FullProblem:
         self.rows.update(dynamics)
         fill(self.numbers.address, dynamics.numbers.address)
 
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Coordinates of the base, and length of all wrenches."""
-        return self._base, self.rows.contact_rows.stop
-
     def levels_with_numbers(
         self, residuals: Float64[np.ndarray, "*k levels"]
     ) -> Float64[np.ndarray, "*k numbered"]:
@@ -147,10 +137,6 @@ class FullProblem:
         numbers.point[:] = x
         held = answer(numbers.address, dynamics.numbers.address)
         return numbers.point.copy(), numbers.torque.copy(), held
-
-    def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nv"]:
-        """Return the generalized acceleration of a solution."""
-        return x[: self._nv]
 
     def wrenches(self, x: Float64[np.ndarray, " n"]) -> dict[str, Float64[np.ndarray, " m"]]:
         """Return the wrench at each active contact of a solution, by the contact's name."""
@@ -188,7 +174,7 @@ class SoftenedFull(SoftenedSolver):
 
     def __init__(self, full: FullProblem, make_solver: Callable[[], Solver]) -> None:
         softening, problem = full.rows.softening, full.problem
-        first, base = len(problem.levels) - len(full.rows.levels), full.sizes[0]
+        first, base = len(problem.levels) - len(full.rows.levels), full.numbers.base
 
         def find(x: Float64[np.ndarray, " n"]) -> float:
             return softening.find(full.velocity, x, base)

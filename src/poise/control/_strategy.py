@@ -49,10 +49,7 @@ class Program(Protocol):
 
     @property
     def softened(self) -> dict[int, float]:
-        """Weight of the softening term of each level that was softened at the last solve.
-
-        Levels of the stack count from zero.
-        """
+        """Weight of each softened level's term at the last solve; levels count from zero."""
         ...
 
     @property
@@ -122,14 +119,7 @@ P = TypeVar("P", bound=ContactProgram)
 
 
 class Programs(Generic[P]):
-    """A `Strategy` of torques that has one program, made once, for each set of active contacts.
-
-    Attributes:
-        robot: the robot.
-        stack: contacts, limits and tasks.
-        current: the program of the last tick.
-        prepared: all programs.
-    """
+    """A `Strategy` of torques that has one program, made once, for each set of active contacts."""
 
     commands: Literal["torque", "velocity"] = "torque"
 

@@ -16,11 +16,7 @@ from poise.stack import Stack, Task
 
 
 class FullProgram:
-    """The full problem of one set of active contacts with a solver of its own; a `Program`.
-
-    Attributes:
-        full: the problem.
-    """
+    """The full problem of one set of active contacts with a solver of its own; a `Program`."""
 
     def __init__(self, full: FullProblem, make_solver: Callable[[], Solver]) -> None:
         self.full, self._solved = full, False
@@ -67,7 +63,7 @@ class FullProgram:
             status,
             torque,
             tuple(full.levels_with_numbers(solver.relative_residuals).tolist()),
-            full.acceleration(x),
+            x[: self._dynamics.robot.nv],
             full.wrenches(x),
             held_back,
         )

@@ -238,7 +238,7 @@ def _serve_rest(levels: VelocityLevels, memory: ClosedFormMemory, left: int) -> 
         for j in range(i + 1):
             memory.G[i, j] = 0.0
     for k in range(levels.ends[memory.count - 1], levels.ends[memory.count]):
-        row = levels.rows[k]
+        row = int(levels.rows[k])
         J, c = levels.jacobian[row], _velocity_of(levels, row, memory)
         for j in range(n):
             c -= J[j] * memory.shrink[j] * z[j]

@@ -36,15 +36,11 @@ _BOUND_TOLERANCE = 1e-6
 class VelocityHierarchy:
     """Levels over joint velocities, solved exactly within their bounds.
 
-        level 1   bounds of the joint velocities
-        level 2   contacts that are held stay where they are
-        level     J u >= bound, the self-collision limit, where there is one
-        level 3.. the user's tasks
-        cost      |u|^2
-
-    Attributes:
-        problem: the problem of the last tick.
-        solution: its solution, None before the first.
+    level 1   bounds of the joint velocities
+    level 2   contacts that are held stay where they are
+    level     J u >= bound, the self-collision limit, where there is one
+    level 3.. the user's tasks
+    cost      |u|^2
     """
 
     def __init__(
@@ -144,14 +140,7 @@ _Prepared = tuple[VelocityRows, VelocityHierarchy | None]
 
 
 class VelocityStrategy:
-    """Solves a stack for joint velocities; a `Strategy`, see `DifferentialIK`.
-
-    Attributes:
-        robot: the robot.
-        stack: contacts and tasks.
-        weights: W_A, by task.
-        stance: the assumed stance contact of the last tick; None for none.
-    """
+    """Joint velocities of a stack; a `Strategy`, see `DifferentialIK`."""
 
     commands: Literal["torque", "velocity"] = "velocity"
     kept = ("named", "stance", "_last")
@@ -213,10 +202,7 @@ class VelocityStrategy:
 
     @property
     def softened(self) -> dict[int, float]:
-        """Weight of the softening term of each level that was softened, counted from zero.
-
-        The closed form is damped by its SR-inverses and softens nothing else.
-        """
+        """Weight of each softened level's term, counted from zero; none in closed form."""
         hierarchy = self._current[1]
         return hierarchy.softened if hierarchy is not None and self._solved else {}
 

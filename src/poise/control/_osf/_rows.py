@@ -58,9 +58,6 @@ class RowScales:
     them, so that the scale does not depend on the axes: a stretched arm, which has no mobility
     along itself, is singular. Metres, radians and momenta become comparable, and so do a wrist and
     a hip.
-
-    Attributes:
-        base: scales of the base's own equation of motion, one a base coordinate.
     """
 
     def __init__(self, robot: Robot) -> None:

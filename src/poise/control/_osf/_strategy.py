@@ -21,14 +21,7 @@ from poise.stack import Contact, ContactSets, Stack, Task, checked_target
 
 
 class OperationalStrategy:
-    """Solves a stack by `OperationalRecursion`; a `Strategy`, see `OperationalSpaceController`.
-
-    Attributes:
-        robot: the robot.
-        stack: contacts, limits and tasks.
-        recursion: accelerations of the last tick.
-        forces: wrenches of the last tick, and errors of cones and limits.
-    """
+    """Torques by `OperationalRecursion`; a `Strategy`, see `OperationalSpaceController`."""
 
     commands: Literal["torque", "velocity"] = "torque"
     kept = ("reference_wrenches",)

@@ -79,10 +79,6 @@ class ConstraintChainProblem:
                   motion inside the unconstrained chain, |c - G [dv_a; z; s]|^2 / 2
 
     Levels are those of the stack; one whose tasks all need LQP 2 may be empty here.
-
-    Attributes:
-        problem: the hierarchical problem, filled by `fill`.
-        block: the same memory for compiled code.
     """
 
     def __init__(

@@ -58,10 +58,8 @@ class ReducedProgram:
     `FullProblem`, the whole problem, is solved, then and for the next `PATIENCE` ticks.
 
     Attributes:
-        reduced: the reduced dynamics.
         chain: the unconstrained chain, eliminated.
-        rows: the rows of the stack.
-        tasks: their assignment to the problems.
+        tasks: assignment of the stack's rows to the problems.
         second: LQP 2; None without an unconstrained chain.
         whole: the whole problem.
     """

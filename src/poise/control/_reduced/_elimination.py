@@ -61,9 +61,6 @@ class ChainElimination:
     joints the chain has. Of dv_a only those coordinates count that move a frame of such a task.
 
     A task that turns out to move with the centroids alone, N = 0, is left to LQP 1 as it is.
-
-    Attributes:
-        block: the same memory for compiled code.
     """
 
     def __init__(self, reduced: ReducedDynamics, rows: AssignedRows) -> None:

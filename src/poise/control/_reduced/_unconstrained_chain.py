@@ -25,9 +25,6 @@ class UnconstrainedChainProblem:
     energy, dv_a^T M_au dv_u, is fixed by z, so the cost is the whole robot's. Where limits and
     centroids contradict each other, residuals of the first two levels are not zero and the answer
     must not be used: base dynamics need the z of LQP 1.
-
-    Attributes:
-        problem: the hierarchical problem, filled by `fill`.
     """
 
     def __init__(
