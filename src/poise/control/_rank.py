@@ -1,6 +1,8 @@
 """`RankTreatment`: fading of directions that a task loses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from math import sqrt
 
 import numpy as np
@@ -62,6 +64,18 @@ class RankTreatment:
     def damp(self, square: float) -> float:
         """Return the least softening low sqrt(1 - s^2 / high^2), or zero, for the least s^2."""
         return self.low * sqrt(max(1.0 - square / self.high**2, 0.0))
+
+
+def block_scales(
+    sizes: Float64[np.ndarray, " m"], blocks: Sequence[int]
+) -> Float64[np.ndarray, " m"]:
+    """Return one over the largest size of each block of rows; one where nothing moves a block."""
+    scale = np.ones(len(sizes))
+    for start, stop in pairwise(accumulate(blocks, initial=0)):
+        largest = float(sizes[start:stop].max())
+        if largest > 0.0:
+            scale[start:stop] = 1.0 / largest
+    return scale
 
 
 PHYSICS_RANK = RankTreatment(low=1e-5, high=1e-4)

@@ -35,6 +35,7 @@ from poise.dynamics._payload import LoadedModel as LoadedModel, Payload
 from poise.dynamics._reduction import (
     ReducedDynamics,
     ReducedMatrices as ReducedMatrices,
+    reach_of as reach_of,
     reduce_dynamics as reduce_dynamics,
 )
 from poise.dynamics._trajectory import Quintic as Quintic, least_jerk

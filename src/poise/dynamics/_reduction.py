@@ -99,7 +99,7 @@ class ReducedDynamics:
             u=part.u,
             carriers=carriers,
             M=np.eye(part.nr),
-            factors=chain_factors(chains, _reach(robot, part)),
+            factors=chain_factors(chains, reach_of(robot, part.u)),
             leading=leading,
         )
         na = part.na
@@ -224,9 +224,9 @@ def _carriers(robot: Robot, partition: Partition) -> Int64[np.ndarray, " k"]:
     return np.flatnonzero(np.isin(partition.a, sorted(carrying)))
 
 
-def _reach(robot: Robot, partition: Partition) -> Int64[np.ndarray, " nu"]:
-    """Find the end in `u` of the joints that hang on each joint of the free chains."""
-    index, model = partition.u, robot.model
+def reach_of(robot: Robot, index: Int64[np.ndarray, " k"]) -> Int64[np.ndarray, " k"]:
+    """Find, for each of some coordinates, the end among them of those that hang on it."""
+    model = robot.model
     trees = [set(robot.model.subtrees[j].tolist()) for j in range(model.njoints)]
     joint_of = np.repeat(np.arange(model.njoints), model.nvs.tolist())[index]
     return np.array(

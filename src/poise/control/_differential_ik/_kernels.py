@@ -79,6 +79,46 @@ class ClosedFormMemory(Block):
     G: Float64[np.ndarray, "n n"]
 
 
+class ConstrainedRows(Block):
+    """Rows on all velocities, and the same on those of joints under a stance."""
+
+    J: Float64[np.ndarray, "t nv"]
+    joints: Int64[np.ndarray, " n"]
+    base_map: Float64[np.ndarray, "base n"]  # X of `base_from_joints`; empty for a fixed base
+    jacobian: Float64[np.ndarray, "t n"]
+
+
+@compiled
+def constrain(rows_at: int, stance: Float64[np.ndarray, "c nv"]) -> None:
+    """Find X of `base_from_joints` for the stance's Jacobian, and the rows J_j + J_b X."""
+    rows = view(ConstrainedRows, rows_at)
+    X, joints, base = rows.base_map, rows.joints, len(rows.base_map)
+    for k in range(len(joints) if base > 0 else 0):
+        j = base + joints[k]
+        # The base's block is [A B; 0 A] with a rotation A.
+        for i in range(3):
+            X[3 + i, k] = 0.0
+            for r in range(3):
+                X[3 + i, k] -= stance[r, i] * stance[3 + r, j]
+        for i in range(3):
+            X[i, k] = 0.0
+            for r in range(3):
+                moved = stance[r, j]
+                for s in range(3, 6):
+                    moved += stance[r, s] * X[s, k]
+                X[i, k] -= stance[r, i] * moved
+    for row in range(len(rows.J)):
+        own, found = rows.J[row], rows.jacobian[row]
+        for k in range(len(joints)):
+            found[k] = own[base + joints[k]]
+        for b in range(base):
+            factor, moved_by = own[b], X[b]
+            # Rows of single joints do not move with the base.
+            if factor != 0.0:
+                for k in range(len(joints)):
+                    found[k] += factor * moved_by[k]
+
+
 @compiled
 def serve_levels(levels_at: int, memory_at: int) -> int:
     """Serve levels up to the first that loses rank; return how many were served."""

@@ -4,14 +4,20 @@
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import accumulate, pairwise
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers
-from poise.control._differential_ik._kernels import PriorityRows, VelocityLevels
+from poise.control._differential_ik._kernels import (
+    ConstrainedRows,
+    PriorityRows,
+    VelocityLevels,
+    constrain,
+)
 from poise.control._differential_ik._led import LedJoints
+from poise.control._rank import block_scales
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
@@ -77,9 +83,12 @@ def base_from_joints(
     """Return X in v_base = X u, for a contact frame that stands still: (11) of Zhang and Kikuuwe.
 
     From J_b v_base + J_j u = 0 follows X = -J_b^-1 J_j, for any frame, in any axes. J_b only moves
-    a velocity from the base to the contact and can always be inverted.
+    a velocity from the base to the contact: it is [A B; 0 A] with a rotation A.
     """
-    return -np.linalg.solve(contact_jacobian[:, :_BASE], contact_jacobian[:, _BASE:])
+    A, B = contact_jacobian[:3, :3], contact_jacobian[:3, 3:_BASE]
+    angular = A.T @ contact_jacobian[3:, _BASE:]
+    linear = A.T @ (contact_jacobian[:3, _BASE:] - B @ angular)
+    return -np.concatenate((linear, angular))
 
 
 def constrained(
@@ -103,14 +112,7 @@ class HomeJacobians:
         jacobian = self._jacobians[owner]
         if stance is not None:
             jacobian = constrained(jacobian, base_from_joints(self._jacobians[stance]))
-        sizes = np.linalg.norm(jacobian[:, joints], axis=1)
-        scale = np.ones(len(sizes))
-        for start, stop in pairwise(accumulate(owner.blocks, initial=0)):
-            largest = float(sizes[start:stop].max())
-            # A block that nothing moves has no rank to lose.
-            if largest > 0.0:
-                scale[start:stop] = 1.0 / largest
-        return scale
+        return block_scales(np.linalg.norm(jacobian[:, joints], axis=1), owner.blocks)
 
 
 class VelocityRows:
@@ -144,7 +146,7 @@ class VelocityRows:
         *,
         home: HomeJacobians,
     ) -> None:
-        self.stance, self._joints = stance, joints
+        self.stance = stance
         moving = None
         if len(joints) < robot.nj:
             moving = [robot.joint_names[joint] for joint in joints]
@@ -158,7 +160,13 @@ class VelocityRows:
         ends = np.append(0, rows.ends[: len(rows.ends) - led.levels])
         limits, last = rows.collision_rows, int(ends[-1])
         self._led, self._led_rows = led, slice(last, int(rows.ends[-1]))
-        self._columns, self._led_columns = joints + robot.base_dofs, led.index + robot.base_dofs
+        self._led_columns = led.index + robot.base_dofs
+        self._constrained = ConstrainedRows(
+            J=rows.J,
+            joints=joints,
+            base_map=np.zeros((0 if stance is None else _BASE, len(joints))),
+            jacobian=self.jacobian,
+        )
         self.led_velocity: Float64[np.ndarray, " k"] = np.zeros(len(led.index))
         self._known = np.zeros(robot.nv)
         scale = np.ones(len(weight))
@@ -191,12 +199,11 @@ class VelocityRows:
             asked = self.velocity[self._led_rows]
             self.led_velocity = self._led.within_limits(asked, dynamics.state.q)
             self._known[self._led_columns] = self.led_velocity
-        J = rows.J
-        np.take(J, self._columns, axis=1, out=self.jacobian)
-        if self.stance is not None:
-            base_map = base_from_joints(self.stance.jacobian)
-            self.jacobian += J[:, :_BASE] @ base_map[:, self._joints]
-            # Zero, but for a led joint between the base and the stance.
-            self._known[:_BASE] = base_map[:, self._led.index] @ self.led_velocity
+        stance = rows.J[:0] if self.stance is None else self.stance.jacobian
+        constrain(self._constrained.address, stance)
         if self._led.levels:
-            self.velocity -= J @ self._known
+            if self.stance is not None:
+                # Zero, but for a joint of `led` between the base and the stance.
+                base_map = base_from_joints(stance)
+                self._known[:_BASE] = base_map[:, self._led.index] @ self.led_velocity
+            self.velocity -= rows.J @ self._known

@@ -3,15 +3,18 @@
 from math import sqrt
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from poise._compiled import (
     Block,
     compiled,
+    factor,
     factor_leading,
     part,
     solve_leading,
     solve_lower,
+    solve_transposed,
+    solve_upper,
     view,
 )
 from poise.control._osf._rows import BoundRows, LevelRows
@@ -38,8 +41,9 @@ class RecursionMemory(Block):
 
     least: Float64[np.ndarray, "2"]  # singular value of rows that keep their rank: physics, tasks
     dv: Float64[np.ndarray, " n"]  # the answer
-    L: Float64[np.ndarray, "n n"]  # factor of the mass matrix, M = L^T L
-    X: Float64[np.ndarray, "n n"]  # rows J~ = J L^-1 of the leading levels, see `_row_factor`
+    reach: Int64[np.ndarray, " n"]  # end of the coordinates of the joints that hang on each
+    U: Float64[np.ndarray, "n n"]  # factor of the mass matrix, M = U U^T
+    X: Float64[np.ndarray, "n n"]  # rows J~ = J U^-T of the leading levels, see `_row_factor`
     tau: Float64[np.ndarray, " n"]  # factors of their reflections
     B: Float64[np.ndarray, "n n"]  # accelerations that leave those levels alone, orthonormal by M
     y: Float64[np.ndarray, " n"]  # coordinates that the levels decide: L_J y = target
@@ -54,7 +58,8 @@ def resolve(levels_at: int, state_at: int, memory_at: int) -> tuple[int, bool]:
     """Find the acceleration of one state: how many levels keep their rank, and if that is all."""
     levels, state = view(LevelRows, levels_at), view(StateNumbers, state_at)
     memory = view(RecursionMemory, memory_at)
-    _factor_mass(state.M, memory.L)
+    if not factor(state.M, memory.reach, memory.U):
+        memory.U[:] = np.nan
     regular = _factor_levels(levels, memory)
     _add_levels(levels, memory, regular)
     for i in range(len(memory.dv)):
@@ -65,7 +70,7 @@ def resolve(levels_at: int, state_at: int, memory_at: int) -> tuple[int, bool]:
         return regular, True
     fill_complement(memory.B, memory.X, taken, memory.tau)
     for i in range(len(memory.B) - taken):
-        _to_acceleration(memory.L, memory.B, i)
+        solve_transposed(memory.U, memory.reach, memory.B[i])
     # A posture may have more rows than the tasks above leave directions, and lose none.
     return regular, _take_rest(levels, memory, regular)
 
@@ -89,51 +94,9 @@ def is_inside(dv: Float64[np.ndarray, " n"], bounds_at: int) -> bool:
 
 
 @part
-def _factor_mass(M: Float64[np.ndarray, "n n"], L: Float64[np.ndarray, "n n"]) -> None:
-    """Factor M = L^T L from the last coordinate on: section 6.5 of Featherstone (2008)."""
-    n = len(M)
-    for i in range(n):
-        for j in range(i + 1):
-            L[i, j] = M[i, j]
-    for k in range(n - 1, -1, -1):
-        coupled, pivot = L[k], sqrt(L[k, k])
-        for i in range(k + 1):
-            coupled[i] /= pivot
-        for i in range(k):
-            factor, row = coupled[i], L[i]
-            if factor != 0.0:
-                for j in range(i + 1):
-                    row[j] -= factor * coupled[j]
-
-
-@part
-def _divide_row(L: Float64[np.ndarray, "n n"], X: Float64[np.ndarray, "m n"], row: int) -> None:
-    """X <- x L^-1 for one row; coefficients of joints that do not move it stay zero."""
-    for k in range(len(L) - 1, -1, -1):
-        if X[row, k] != 0.0:
-            X[row, k] /= L[k, k]
-            factor = X[row, k]
-            for j in range(k):
-                X[row, j] -= factor * L[k, j]
-
-
-@part
-def _to_acceleration(
-    L: Float64[np.ndarray, "n n"], Z: Float64[np.ndarray, "m n"], row: int
-) -> None:
-    """Z <- L^-1 z for one row: from the mass metric's coordinates to accelerations."""
-    z = Z[row]
-    for i in range(len(L)):
-        coupled, rest = L[i], z[i]
-        for j in range(i):
-            rest -= coupled[j] * z[j]
-        z[i] = rest / coupled[i]
-
-
-@part
 def _factor_levels(levels: LevelRows, memory: RecursionMemory) -> int:
     """Factor the leading levels; return how many keep their rank."""
-    n, ends, X, tau = len(memory.L), levels.ends, memory.X, memory.tau
+    n, ends, X, tau = len(memory.U), levels.ends, memory.X, memory.tau
     for level in range(len(levels.softened)):
         levels.softened[level] = 0.0
     for level in range(len(ends) - 1):
@@ -145,7 +108,7 @@ def _factor_levels(levels: LevelRows, memory: RecursionMemory) -> int:
             memory.y[row] = scale * levels.target[row]
             for j in range(n):
                 X[row, j] = scale * levels.jacobian[row, j]
-            _divide_row(memory.L, X, row)
+            solve_upper(memory.U, memory.reach, X[row])
         factor_rows(X, begin, end, tau)
         if not keeps_rank(X, begin, end, memory.least[min(level, 1)], memory.G):
             return level
@@ -179,7 +142,7 @@ def _soften(levels: LevelRows, memory: RecursionMemory, level: int) -> None:
         D[i, begin + i] = 1.0
     turn_back(D, 0, size, X, end, memory.tau)
     for i in range(size):
-        _to_acceleration(memory.L, D, i)
+        solve_transposed(memory.U, memory.reach, D[i])
         own, total = D[i, base:], 0.0
         for k in range(len(own)):
             total += own[k] * S[base + k]
@@ -204,7 +167,7 @@ def _turn_part(memory: RecursionMemory, begin: int, end: int) -> None:
     for i in range(z.shape[1]):
         z[0, i] = memory.y[i] if begin <= i < end else 0.0
     turn_back(z, 0, 1, memory.X, end, memory.tau)
-    _to_acceleration(memory.L, z, 0)
+    solve_transposed(memory.U, memory.reach, z[0])
 
 
 @part
@@ -225,12 +188,12 @@ def _let_go(h: Float64[np.ndarray, " n"], memory: RecursionMemory, taken: int) -
     z = memory.z
     for i in range(len(h)):
         z[0, i] = h[i]
-    _divide_row(memory.L, z, 0)
+    solve_upper(memory.U, memory.reach, z[0])
     turn(z, 0, 1, memory.X, 0, taken, memory.tau)
     for i in range(taken):
         z[0, i] = 0.0
     turn_back(z, 0, 1, memory.X, taken, memory.tau)
-    _to_acceleration(memory.L, z, 0)
+    solve_transposed(memory.U, memory.reach, z[0])
     for i in range(len(h)):
         memory.dv[i] -= z[0, i]
 

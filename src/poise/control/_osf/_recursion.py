@@ -7,7 +7,8 @@ from poise._compiled import allocate, say_if_slow
 from poise.control._osf._kernels import TINY, RecursionMemory, resolve
 from poise.control._osf._rows import LevelRows
 from poise.control._rank import PHYSICS_RANK, RankTreatment
-from poise.dynamics import Dynamics
+from poise.dynamics import Dynamics, reach_of
+from poise.robots import Robot
 
 
 class OperationalRecursion:
@@ -24,7 +25,7 @@ class OperationalRecursion:
     because alpha_i equals xdd_i|p,ref - Jdot_i|p v: the terms of the projected Jacobian's
     derivative in the bias acceleration and in mu_i|p cancel.
 
-    With M = L^T L and rows J~ = J L^-1, all projections are orthogonal ones. Levels that the robot
+    With M = U U^T and rows J~ = J U^-T, all projections are orthogonal ones. Levels that the robot
     can follow without loss of rank need no projector at all: their stacked rows are J~ = [L_J 0] Q,
     the squares of L_J's diagonal blocks are the Lambda_i|p^-1, and the recursion above is the
     substitution with L_J. From the first level that loses rank on, levels are taken one by one in
@@ -45,10 +46,11 @@ class OperationalRecursion:
         regular: number of leading levels that kept their rank at the last state.
     """
 
-    def __init__(self, n: int, rank: RankTreatment) -> None:
+    def __init__(self, robot: Robot, rank: RankTreatment) -> None:
         self._rank, self.regular = rank, 0
         least = np.array([PHYSICS_RANK.high, rank.high])
-        self._memory = allocate(RecursionMemory, {"n": n, "2": 2}, least=least)
+        reach = reach_of(robot, np.arange(robot.nv))
+        self._memory = allocate(RecursionMemory, {"n": robot.nv, "2": 2}, least=least, reach=reach)
         # The first tick of a controller is rehearsed, and compiles.
         say_if_slow(resolve, "operational space control")
 

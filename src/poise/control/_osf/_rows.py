@@ -5,12 +5,13 @@
 """
 
 from collections.abc import Sequence
-from itertools import accumulate, pairwise
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import Block
+from poise.control._rank import block_scales
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot
 from poise.stack import Contact, Stack, StackRows, Task, home_jacobians
@@ -83,13 +84,7 @@ class RowScales:
         self, jacobian: Float64[np.ndarray, "m nv"], blocks: Sequence[int]
     ) -> Float64[np.ndarray, " m"]:
         squares = np.einsum("ij,jk,ik->i", jacobian, self._mobility, jacobian)
-        scale = np.ones(len(squares))
-        for start, stop in pairwise(accumulate(blocks, initial=0)):
-            largest = float(squares[start:stop].max())
-            # A block that nothing moves has no rank to lose.
-            if largest > 0.0:
-                scale[start:stop] = 1.0 / np.sqrt(largest)
-        return scale
+        return block_scales(np.sqrt(squares), blocks)
 
 
 class OperationalRows:

@@ -28,7 +28,7 @@ class OperationalStrategy:
 
     def __init__(self, robot: Robot, stack: Stack, rank: RankTreatment) -> None:
         self.robot, self.stack = robot, stack
-        self.recursion = OperationalRecursion(robot.nv, rank)
+        self.recursion = OperationalRecursion(robot, rank)
         self._scales = RowScales(robot)
         self._wrenches: dict[str, Float64[np.ndarray, " c"]] = {}
         self._set_stack(stack)
