@@ -15,8 +15,8 @@ from poise.hqp._tolerances import RELAXED
 _USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
 
 
-class SoftenedStage:
-    """The problem down to one level, with the reference's rows in that level."""
+class SoftenedLevel:
+    """The problem down to one level, with the rows of the reference in that level."""
 
     def __init__(
         self,
@@ -107,7 +107,7 @@ class SoftenedSolver:
         self._weights, self._reference, self._find = weights, reference, find
         self._columns = np.array(columns, dtype=np.int64)
         self._stages = [
-            SoftenedStage(problem, key, level, columns, make_solver())
+            SoftenedLevel(problem, key, level, columns, make_solver())
             for key, level in levels.items()
         ]
         self._exact = exact

@@ -5,7 +5,7 @@ from jaxtyping import Float64
 
 from poise.control._osf._rows import OperationalRows
 from poise.dynamics import Dynamics
-from poise.hqp import HierarchicalProblem, LexicographicSolver, SoftenedStage
+from poise.hqp import HierarchicalProblem, LexicographicSolver, SoftenedLevel
 from poise.robots import Robot
 from poise.stack import TorqueLimit
 
@@ -57,7 +57,7 @@ class BoundedAcceleration:
         contacts.lower[physics:], contacts.upper[physics:] = -np.inf, 0.0
         joints = range(robot.base_dofs, robot.nv)
         self._stages = [
-            SoftenedStage(self._problem, 1 + level, first + level, joints, LexicographicSolver())
+            SoftenedLevel(self._problem, 1 + level, first + level, joints, LexicographicSolver())
             for level in rows.stack_rows.softening.levels
         ]
         self._solver = LexicographicSolver()

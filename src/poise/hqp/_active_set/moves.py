@@ -19,11 +19,11 @@ from poise.hqp._active_set.workspace import (
     LOCKED,
     RELEASED,
     STEPPING,
+    Answer,
     Matrix,
     Points,
     Problem,
     Rows,
-    SearchAnswer,
     State,
     Vector,
     Work,
@@ -201,7 +201,7 @@ def move_to_target(points: Points) -> None:
 
 
 @part
-def is_better(problem: Problem, rows: Rows, points: Points, answer: SearchAnswer) -> bool:
+def is_better(problem: Problem, rows: Rows, points: Points, answer: Answer) -> bool:
     """Whether the target meets the levels better than the point, or as well."""
     lower, upper, weights = problem.lower, problem.upper, problem.weights
     find_residuals(lower, upper, weights, rows.level, points.values, answer.residuals)

@@ -238,7 +238,7 @@ class Duals(Block):
     forces: Float64[np.ndarray, " nm"]
 
 
-class SearchAnswer(Block):
+class Answer(Block):
     """What a point amounts to.
 
     Attributes:
@@ -329,7 +329,7 @@ class Work(Block):
     squares: LeastSquares
     cost: FinalCost
     duals: Duals
-    answer: SearchAnswer
+    answer: Answer
     guessed: Penalties
 
 
