@@ -21,7 +21,7 @@ from poise._compiled._compiling import compiled, compiled_for_threads, part, say
 from poise._compiled._first_use import clear_bar, draw_bar, functions_of
 from poise._compiled._householder import make_reflection, reflect, reflect_columns, reflect_rows
 from poise._compiled._leading import factor_leading, solve_leading, solve_lower
-from poise._compiled._triangular import factor, solve_columns, solve_transposed, solve_upper
+from poise._compiled._triangular import factor, solve_columns, solve_transposed
 
 __all__ = [
     "Block",
@@ -48,7 +48,6 @@ __all__ = [
     "solve_leading",
     "solve_lower",
     "solve_transposed",
-    "solve_upper",
     "usable_cores",
     "view",
 ]

@@ -53,21 +53,6 @@ def solve_columns(
 
 
 @compiled
-def solve_upper(
-    U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], x: Float64[np.ndarray, " n"]
-) -> None:
-    """X <- U^-1 x; zeros at the end of x stay zero and cost nothing."""
-    end = len(U)
-    while end > 0 and x[end - 1] == 0.0:
-        end -= 1
-    for i in range(end - 1, -1, -1):
-        rest, row = x[i], U[i]
-        for k in range(i + 1, min(reach[i], end)):
-            rest -= row[k] * x[k]
-        x[i] = rest / row[i]
-
-
-@compiled
 def solve_transposed(
     U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], x: Float64[np.ndarray, " n"]
 ) -> None:

@@ -14,7 +14,6 @@ from poise._compiled import (
     solve_leading,
     solve_lower,
     solve_transposed,
-    solve_upper,
     view,
 )
 from poise.control._osf._rows import BoundRows, LevelRows
@@ -94,6 +93,21 @@ def is_inside(dv: Float64[np.ndarray, " n"], bounds_at: int) -> bool:
 
 
 @part
+def _solve_upper(
+    U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], x: Float64[np.ndarray, " n"]
+) -> None:
+    """X <- U^-1 x; zeros at the end of x stay zero and cost nothing."""
+    end = len(U)
+    while end > 0 and x[end - 1] == 0.0:
+        end -= 1
+    for i in range(end - 1, -1, -1):
+        rest, row = x[i], U[i]
+        for k in range(i + 1, min(reach[i], end)):
+            rest -= row[k] * x[k]
+        x[i] = rest / row[i]
+
+
+@part
 def _factor_levels(levels: LevelRows, memory: RecursionMemory) -> int:
     """Factor the leading levels; return how many keep their rank."""
     n, ends, X, tau = len(memory.U), levels.ends, memory.X, memory.tau
@@ -108,7 +122,7 @@ def _factor_levels(levels: LevelRows, memory: RecursionMemory) -> int:
             memory.y[row] = scale * levels.target[row]
             for j in range(n):
                 X[row, j] = scale * levels.jacobian[row, j]
-            solve_upper(memory.U, memory.reach, X[row])
+            _solve_upper(memory.U, memory.reach, X[row])
         factor_rows(X, begin, end, tau)
         if not keeps_rank(X, begin, end, memory.least[min(level, 1)], memory.G):
             return level
@@ -188,7 +202,7 @@ def _let_go(h: Float64[np.ndarray, " n"], memory: RecursionMemory, taken: int) -
     z = memory.z
     for i in range(len(h)):
         z[0, i] = h[i]
-    solve_upper(memory.U, memory.reach, z[0])
+    _solve_upper(memory.U, memory.reach, z[0])
     turn(z, 0, 1, memory.X, 0, taken, memory.tau)
     for i in range(taken):
         z[0, i] = 0.0
