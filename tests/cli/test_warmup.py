@@ -78,7 +78,7 @@ sys.exit(main(["warmup", "--controller", "differential_ik"]))
 """
 
 
-SMALL = "_differential_ik_*/_bounds._weigh-*", "_osf_*/_kernels.find_rest-*"
+SMALL = "_differential_ik_*/_bounds._weigh-*", "_osf_*/_balance.measure-*"
 """Files of one small function of each controller, below the folder of all machine code."""
 
 

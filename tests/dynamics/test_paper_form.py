@@ -42,7 +42,7 @@ class PaperForm:
     def __init__(self, robot, partition, state):
         dynamics = Dynamics(robot)
         dynamics.update(state)
-        a, u = partition.a.index, partition.u.index
+        a, u = partition.a, partition.u
         na, nr = len(a), len(a) + 6
         self.J_r = np.zeros((nr, robot.nv))  # (13)
         self.J_r[np.arange(na), a] = 1.0
@@ -78,7 +78,7 @@ def at(case, seed):
 def test_mass_matrices_are_the_same_in_other_coordinates(case):
     for seed in SEEDS:
         paper, reduced = at(case, seed)
-        na, u = reduced.partition.na, reduced.partition.u.index
+        na, u = reduced.partition.na, reduced.partition.u
         # z = T v_G, an invertible change of the centroid's coordinates.
         T = np.linalg.lstsq(paper.J_r[na:, u].T, reduced.J_z.T, rcond=None)[0].T
         assert relative(T @ paper.J_r[na:, u], reduced.J_z) < TOLERANCE
@@ -91,7 +91,7 @@ def test_equations_of_motion_are_the_same(case):
     robot, frames, partition = case
     for seed in SEEDS:
         paper, reduced = at(case, seed)
-        na, a = partition.na, partition.a.index
+        na, a = partition.na, partition.a
         rng = np.random.default_rng(seed)
         dv = 5.0 * rng.normal(size=robot.nv)
         J, _ = contact_rows(robot, paper.dynamics, frames)
@@ -125,7 +125,7 @@ def test_tasks_of_the_reduced_space_are_the_same(case):
 def test_the_papers_own_torques_miss_what_the_base_does_to_the_chain(case):
     """(17) is the chain on a base that stands still: no M_ua dv_a, and no turning either."""
     robot, _, partition = case
-    u = partition.u.index
+    u = partition.u
     for seed in SEEDS:
         paper, reduced = at(case, seed)
         state = paper.dynamics.state
@@ -136,9 +136,9 @@ def test_the_papers_own_torques_miss_what_the_base_does_to_the_chain(case):
         fixed.update(RobotState(state.q, still))
         papers = reduced.M_uu @ dv[u] + fixed.h[u]
         exact = pin.rnea(robot.model, robot.model.createData(), state.q, state.v, dv)[u]
-        ours = reduced.torques_u(dv[partition.a.index], dv[u])
+        ours = reduced.torques_u(dv[partition.a], dv[u])
         assert relative(ours, exact) < TOLERANCE
-        coupling = reduced.M_au.T @ dv[partition.a.index]
+        coupling = reduced.M_au.T @ dv[partition.a]
         turning = paper.dynamics.h[u] - fixed.h[u]
         assert relative(papers + coupling + turning, exact) < TOLERANCE
         assert np.abs(coupling).max() > 0.1

@@ -53,10 +53,10 @@ def test_equation_of_motion_holds_for_the_true_acceleration_and_wrenches(get_rob
         F = 100.0 * np.random.default_rng(seed).normal(size=len(J))
         # The forces of the joints, by inverse dynamics; zero for the base only if F is right.
         tau = pin.rnea(robot.model, robot.model.createData(), state.q, state.v, dv) - J.T @ F
-        assert np.array_equal(J[:, part.u.index], np.zeros((len(J), part.nu)))
+        assert np.array_equal(J[:, part.u], np.zeros((len(J), part.nu)))
         x = reduced.reduce(dv)
-        rows_a = reduced.forces_a(x) - J[:, part.a.index].T @ F
-        rows_u = reduced.torques_u(x[: part.na], dv[part.u.index])
+        rows_a = reduced.forces_a(x) - J[:, part.a].T @ F
+        rows_u = reduced.torques_u(x[: part.na], dv[part.u])
         assert relative(part.merge(rows_a, rows_u), tau) < ROUNDING
 
 
@@ -90,7 +90,7 @@ def test_frames_of_the_constraint_chain_do_not_see_the_centroids(get_robot, name
         J, _ = contact_rows(robot, dynamics, frames_of(robot, stance))
         out = np.ones((len(J), reduced.partition.nr))
         reduced.reduced_jacobian(J, out)
-        assert np.array_equal(out[:, : reduced.partition.na], J[:, reduced.partition.a.index])
+        assert np.array_equal(out[:, : reduced.partition.na], J[:, reduced.partition.a])
         assert not out[:, reduced.partition.na :].any()
 
 
@@ -102,8 +102,8 @@ def test_reduced_mass_matrix_is_that_of_the_projected_dynamics(get_robot, name, 
         reduced, dynamics = reduced_at(robot, stance, random_state(robot, seed))
         part = reduced.partition
         J_r = np.zeros((part.nr, robot.nv))
-        J_r[np.arange(part.na), part.a.index] = 1.0
-        J_r[part.na :, part.u.index] = reduced.J_z
+        J_r[np.arange(part.na), part.a] = 1.0
+        J_r[part.na :, part.u] = reduced.J_z
         expected = np.linalg.inv(J_r @ np.linalg.solve(dynamics.M, J_r.T))
         assert relative(reduced.M, expected) < TOLERANCE
         assert np.array_equal(reduced.M, reduced.M.T)
@@ -115,7 +115,7 @@ def test_both_chains_are_coupled_in_the_mass_matrix_and_in_the_torques(get_robot
     robot = get_robot("humanoid33")
     reduced, dynamics = reduced_at(robot, stance, random_state(robot, 0))
     part = reduced.partition
-    M_ua = dynamics.M[np.ix_(part.u.index, part.a.index)]
+    M_ua = dynamics.M[np.ix_(part.u, part.a)]
     assert np.abs(M_ua).max() > 0.1
     assert relative(reduced.C, M_ua.T @ reduced.Jbar_z) < ROUNDING
     assert np.array_equal(reduced.M[part.na :, : part.na], reduced.C.T)
@@ -132,7 +132,7 @@ def test_energy_is_that_of_the_reduced_robot_and_of_what_is_left_inside(get_robo
         part = reduced.partition
         dv = acceleration(robot, seed)
         x = reduced.reduce(dv)
-        inside = dv[part.u.index] - reduced.Jbar_z @ x[part.na :]
+        inside = dv[part.u] - reduced.Jbar_z @ x[part.na :]
         both = x @ reduced.M @ x + inside @ reduced.M_uu @ inside
         assert both == pytest.approx(dv @ dynamics.M @ dv, rel=ROUNDING)
 
@@ -145,10 +145,10 @@ def test_centroids_are_the_wrenches_on_their_bodies_weighed_by_energy(get_robot,
     for seed in SEEDS:
         reduced, dynamics = reduced_at(robot, stance, random_state(robot, seed))
         part = reduced.partition
-        dv_u = acceleration(robot, seed)[part.u.index]
+        dv_u = acceleration(robot, seed)[part.u]
         z = reduced.J_z @ dv_u
         for chain in part.chains:
-            joints = part.u.index[chain.u]
+            joints = part.u[chain.u]
             A, M_uu = dynamics.M[:6][:, joints], dynamics.M[np.ix_(joints, joints)]
             y = A @ dv_u[chain.u]
             assert relative(reduced.C[:6, chain.z] @ z[chain.z], y) < ROUNDING
@@ -167,7 +167,7 @@ def test_recovered_acceleration_has_the_least_energy_for_its_reduced_one(get_rob
         assert relative(reduced.reduce(dv), x) < ROUNDING
         # The energy's gradient has no part along what leaves (dv_a, z) as it is.
         inside = scipy.linalg.null_space(reduced.J_z) if part.nu else np.zeros((0, 0))
-        gradient = (dynamics.M @ dv)[part.u.index]
+        gradient = (dynamics.M @ dv)[part.u]
         assert np.abs(inside.T @ gradient).max(initial=0.0) < ROUNDING * np.abs(dv).max() * 100.0
         assert dv @ dynamics.M @ dv == pytest.approx(x @ reduced.M @ x, rel=ROUNDING)
 
@@ -183,7 +183,7 @@ def test_motions_inside_the_chains_have_unit_energy_and_are_felt_by_nobody(get_r
         assert np.abs(both.T @ reduced.M_uu @ both - np.eye(part.nu)).max(initial=0.0) < ROUNDING
         assert np.abs(reduced.J_z @ N_z).max(initial=0.0) < ROUNDING
         assert np.abs(reduced.M_au @ N_z).max(initial=0.0) < ROUNDING * np.abs(dynamics.M).max()
-        com = dynamics.com_jacobian[:, part.u.index] @ N_z
+        com = dynamics.com_jacobian[:, part.u] @ N_z
         assert np.abs(com).max(initial=0.0) < ROUNDING
 
 
@@ -241,7 +241,7 @@ def test_a_straight_arm_that_cannot_push_along_itself_loses_nothing(get_robot, n
     dv = acceleration(robot, 0)
     x = reduced.reduce(dv)
     expected = dynamics.M @ dv + dynamics.h
-    actual = part.merge(reduced.forces_a(x), reduced.torques_u(x[: part.na], dv[part.u.index]))
+    actual = part.merge(reduced.forces_a(x), reduced.torques_u(x[: part.na], dv[part.u]))
     assert relative(actual, expected) < ROUNDING
     assert relative(reduced.J_z @ reduced.Jbar_z, np.eye(part.nz)) < ROUNDING
     assert np.abs(reduced.Jbar_z).max() < 100.0
@@ -271,7 +271,7 @@ def test_a_massless_branch_with_rotors_is_exact(get_robot):
         dv = acceleration(robot, seed)
         x = reduced.reduce(dv)
         expected = dynamics.M @ dv + dynamics.h
-        actual = part.merge(reduced.forces_a(x), reduced.torques_u(x[: part.na], dv[part.u.index]))
+        actual = part.merge(reduced.forces_a(x), reduced.torques_u(x[: part.na], dv[part.u]))
         assert np.abs(actual - expected).max() < ROUNDING * np.abs(expected).max()
         assert np.abs(reduced.C).max() < 1e-12
         least = reduced.recover(x)
@@ -285,7 +285,7 @@ def test_a_branch_that_moves_without_inertia_gives_nan_and_raises_nothing(get_ro
     assert np.isnan(reduced.C[:6]).all()
     assert np.isnan(reduced.J_z).all()
     assert np.isnan(reduced.N_z).any()
-    assert np.array_equal(reduced.M_aa, dynamics.M[np.ix_(*[reduced.partition.a.index] * 2)])
+    assert np.array_equal(reduced.M_aa, dynamics.M[np.ix_(*[reduced.partition.a] * 2)])
     # Where its joints carry a contact or none of them is reduced, nothing is missing.
     whole, _ = reduced_at(robot, "everything", state)
     assert np.isfinite(whole.M).all()

@@ -1,6 +1,6 @@
-"""`Command`: what a controller answers each tick, with the status that says how far to trust it.
+"""`Command`: the answer of a controller for one tick, with its status.
 
-`Commands`: what it answers to many states at once.
+`Commands`: the answers for many states.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,44 +13,43 @@ from jaxtyping import Bool, Float64
 
 
 class CommandStatus(Enum):
-    """How a command came about."""
+    """Origin of a command: solved or fallback."""
 
     OK = "ok"
-    """Every level was solved; what could not be met stands in the residuals."""
+    """Every level was solved, with the residuals of the command."""
     SOLVER_FAILED = "solver_failed"
-    """The solver returned nothing usable, or a task of a user's own could not be evaluated: the
-    last good command, decayed towards damping."""
+    """The solver returned nothing usable, or a user's task could not be evaluated: the last good
+    command, decayed towards damping."""
     TIME_LIMIT = "time_limit"
     """The solve reached its time cap before its last level: decayed towards damping."""
     BAD_STATE = "bad_state"
     """The state held NaN or infinity, or had the wrong shape: decayed towards damping. The
-    controller's `status().reason` says which entry."""
+    controller's `status().reason` names the entry."""
     FALLEN = "fallen"
     """The robot lies: decayed towards damping, until it stands again."""
 
     @property
     def ok(self) -> bool:
-        """Whether the command is what the tasks asked for, not a fallback."""
+        """True for a solved command, False for a fallback."""
         return self is CommandStatus.OK
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What the joints should do until the next tick. Always finite and within limits.
+    """Torques or velocities of the joints until the next tick, always finite and within limits.
 
     Attributes:
-        status: how the command came about.
+        status: origin of the command.
         torque: joint torques [N m], None for a velocity command.
         velocity: joint velocities [rad/s], None for a torque command.
-        acceleration: generalized accelerations that the command was computed for [m/s^2, rad/s^2].
+        acceleration: generalized accelerations of the command [m/s^2, rad/s^2].
         wrenches: wrench [force; moment] on the robot expected at each contact, in the contact's
             frame at its centre [N, N m].
-        residuals: norm of what each level could not meet, relative to the level's scale; empty
-            when nothing was solved. The first two are physics: a second one above 1e-6 says that
-            contacts and joint limits cannot all be held in this state, as in a fall, whatever the
-            status.
-        held_back: whether the stack's balance limit holds the motion back: tasks ask for more than
-            the feet can catch, or the legs reach, and are followed as far as that.
+        residuals: norm of each level's residual, relative to the level's scale; empty when nothing
+            was solved. The first two are physics: where the second is above 1e-6, contacts and
+            joint limits cannot all be held in this state, as in a fall, whatever the status.
+        held_back: True where the stack's balance limit holds the motion back: tasks are followed
+            as far as the feet can catch and the legs reach.
     """
 
     status: CommandStatus
@@ -67,12 +66,12 @@ class Commands(Sequence[Command]):
     """Commands for many states, in their order; each as `Command` by its index.
 
     Attributes:
-        statuses: how each came about.
+        statuses: origin of each.
         torque: joint torques, always finite and within limits [N m].
-        acceleration: generalized accelerations that they were computed for [m/s^2, rad/s^2]; as the
-            two below, NaN where there was no answer.
+        acceleration: generalized accelerations of the commands [m/s^2, rad/s^2]; as the two below,
+            NaN where there was no answer.
         wrenches: wrench on the robot expected at each contact, by the contact's name [N, N m].
-        residuals: norm of what each level could not meet, relative to the level's scale.
+        residuals: norm of each level's residual, relative to the level's scale.
     """
 
     statuses: tuple[CommandStatus, ...]
@@ -83,7 +82,7 @@ class Commands(Sequence[Command]):
 
     @property
     def ok(self) -> Bool[np.ndarray, " count"]:
-        """Which of them are what the tasks asked for, not a fallback."""
+        """True for solved commands, False for fallbacks."""
         return np.array([status.ok for status in self.statuses], dtype=np.bool_)
 
     def __len__(self) -> int:

@@ -1,4 +1,4 @@
-"""`Controller`: from a state to a command, tick by tick, by whatever strategy."""
+"""`Controller`: commands from states, tick by tick."""
 
 from copy import deepcopy
 from html import escape
@@ -27,28 +27,27 @@ C = TypeVar("C", bound="Controller")
 
 
 class Controller:
-    """Checks the state, has a strategy solve the stack, and falls back where there is no answer.
+    """State check, strategy and fallback of one control loop.
 
-    `step` never raises. On a solver failure, a task of a user's own that raises, a state that is
-    not finite, a robot that has fallen, or a solve cut short by the time cap it returns the last
-    good command, torques decayed towards damping or velocities to a stop, and says so in the
-    command's status.
+    `step` never raises. On a solver failure, a user's task that raises, a state that is not finite,
+    a robot that has fallen, or a solve cut short by the time cap it returns the last good command,
+    torques decayed towards damping or velocities to a stop, and sets the command's status.
 
     `WholeBodyController`, `ReducedController`, `OperationalSpaceController` and `DifferentialIK`
-    are controllers of one strategy each. What one can set while running is a member of theirs;
-    what is inside, rows, problems and solutions, is reached by `strategy`.
+    are controllers of one strategy each. Settings of a running controller are members; rows,
+    problems and solutions are reached by `strategy`.
 
     A copy, pickled or not, is made anew with the arguments of this one and a copy of its stack. It
-    goes on from the same tick with targets, gains, weights, loads of contacts and the last command;
-    its solvers begin cold, and it has dynamics of its own. "osf" reads cones when it is made, so
-    its copy keeps to what its contacts carry on then. What a subclass has set outside of its
-    `__init__` is not copied.
+    continues from the same tick with targets, gains, weights, loads of contacts and the last
+    command; its solvers begin cold, and it has dynamics of its own. "osf" reads cones when it is
+    made, so its copy uses the contact areas of that moment. Attributes that a subclass sets outside
+    of its `__init__` are not copied.
 
     Args:
         strategy: turns the stack's rows into an answer.
-        rate_limit: how far a command may be from the last one; as far as it likes when None.
-        dynamics: shared with whoever estimates the state and updates them first: a state that they
-            have already is not computed again. Its own when None.
+        rate_limit: largest change of a command from tick to tick; unlimited when None.
+        dynamics: shared with an estimator that updates them first: a state that they hold already
+            is not computed again. Its own when None.
 
     Attributes:
         dynamics: of the last tick's state.
@@ -85,7 +84,7 @@ class Controller:
         self._bounds = (
             (limit.lower, limit.upper) if self._commands_torque else (-unbounded, unbounded)
         )
-        # Kinematics know no weight: who asks for velocities may turn a robot over.
+        # Velocity commands may turn a robot over on purpose.
         ratio = FALL_HEIGHT_RATIO if self._commands_torque else None
         self._fall_watch = FallWatch(strategy.robot, ratio)
         # What is compiled is compiled now.
@@ -121,17 +120,17 @@ class Controller:
 
     def __repr__(self) -> str:
         kind, levels = type(self).__name__, PHYSICS_LEVELS + len(self.stack.levels)
-        said = f"{kind} of {self.robot.name}: {levels} levels, commands {self._strategy.commands}"
-        return f"{said}, {self._last_status.value}"
+        words = f"{kind} of {self.robot.name}: {levels} levels, commands {self._strategy.commands}"
+        return f"{words}, {self._last_status.value}"
 
     def _repr_html_(self) -> str:
-        # Before the first tick there is nothing to say of how it stands.
+        # There is no status before the first tick.
         table: Any = self.status() if self.timings else self.stack
         return f"<p>{escape(repr(self))}</p>{table._repr_html_()}"
 
     @property
     def strategy(self) -> Strategy:
-        """Turns the stack's rows into an answer."""
+        """Turn the stack's rows into an answer."""
         return self._strategy
 
     @property
@@ -146,7 +145,7 @@ class Controller:
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Tasks that a contact stands in for at the last tick."""
+        """Tasks replaced by a contact at the last tick."""
         return self._strategy.suspended
 
     @property
@@ -155,13 +154,13 @@ class Controller:
         return self._strategy.size
 
     def step(self, state: RobotState) -> Command:
-        """One tick: from state to command.
+        """Compute the command of one tick.
 
         Args:
             state: the robot's state.
 
         Returns:
-            What the joints should do, with the status that says how it came about.
+            The command, with its status.
         """
         self._reason = ""
         if is_usable(state, self.robot):
@@ -179,7 +178,7 @@ class Controller:
         return command
 
     def set_gains(self, task: str, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
-        """Sets stiffness and damping of a task, from the next tick.
+        """Set stiffness and damping of a task, from the next tick.
 
         Args:
             task: its name in the stack.
@@ -196,8 +195,8 @@ class Controller:
     def fall_height_ratio(self) -> float | None:
         """Height of the pelvis over the lowest sole, by that at home, below which a robot lies.
 
-        It has fallen when that is so for 0.1 s. At first 0.25 where torques are commanded and None,
-        for never, where velocities are. A robot that lies or sits on purpose wants None, too.
+        It has fallen when that lasts for 0.1 s. The default is 0.25 for torques and None, never,
+        for velocities. Set None for a robot that lies or sits on purpose.
 
         Raises:
             ConfigurationError: no number between 0 and 1, or a robot that cannot fall.
@@ -209,9 +208,9 @@ class Controller:
         self._fall_watch.height_ratio = ratio
 
     def reset(self) -> None:
-        """Forgets the last command, the last solution and targets taken from the robot.
+        """Forget the last command, the last solution and targets taken from the robot.
 
-        Contacts stay as loaded as they are.
+        Contacts keep their loads.
         """
         self._last_status, self._reason, self._held_back = CommandStatus.OK, "", False
         self._fallback.reset()
@@ -224,7 +223,7 @@ class Controller:
         self._strategy.reset()
 
     def status(self) -> ControllerStatus:
-        """How each task stood at the last tick: level, error with unit, residual."""
+        """Report level, error and residual of each task at the last tick."""
         residuals = self._strategy.task_residuals() if self._last_status.ok else None
         return ControllerStatus(
             command=self._last_status,
@@ -267,7 +266,7 @@ class Controller:
         return command
 
     def _pause(self, state: object) -> None:
-        """Load ramps wait for the next tick that commands: the robot is to follow all of them."""
+        """Stop load ramps until the next tick that commands, which the robot is to follow."""
         time = state.time if isinstance(state, RobotState) else None
         if is_time(time):
             for contact in self._strategy.stack.contacts:
@@ -301,7 +300,7 @@ class Controller:
         if self._rate_limit is not None:
             self._rate_limit.remember(joints)
         if self._commands_torque:
-            # What stood in for an answer is nothing that the next one should be held to.
+            # The change of torque is not limited after a fallback.
             self._torque_limit.reset()
             return Command(status=status, torque=joints)
         return Command(status=status, velocity=joints)
@@ -311,13 +310,13 @@ _KEPT = (
     *("_contacts", "_fallback", "_fall_watch", "_rate_limit"),
     *("_last_status", "_reason", "_held_back"),
 )
-"""Attributes that a copy of a controller takes over, beside the stack."""
+"""Attributes that a copy of a controller keeps, beside the stack."""
 
 
 def _make_again(
     kind: type[Controller], arguments: tuple[Any, ...], options: dict[str, Any], stack: Stack
 ) -> Controller:
-    """A controller made as another was, whose stack is as the other's, `stack`, is now."""
+    """Make a controller like another, with the present content of the other's stack."""
     # Making a controller takes its stack through a tick and forgets what that left.
     parts = _parts(stack)
     others = {id(part): part for part in parts}
@@ -329,7 +328,7 @@ def _make_again(
 
 
 def _parts(stack: Stack) -> list[object]:
-    """All of a stack that has something to remember."""
+    """List the parts of a stack that have a state."""
     limits = stack.torque_limit, stack.joint_limit, stack.balance_limit, stack.self_collision_limit
     return [*stack.contacts, *(task for _, task in stack.tasks()), *limits]
 
@@ -340,7 +339,7 @@ def _clip(
     lower: Float64[np.ndarray, " nj"],
     upper: Float64[np.ndarray, " nj"],
 ) -> bool:
-    """Clips a command to its bounds, in place; whether all of it was finite."""
+    """Clip a command to its bounds, in place; return True where all of it was finite."""
     finite = True
     for i in range(len(joints)):
         finite &= bool(np.isfinite(joints[i]))

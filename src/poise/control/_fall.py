@@ -1,4 +1,4 @@
-"""`FallWatch`: whether a robot lies where it should stand."""
+"""`FallWatch`: detection of a robot that lies."""
 
 import math
 
@@ -13,15 +13,15 @@ from poise.errors import ConfigurationError
 from poise.robots import Robot
 
 FALL_HEIGHT_RATIO = 0.25
-"""A pelvis this low over the lowest sole, by its height at home, is that of a robot that lies; one
-that squats or kneels is higher."""
+"""Height of the pelvis over the lowest sole, by that at home, below which a robot lies; one that
+squats or kneels is higher."""
 
 _PATIENCE = 0.1
-"""How long the pelvis has to be that low: one wrong measurement is no fall [s]."""
+"""Time for which the pelvis has to be that low: one wrong measurement is no fall [s]."""
 
 
 class FallWatch:
-    """Watches how high the pelvis is over the lowest sole; it knows no ground.
+    """Fall detection by the height of the pelvis over the lowest sole, on any ground.
 
     Robots with a fixed base, or without soles, do not fall.
     """
@@ -38,7 +38,7 @@ class FallWatch:
         self.reset()
 
     def reset(self) -> None:
-        """The robot stands, as far as is known."""
+        """Assume that the robot stands."""
         self._low_since, self._now = math.nan, self._home
 
     @property
@@ -75,7 +75,7 @@ class FallWatch:
         return time - self._low_since >= _PATIENCE
 
     def describe(self) -> str:
-        """What was seen, in words."""
+        """Describe the fall."""
         return (
             f"the pelvis is {self._now:.2f} m over the lowest sole, {self._home:.2f} m at home:"
             " the robot has fallen"
@@ -91,7 +91,7 @@ def _pelvis_over_soles(
     joints: Int64[np.ndarray, " frames"],
     offsets: Float64[np.ndarray, "frames 3"],
 ) -> float:
-    """Height of the first frame over the lowest of the others [m]; zero without others."""
+    """Return the height of the first frame over the lowest of the others [m]; 0 without others."""
     pelvis = lowest = 0.0
     for k in range(len(joints)):
         place = placements[joints[k]]

@@ -1,6 +1,6 @@
 """`Fallback`: a safe command for the ticks that have no answer.
 
-`RateLimit`: how far a command may be from that of the tick before.
+`RateLimit`: bound on the change of a command from tick to tick.
 """
 
 import math
@@ -52,35 +52,35 @@ class Fallback:
 
     @staticmethod
     def of_torque(robot: Robot, limit: TorqueLimit) -> "Fallback":
-        """Torques that decay towards damping of the joints."""
+        """Make one of torques, which decay towards damping of the joints."""
         damping = DAMPING_RATIO * robot.tau_max / robot.v_max
         return Fallback(robot, DECAY_TIME, damping, limit.lower, limit.upper)
 
     @staticmethod
     def of_velocity(robot: Robot) -> "Fallback":
-        """Velocities that decay to a stop."""
+        """Make one of velocities, which decay to a stop."""
         unbounded = np.full(robot.nj, np.inf)
         return Fallback(robot, STOP_TIME, np.zeros(robot.nj), -unbounded, unbounded)
 
     def reset(self) -> None:
-        """Forgets the last good command."""
+        """Forget the last good command."""
         self._last[:] = 0.0
         self._time, self._elapsed = 0.0, 0.0
 
     def remember(self, command: Float64[np.ndarray, " nj"], time: float) -> None:
-        """Copies a good command, with the time it was given for [s]."""
+        """Copy a good command, with the time of its state [s]."""
         self._last[:] = command
         self._time, self._elapsed = time, 0.0
 
     def command(self, state: object) -> Float64[np.ndarray, " nj"]:
-        """The safe command; each call counts as a tick."""
+        """Return the safe command; each call counts as a tick."""
         v, time = (state.v, state.time) if isinstance(state, RobotState) else (None, None)
         ratio = self._ratio(time)
         command = ratio * self._last - (1.0 - ratio) * self._damping * self._joint_velocities(v)
         return np.clip(command, self._lower, self._upper)
 
     def _ratio(self, time: object) -> float:
-        """How much of the last good command is left."""
+        """Return the share of the last good command."""
         # Never less than before: a clock that goes back brings no torque back.
         self._elapsed += _MIN_TICK
         if is_time(time):
@@ -121,7 +121,7 @@ class RateLimit:
         self._last: Float64[np.ndarray, " nj"] | None = None
 
     def limited(self, command: Float64[np.ndarray, " nj"]) -> Float64[np.ndarray, " nj"]:
-        """The command of this tick: as near to the given one as is allowed."""
+        """Return the allowed command nearest to the given one."""
         last = self._last
         if last is not None:
             change = command - last
@@ -132,9 +132,9 @@ class RateLimit:
         return command
 
     def remember(self, command: Float64[np.ndarray, " nj"]) -> None:
-        """Copies a command that was given, by this or another way."""
+        """Copy the command of a tick."""
         self._last = command.copy()
 
     def reset(self) -> None:
-        """Forgets the last command: the next one is free."""
+        """Forget the last command: the next one is unlimited."""
         self._last = None

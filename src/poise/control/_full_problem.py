@@ -1,28 +1,31 @@
-"""`FullProblem`: the conventional whole-body problem over accelerations and wrenches."""
+"""`FullProblem`: the conventional whole-body problem over accelerations and wrenches.
 
-from collections.abc import Sequence
+`SoftenedFull`: a solver of it that softens the levels of its stack.
+"""
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._compiled import Block, compiled, view
-from poise.control._strategy import PHYSICS_LEVELS
+from poise.control._strategy import PHYSICS_LEVELS, UNSOFTENED
 from poise.dynamics import Dynamics, StateNumbers
-from poise.hqp import HierarchicalProblem
+from poise.hqp import HierarchicalProblem, SoftenedSolver, Solver
 from poise.robots import Robot
 from poise.stack import AT_BOUND, Contact, Stack, StackRows, any_dynamics
 
 _WRENCH_COST, _UNEVEN = 1e-4, 0.1
-"""Final cost of a wrench, by the metric of its contact, against the acceleration energy; and how
-much less normal forces count in it: feet share what they have to hold by their loads, before the
-pressure goes to the edge of either. There a sole that does not quite lie on its ground turns over.
+"""Final cost of a wrench, by the metric of its contact, against the acceleration energy; and the
+factor of normal forces in it: feet share their load before the pressure goes to the edge of either,
+where a sole that does not quite lie on its ground turns over.
 
 It only chooses among the internal forces that every level leaves free; it stands in the final
 cost, below all levels, so it takes nothing from a task."""
 
 
 def wrench_cost(contacts: Sequence[Contact]) -> Float64[np.ndarray, "w w"]:
-    """Final cost of the wrenches of contacts, one after the other."""
+    """Return the final cost of the wrenches of contacts, one after the other."""
     size = sum(contact.dim for contact in contacts)
     cost, start = np.zeros((size, size)), 0
     for contact in contacts:
@@ -49,11 +52,6 @@ class FullProblem:
 
     Wrenches act on the robot, which turns the sign of the paper's F_c. Rows of contacts and tasks
     are written by `StackRows`, straight into this problem.
-
-    Attributes:
-        rows: the rows of the stack.
-        problem: the hierarchical problem, filled by `fill`.
-        velocity: generalized velocity of the state that it was filled for.
     """
 
     def __init__(self, robot: Robot, stack: Stack, contacts: Sequence[Contact]) -> None:
@@ -94,12 +92,12 @@ class FullProblem:
         torques: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
         joints: tuple[Float64[np.ndarray, " nj"], Float64[np.ndarray, " nj"]],
     ) -> "FullNumbers":
-        """The problem for compiled code, with bounds of torques and of joint accelerations."""
-        problem, (base, wrench_dim) = self.problem, self.sizes
+        """Make the problem for compiled code, with bounds of torques and of joint accelerations."""
+        problem = self.problem
         balance, first = self.rows.balance_rows, self.rows.evaluation.rows.first
         return FullNumbers(
-            base=base,
-            wrench_dim=wrench_dim,
+            base=self._base,
+            wrench_dim=self.rows.contact_rows.stop,
             A=problem.A,
             lower=problem.lower,
             upper=problem.upper,
@@ -115,20 +113,15 @@ class FullProblem:
         )
 
     def fill(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows into the problem."""
+        """Write one state's rows into the problem."""
         self.velocity = dynamics.v
         self.rows.update(dynamics)
         fill(self.numbers.address, dynamics.numbers.address)
 
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Coordinates of the base, and length of all wrenches."""
-        return self._base, self.rows.contact_rows.stop
-
     def levels_with_numbers(
         self, residuals: Float64[np.ndarray, "*k levels"]
     ) -> Float64[np.ndarray, "*k numbered"]:
-        """Residuals without those of the levels between physics and tasks, which have no number."""
+        """Drop the residuals of levels without a number, between physics and tasks."""
         return residuals[..., self._numbered]
 
     @property
@@ -139,22 +132,18 @@ class FullProblem:
     def answer(
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
     ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " nj"], bool]:
-        """A copy of a solution, its joint torques [N m], and if the balance limit holds it."""
+        """Return a copy of a solution, its torques [N m], and True where the balance limit acts."""
         numbers = self.numbers
         numbers.point[:] = x
         held = answer(numbers.address, dynamics.numbers.address)
         return numbers.point.copy(), numbers.torque.copy(), held
 
-    def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nv"]:
-        """Generalized acceleration of a solution."""
-        return x[: self._nv]
-
     def wrenches(self, x: Float64[np.ndarray, " n"]) -> dict[str, Float64[np.ndarray, " m"]]:
-        """Wrench at each active contact of a solution, by the contact's name."""
+        """Return the wrench at each active contact of a solution, by the contact's name."""
         return self.rows.wrenches(x[self._nv :])
 
     def task_residuals(self, slacks: Float64[np.ndarray, " nm"]) -> dict[str, float]:
-        """Norm of what each task could not meet, by its name, from a solution's slacks."""
+        """Return the norm of each task's residual, by its name, from a solution's slacks."""
         return self.rows.task_residuals(slacks[self.problem.n + self._nv :])
 
     @staticmethod
@@ -180,6 +169,30 @@ class FullProblem:
         )
 
 
+class SoftenedFull(SoftenedSolver):
+    """A solver of a full problem that softens the levels of its stack."""
+
+    def __init__(self, full: FullProblem, make_solver: Callable[[], Solver]) -> None:
+        softening, problem = full.rows.softening, full.problem
+        first, base = len(problem.levels) - len(full.rows.levels), full.numbers.base
+
+        def find(x: Float64[np.ndarray, " n"]) -> float:
+            return softening.find(full.velocity, x, base)
+
+        super().__init__(
+            problem,
+            make_solver(),
+            {level: first + level for level in softening.levels},
+            range(base, base + len(softening.terms.reference)),
+            weights=softening.terms.weights,
+            reference=softening.terms.reference,
+            find=find,
+            exact=softening.exact,
+            tolerance=UNSOFTENED,
+            make_solver=make_solver,
+        )
+
+
 class FullNumbers(Block):
     """A `FullProblem` for compiled code."""
 
@@ -201,7 +214,7 @@ class FullNumbers(Block):
 
 @compiled
 def fill(numbers_at: int, state_at: int) -> None:
-    """Writes all but the rows of the stack, which stand there already."""
+    """Write all but the rows of the stack, which stand there already."""
     p, state = view(FullNumbers, numbers_at), view(StateNumbers, state_at)
     M, h, A, H, lower, upper = state.M, state.h, p.A, p.H, p.lower, p.upper
     nv, n, base = len(h), len(H), p.base
@@ -222,7 +235,7 @@ def fill(numbers_at: int, state_at: int) -> None:
 
 @compiled
 def answer(numbers_at: int, state_at: int) -> bool:
-    """Finds the torques of the point; returns True where a row of the balance limit is active."""
+    """Find the torques of the point; return True where a row of the balance limit is active."""
     p, state = view(FullNumbers, numbers_at), view(StateNumbers, state_at)
     x, A, n = p.point, p.A, len(p.point)
     for i in range(len(p.torque)):

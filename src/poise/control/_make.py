@@ -20,15 +20,15 @@ from poise.stack import Stack
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class ControllerPlan:
-    """Which controller, and how it solves.
+    """A controller and its settings.
 
     Attributes:
         name: one of `CONTROLLERS`.
-        strategy: how it solves, one of the controller's own strategies; its default when None.
+        strategy: one of the controller's own strategies; its default when None.
         backend: QP solver of the cascade and weighted strategies.
         time_limit: cap of one solve of a controller by quadratic programs [s], None for none.
-        dt: control period, which a controller that commands velocities has to know [s]; a scenario
-            puts its plant's in.
+        dt: control period of a controller that commands velocities [s]; that of the plant in a
+            scenario.
     """
 
     name: AnyText = "whole_body"
@@ -40,78 +40,38 @@ class ControllerPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerKind:
-    """One kind of controller.
+    """One kind of controller."""
 
-    Attributes:
-        strategies: how it can solve, the default first.
-        make: makes one, with the strategy filled in.
-        actuation: what it commands, and what a plant must take.
-        solver_settings: whether it takes `backend` and `time_limit` of a plan.
-    """
-
-    strategies: tuple[str, ...]
-    make: Callable[[Robot, Stack | None, ControllerPlan, str, Dynamics | None], Controller]
+    controller: Callable[..., Controller]
+    strategies: tuple[str, ...]  # the default first
+    settings: tuple[str, ...]  # fields of a plan that are arguments of the controller
     actuation: Literal["torque", "velocity"] = "torque"
-    solver_settings: bool = False
 
 
-def _by_programs(
-    controller: type[WholeBodyController] | type[ReducedController],
-) -> Callable[[Robot, Stack | None, ControllerPlan, str, Dynamics | None], Controller]:
-    """Makes controllers that solve quadratic programs."""
-
-    def make(
-        robot: Robot,
-        stack: Stack | None,
-        plan: ControllerPlan,
-        strategy: str,
-        dynamics: Dynamics | None,
-    ) -> Controller:
-        return controller(
-            robot,
-            stack,
-            strategy=strategy,
-            backend=plan.backend,
-            time_limit=plan.time_limit,
-            dynamics=dynamics,
-        )
-
-    return make
-
-
-def _osf(
-    robot: Robot, stack: Stack | None, _plan: ControllerPlan, _: str, dynamics: Dynamics | None
-) -> Controller:
-    return OperationalSpaceController(robot, stack, dynamics=dynamics)
-
-
-def _differential_ik(
-    robot: Robot,
-    stack: Stack | None,
-    plan: ControllerPlan,
-    strategy: str,
-    dynamics: Dynamics | None,
-) -> Controller:
-    return DifferentialIK(robot, stack, dt=plan.dt, strategy=strategy, dynamics=dynamics)
-
+_BY_PROGRAMS = ("strategy", "backend", "time_limit")
 
 CONTROLLERS: Mapping[str, ControllerKind] = {
     "whole_body": ControllerKind(
-        strategies=STRATEGIES, make=_by_programs(WholeBodyController), solver_settings=True
+        controller=WholeBodyController, strategies=STRATEGIES, settings=_BY_PROGRAMS
     ),
     "reduced": ControllerKind(
-        strategies=STRATEGIES, make=_by_programs(ReducedController), solver_settings=True
+        controller=ReducedController, strategies=STRATEGIES, settings=_BY_PROGRAMS
     ),
-    "osf": ControllerKind(strategies=("fused",), make=_osf),
+    "osf": ControllerKind(
+        controller=OperationalSpaceController, strategies=("fused",), settings=()
+    ),
     "differential_ik": ControllerKind(
-        strategies=IK_STRATEGIES, make=_differential_ik, actuation="velocity"
+        controller=DifferentialIK,
+        strategies=IK_STRATEGIES,
+        settings=("strategy", "dt"),
+        actuation="velocity",
     ),
 }
 """Controllers by name."""
 
 
 def check_plan(plan: ControllerPlan) -> ControllerKind:
-    """The kind of controller that a plan names."""
+    """Return the kind of controller that a plan names, with the plan checked."""
     if plan.name not in CONTROLLERS:
         raise UnknownNameError("no such controller", got=plan.name, choices=CONTROLLERS)
     kind = CONTROLLERS[plan.name]
@@ -121,20 +81,20 @@ def check_plan(plan: ControllerPlan) -> ControllerKind:
             got=plan.strategy,
             choices=kind.strategies,
         )
-    if not kind.solver_settings:
+    if "time_limit" not in kind.settings:
         refuse_solver_settings(plan)
     return kind
 
 
 def refuse_solver_settings(plan: ControllerPlan) -> None:
-    """Refuses what only controllers take that leave their solver to the user."""
+    """Refuse settings of a solver that only controllers by quadratic programs take."""
     for value, what in ((plan.backend, "backend"), (plan.time_limit, "time_limit")):
         if value is not None:
             raise ConfigurationError(
                 f"controller {plan.name} takes no {what}",
                 got=value,
                 wanted=f"no {what}, or a controller that takes one",
-                choices=[name for name, kind in CONTROLLERS.items() if kind.solver_settings],
+                choices=[name for name, kind in CONTROLLERS.items() if what in kind.settings],
             )
 
 
@@ -145,7 +105,7 @@ def make_controller(
     *,
     dynamics: Dynamics | None = None,
 ) -> Controller:
-    """A controller by name.
+    """Make a controller by name.
 
     Args:
         robot: the robot.
@@ -159,4 +119,7 @@ def make_controller(
     """
     plan = plan or ControllerPlan()
     kind = check_plan(plan)
-    return kind.make(robot, stack, plan, plan.strategy or kind.strategies[0], dynamics)
+    settings = {name: getattr(plan, name) for name in kind.settings}
+    if "strategy" in settings:
+        settings["strategy"] = plan.strategy or kind.strategies[0]
+    return kind.controller(robot, stack, dynamics=dynamics, **settings)

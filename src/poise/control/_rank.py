@@ -1,6 +1,8 @@
-"""`RankTreatment`: what happens where a task loses a direction."""
+"""`RankTreatment`: fading of directions that a task loses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from math import sqrt
 
 import numpy as np
@@ -12,18 +14,18 @@ from poise.errors import ConfigurationError
 
 @dataclass(frozen=True, kw_only=True)
 class RankTreatment:
-    """How much of a direction a task gets, by how well the robot can still move along it.
+    """Fading of directions along which the robot loses mobility.
 
     A task's prioritised Jacobian in the mass metric, `J_i|p M^-1/2`, has singular values. Each is
     measured against the mobility that the task's rows have by themselves in the robot's home
-    posture, so that it is a pure number: about one where a task moves freely, and zero where a
-    singularity or the tasks above have taken the direction. The activation
+    posture, a pure number: about one where a task moves freely, and zero where a singularity or the
+    tasks above have taken the direction. The activation
 
         a(s) = 3 t^2 - 2 t^3   with t = (s - low) / (high - low), kept between 0 and 1
 
     multiplies the inverse along that direction, a / s^2 in place of 1 / s^2, and the same fraction
     of the direction is withheld from the tasks below. Torques are continuous in the state and
-    bounded, and levels above never notice.
+    bounded, and levels above are not affected.
 
     Attributes:
         low: singular value up to which a direction is left alone.
@@ -46,7 +48,7 @@ class RankTreatment:
     def activate(
         self, squares: Float64[np.ndarray, " m"]
     ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
-        """Activations of directions and the inverses that belong to them.
+        """Return activations of directions and their inverses.
 
         Args:
             squares: squared singular values s^2; rounding may have left them slightly negative.
@@ -60,13 +62,21 @@ class RankTreatment:
         return activation, activation / np.maximum(squares, self.low * self.low)
 
     def damp(self, square: float) -> float:
-        """Least softening of a level that may be softened: low sqrt(1 - s^2 / high^2), or zero.
-
-        Args:
-            square: least squared singular value s^2 of the level.
-        """
+        """Return the least softening low sqrt(1 - s^2 / high^2), or zero, for the least s^2."""
         return self.low * sqrt(max(1.0 - square / self.high**2, 0.0))
 
 
+def block_scales(
+    sizes: Float64[np.ndarray, " m"], blocks: Sequence[int]
+) -> Float64[np.ndarray, " m"]:
+    """Return one over the largest size of each block of rows; one where nothing moves a block."""
+    scale = np.ones(len(sizes))
+    for start, stop in pairwise(accumulate(blocks, initial=0)):
+        largest = float(sizes[start:stop].max())
+        if largest > 0.0:
+            scale[start:stop] = 1.0 / largest
+    return scale
+
+
 PHYSICS_RANK = RankTreatment(low=1e-5, high=1e-4)
-"""Contacts and the underactuated base give way nowhere; only what is redundant is dropped."""
+"""For contacts and the base, which never give way: only redundant rows are dropped."""

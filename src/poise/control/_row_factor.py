@@ -1,9 +1,9 @@
 """Rows as [L 0] Q, compiled: L lower triangular, Q orthogonal, by Householder reflections.
 
-Prioritised levels one below the other become a staircase by it: the first columns of Q^T are what
-the levels take, in their order, and the others an orthonormal basis of what they leave. A square
-array X of n columns holds the rows that were factored so far, in place: L on and below the diagonal
-and right of it the vectors of the reflections I - tau v v^T, whose leading ones are not written.
+Prioritised levels one below the other become a staircase by it: the first columns of Q^T span the
+levels, in their order, and the others their null space. A square array X of n columns holds the
+rows that were factored so far, in place: L on and below the diagonal and right of it the vectors of
+the reflections I - tau v v^T, whose leading ones are not written.
 """
 
 from math import sqrt
@@ -18,7 +18,7 @@ from poise._compiled import factor_leading, part
 def factor_rows(
     X: Float64[np.ndarray, "n n"], begin: int, end: int, tau: Float64[np.ndarray, " n"]
 ) -> None:
-    """Factors a level's rows below those that are factored already."""
+    """Factor a level's rows below those that are factored already."""
     turn(X, begin, end, X, 0, begin, tau)
     for k in range(begin, end):
         tau[k] = _make_reflection(X, k)
@@ -35,7 +35,7 @@ def turn(
     last: int,
     tau: Float64[np.ndarray, " n"],
 ) -> None:
-    """Turns rows into the coordinates of the staircase: T <- T Q^T, by some of the reflections."""
+    """Turn rows into the coordinates of the staircase: T <- T Q^T, by some of the reflections."""
     for k in range(first, last):
         _reflect(T, begin, end, X, k, tau[k])
 
@@ -49,7 +49,7 @@ def turn_back(
     last: int,
     tau: Float64[np.ndarray, " n"],
 ) -> None:
-    """Turns rows back from those coordinates: T <- T Q."""
+    """Turn rows back from those coordinates: T <- T Q."""
     for k in range(last - 1, -1, -1):
         _reflect(T, begin, end, X, k, tau[k])
 
@@ -61,7 +61,7 @@ def fill_complement(
     taken: int,
     tau: Float64[np.ndarray, " n"],
 ) -> None:
-    """An orthonormal basis of what the first rows leave, in rows."""
+    """Find an orthonormal basis of the null space of the first rows, in rows."""
     n = len(B)
     for i in range(n - taken):
         for j in range(n):
@@ -89,7 +89,7 @@ def keeps_rank(
 def square_level(
     X: Float64[np.ndarray, "n n"], begin: int, end: int, G: Float64[np.ndarray, "n n"]
 ) -> None:
-    """G = L L^T with a level's own block of L, in the lower triangle."""
+    """Find G = L L^T with a level's own block of L, in the lower triangle."""
     for i in range(end - begin):
         row = X[begin + i, begin:]
         for j in range(i + 1):
@@ -108,7 +108,7 @@ def add_row(
     weight: float,
     c: float,
 ) -> None:
-    """Adds a row a y = c to normal equations: G <- G + w a^T a, x <- x + w a^T c."""
+    """Add a row a y = c to normal equations: G <- G + w a^T a, x <- x + w a^T c."""
     for i in range(size):
         own, factor = G[i], weight * a[i]
         x[i] += factor * c
@@ -118,7 +118,7 @@ def add_row(
 
 @part
 def _make_reflection(X: Float64[np.ndarray, "n n"], k: int) -> float:
-    """Reflection of a row, from its diagonal on, to (-+ length, 0, ..., 0), in place."""
+    """Reflect a row, from its diagonal on, to (-+ length, 0, ..., 0), in place."""
     v, rest, first = X[k, k + 1 :], 0.0, X[k, k]
     for j in range(len(v)):
         rest += v[j] * v[j]
@@ -142,8 +142,8 @@ def _reflect(
     k: int,
     tau: float,
 ) -> None:
-    """Reflects rows, two at a time so that neither waits for its own sum."""
-    # Rows by themselves are known to lie in one piece.
+    """Reflect rows, two at a time so that neither waits for its own sum."""
+    # Rows by themselves are contiguous.
     v, row = X[k, k + 1 :], begin
     while row + 2 <= end:
         x_0, x_1 = T[row, k + 1 :], T[row + 1, k + 1 :]

@@ -1,4 +1,4 @@
-"""Whether a state may be used for control at all, and if not, why."""
+"""Validation of states in the control loop."""
 
 import numpy as np
 from jaxtyping import Float64
@@ -9,13 +9,13 @@ from poise.dynamics import Payload, RobotState
 from poise.robots import Robot
 
 _QUATERNION_TOLERANCE = 1e-3
-"""How far the base quaternion's norm may be from one; Pinocchio assumes a unit quaternion."""
+"""Deviation of the base quaternion's norm from one; Pinocchio assumes a unit quaternion."""
 
 _LARGEST = 1e6
-"""Larger positions and speeds are no robot's [m, rad, m/s, rad/s]; their squares overflow."""
+"""Largest position or speed of a robot [m, rad, m/s, rad/s]; far beyond, squares overflow."""
 
 _MOST_NAMED = 3
-"""More entries at fault than this are counted, not named."""
+"""Entries at fault that are named; more are counted."""
 
 
 def is_usable(state: object, robot: Robot) -> bool:
@@ -31,7 +31,7 @@ def is_usable(state: object, robot: Robot) -> bool:
 
 
 def fault_of(state: object, robot: Robot) -> str:
-    """Why a state is of no use, in words; "" for one that is."""
+    """Describe the fault of a state; "" for one that is usable."""
     if is_usable(state, robot):
         return ""
     if not isinstance(state, RobotState):
@@ -60,7 +60,7 @@ def fault_of(state: object, robot: Robot) -> str:
 def _is_sane(
     q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"], floating_base: bool
 ) -> bool:
-    """Written so that NaN fails every comparison."""
+    """Check size and quaternion; NaN fails every comparison."""
     for numbers in (q, v):
         for i in range(len(numbers)):
             if not abs(numbers[i]) <= _LARGEST:
@@ -72,14 +72,14 @@ def _is_sane(
 
 
 def _kind(value: object) -> str:
-    """What somebody gave in place of a vector."""
+    """Describe a value that is no vector."""
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape} and type {value.dtype}"
     return f"of kind {type(value).__name__}"
 
 
 def _entries(robot: Robot, size: int) -> list[str]:
-    """What messages call the entries of q or v: base by number, joints by name."""
+    """Name the entries of q or v: base by number, joints by name."""
     base = size - robot.nj
     return [f"entry {i} of the base" for i in range(base)] + list(robot.joint_names)
 

@@ -1,4 +1,4 @@
-"""`ControllerStatus`: how each task stands, in words and units."""
+"""`ControllerStatus`: level, error and residual of each task, with units."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -13,17 +13,16 @@ from poise.stack import Stack, Task
 
 @dataclass(frozen=True, kw_only=True)
 class TaskStatus:
-    """How one task stands.
+    """Error and residual of one task.
 
     Attributes:
         name: the task's name.
         level: its level in the hierarchy; 1 and 2 are the physics, the user's begin at 3.
         error: norm of target minus actual [unit].
         unit: unit of `error`.
-        residual: norm of the acceleration that could not be met [unit/s^2]; of the velocity, for a
-            controller that commands velocities [unit/s]; NaN where the last command was none of
-            the tasks'.
-        suspended: whether a contact holds the task's frame, so that the task does not act.
+        residual: norm of the acceleration that was not met [unit/s^2]; of the velocity, for a
+            controller that commands velocities [unit/s]; NaN for the command of a fallback.
+        suspended: True where a contact holds the task's frame, so that the task does not act.
     """
 
     name: str
@@ -36,17 +35,16 @@ class TaskStatus:
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerStatus:
-    """How the last tick came out; printing it gives a table.
+    """Outcome of the last tick; printing it gives a table.
 
     Attributes:
         command: status of the last command.
-        reason: why the last state was of no use, which task of a user's own could not be evaluated
-            and why, or how the robot was seen to have fallen; "" for other commands. Why a solver
-            failed, `explanation` says.
-        held_back: whether the balance limit holds the motion back; the tasks' residuals then say
-            how much of what each asks for it misses, and `explanation` against which rows.
+        reason: fault of the last state, of a user's task, or measure of a fall; "" for other
+            commands. `explanation` describes failures of the solver.
+        held_back: True where the balance limit holds the motion back; the tasks' residuals are
+            then what each misses, and `explanation` names the rows.
         tasks: each task, most important first.
-        explanation: which rows conflict and with what, in words.
+        explanation: conflicts of rows.
         softened: weight of the softening term of each level that was softened, by its number,
             against the weight of the level's own rows.
     """
@@ -87,7 +85,7 @@ class ControllerStatus:
 def task_statuses(
     stack: Stack, residuals: dict[str, float] | None, suspended: Collection[Task]
 ) -> tuple[TaskStatus, ...]:
-    """One `TaskStatus` a task of the stack."""
+    """Return one `TaskStatus` a task of the stack."""
     return tuple(
         TaskStatus(
             name=task.name,

@@ -1,6 +1,6 @@
-"""`Strategy`: from a state and a stack to what the joints should do.
+"""`Strategy`: torques or velocities of the joints from a state and a stack.
 
-`Answer`: what a strategy found for one state.
+`Answer`: the result for one state.
 `Programs`: a strategy that has one program for each set of active contacts.
 """
 
@@ -18,52 +18,38 @@ from poise.stack import Contact, ContactSets, Stack, Task, default_stack
 
 PHYSICS_LEVELS = 2
 """Levels of physics: dynamics with torque limits, contacts with joint limits. The user's follow;
-that of the balance limit, which stands between, has no number, since a stack may do without it."""
+the level of balance and self-collision limit between them is optional and has no number."""
 
 PHYSICS_TOLERANCE = 1e-6
 """Relative residual of dynamics and torque limits above which torques cannot be trusted."""
 
 UNSOFTENED = 1e-2
-"""Acceleration by which a softening term has to be able to change a level to be solved with
-[m/s^2, rad/s^2]: a thousandth of gravity, what a tilt of 1 mrad does to an accelerometer."""
+"""Change of a level by its softening term below which the level is solved without it
+[m/s^2, rad/s^2]: a thousandth of gravity, the effect of a tilt of 1 mrad on an accelerometer."""
 
 
 class Answer(NamedTuple):
-    """What a strategy found for one state.
-
-    Attributes:
-        status: how the solve ended; an answer that is not to be trusted has failed.
-        joints: joint torques [N m] or velocities [rad/s], whichever the strategy commands; the
-            controller checks that they are finite, and clips torques to their limits.
-        residuals: norm of what each level could not meet, relative to the level's scale,
-            |W (A x - b)| / max(1, |W b|).
-        acceleration: generalized acceleration [m/s^2, rad/s^2]; None where it is not decided.
-        wrenches: wrench on the robot at each active contact, by the contact's name [N, N m].
-        held_back: whether the balance limit holds the motion back.
-    """
+    """Result of a strategy for one state; the controller checks and clips the joints' numbers."""
 
     status: SolveStatus
-    joints: Float64[np.ndarray, " nj"]
-    residuals: tuple[float, ...]
-    acceleration: Float64[np.ndarray, " nv"] | None = None
-    wrenches: Mapping[str, Float64[np.ndarray, " m"]] = {}
-    held_back: bool = False
+    joints: Float64[np.ndarray, " nj"]  # torques [N m] or velocities [rad/s]
+    residuals: tuple[float, ...]  # of the levels, |W (A x - b)| / max(1, |W b|)
+    acceleration: Float64[np.ndarray, " nv"] | None = None  # None where it is not decided
+    wrenches: Mapping[str, Float64[np.ndarray, " m"]] = {}  # on the robot, by contact [N, N m]
+    held_back: bool = False  # by the balance limit
 
 
 class Program(Protocol):
-    """Solves a stack for one set of active contacts; its memory lasts from tick to tick."""
+    """Solver of a stack for one set of active contacts; its memory lasts from tick to tick."""
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Tasks that a contact stands in for; they have no rows."""
+        """Tasks replaced by a contact; they have no rows."""
         ...
 
     @property
     def softened(self) -> dict[int, float]:
-        """Weight of the softening term of each level that was softened at the last solve.
-
-        Levels of the stack count from zero.
-        """
+        """Weight of each softened level's term at the last solve; levels count from zero."""
         ...
 
     @property
@@ -72,38 +58,36 @@ class Program(Protocol):
         ...
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows, in place; `dynamics` is up to date."""
+        """Write one state's rows, in place; `dynamics` is up to date."""
         ...
 
     def solve(self) -> Answer:
-        """Solves what was assembled; nothing raises on numbers."""
+        """Solve the assembled problem; nothing raises on numbers."""
         ...
 
     def reset(self) -> None:
-        """Forgets the last solution, so that the next solve starts cold."""
+        """Forget the last solution, so that the next solve starts cold."""
         ...
 
     def task_residuals(self) -> dict[str, float]:
-        """Norm of what each task could not meet at the last solve, by its name [unit/s^2]."""
+        """Return the norm of each task's residual at the last solve, by its name [unit/s^2]."""
         ...
 
     def explain(self) -> str:
-        """Which rows conflict and with what at the last solve, in words."""
+        """Describe conflicts of rows at the last solve."""
         ...
 
 
 @runtime_checkable
 class Strategy(Program, Protocol):
-    """How a controller turns a state and a stack into torques or velocities of the joints.
+    """Solver of a stack for torques or velocities of the joints.
 
-    It never sees the plant, and need not check states or fall back: the controller does.
-
-    One that has a class attribute `kept` names attributes of its own there that a copy of its
-    controller takes over.
+    The controller checks states and falls back. An optional class attribute `kept` names attributes
+    that a copy of the controller keeps.
 
     Attributes:
         robot: the robot.
-        commands: what the joints are told.
+        commands: kind of the command.
     """
 
     robot: Robot
@@ -115,14 +99,11 @@ class Strategy(Program, Protocol):
         ...
 
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
-        """Takes up what belongs to a set of active contacts."""
+        """Use the memory of a set of active contacts; return True where that is another."""
         ...
 
     def rehearse(self, dynamics: Dynamics) -> None:
-        """Goes through a tick under every prepared set of contacts, and forgets it.
-
-        A first tick in fresh memory takes several times as long as those that follow.
-        """
+        """Run a tick under every prepared set of contacts, and forget it: first ticks are slow."""
         ...
 
 
@@ -130,7 +111,7 @@ class ContactProgram(Program, Protocol):
     """A `Program` among those of other contacts."""
 
     def follow(self, last: Any) -> None:
-        """Begins the next solve where another of its kind ended: that of other contacts."""
+        """Begin the next solve where the program of other contacts ended."""
         ...
 
 
@@ -138,14 +119,7 @@ P = TypeVar("P", bound=ContactProgram)
 
 
 class Programs(Generic[P]):
-    """A `Strategy` of torques that has one program, made once, for each set of active contacts.
-
-    Attributes:
-        robot: the robot.
-        stack: contacts, limits and tasks.
-        current: the program of the last tick.
-        prepared: all programs.
-    """
+    """A `Strategy` of torques that has one program, made once, for each set of active contacts."""
 
     commands: Literal["torque", "velocity"] = "torque"
 
@@ -157,7 +131,7 @@ class Programs(Generic[P]):
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Tasks that a contact stands in for."""
+        """Tasks replaced by a contact."""
         return self.current.suspended
 
     @property
@@ -171,7 +145,7 @@ class Programs(Generic[P]):
         return self.current.size if self._solved else (0, 0)
 
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
-        """Takes up the program of a set of active contacts."""
+        """Use the program of a set of active contacts."""
         last, self.current = self.current, self.prepared.of(contacts)
         if self.current is last:
             return False
@@ -180,21 +154,21 @@ class Programs(Generic[P]):
         return True
 
     def rehearse(self, dynamics: Dynamics) -> None:
-        """Goes through a tick under every prepared set of contacts, and forgets it."""
+        """Run a tick under every prepared set of contacts, and forget it."""
         for program in self.prepared:
             program.assemble(dynamics)
             program.solve()
-            # Which rows two programs share is found once.
+            # Rows that two programs share are found once.
             for other in self.prepared:
                 program.follow(other)
         self.reset()
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows, in place."""
+        """Write one state's rows, in place."""
         self.current.assemble(dynamics)
 
     def solve(self) -> Answer:
-        """Solves what was assembled; an answer that breaks the dynamics has failed."""
+        """Solve the assembled problem; an answer that breaks the dynamics has failed."""
         answer = self.current.solve()
         self._solved = True
         if answer.status in USABLE and not answer.residuals[0] <= PHYSICS_TOLERANCE:
@@ -202,17 +176,17 @@ class Programs(Generic[P]):
         return answer
 
     def reset(self) -> None:
-        """Forgets the last solutions."""
+        """Forget the last solutions."""
         self._solved = False
         for program in self.prepared:
             program.reset()
 
     def task_residuals(self) -> dict[str, float]:
-        """Norm of what each task could not meet at the last solve, by its name [unit/s^2]."""
+        """Return the norm of each task's residual at the last solve, by its name [unit/s^2]."""
         return self.current.task_residuals() if self._solved else {}
 
     def explain(self) -> str:
-        """Which rows conflict and with what at the last solve, in words."""
+        """Describe conflicts of rows at the last solve."""
         return self.current.explain() if self._solved else "nothing solved yet"
 
 
@@ -226,11 +200,11 @@ def softening_notes(softened: dict[int, float]) -> list[str]:
 
 
 USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
-"""A point cut short by the time cap is not: it may meet the dynamics and know no contact yet."""
+"""Not a point cut short by the time cap, which may meet the dynamics without the contacts."""
 
 
 def bound_stack(robot: Robot, stack: Stack | None) -> Stack:
-    """The stack of a controller with every name resolved on its robot."""
+    """Bind the stack of a controller to its robot."""
     checked_kind(robot, Robot, "the controller's robot")
     stack = default_stack(robot) if stack is None else stack
     checked_kind(stack, Stack, "the controller's stack").bind(robot)
@@ -240,6 +214,6 @@ def bound_stack(robot: Robot, stack: Stack | None) -> Stack:
 def solver_maker(
     strategy: str, backend: str | None, time_limit: float | None
 ) -> Callable[[], Solver]:
-    """Factory of a controller's solvers, each with a workspace of its own."""
+    """Make a factory of solvers, each with a workspace of its own."""
     checked_time_limit(time_limit)
     return lambda: make_solver(strategy, backend, time_limit=time_limit)

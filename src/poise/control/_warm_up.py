@@ -1,4 +1,4 @@
-"""`warm_up`: compiles ahead what control needs, in several processes where there are cores."""
+"""`warm_up`: compilation ahead of use, in several processes where there are cores."""
 
 import multiprocessing
 import signal
@@ -33,19 +33,14 @@ _ROBOT = "humanoid33"
 """Machine code does not depend on the robot."""
 
 Note = Callable[[int, int], None]
-"""Told how many functions are compiled, and of how many."""
+"""Callback with the number of functions that are compiled, and of all."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Job:
-    """What one process compiles: no job needs the code of another.
+    """Work of one process: no job needs the code of another."""
 
-    Attributes:
-        code: modules and packages of the functions that only this job compiles.
-        make: makes what is compiled by being made.
-    """
-
-    code: tuple[str, ...]
+    code: tuple[str, ...]  # modules and packages of the functions that only this job compiles
     make: Callable[[], object]
 
 
@@ -58,10 +53,10 @@ def _make_estimator() -> StateEstimator:
 
 
 _SOLVER = _Job(code=("poise.hqp",), make=partial(make_solver, "direct"))
-"""All controllers need it, and it takes as long as all the rest."""
+"""Needed by all controllers; it takes as long as all the rest."""
 
 _ESTIMATOR = _Job(code=("poise.estimation",), make=_make_estimator)
-"""Whatever the controller, a robot does not know its base."""
+"""Needed with every controller of a floating base."""
 
 _JOBS = {
     # The strategies and the robot are such that they do not need the hierarchical solver.
@@ -86,19 +81,12 @@ _JOBS = {
 
 @dataclass(frozen=True, kw_only=True)
 class WarmUp:
-    """What was done.
+    """Result of `warm_up`."""
 
-    Attributes:
-        controllers: that are ready now.
-        functions: how many had to be compiled.
-        seconds: that it took [s].
-        folder: where the machine code is kept.
-    """
-
-    controllers: tuple[str, ...]
-    functions: int
-    seconds: float
-    folder: str
+    controllers: tuple[str, ...]  # that are ready now
+    functions: int  # that had to be compiled
+    seconds: float  # duration [s]
+    folder: str  # of the machine code
 
 
 def warm_up(
@@ -108,14 +96,14 @@ def warm_up(
     note: Note | None = None,
     others: Sequence[Callable[[], object]] = (),
 ) -> WarmUp:
-    """Compiles all that controllers and the estimator need, as far as it is not kept yet."""
+    """Compile the functions of controllers and the estimator that are not kept yet."""
     begin, plans = perf_counter(), _plans(controllers)
     folder = code_folder()
     skipped = tuple(c for name, job in _JOBS.items() if name not in controllers for c in job.code)
     left = find_unkept(skipped)
     awaited, done = names_of(left), set[str]()
 
-    def told(name: str) -> None:
+    def note_compiled(name: str) -> None:
         # Numba compiles a few functions of its own, too.
         if name in awaited:
             done.add(name)
@@ -127,13 +115,13 @@ def warm_up(
     jobs = [job for job in jobs if any(module.startswith(job.code) for module in modules)]
     processes = min(usable_cores() if processes is None else processes, len(jobs))
     if processes > 1:
-        _share_out(jobs, processes, told)
-    # What all of them need, what no process compiled, and all where none could be started.
-    with compiling_told(told):
+        _share_out(jobs, processes, note_compiled)
+    # Functions that all need, that no process compiled, and all where none could be started.
+    with compiling_told(note_compiled):
         _make_estimator()
         for plan in plans:
             controller = _make(plan)
-            # What no tick needs compiles when it is first asked for.
+            # Functions that no tick needs compile at their first use.
             if isinstance(controller, WholeBodyController) and plan.strategy == "direct":
                 controller.solve_batch([])
             if isinstance(controller, ReducedController):
@@ -150,7 +138,7 @@ def warm_up(
 
 
 def _plans(controllers: Sequence[str]) -> list[ControllerPlan]:
-    """Every controller in every way that it can solve."""
+    """List every controller with each of its strategies."""
     return [
         ControllerPlan(name=name, strategy=strategy)
         for name in controllers
@@ -158,8 +146,8 @@ def _plans(controllers: Sequence[str]) -> list[ControllerPlan]:
     ]
 
 
-def _share_out(jobs: Sequence[_Job], processes: int, told: Callable[[str], None]) -> None:
-    """Has processes do the jobs, as far as processes can be started."""
+def _share_out(jobs: Sequence[_Job], processes: int, note_compiled: Callable[[str], None]) -> None:
+    """Run the jobs in processes, as far as processes can be started."""
     context = multiprocessing.get_context("spawn")
     names: Any = context.SimpleQueue()
     with (
@@ -171,16 +159,16 @@ def _share_out(jobs: Sequence[_Job], processes: int, told: Callable[[str], None]
         while running:
             finished, running = wait(running, 0.1, FIRST_COMPLETED)
             while not names.empty():
-                told(names.get())
+                note_compiled(names.get())
             for one in finished:
                 one.result()
         while not names.empty():
-            told(names.get())
+            note_compiled(names.get())
 
 
 @contextmanager
 def _ended(pool: ProcessPoolExecutor) -> Generator[None]:
-    """Ends what waits in a pool when something goes wrong, Ctrl-C included."""
+    """Cancel the jobs of a pool on any exception, Ctrl-C included."""
     try:
         yield
     except BaseException:
@@ -189,12 +177,12 @@ def _ended(pool: ProcessPoolExecutor) -> Generator[None]:
 
 
 _names: Any = None
-"""In a process that compiles: where names of functions go."""
+"""In a process that compiles: queue of names of functions."""
 
 
 def _listen(names: Any) -> None:
     global _names
-    # Ctrl-C ends it without words: the process that asked for it says something.
+    # Ctrl-C ends it silently: its parent reports.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     _names = names
 

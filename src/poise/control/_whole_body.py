@@ -6,8 +6,7 @@ from poise._checks import checked_kind
 from poise.control._batch import Batch
 from poise.control._command import Commands
 from poise.control._controller import Controller
-from poise.control._full_problem import FullProblem
-from poise.control._softened import SoftenedFull
+from poise.control._full_problem import FullProblem, SoftenedFull
 from poise.control._strategy import Answer, Programs, bound_stack, softening_notes, solver_maker
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
@@ -17,11 +16,7 @@ from poise.stack import Stack, Task
 
 
 class FullProgram:
-    """The full problem of one set of active contacts with a solver of its own; a `Program`.
-
-    Attributes:
-        full: the problem.
-    """
+    """The full problem of one set of active contacts with a solver of its own; a `Program`."""
 
     def __init__(self, full: FullProblem, make_solver: Callable[[], Solver]) -> None:
         self.full, self._solved = full, False
@@ -29,7 +24,7 @@ class FullProgram:
 
     @property
     def solution(self) -> Solution | None:
-        """The last solve's, made when it is asked for; None before the first."""
+        """Solution of the last solve, made on access; None before the first."""
         return self._solver.report() if self._solved else None
 
     @property
@@ -41,7 +36,7 @@ class FullProgram:
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Tasks that a contact stands in for."""
+        """Tasks replaced by a contact."""
         return self.full.rows.suspended
 
     @property
@@ -50,16 +45,16 @@ class FullProgram:
         return self.full.problem.size
 
     def follow(self, last: "FullProgram") -> None:
-        """Begins where the program of other contacts ended."""
+        """Begin where the program of other contacts ended."""
         self._solver.follow(last._solver)
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows."""
+        """Write one state's rows."""
         self._dynamics = dynamics
         self.full.fill(dynamics)
 
     def solve(self) -> Answer:
-        """Solves what was assembled."""
+        """Solve the assembled problem."""
         full, solver = self.full, self._solver
         status = solver.run()
         self._solved = True
@@ -68,23 +63,23 @@ class FullProgram:
             status,
             torque,
             tuple(full.levels_with_numbers(solver.relative_residuals).tolist()),
-            full.acceleration(x),
+            x[: self._dynamics.robot.nv],
             full.wrenches(x),
             held_back,
         )
 
     def reset(self) -> None:
-        """Forgets the last solution."""
+        """Forget the last solution."""
         self._solved = False
         self._solver.reset()
 
     def task_residuals(self) -> dict[str, float]:
-        """Norm of what each task could not meet at the last solve [unit/s^2]."""
+        """Return the norm of each task's residual at the last solve [unit/s^2]."""
         solution = self.solution
         return {} if solution is None else self.full.task_residuals(solution.slacks)
 
     def explain(self) -> str:
-        """Which rows conflict and with what, in words."""
+        """Describe conflicts of rows."""
         solution, full = self.solution, self.full
         if solution is None:
             return "nothing solved yet"
@@ -93,7 +88,7 @@ class FullProgram:
 
 
 class WholeBodyController(Controller):
-    """Tasks in strict priority in, joint torques out: the conventional formulation.
+    """Joint torques of tasks in strict priority: the conventional formulation.
 
     Variables are accelerations and contact wrenches, torques follow from the actuated rows; see
     `FullProblem` for the rows and Ahn et al. 2024, section 2 and Table 1, for their source.
@@ -101,7 +96,7 @@ class WholeBodyController(Controller):
     Args:
         robot: the robot.
         stack: contacts, limits and tasks; `default_stack(robot)` when None.
-        strategy: how the hierarchy is solved: "direct", "cascade" or "weighted".
+        strategy: of the hierarchy: "direct", "cascade" or "weighted".
         backend: QP solver of the cascade and weighted strategies.
         time_limit: cap of one solve [s], beyond which the command is the fallback's; none when
             None.
@@ -143,24 +138,24 @@ class WholeBodyController(Controller):
         threads: int | None = None,
         before_each: Callable[[int], None] | None = None,
     ) -> Commands:
-        """What the next `step` would answer to each of many states, whichever came first.
+        """Compute the command of `step` for each of many states, independent of their order.
 
         For data, planning by sampling, learning: one compiled loop over the states, on threads. All
-        have the stack's targets, and its contacts as they are at the first state's time; a task
-        without a target holds what the robot does in each state, and no last command bounds the
-        change of torques. `before_each` may set targets
-        for one state. Answers are those of `step` to rounding, whatever the number of threads;
-        each search begins with the active set of the same place in the last batch, if that was
-        as long. The controller's own last command, solution and status stay as they are.
+        have the stack's targets, and the loads of its contacts at the first state's time; a task
+        without a target holds the pose of each state, and no last command bounds the change of
+        torques. `before_each` may set targets for one state. Answers are those of `step` to
+        rounding, whatever the number of threads; each search begins with the active set of the same
+        place in the last batch, if that was as long. The controller's own last command, solution
+        and status do not change.
 
         Args:
             states: the states.
-            threads: how many work at a time; as many as there are processors when None.
+            threads: number of threads; that of the processors when None.
             before_each: called before a state is taken up, with its number; one call at a time.
 
         Returns:
-            The commands. A state that is of no use, or has no answer, gets the fallback of a
-            controller that has given no command yet.
+            The commands. A state that is not usable, or has no answer, gets the fallback of a
+            controller without a last command.
 
         Raises:
             ConfigurationError: the strategy is not "direct", or a number of threads below one.
@@ -178,9 +173,9 @@ class WholeBodyController(Controller):
         return self._batch.solve(states, threads, before_each)
 
     def reset(self) -> None:
-        """Forgets the last command, the last solutions and targets taken from the robot.
+        """Forget the last command, the last solutions and targets taken from the robot.
 
-        Contacts stay as loaded as they are.
+        Contacts keep their loads.
         """
         super().reset()
         self._batch.reset()

@@ -1,4 +1,4 @@
-"""Everything about one state of a robot, computed once a tick."""
+"""Dynamics of one state of a robot, computed once a tick."""
 
 from poise.dynamics._chain_coordinates import (
     ChainFactors as ChainFactors,
@@ -30,12 +30,12 @@ from poise.dynamics._partition import (
     FreeChain as FreeChain,
     Partition as Partition,
     Partitions,
-    Selection as Selection,
 )
 from poise.dynamics._payload import LoadedModel as LoadedModel, Payload
 from poise.dynamics._reduction import (
     ReducedDynamics,
     ReducedMatrices as ReducedMatrices,
+    reach_of as reach_of,
     reduce_dynamics as reduce_dynamics,
 )
 from poise.dynamics._trajectory import Quintic as Quintic, least_jerk

@@ -2,8 +2,8 @@
 
 With M_uu = U U^T and the rows A of the wrench that the chain puts on its body, reflections Q make
 A U^-T Q lower triangular. In the coordinates Q^T U^T dv_u = (z, p) the wrench is that of z alone,
-and the energy dv_u^T M_uu dv_u is |z|^2 + |p|^2. See `ReducedDynamics` for the equations; here they
-are compiled. Neither U^-1 nor Q is ever made.
+and the energy dv_u^T M_uu dv_u is |z|^2 + |p|^2. See `ReducedDynamics` for the equations. Neither
+U^-1 nor Q is ever made.
 
 Rows that map dv_u stand in the columns of a matrix, side by side, so that one pass turns them all.
 """
@@ -28,32 +28,21 @@ CENTROID_DIM = 6
 
 
 class ChainFactors(Block):
-    """What the coordinates are made of, for all free chains of a robot together.
+    """Factors of the coordinates (z, p) of all free chains of a robot together."""
 
-    Attributes:
-        chains: where each chain's joints begin and end in `u`.
-        order: for each of the coordinates (z, p), its place while reflecting: a centroid takes
-            the first six places of its chain.
-        reach: where the joints that hang on each joint end in `u`.
-        U: factor of M_uu, zero between branches.
-        V: the reflections' vectors.
-        tau: the reflections' factors.
-        turned: scratch, for the vector that a reflection turns.
-    """
-
-    chains: Int64[np.ndarray, "chains ends"]
-    order: Int64[np.ndarray, " nu"]
-    reach: Int64[np.ndarray, " nu"]
-    U: Float64[np.ndarray, "nu nu"]
-    V: Float64[np.ndarray, "nz nu"]
-    tau: Float64[np.ndarray, " nz"]
-    turned: Float64[np.ndarray, " nu"]
+    chains: Int64[np.ndarray, "chains ends"]  # begin and end of each chain's joints in `u`
+    order: Int64[np.ndarray, " nu"]  # place of (z, p) in reflections; z first in their chain
+    reach: Int64[np.ndarray, " nu"]  # end in `u` of the joints that hang on each joint
+    U: Float64[np.ndarray, "nu nu"]  # factor of M_uu, zero between branches
+    V: Float64[np.ndarray, "nz nu"]  # the reflections' vectors
+    tau: Float64[np.ndarray, " nz"]  # the reflections' factors
+    turned: Float64[np.ndarray, " nu"]  # scratch: input of a reflection
 
 
 def chain_factors(
     chains: Int64[np.ndarray, "chains 2"], reach: Int64[np.ndarray, " nu"]
 ) -> ChainFactors:
-    """Room for the chains of a robot."""
+    """Make room for the chains of a robot."""
     starts = chains[:, :1] + np.arange(CENTROID_DIM)
     inside = np.setdiff1d(np.arange(len(reach)), starts)
     sizes = {"nu": len(reach), "nz": starts.size}
@@ -68,7 +57,7 @@ def find_coordinates(
     factors: ChainFactors,
     shares: Float64[np.ndarray, " k"],
 ) -> bool:
-    """Factors M_uu and turns each chain's wrench into its centroid."""
+    """Factor M_uu and turn each chain's wrench into its centroid."""
     if not factor(M_uu, factors.reach, factors.U):
         return False
     solve_columns(factors.U, factors.reach, rows)
@@ -88,7 +77,7 @@ def find_coordinates(
 def to_coordinates(
     X: Float64[np.ndarray, "nu m"], factors: ChainFactors, shares: Float64[np.ndarray, " m"]
 ) -> None:
-    """Rows that map dv_u become rows that map (z, p), [X Jbar_z, X N_z], in place."""
+    """Turn rows that map dv_u into rows that map (z, p), [X Jbar_z, X N_z], in place."""
     solve_columns(factors.U, factors.reach, X)
     for chain in range(len(factors.chains)):
         first, end = factors.chains[chain]
@@ -101,7 +90,7 @@ def to_coordinates(
 def from_coordinates(
     zp: Float64[np.ndarray, " nu"], factors: ChainFactors, out: Float64[np.ndarray, " nu"]
 ) -> None:
-    """The dv_u of coordinates (z, p): Jbar_z z + N_z p."""
+    """Find the dv_u of coordinates (z, p): Jbar_z z + N_z p."""
     for i in range(len(zp)):
         out[factors.order[i]] = zp[i]
     for chain in range(len(factors.chains)):

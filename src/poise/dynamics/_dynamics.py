@@ -1,8 +1,8 @@
 """`Dynamics`: everything about one state of a robot, computed once a tick.
 
-`RobotState`: the one thing a controller is told each tick.
-`SensorReadings`: what a robot's sensors say besides, for estimators.
-`FrameKinematics`: where one frame is, how it moves, and how it answers to joint acceleration.
+`RobotState`: input of a controller each tick.
+`SensorReadings`: further readings, for estimators.
+`FrameKinematics`: pose, velocity and acceleration of one frame.
 """
 
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ _NUMBER = np.dtype(np.float64)
 
 
 class SensorReadings(NamedTuple):
-    """What a robot's sensors say besides its joints and soles, for an estimator.
+    """Readings of a robot's sensors besides its joints and soles, for an estimator.
 
     Attributes:
         angular_velocity: of the inertial unit, along its own axes [rad/s].
@@ -49,11 +49,11 @@ class SensorReadings(NamedTuple):
 
 @dataclass(frozen=True, slots=True, init=False)
 class RobotState:
-    """Where the robot is and how fast, as measured or estimated.
+    """Configuration and velocity of a robot, measured or estimated.
 
     Lists, float32 and whole numbers become arrays of float64; arrays of float64 are not copied. Not
-    validated when made, because it is made every tick: what cannot be numbers stays what it is, and
-    a controller checks it all and answers with a status.
+    validated when made, because it is made every tick: other values are kept, and a controller
+    checks them all and returns a status.
 
     Attributes:
         q: configuration as Pinocchio orders it: base position in the world [m], base quaternion
@@ -63,9 +63,8 @@ class RobotState:
             the sole's centre [N, N m]; empty where nothing is measured.
         time: time of the measurement [s].
         readings: of sensors that only an estimator needs; None where there are none.
-        payload: how far mass and centre of mass are from the description, for whoever computes
-            with this state; None for not at all. One that is the same object is taken to be the
-            same.
+        payload: deviation of mass and centre of mass from the description; None for none. The same
+            object is assumed to be unchanged.
     """
 
     q: Float64[np.ndarray, " nq"]
@@ -93,7 +92,7 @@ class RobotState:
         take(self, "payload", payload)
 
     def wrench(self, sole: str) -> Float64[np.ndarray, "6"] | None:
-        """What is measured of a sole; None for nothing, and for what is not six finite numbers.
+        """Return the measured wrench of a sole; None without one of six finite numbers.
 
         Args:
             sole: its name.
@@ -124,7 +123,7 @@ class CheckedWrenches(dict[str, Float64[np.ndarray, "6"]]):
 
 
 def _usable_wrench(found: Numbers) -> Float64[np.ndarray, "6"] | None:
-    """Six finite numbers, or None."""
+    """Return six finite numbers, or None."""
     if type(found) is not np.ndarray or found.dtype != _NUMBER:
         found = _as_numbers(found)
         if not (isinstance(found, np.ndarray) and found.dtype == _NUMBER):
@@ -133,12 +132,12 @@ def _usable_wrench(found: Numbers) -> Float64[np.ndarray, "6"] | None:
 
 
 def _as_numbers(value: Numbers) -> Numbers:
-    """An array of float64, or what was given where it cannot become one."""
-    # An array of a kind of its own, as one that counts operations, stays that.
+    """Convert to an array of float64 where that is possible."""
+    # Subclasses of arrays, as one that counts operations, are kept.
     if type(value) not in (np.ndarray, list, tuple):
         return value
     try:
-        # Of texts numbers could be made, too; nobody means that.
+        # NumPy would convert text, too.
         found = np.asarray(value)
         return found.astype(np.float64) if found.dtype.kind in "fiu" else value
     except (TypeError, ValueError, OverflowError):
@@ -174,9 +173,9 @@ Placement = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]
 class Dynamics:
     """Mass matrix, nonlinear effects, frames, COM and centroidal momentum of one state.
 
-    `update` runs Pinocchio's recursions once; frames and momentum are evaluated when first asked
-    for and kept until the next `update`, so that two tasks on one frame cost one evaluation. The
-    next `update` overwrites `M`, `h` and `momentum_matrix` in place; all else keeps its numbers.
+    `update` runs Pinocchio's recursions once; frames and momentum are evaluated at their first use
+    and kept until the next `update`, so that two tasks on one frame cost one evaluation. The next
+    `update` overwrites `M`, `h` and `momentum_matrix` in place; other results are copies.
 
     The equation of motion is
 
@@ -185,17 +184,17 @@ class Dynamics:
     with `F_i` the wrench on the robot at contact i.
 
     Args:
-        robot: whose dynamics; its Pinocchio model is shared and not changed. A state with a payload
-            is computed on a copy, made when the first one comes.
+        robot: the robot; its Pinocchio model is shared and not changed. A state with a payload is
+            computed on a copy, made at the first one.
 
     Attributes:
-        robot: whose dynamics.
+        robot: the robot.
         state: the state of the last `update`.
         M: mass matrix, both triangles, rotor inertias included [kg, kg m, kg m^2].
         h: nonlinear effects: Coriolis, centrifugal and gravity forces [N, N m].
         momentum_matrix: centroidal momentum matrix A_G, maps `v` to `momentum`.
         motion: the same memory for compiled code.
-        q: configuration of the last `update`, for compiled code: one layout, whatever came.
+        q: configuration of the last `update`, for compiled code.
         v: velocity.
         numbers: all of it for compiled code.
     """
@@ -209,7 +208,7 @@ class Dynamics:
         data = self._data
         self._frames: dict[int, FrameKinematics] = {}
         self._places: dict[int, Placement] = {}
-        # Pinocchio's own memory of frames that were asked for, to be copied.
+        # Pinocchio's own memory of frames, to be copied.
         self._seen: dict[int, Placement] = {}
         self._frame_memory: dict[int, FrameMemory] = {}
         self._com: Float64[np.ndarray, "3"] | None = None
@@ -231,7 +230,7 @@ class Dynamics:
         self._momenta()
 
     def update(self, state: RobotState) -> None:
-        """Computes everything for a state.
+        """Compute everything for a state.
 
         Args:
             state: configuration and velocity; must be finite and of the robot's size, which the
@@ -250,7 +249,7 @@ class Dynamics:
         pin.nonLinearEffects(self._model, self._data, self.q, self.v)
 
     def _carry(self, payload: Payload | None) -> None:
-        """Takes a payload in place of the last one."""
+        """Replace the payload."""
         if self._loaded is None:
             self._loaded = LoadedModel(self.robot)
             self._model = self._loaded.model
@@ -295,7 +294,7 @@ class Dynamics:
         return self._momenta()[6:].copy()
 
     def frame(self, frame_id: int) -> FrameKinematics:
-        """Kinematics of a frame, evaluated once a tick.
+        """Return the kinematics of a frame, evaluated once a tick.
 
         Args:
             frame_id: index from `Robot.frame_id`.
@@ -309,7 +308,7 @@ class Dynamics:
         return kinematics
 
     def placement(self, frame_id: int) -> Placement:
-        """Where a frame is: position and rotation alone, in a fifth of the time of `frame`.
+        """Return position and rotation of a frame, in a fifth of the time of `frame`.
 
         Args:
             frame_id: index from `Robot.frame_id`.
@@ -329,10 +328,7 @@ class Dynamics:
 
     @property
     def moving_numbers(self) -> tuple[Float64[np.ndarray, " _"], ...]:
-        """All that `update` writes and compiled code reads, as flat views in one order.
-
-        Copied into those of another `Dynamics` of the robot they make its motion that of this one.
-        """
+        """Results of `update` for compiled code, as flat views, to be copied to other memory."""
         m = self.motion
         moving = (
             m.columns,
@@ -347,7 +343,7 @@ class Dynamics:
         return tuple(x.ravel(order="K") for x in (self.q, self.v, self.M, self.h, *moving))
 
     def joint_position(self, joint_id: int) -> Float64[np.ndarray, "3"]:
-        """Origin of a joint in the world [m].
+        """Return the origin of a joint in the world [m].
 
         Args:
             joint_id: Pinocchio's index of the joint.
@@ -355,7 +351,7 @@ class Dynamics:
         return self.motion.placements[joint_id, 9:].copy()
 
     def joint_rotation(self, joint_id: int) -> Float64[np.ndarray, "3 3"]:
-        """world_R_joint.
+        """Return world_R_joint.
 
         Args:
             joint_id: Pinocchio's index of the joint.
@@ -363,7 +359,7 @@ class Dynamics:
         return self.motion.placements[joint_id, :9].reshape(3, 3).T.copy()
 
     def _momenta(self) -> Float64[np.ndarray, "12"]:
-        """Centroidal momentum and its rate at zero `dv`, evaluated once a tick."""
+        """Evaluate centroidal momentum and its rate at zero `dv`, once a tick."""
         numbers = self.numbers
         if not self._has_momenta:
             evaluate_centroid(numbers.address)

@@ -1,6 +1,6 @@
-"""`Motion`: what Pinocchio found for one state, as arrays that compiled code reads in place.
+"""`Motion`: Pinocchio's results for one state, as arrays that compiled code reads in place.
 
-`Frames`: where frames sit on the robot's joints, and compiled functions for how they move.
+`Frames`: places of frames on the robot's joints, with compiled functions for their motion.
 """
 
 from collections.abc import Sequence
@@ -24,16 +24,16 @@ class Motion(Block):
     placements: Float64[np.ndarray, "joints 12"]  # world_R_joint by columns, then the origin [m]
     velocities: Float64[np.ndarray, "joints 6"]  # along the joint's own axes [m/s, rad/s]
     accelerations: Float64[np.ndarray, "joints 6"]  # spatial, zero `dv`, less gravity, own axes
-    forces: Float64[np.ndarray, "joints 6"]  # for all that the joint bears, own axes [N, N m]
+    forces: Float64[np.ndarray, "joints 6"]  # for all bodies on the joint, own axes [N, N m]
     momentum: Float64[np.ndarray, "nv 6"]  # columns of A_G, which maps `v` to the momentum
     com: Float64[np.ndarray, "3"]  # in the world [m]
     gravity: Float64[np.ndarray, "3"]  # [m/s^2]
-    roots: Int64[np.ndarray, " roots"]  # joints that the world bears
+    roots: Int64[np.ndarray, " roots"]  # joints on the world
     mass: Float64[np.ndarray, "1"]  # of the whole robot [kg]
 
 
 def motion_of(model: pin.Model, data: pin.Data) -> Motion:
-    """The arrays of some data, which must live as long as they are read."""
+    """Make the arrays of some data, which must outlive them."""
     roots = [j for j in range(1, model.njoints) if model.parents[j] == 0]
     # A matrix of one column comes as a vector.
     columns, momentum = (matrix.reshape(6, -1, order="F").T for matrix in (data.J, data.Ag))
@@ -52,14 +52,11 @@ def motion_of(model: pin.Model, data: pin.Data) -> Motion:
 
 
 def _rows_of(first: Sequence[Any], width: int) -> Float64[np.ndarray, "joints width"]:
-    """One array over the elements of one of Pinocchio's vectors, which stand side by side.
-
-    Pinocchio gives views of the single elements alone.
-    """
+    """View the elements of one of Pinocchio's vectors, which are contiguous, as one array."""
     places = [view.__array_interface__["data"][0] for view in first]
     step = np.dtype(np.float64).itemsize * width
     if any(b - a != step for a, b in pairwise(places)):
-        raise RuntimeError(f"Pinocchio {pin.__version__} lays its data out in another way")
+        raise RuntimeError(f"Pinocchio {pin.__version__} has another layout of its data")
     return np.lib.stride_tricks.as_strided(
         first[0].ravel(order="K"), shape=(len(first), width), strides=(step, step // width)
     )
@@ -75,7 +72,7 @@ class Frames(Block):
 
 
 def frames_of(model: pin.Model, frame_ids: Sequence[int]) -> Frames:
-    """The table of some frames."""
+    """Make the table of some frames."""
     frames = [model.frames[i] for i in frame_ids]
     joints = [[j for j in model.supports[f.parentJoint] if j > 0] for f in frames]
     moved = [[model.idx_vs[j] + k for j in js for k in range(model.nvs[j])] for js in joints]
@@ -89,7 +86,7 @@ def frames_of(model: pin.Model, frame_ids: Sequence[int]) -> Frames:
 
 
 POSITION, ROTATION, VELOCITY, BIAS, KINEMATICS = 0, 3, 12, 18, 24
-"""Where a frame's numbers begin in what `place_frame` fills, and how many they are."""
+"""First numbers of the parts of a frame that `place_frame` fills, and the number of all."""
 
 
 @part
@@ -100,7 +97,7 @@ def place_frame(
     out: Float64[np.ndarray, " k"],
     at: int,
 ) -> None:
-    """Pose, velocity and classical acceleration at zero `dv` of a frame."""
+    """Find pose, velocity and classical acceleration at zero `dv` of a frame."""
     joint = frames.joints[frame]
     R, P = motion.placements[joint], frames.placements[frame]
     for i in range(3):
@@ -125,7 +122,7 @@ def place_frame(
 
 @part
 def turn_to_world(out: Float64[np.ndarray, " k"], at: int) -> None:
-    """Turns velocity and bias that `place_frame` left along the frame's axes to the world's."""
+    """Turn the velocity and bias of `place_frame` from the frame's axes to the world's."""
     R = at + ROTATION
     for first in range(at + VELOCITY, at + KINEMATICS, 3):
         x, y, z = out[first], out[first + 1], out[first + 2]
@@ -137,7 +134,7 @@ def turn_to_world(out: Float64[np.ndarray, " k"], at: int) -> None:
 def column_at(
     motion: Motion, column: int, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Velocity of a point by a coordinate, along the world's axes, linear before angular."""
+    """Find the velocity of a point by a coordinate, along the world's axes, linear part first."""
     c = motion.columns[column]
     wx, wy, wz = c[3], c[4], c[5]
     return (
@@ -175,10 +172,8 @@ def evaluate_frame(address: int) -> None:
 
 @part
 def momentum_rate(motion: Motion, out: Float64[np.ndarray, " k"], at: int) -> None:
-    """Rate of the centroidal momentum at zero `dv`, linear then angular about the COM [N, N m].
-
-    The joints that the world carries bear that rate and the weight.
-    """
+    """Find the rate of the centroidal momentum at zero `dv`, linear then angular [N, N m]."""
+    # The joints on the world carry that rate and the weight.
     for i in range(3):
         out[at + i] = motion.mass[0] * motion.gravity[i]
         out[at + 3 + i] = 0.0

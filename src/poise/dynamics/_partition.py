@@ -1,11 +1,7 @@
-"""`Partition`: which joints carry contacts, and which form free chains on them.
-
-`Selection`: some of the coordinates of the velocity vector, in an order of their own.
-"""
+"""`Partition`: joints that carry contacts, and free chains on them."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -14,71 +10,19 @@ from poise.dynamics._chain_coordinates import CENTROID_DIM
 from poise.robots import Robot
 
 
-class Selection:
-    """Some of the coordinates of `v`, copied out of vectors and matrices.
-
-    Neighbours are copied together as slices. A humanoid's legs, or its whole upper body, are one
-    run of neighbours, and copying runs is quicker than picking single coordinates.
-
-    Attributes:
-        index: the coordinates, in the selection's order.
-        runs: runs of neighbours: where each lies in `v`, and where in the selection.
-    """
-
-    def __init__(self, index: Iterable[int]) -> None:
-        self.index: Int64[np.ndarray, " k"] = np.array([*index], dtype=np.int64)
-        self.index.flags.writeable = False
-        breaks = np.flatnonzero(np.diff(self.index) != 1) + 1
-        edges = (0, *breaks.tolist(), len(self.index)) if len(self.index) else ()
-        self.runs = tuple(
-            (slice(first := int(self.index[a]), first + b - a), slice(a, b))
-            for a, b in pairwise(edges)
-        )
-
-    def __len__(self) -> int:
-        """Number of coordinates."""
-        return len(self.index)
-
-    def entries(self, source: Float64[np.ndarray, " nv"], out: Float64[np.ndarray, " k"]) -> None:
-        """Copies the entries of a vector."""
-        for run, place in self.runs:
-            out[place] = source[run]
-
-    def columns(self, source: Float64[np.ndarray, "m nv"], out: Float64[np.ndarray, "m k"]) -> None:
-        """Copies the columns of a matrix, such as a Jacobian."""
-        for run, place in self.runs:
-            out[:, place] = source[:, run]
-
-    def block(
-        self,
-        columns: "Selection",
-        source: Float64[np.ndarray, "nv nv"],
-        out: Float64[np.ndarray, "k c"],
-    ) -> None:
-        """Copies the block of a square matrix with this selection's rows."""
-        for rows, row_place in self.runs:
-            for run, place in columns.runs:
-                out[row_place, place] = source[rows, run]
-
-    def scatter(self, entries: Float64[np.ndarray, " k"], out: Float64[np.ndarray, " nv"]) -> None:
-        """Writes entries where they belong in a vector, the reverse of `entries`."""
-        for run, place in self.runs:
-            out[run] = entries[place]
-
-
 @dataclass(frozen=True, kw_only=True)
 class FreeChain:
     """The unconstrained joints carried by one body; branches of their own count as one.
 
-    All that the rest of the robot feels of them is one wrench on that body, so that one centroid
-    stands in for all of them exactly. Joints on two bodies with a joint between them need two.
+    They act on the rest of the robot by one wrench on that body, so that one centroid stands in for
+    all of them exactly. Joints on two bodies with a joint between them need two.
 
     Attributes:
         body: the joint that carries the body: the base's, a constraint chain's, or "universe" on
             a robot with a fixed base.
         joints: names of the joints.
-        u: where the joints lie in the order of `Partition.u`.
-        z: where the centroid lies among the centroids.
+        u: places of the joints in `Partition.u`.
+        z: places of the centroid among the centroids.
     """
 
     body: str
@@ -107,15 +51,15 @@ class Partition:
     one. With a fixed base `a` has no base, and without contacts nothing but kept joints.
 
     Attributes:
-        a: virtual chain, constraint chain and kept joints, in the order of `v`.
-        u: the unconstrained chain, one free chain after the other.
+        a: coordinates of `v` of virtual chain, constraint chain and kept joints, in its order.
+        u: those of the unconstrained chain, one free chain after the other.
         chains: the free chains, in the order of `u`.
         constraint: names of the joints of the constraint chain.
         kept: names of the unconstrained joints that are kept as they are.
     """
 
-    a: Selection
-    u: Selection
+    a: Int64[np.ndarray, " na"]
+    u: Int64[np.ndarray, " nu"]
     chains: tuple[FreeChain, ...]
     constraint: tuple[str, ...]
     kept: tuple[str, ...]
@@ -148,18 +92,16 @@ class Partition:
     def merge(
         self, a: Float64[np.ndarray, " na"], u: Float64[np.ndarray, " nu"]
     ) -> Float64[np.ndarray, " nv"]:
-        """Puts entries of `a` and of `u` together in the order of `v`."""
+        """Put entries of `a` and of `u` together in the order of `v`."""
         merged = np.empty(self.na + self.nu)
-        self.a.scatter(a, merged)
-        self.u.scatter(u, merged)
+        merged[self.a], merged[self.u] = a, u
         return merged
 
 
 class Partitions:
     """The partitions of one robot, each made once.
 
-    Contact sets that constrain the same joints share one partition, so that what is kept for a
-    partition serves all of them.
+    Contact sets that constrain the same joints share one partition.
 
     Args:
         robot: the robot.
@@ -171,7 +113,7 @@ class Partitions:
         self._by_joints: dict[frozenset[int], Partition] = {}
 
     def of(self, frames: Iterable[str]) -> Partition:
-        """The partition for a set of contacts.
+        """Return the partition for a set of contacts.
 
         Args:
             frames: the frames in contact; their order does not matter.
@@ -194,7 +136,7 @@ class Partitions:
         return partition
 
     def _carrying(self, frames: frozenset[str]) -> frozenset[int]:
-        """Joints between the world and a contact, the universe and a floating base included."""
+        """Find the joints between the world and a contact, with universe and floating base."""
         model = self._robot.model
         carrying = {0, 1} if self._robot.floating_base else {0}
         for name in sorted(frames):
@@ -211,16 +153,22 @@ def _make_partition(robot: Robot, carrying: frozenset[int]) -> Partition:
     a = [i for i in range(robot.nv) if i not in set(u)]
     constraint = [i for i in a if i >= robot.base_dofs and i not in set(kept)]
     return Partition(
-        a=Selection(a),
-        u=Selection(u),
+        a=_frozen(a),
+        u=_frozen(u),
         chains=_chains(robot, reduced),
         constraint=_names(robot, constraint),
         kept=_names(robot, kept),
     )
 
 
+def _frozen(coordinates: list[int]) -> Int64[np.ndarray, " k"]:
+    index = np.array(coordinates, dtype=np.int64)
+    index.flags.writeable = False
+    return index
+
+
 def _free_joints(robot: Robot, carrying: frozenset[int]) -> dict[int, list[int]]:
-    """Coordinates of all joints that do not carry a contact, by the body that they hang on."""
+    """Find the coordinates of joints that carry no contact, by the body that they hang on."""
     model = robot.model
     body_of: dict[int, int] = {}
     free: dict[int, list[int]] = {}

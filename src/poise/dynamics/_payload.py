@@ -1,6 +1,6 @@
-"""`Payload`: how far a robot is from its description in mass, centre of mass, and what hands hold.
+"""`Payload`: deviation of a robot's mass and centre of mass from its description.
 
-`LoadedModel`: a robot's model with that in it.
+`LoadedModel`: a robot's model with a payload.
 """
 
 import math
@@ -15,18 +15,17 @@ from poise.errors import ConfigurationError
 from poise.robots import Robot
 
 LEAST_MASS = 0.2
-"""A robot keeps at least this part of its description's mass, whatever it is said to have lost."""
+"""Least mass of a robot, by that of its description."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Payload:
-    """What a robot carries, or is, beside its description, as the ground feels it.
+    """Deviation of a robot from its description in mass, centre of mass and loads of hands.
 
     Attributes:
-        mass: beyond the description's, without what its hands hold [kg]; negative for a robot that
-            is lighter.
-        offset: how far the centre of mass of all but what the hands hold is from the description's,
-            along the axes of the torso's frame [m].
+        mass: beyond the description's, without loads of hands [kg]; negative for a lighter robot.
+        offset: of the centre of mass without loads of hands from the description's, along the axes
+            of the torso's frame [m].
         held: masses at the hands' frames, in the order of `Robot.hands`; empty for none [kg].
 
     Raises:
@@ -40,7 +39,7 @@ class Payload:
 
     def __post_init__(self) -> None:
         try:
-            # The caller may write over what was given.
+            # The caller may write over its arrays.
             offset = np.array(self.offset, dtype=np.float64)
             held = np.array(self.held, dtype=np.float64)
             finite = math.isfinite(self.mass) and all_finite(offset)
@@ -63,10 +62,10 @@ class Payload:
 class LoadedModel:
     """A copy of a robot's Pinocchio model whose inertias are changed in place by a payload.
 
-    The ground tells mass and centre of mass, not where a load is. So all links become heavier in
-    the same ratio s = 1 + mass / m, and the torso's own centre moves by m offset / m_torso: every
-    link stays a body that can be, and the mass matrix positive definite, for lighter robots too.
-    What hands hold is a point at each hand's frame, as in `Robot.carrying`.
+    Ground forces show mass and centre of mass, not the place of a load. So all links become heavier
+    in the same ratio s = 1 + mass / m, and the torso's own centre moves by m offset / m_torso:
+    inertias stay consistent, and the mass matrix positive definite, for lighter robots too. Loads
+    of hands are points at the hands' frames, as in `Robot.carrying`.
 
     Attributes:
         model: the copy; its data's layout is that of the robot's own model.
@@ -76,7 +75,7 @@ class LoadedModel:
         self.model = robot.model.copy()
         self._mass = robot.mass
         bare = [pin.Inertia(inertia) for inertia in robot.model.inertias]
-        # All of a kind in one piece, which is scaled at once: a control loop waits for it.
+        # One array of each kind, scaled in one operation.
         self._masses = np.array([inertia.mass for inertia in bare])
         self._levers = np.array([inertia.lever for inertia in bare])
         self._inertias = np.array([inertia.inertia for inertia in bare])
@@ -92,12 +91,12 @@ class LoadedModel:
         self._link_R_torso = turn @ torso.placement.rotation
 
     def carry(self, payload: Payload | None) -> None:
-        """Takes a payload in place of the last one."""
+        """Replace the payload."""
         mass, offset = (0.0, np.zeros(3)) if payload is None else (payload.mass, payload.offset)
         ratio = max(1.0 + mass / self._mass, LEAST_MASS)
         masses, inertias = (ratio * self._masses).tolist(), ratio * self._inertias
         for link, link_mass, inertia in zip(self._links, masses, inertias, strict=True):
-            # Part by part: a new one is refused where rounding has made a zero inertia negative.
+            # In parts: a new `Inertia` is refused where rounding makes a zero inertia negative.
             link.mass, link.inertia = link_mass, inertia
         for joint, _ in self._hands:
             self._links[joint].lever = self._levers[joint]
@@ -110,7 +109,7 @@ class LoadedModel:
 
 
 def _first_with_mass(robot: Robot, joint: int) -> int:
-    """The joint, or the nearest before it whose link has a mass."""
+    """Return the joint, or the nearest before it whose link has a mass."""
     model = robot.model
     while joint > 1 and model.inertias[joint].mass <= 0.0:
         joint = model.parents[joint]

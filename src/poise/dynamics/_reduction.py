@@ -12,49 +12,35 @@ from poise.dynamics._chain_coordinates import (
     to_coordinates,
 )
 from poise.dynamics._dynamics import Dynamics
+from poise.dynamics._motion import StateNumbers
 from poise.dynamics._partition import Partition
 from poise.robots import Robot
 
 
 class ReducedMatrices(Block):
-    """What compiled code reads and writes of a `ReducedDynamics`, which says what the names mean.
+    """A `ReducedDynamics` for compiled code."""
 
-    Attributes:
-        a: coordinates of the virtual and the constraint chain and kept joints.
-        u: coordinates of the unconstrained chain.
-        carriers: places in `a` of the coordinates that carry a free chain; no others feel it.
-        M: of the reduced robot.
-        M_au: block of the robot's mass matrix.
-        M_uu: block of the robot's mass matrix.
-        h_a: nonlinear effects.
-        h_u: nonlinear effects.
-        factors: what turns motions of u into z and what is left.
-        leading: how many rows of A_G are felt, where there is no base that feels them.
-        felt: scratch: what is felt of dv_u, in A_G and then by all carriers; a column for each.
-        shares: scratch.
-    """
-
-    a: Int64[np.ndarray, " na"]
-    u: Int64[np.ndarray, " nu"]
-    carriers: Int64[np.ndarray, " carriers"]
-    M: Float64[np.ndarray, "nr nr"]
-    M_au: Float64[np.ndarray, "na nu"]
+    a: Int64[np.ndarray, " na"]  # virtual and constraint chain, and kept joints
+    u: Int64[np.ndarray, " nu"]  # coordinates of the unconstrained chain
+    carriers: Int64[np.ndarray, " carriers"]  # places in `a` of joints with free chains
+    M: Float64[np.ndarray, "nr nr"]  # of the reduced robot
+    M_au: Float64[np.ndarray, "na nu"]  # blocks of the robot's mass matrix
     M_uu: Float64[np.ndarray, "nu nu"]
-    h_a: Float64[np.ndarray, " na"]
+    h_a: Float64[np.ndarray, " na"]  # nonlinear effects
     h_u: Float64[np.ndarray, " nu"]
-    factors: ChainFactors
-    leading: int
-    felt: Float64[np.ndarray, "nu felt"]
-    shares: Float64[np.ndarray, " felt"]
+    factors: ChainFactors  # of the coordinates z and p
+    leading: int  # rows of A_G that stand for the base's where there is none
+    felt: Float64[np.ndarray, "nu felt"]  # scratch: columns are rows of A_G, then of carriers
+    shares: Float64[np.ndarray, " felt"]  # scratch
 
 
 class ReducedDynamics:
     """Exact dynamics of a robot with one centroid for each chain that hangs on it freely.
 
-    Equation (14) of Ahn et al. 2024 without the inverse of M. The other joints feel a free
-    chain only through the wrench y = A dv_u, six numbers, that its motion dv_u puts on its body.
-    `A` is `M[base, u]`, I_G,uc bJ_G,uc of the paper up to the point of reference; on a fixed base
-    it is the chain's part of the centroidal momentum matrix. With the factors
+    Equation (14) of Ahn et al. 2024 without the inverse of M. A free chain acts on the other joints
+    only through the wrench y = A dv_u, six numbers, that its motion dv_u exerts on its body. `A` is
+    `M[base, u]`, I_G,uc bJ_G,uc of the paper up to the point of reference; on a fixed base it is
+    the chain's part of the centroidal momentum matrix. With the factors
 
         M_uu = U U^T       A U^-T = R^T Q^T      Q^T Q = I
 
@@ -72,14 +58,14 @@ class ReducedDynamics:
         COM           J_com dv = J_com,a dv_a + J_com,u Jbar_z z
 
     Rows u keep M_ua dv_a, which (17) of the paper leaves out. The coupling of a and u in the
-    energy is C z too: whatever dv_a is, what makes z with the least energy of the whole robot is
-    dv_u = Jbar_z z. So a problem that asks nothing else of the unconstrained chain has the same
+    energy is C z too: for any dv_a the least energy of the whole robot for a z is that of
+    dv_u = Jbar_z z. So a problem without other rows on the unconstrained chain has the same
     solution in (dv_a, z) with the cost M_r as in dv with the cost M.
 
-    One Cholesky factor of M_uu is all there is to invert, and it has no entry between branches. It
-    exists wherever the robot cannot move without inertia, which is checked when a robot is loaded:
-    joints that carry no mass but have a rotor are no trouble. Otherwise, and where the state is not
-    finite, the numbers of the centroids are NaN, which every solver refuses. Nothing raises.
+    Only the Cholesky factor of M_uu is inverted, which has no entry between branches. It exists
+    wherever the robot cannot move without inertia, which is checked when a robot is loaded: a rotor
+    without a mass suffices. Otherwise, and where the state is not finite, the numbers of the
+    centroids are NaN, which every solver refuses. Nothing raises.
 
     Args:
         robot: the robot.
@@ -101,7 +87,7 @@ class ReducedDynamics:
     def __init__(self, robot: Robot, partition: Partition) -> None:
         self.partition = part = partition
         carriers = _carriers(robot, part)
-        # On a floating base A is what the base feels, and the base is among the carriers.
+        # On a floating base A is rows of the base, which is among the carriers.
         leading = 0 if robot.floating_base else CENTROID_DIM
         ends = [(chain.u.start, chain.u.stop) for chain in part.chains]
         chains = np.array(ends, dtype=np.int64).reshape(-1, 2)
@@ -109,11 +95,11 @@ class ReducedDynamics:
         self.matrices = matrices = allocate(
             ReducedMatrices,
             sizes,
-            a=part.a.index,
-            u=part.u.index,
+            a=part.a,
+            u=part.u,
             carriers=carriers,
             M=np.eye(part.nr),
-            factors=chain_factors(chains, _reach(robot, part)),
+            factors=chain_factors(chains, reach_of(robot, part.u)),
             leading=leading,
         )
         na = part.na
@@ -126,24 +112,23 @@ class ReducedDynamics:
         self.h_u: Float64[np.ndarray, " nu"] = matrices.h_u
 
     def update(self, dynamics: Dynamics) -> None:
-        """Computes everything for a state, in place.
+        """Compute everything for a state, in place.
 
         Args:
             dynamics: the state, up to date.
         """
-        _reduce(self.matrices.address, dynamics.M, dynamics.h, dynamics.momentum_matrix)
+        _reduce(self.matrices.address, dynamics.numbers.address)
 
     @property
     def Jbar_z(self) -> Float64[np.ndarray, "nu nz"]:
-        """Maps z to the dv_u that makes it with the least energy."""
+        """Maps z to its dv_u of least energy."""
         return self._basis()[:, : self.partition.nz]
 
     @property
     def N_z(self) -> Float64[np.ndarray, "nu np"]:
-        """Spans the motions inside the chains that leave z as it is: J_z N_z = 0.
+        """Basis of the motions inside the chains that do not change z: J_z N_z = 0.
 
-        Nobody else feels them. They have unit energy, N_z^T M_uu N_z = I. Every dv_u is
-        Jbar_z z + N_z p.
+        They have unit energy, N_z^T M_uu N_z = I. Every dv_u is Jbar_z z + N_z p.
         """
         return self._basis()[:, self.partition.nz :]
 
@@ -155,21 +140,21 @@ class ReducedDynamics:
     def reduced_jacobian(
         self, jacobian: Float64[np.ndarray, "m nv"], out: Float64[np.ndarray, "m nr"]
     ) -> None:
-        """Projects a task's Jacobian onto (a, z): [J_a, J_u Jbar_z], as in (22).
+        """Project a task's Jacobian onto (a, z): [J_a, J_u Jbar_z], as in (22).
 
-        Exact for whatever needs the unconstrained chain through its centroids only: frames
-        in `a`, the COM, and the total momentum. Of other tasks it is the part that z has in them.
+        Exact for rows that depend on the unconstrained chain through its centroids only: frames
+        in `a`, the COM, and the total momentum. Of other tasks it is the part of z.
 
         Args:
             jacobian: maps `dv`.
             out: receives what maps (dv_a, z).
         """
         part = self.partition
-        part.a.columns(jacobian, out)
-        out[:, part.na :] = jacobian[:, part.u.index].dot(self.Jbar_z)
+        out[:, : part.na] = jacobian[:, part.a]
+        out[:, part.na :] = jacobian[:, part.u].dot(self.Jbar_z)
 
     def reduce(self, dv: Float64[np.ndarray, " nv"]) -> Float64[np.ndarray, " nr"]:
-        """Acceleration of the reduced robot, (dv_a, z), of an acceleration of the robot.
+        """Return the acceleration of the reduced robot, (dv_a, z), of one of the robot.
 
         Args:
             dv: acceleration of the robot [m/s^2, rad/s^2].
@@ -178,15 +163,10 @@ class ReducedDynamics:
             dv_a [m/s^2, rad/s^2], then z [kg^1/2 m/s^2].
         """
         part = self.partition
-        x = np.empty(part.nr)
-        part.a.entries(dv, x[: part.na])
-        dv_u = np.empty(part.nu)
-        part.u.entries(dv, dv_u)
-        np.dot(self.J_z, dv_u, out=x[part.na :])
-        return x
+        return np.concatenate((dv[part.a], self.J_z.dot(dv[part.u])))
 
     def recover(self, x: Float64[np.ndarray, " nr"]) -> Float64[np.ndarray, " nv"]:
-        """The acceleration of least energy among those with the same (dv_a, z).
+        """Return the acceleration of least energy among those with the same (dv_a, z).
 
         Args:
             x: acceleration of the reduced robot: dv_a [m/s^2, rad/s^2], then z [kg^1/2 m/s^2].
@@ -198,7 +178,7 @@ class ReducedDynamics:
         return self.partition.merge(x[:na], self.Jbar_z.dot(x[na:]))
 
     def forces_a(self, x: Float64[np.ndarray, " nr"]) -> Float64[np.ndarray, " na"]:
-        """Rows a: what joint torques and contacts have to bring up together [N, N m].
+        """Return rows a: the sum of joint torques and contact forces [N, N m].
 
         Args:
             x: acceleration of the reduced robot: dv_a [m/s^2, rad/s^2], then z [kg^1/2 m/s^2].
@@ -213,7 +193,7 @@ class ReducedDynamics:
     def torques_u(
         self, dv_a: Float64[np.ndarray, " na"], dv_u: Float64[np.ndarray, " nu"]
     ) -> Float64[np.ndarray, " nu"]:
-        """Rows u: torques of the unconstrained chain, which no contact reaches [N m].
+        """Return rows u: torques of the unconstrained chain, which no contact reaches [N m].
 
         Args:
             dv_a: acceleration of a, as the reduced robot has it [m/s^2, rad/s^2].
@@ -228,25 +208,25 @@ class ReducedDynamics:
         return torque
 
     def _basis(self) -> Float64[np.ndarray, "nu nu"]:
-        """[Jbar_z, N_z]."""
+        """Return [Jbar_z, N_z]."""
         turned = np.eye(len(self.M_uu))
         _turn(self.matrices.address, turned, np.empty(len(turned)))
         return turned[self.matrices.factors.order].T
 
 
 def _carriers(robot: Robot, partition: Partition) -> Int64[np.ndarray, " k"]:
-    """Places in `a` of the coordinates that carry a free chain; no others feel it."""
+    """Find the places in `a` of the coordinates that carry a free chain."""
     model = robot.model
     carrying: set[int] = set()
     for chain in partition.chains:
         for joint in model.supports[model.getJointId(chain.body)].tolist():
             carrying.update(range(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint]))
-    return np.flatnonzero(np.isin(partition.a.index, sorted(carrying)))
+    return np.flatnonzero(np.isin(partition.a, sorted(carrying)))
 
 
-def _reach(robot: Robot, partition: Partition) -> Int64[np.ndarray, " nu"]:
-    """Where what hangs on each joint of the free chains ends in `u`: it stands behind the joint."""
-    index, model = partition.u.index, robot.model
+def reach_of(robot: Robot, index: Int64[np.ndarray, " k"]) -> Int64[np.ndarray, " k"]:
+    """Find, for each of some coordinates, the end among them of those that hang on it."""
+    model = robot.model
     trees = [set(robot.model.subtrees[j].tolist()) for j in range(model.njoints)]
     joint_of = np.repeat(np.arange(model.njoints), model.nvs.tolist())[index]
     return np.array(
@@ -256,14 +236,9 @@ def _reach(robot: Robot, partition: Partition) -> Int64[np.ndarray, " nu"]:
 
 
 @compiled
-def _reduce(
-    address: int,
-    M: Float64[np.ndarray, "nv nv"],
-    h: Float64[np.ndarray, " nv"],
-    momentum: Float64[np.ndarray, "six nv"],
-) -> None:
+def _reduce(address: int, state_at: int) -> None:
     matrices = view(ReducedMatrices, address)
-    reduce_dynamics(matrices, matrices.felt, matrices.shares, M, h, momentum)
+    reduce_dynamics(matrices, matrices.felt, matrices.shares, view(StateNumbers, state_at))
 
 
 @part
@@ -271,19 +246,17 @@ def reduce_dynamics(
     matrices: ReducedMatrices,
     rows: Float64[np.ndarray, "nu k"],
     shares: Float64[np.ndarray, " k"],
-    M: Float64[np.ndarray, "nv nv"],
-    h: Float64[np.ndarray, " nv"],
-    momentum: Float64[np.ndarray, "six nv"],
+    state: StateNumbers,
 ) -> None:
-    """Computes everything for a state, and turns the caller's own rows on the way."""
-    a, factors = matrices.a, matrices.factors
-    _copy_blocks(matrices, M, h)
+    """Compute everything for a state, and turn the caller's own rows on the way."""
+    a, factors, momentum = matrices.a, matrices.factors, state.motion.momentum
+    _copy_blocks(matrices, state.M, state.h)
     if len(rows) == 0:
         return
     carriers, leading = matrices.carriers, matrices.leading
     for i in range(len(rows)):
         for j in range(leading):
-            rows[i, j] = momentum[j, matrices.u[i]]
+            rows[i, j] = momentum[matrices.u[i], j]
         for j in range(len(carriers)):
             rows[i, leading + j] = matrices.M_au[carriers[j], i]
     if not find_coordinates(matrices.M_uu, rows, factors, shares):
@@ -300,7 +273,7 @@ def reduce_dynamics(
 def _copy_blocks(
     matrices: ReducedMatrices, M: Float64[np.ndarray, "nv nv"], h: Float64[np.ndarray, " nv"]
 ) -> None:
-    """Copies blocks of the robot's, but for zeros between branches and where nothing is carried."""
+    """Copy blocks of the robot's, but for zeros between branches and where nothing is carried."""
     a, u, reach = matrices.a, matrices.u, matrices.factors.reach
     for i in range(len(a)):
         own, kept = M[a[i]], matrices.M[i]

@@ -1,4 +1,4 @@
-"""`least_jerk`: from zero to one, from rest to rest. `Quintic`: from given rates to rest at a goal.
+"""`least_jerk`: motion from zero to one, from rest to rest. `Quintic`: from any rates to rest.
 
 Both are the minimum-jerk polynomial of Flash and Hogan (1985, "The coordination of arm movements"):
 the polynomial of fifth order with given position, velocity and acceleration at both ends.
@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 _SHORTEST = 1e-6
-"""A motion shorter than this [s] is a step: no control period is, and its rates would overflow."""
+"""Motions shorter than this [s] are steps: control periods are longer, and rates would overflow."""
 
 _TO_REST = np.array(
     [[1.0, 0.0, 0.0], [0.0, 0.5, 0.0], [-6.0, -1.5, 10.0], [8.0, 1.5, -15.0], [-3.0, -0.5, 6.0]]
@@ -19,14 +19,14 @@ _TO_REST = np.array(
 
 
 def least_jerk(time: float, start: float, duration: float) -> tuple[float, float, float]:
-    """Phase of a motion from rest to rest, and its rates.
+    """Evaluate the phase of a motion from rest to rest, and its rates.
 
     s(t) = 10 r^3 - 15 r^4 + 6 r^5 with r = (t - start) / duration; zero before, one after.
 
     Args:
         time: t [s].
-        start: when the motion begins [s].
-        duration: how long it takes [s]; zero for a step.
+        start: time of the start [s].
+        duration: of the motion [s]; zero for a step.
 
     Returns:
         s, its rate [1/s] and its second rate [1/s^2].
@@ -46,13 +46,13 @@ def least_jerk(time: float, start: float, duration: float) -> tuple[float, float
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Quintic:
-    """A motion from a position, with the rates it has there, to rest at a goal.
+    """A motion from a position and its rates to rest at a goal.
 
     Attributes:
-        start: when it begins [s].
-        duration: T, how long it takes [s]; zero for a step.
-        position: where it begins [unit].
-        goal: where it ends [unit].
+        start: time of the start [s].
+        duration: T [s]; zero for a step.
+        position: at the start [unit].
+        goal: position at the end [unit].
         velocity: v_0, at the start [unit/s].
         acceleration: a_0, at the start [unit/s^2].
     """
@@ -65,13 +65,13 @@ class Quintic:
     acceleration: Float64[np.ndarray, " m"] | float = 0.0
 
     def is_over(self, time: float) -> bool:
-        """Whether the goal has been reached at a time [s]."""
+        """Return True once the goal is reached at a time [s]."""
         return _is_over(time, self.start, self.duration)
 
     def sample(
         self, time: float
     ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
-        """Position, velocity and acceleration at a time [s]."""
+        """Return position, velocity and acceleration at a time [s]."""
         rest = np.zeros_like(self.goal)
         if self.is_over(time):
             return self.goal.copy(), rest, rest

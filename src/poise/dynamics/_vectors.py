@@ -1,7 +1,4 @@
-"""How far apart two orientations are, as a vector.
-
-`saturate`: shortens a vector without turning it.
-"""
+"""Differences of orientations as vectors, and saturation of a vector."""
 
 import math
 
@@ -13,14 +10,14 @@ from poise._compiled import part
 
 
 def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
-    """Eq. (18) of Zhang and Kikuuwe: limit value / max(limit, |value|)."""
+    """Shorten a vector by (18) of Zhang and Kikuuwe: limit value / max(limit, |value|)."""
     return value * (limit / max(limit, math.hypot(*value.tolist())))
 
 
 def rotation_vector(
     target: Float64[np.ndarray, "3 3"], actual: Float64[np.ndarray, "3 3"]
 ) -> Float64[np.ndarray, "3"]:
-    """Rotation that takes one orientation to another: (ln target actual^T)^vee.
+    """Return the rotation from one orientation to another: (ln target actual^T)^vee.
 
     Equation (A1) of Zhang and Kikuuwe, "COM Shifter and Body Rotator for Step-by-Step
     Teleoperation of Bipedal Robots". At an angle of pi, where the axis has two signs, either is
@@ -39,11 +36,9 @@ def turn_between(
     out: Float64[np.ndarray, " k"],
     at: int,
 ) -> None:
-    """`rotation_vector` for compiled code: of matrices that stand row by row in longer arrays.
-
-    By the unit quaternion of target actual^T, whose largest component is found first, so that no
-    angle loses digits.
-    """
+    """Write the `rotation_vector` of matrices that stand row by row in longer arrays."""
+    # By the unit quaternion of target actual^T, with its largest component first, so that no angle
+    # loses digits.
     xx, xy, xz = _row_products(target, t, actual, a)
     yx, yy, yz = _row_products(target, t + 3, actual, a)
     zx, zy, zz = _row_products(target, t + 6, actual, a)
@@ -71,7 +66,7 @@ _SMALL_TURN = 1e-8
 def _row_products(
     one: Float64[np.ndarray, " t"], i: int, other: Float64[np.ndarray, " a"], k: int
 ) -> tuple[float, float, float]:
-    """A row of one 3x3 matrix times each row of another."""
+    """Multiply a row of one 3x3 matrix by each row of another."""
     x, y, z = one[i], one[i + 1], one[i + 2]
     return (
         x * other[k] + y * other[k + 1] + z * other[k + 2],
@@ -89,7 +84,7 @@ def sine_between(
     out: Float64[np.ndarray, " k"],
     at: int,
 ) -> None:
-    """Axis times the sine of the angle that takes one orientation to another, along world axes.
+    """Write the axis times the sine of the angle from one orientation to another, world axes.
 
     Equation (63) of (Park, Jin, Kang 2022), e_o = r sin(phi), meant for small errors: beyond a
     right angle it shrinks again, and at pi it is zero.

@@ -9,7 +9,10 @@ from poise.hqp._active_set import (
 )
 from poise.hqp._certificate import certify_point as certify_point
 from poise.hqp._problem import HierarchicalProblem, Level, LevelView as LevelView
-from poise.hqp._softening import SoftenedSolver as SoftenedSolver
+from poise.hqp._softening import (
+    SoftenedLevel as SoftenedLevel,
+    SoftenedSolver as SoftenedSolver,
+)
 from poise.hqp._solution import Solution, SolveStatus
 from poise.hqp._strategies import STRATEGIES as STRATEGIES, Solver as Solver, make_solver, solve
 from poise.hqp._tolerances import ACCURACY as ACCURACY

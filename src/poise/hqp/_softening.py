@@ -15,7 +15,7 @@ from poise.hqp._tolerances import RELAXED
 _USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
 
 
-class _SoftenedLevel:
+class SoftenedLevel:
     """The problem down to one level, with the rows of the reference in that level."""
 
     def __init__(
@@ -113,7 +113,7 @@ class SoftenedSolver:
         self._problem, self._solver, self._tolerance = problem, solver, tolerance
         self._weights, self._reference, self._find = weights, reference, find
         self._stages = [
-            _SoftenedLevel(problem, key, level, columns, make_solver())
+            SoftenedLevel(problem, key, level, columns, make_solver())
             for key, level in levels.items()
         ]
         self._exact = exact

@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 from scipy.optimize import minimize
+from velocity_levels import solve_levels, stacked
 
-from poise.control._differential_ik import VelocityLevel, solve_levels
 from poise.control._differential_ik._closed_form import (
     RANK,
     ClosedForm,
     right_inverse,
     robust_step,
 )
-from poise.control._differential_ik._kernels import VelocityLevels
+from poise.control._differential_ik._kernels import PriorityRows
 
 
 def level(rng, m, n, jacobian=None):
     J = rng.normal(size=(m, n)) if jacobian is None else jacobian
-    return VelocityLevel(
+    return PriorityRows(
         J, rng.normal(size=m), 10.0 ** rng.uniform(-1, 3, size=m), np.ones(m) / np.sqrt(n)
     )
 
@@ -117,7 +117,7 @@ def test_a_level_below_changes_nothing_above(seed):
 def test_levels_without_rows_are_passed_over():
     rng = np.random.default_rng(0)
     first, second = level(rng, 3, 7), level(rng, 5, 7)
-    empty = VelocityLevel(np.zeros((0, 7)), np.zeros(0), np.zeros(0), np.zeros(0))
+    empty = PriorityRows(np.zeros((0, 7)), np.zeros(0), np.zeros(0), np.zeros(0))
     wb = np.ones(7)
     u = solve_levels([first, second], wb)
     for levels in ([empty, first, second], [empty, first, empty, second, empty]):
@@ -141,8 +141,8 @@ def test_velocities_stay_bounded_on_the_way_through_a_loss_of_rank(seed, exact):
     rng = np.random.default_rng(seed)
     J1, J2 = rng.normal(size=(4, 9)) / 3.0, rng.normal(size=(5, 9)) / 3.0
     direction = rng.normal(size=9) / 3.0
-    first = VelocityLevel(J1, rng.normal(size=4), np.full(4, 1e4), np.ones(4))
-    second = VelocityLevel(J2, rng.normal(size=5), np.full(5, 1e4), np.ones(5))
+    first = PriorityRows(J1, rng.normal(size=4), np.full(4, 1e4), np.ones(4))
+    second = PriorityRows(J2, rng.normal(size=5), np.full(5, 1e4), np.ones(5))
     largest = 0.0
     for distance in (*np.logspace(0, -12, 100), 0.0):
         # Two rows of each level, and a row of the second with the first, become one.
@@ -161,8 +161,8 @@ def test_velocities_are_continuous_through_a_loss_of_rank():
     rng = np.random.default_rng(3)
     J1, J2 = rng.normal(size=(3, 7)) / 3.0, rng.normal(size=(5, 7)) / 3.0
     direction = rng.normal(size=7) / 3.0
-    first = VelocityLevel(J1, rng.normal(size=3), np.full(3, 1e4), np.ones(3))
-    second = VelocityLevel(J2, rng.normal(size=5), np.full(5, 1e4), np.ones(5))
+    first = PriorityRows(J1, rng.normal(size=3), np.full(3, 1e4), np.ones(3))
+    second = PriorityRows(J2, rng.normal(size=5), np.full(5, 1e4), np.ones(5))
 
     def at(distance):
         J1[2] = J1[1] + distance * direction
@@ -180,7 +180,7 @@ def test_rows_that_nothing_moves_are_left_alone():
     rng = np.random.default_rng(4)
     J = rng.normal(size=(3, 6))
     J[1] = 0.0
-    first = VelocityLevel(J, np.array([0.1, 5.0, -0.2]), np.ones(3), np.ones(3))
+    first = PriorityRows(J, np.array([0.1, 5.0, -0.2]), np.ones(3), np.ones(3))
     second = level(rng, 4, 6)
     u = solve_levels([first, second], np.ones(6))
     assert np.abs((J @ u - first.velocity)[[0, 2]]).max() < 1e-10
@@ -211,12 +211,12 @@ def test_the_robust_step_is_as_short_as_its_docstring_says(seed):
 def test_projectors_and_eigenvalues_give_what_the_compiled_levels_do(sizes, exact):
     """The way of levels that lose rank, taken by levels that keep it."""
     rng = np.random.default_rng(7)
-    levels = VelocityLevels.of([level(rng, m, 12) for m in sizes])
-    form, wb = ClosedForm(12, exact, RANK), rng.uniform(1.0, 20.0, size=12)
+    levels = stacked([level(rng, m, 12) for m in sizes], exact)
+    form, wb = ClosedForm(12, RANK), rng.uniform(1.0, 20.0, size=12)
     u = form.solve(levels, wb)
-    form.solve(levels._replace(ends=levels.ends[:1]), wb)
-    form.work.B[:] = np.eye(12)
-    assert np.abs(form._serve_lost(levels, 0, 0) - u).max() < 1e-9
+    form.solve(levels, wb, count=0)
+    form.memory.B[:], form.memory.count = np.eye(12), len(sizes)
+    assert np.abs(form._serve_lost(levels, 0) - u).max() < 1e-9
 
 
 def test_joints_that_nothing_moves_rest_exactly():

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from poise.control._differential_ik import limit_weights
-from poise.control._differential_ik._bounds import LARGEST_WEIGHT
+from poise.control._differential_ik._bounds import LARGEST_WEIGHT, limit_weights
 
 
 def weight(q, rate, q_min=-1.0, q_max=3.0):

@@ -4,12 +4,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from velocity_levels import solve_within_bounds
 
 from poise.control import DifferentialIK
-from poise.control._differential_ik import VelocityLevel
-from poise.control._differential_ik._closed_form import RANK, ClosedForm
-from poise.control._differential_ik._kernels import VelocityLevels
-from poise.control._differential_ik._limited import LimitedLevels
+from poise.control._differential_ik._kernels import PriorityRows
 from poise.hqp import HierarchicalProblem, Level, solve
 from poise.robots import capsules_of
 from poise.stack import ComTask, FrameTask, SelfCollisionLimit, Stack, SurfaceContact
@@ -128,7 +126,7 @@ def test_without_the_limit_it_goes_through(get_robot, follow):
 def problem(rng, n=12):
     """Contacts, two levels and rows of a limit that ask for less than nothing, or for little."""
     levels = [
-        VelocityLevel(rng.normal(size=(m, n)), rng.normal(size=m), np.full(m, 1e4), np.ones(m))
+        PriorityRows(rng.normal(size=(m, n)), rng.normal(size=m), np.full(m, 1e4), np.ones(m))
         for m in (2, 3, 8)
     ]
     levels[0].velocity[:] = 0.0
@@ -136,14 +134,12 @@ def problem(rng, n=12):
     # Some pairs are far apart, and their rows empty.
     rows[rng.random(10) < 0.3] = 0.0
     least = rng.uniform(-2.0, 0.3, size=10)
-    return levels, VelocityLevel(rows, least, np.ones(10), np.ones(10))
+    return levels, PriorityRows(rows, least, np.ones(10), np.ones(10))
 
 
 def hold(levels, limits, bound):
-    n = len(bound)
-    limited = LimitedLevels(VelocityLevels.of(levels), limits)
-    forms = ClosedForm(n, 2, RANK), ClosedForm(n, 3, RANK)
-    return limited.hold(*forms, np.ones(n), -bound, bound)
+    ones = np.ones(len(bound))
+    return solve_within_bounds(levels, ones, -bound, bound, exact=2, limits=limits)
 
 
 def broken(limits, u):

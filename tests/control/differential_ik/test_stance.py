@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from oracles import random_state
 
-from poise.control._differential_ik import base_from_joints, constrained
+from poise.control._differential_ik._rows import base_from_joints, constrained
 from poise.dynamics import Dynamics
 from poise.stack import SurfaceContact
 

@@ -2,19 +2,19 @@
 
 import numpy as np
 import pytest
+from velocity_levels import solve_levels, solve_within_bounds, stacked
 
-from poise.control._differential_ik import VelocityLevel, solve_levels
 from poise.control._differential_ik._bounds import VelocityBounds
-from poise.control._differential_ik._closed_form import ClosedForm
-from poise.control._differential_ik._kernels import VelocityLevels
-from poise.control._differential_ik._within_bounds import RANK, _hold, solve_within_bounds
+from poise.control._differential_ik._closed_form import RANK, ClosedForm
+from poise.control._differential_ik._kernels import PriorityRows
+from poise.control._differential_ik._within_bounds import WithinBounds
 from poise.hqp import HierarchicalProblem, Level, solve
 from poise.stack import JointLimit
 
 
 def levels_of(rng, n, sizes):
     return [
-        VelocityLevel(rng.normal(size=(m, n)), rng.normal(size=m), np.full(m, 1e4), np.ones(m))
+        PriorityRows(rng.normal(size=(m, n)), rng.normal(size=m), np.full(m, 1e4), np.ones(m))
         for m in sizes
     ]
 
@@ -65,8 +65,9 @@ def test_the_last_level_is_let_go_where_that_serves_an_exact_one():
         rng = np.random.default_rng(seed)
         levels, bound = levels_of(rng, 10, (3, 3, 8)), np.full(10, 0.5)
         levels[0].velocity[:] = 0.0
-        form = ClosedForm(10, 2, RANK)
-        with_all, _ = _hold(form, VelocityLevels.of(levels), np.ones(10), -bound, bound)
+        within, found = WithinBounds(ClosedForm(10, RANK)), stacked(levels, 2)
+        within.solve(found, found.with_limits(), np.ones(10), -bound, bound)
+        with_all, _ = within._hold(found, 3)
         if np.abs(levels[0].jacobian @ with_all).max() > 1e-7:
             continue
         u, _ = solve_within_bounds(levels, np.ones(10), -bound, bound, exact=2)

@@ -109,7 +109,7 @@ class Rows:
     def __init__(self, robot, stack):
         stack.bind(robot)
         scales = RowScales(robot)
-        scales.learn(stack)
+        scales.measure(stack)
         self.stack, self.dynamics = stack, Dynamics(robot)
         self.rows = OperationalRows(robot, stack, stack.contacts, scales)
 

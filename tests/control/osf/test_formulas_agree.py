@@ -35,7 +35,7 @@ def test_the_recursion_agrees_with_projectors_at_random_states(get_any, name):
     """Everywhere: where tasks are singular, too."""
     robot = get_any(name)
     world, rng = Rows(robot, stack_for(robot)), np.random.default_rng(1)
-    recursion, dynamics = OperationalRecursion(robot.nv, RANK), world.dynamics
+    recursion, dynamics = OperationalRecursion(robot, RANK), world.dynamics
     worst = 0.0
     for seed in range(STATES):
         random_references(world.stack, rng, 10.0 if seed % 2 else 1.0)
@@ -54,7 +54,7 @@ def test_mujoco_meets_every_feasible_task(get_any, name):
     world, rng = Rows(robot, stack_for(robot)), np.random.default_rng(4)
     # Random postures are often near singular; thresholds this low leave most levels feasible.
     rank = RankTreatment(low=0.02, high=0.04)
-    simulated, recursion, met = Mujoco(robot), OperationalRecursion(robot.nv, rank), 0
+    simulated, recursion, met = Mujoco(robot), OperationalRecursion(robot, rank), 0
     for seed in range(25):
         random_references(world.stack, rng)
         state = random_state(robot, seed, speed=0.5)

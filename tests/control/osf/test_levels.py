@@ -68,7 +68,7 @@ def test_a_level_that_cannot_be_met_takes_the_least_squares_of_its_scaled_rows(g
         [FrameTask(robot.hands[0], weight=2.0), PostureTask(weight=0.3)],
     ]
     world = Rows(robot, Stack(levels=levels, softening=0.0))
-    rng, recursion = np.random.default_rng(2), OperationalRecursion(robot.nv, RankTreatment())
+    rng, recursion = np.random.default_rng(2), OperationalRecursion(robot, RankTreatment())
     for seed in range(10):
         random_references(world.stack, rng)
         rows = world.at(near_home(robot, seed))

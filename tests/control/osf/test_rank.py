@@ -42,7 +42,7 @@ def test_lost_ranks_give_what_a_pseudo_inverse_gives(get_any, name, case):
         rows = world.at(near_home(robot, seed, spread=0.05, speed=0.3))
         S, N = dense_recursion(rows, world.dynamics)
         wanted = S - N @ np.linalg.solve(world.dynamics.M, world.dynamics.h)
-        found = OperationalRecursion(robot.nv, CLEAR).resolve(rows, world.dynamics)
+        found = OperationalRecursion(robot, CLEAR).resolve(rows, world.dynamics)
         assert np.abs(found - wanted).max() < 1e-6 * max(1.0, np.abs(wanted).max())
         for i in met:
             level = rows.slices[i + 1]
@@ -56,7 +56,7 @@ def test_what_the_last_levels_ask_for_leaves_the_levels_above_as_they_were(get_a
     robot = get_any(name)
     stack = stack_for(robot)
     world, rng, kept = Rows(robot, stack), np.random.default_rng(5), 0
-    recursion = OperationalRecursion(robot.nv, RankTreatment())
+    recursion = OperationalRecursion(robot, RankTreatment())
     for seed in range(40):
         random_references(stack, rng, 30.0)
         state, answers = random_state(robot, seed, speed=0.5), []
@@ -82,7 +82,7 @@ def test_a_posture_that_takes_all_that_is_left_needs_no_eigenvalues(get_any, mon
     rows = world.at(near_home(robot, 0, spread=0.02))
     # More rows than freedom left, so that the posture cannot be one of the regular levels.
     assert len(rows.target) > robot.nv
-    recursion = OperationalRecursion(robot.nv, RankTreatment())
+    recursion = OperationalRecursion(robot, RankTreatment())
     monkeypatch.setattr(OperationalRecursion, "_take_tail", None)
     found = recursion.resolve(rows, world.dynamics)
     assert recursion.regular == len(rows.slices) - 1
@@ -103,15 +103,14 @@ def test_torques_are_continuous_and_bounded_through_a_singularity(get_any, softe
     robot = get_any("arm6")
     hand = FrameTask(robot.hands[0], "position")
     world = Rows(robot, Stack(levels=[[hand], [PostureTask()]], softening=softening))
-    recursion = OperationalRecursion(6, RankTreatment())
+    recursion = OperationalRecursion(robot, RankTreatment())
     hand.set_acceleration([15.0, 5.0, 5.0])
     changes = {}
     for count in (200, 400, 800):
         found = []
         for bend in np.linspace(-0.4, 0.4, count + 1):
             rows = world.at(singular_arm(robot, bend))
-            reference = world.rows.stack_rows.softening.terms.reference
-            found.append(recursion.resolve(rows, world.dynamics, reference))
+            found.append(recursion.resolve(rows, world.dynamics))
         changes[count] = np.abs(np.diff(found, axis=0)).max()
     # A jump would stay as large as it is, however small the steps.
     assert changes[400] < 0.7 * changes[200]

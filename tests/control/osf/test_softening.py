@@ -32,9 +32,9 @@ def test_a_softened_level_is_the_optimum_of_its_own_term(get_any, bend):
     state = RobotState(q, 0.1 * np.random.default_rng(0).normal(size=6))
     world.at(state)
     hand.set_target(hand.target_position + [0.3, 0.1, 0.2])
-    rows, recursion = world.at(state), OperationalRecursion(6, RankTreatment())
+    rows, recursion = world.at(state), OperationalRecursion(robot, RankTreatment())
     d = world.rows.stack_rows.softening.terms.reference
-    found = recursion.resolve(rows, world.dynamics, d)
+    found = recursion.resolve(rows, world.dynamics)
     mu, J, t = float(rows.softened[1]), hand.jacobian, rows.target[rows.slices[1]]
     weight = world.rows.stack_rows.softening.terms.weights[0]
     assert mu >= weight - 1e-12

@@ -1,4 +1,4 @@
-"""`limit_weights`: joints near a limit move less, by Chan and Dubey's weights.
+"""`limit_weights`: Chan and Dubey's weights of joints near their limits.
 
 `VelocityBounds`: position and velocity limits as one pair of velocity bounds.
 """
@@ -18,9 +18,9 @@ class VelocityBounds:
 
         (q_min - q) / T <= u <= (q_max - q) / T     and     |u| <= v_max
 
-    so that it slows down before a limit with T as time constant and, beyond it, comes back with the
-    same. Bounds never cross: a joint that is beyond a limit by far comes back at v_max. Limits are
-    those of the stack's `JointLimit`, with its velocity scale.
+    so that it slows down before a limit with T as time constant and returns from beyond with the
+    same. Bounds never cross: a joint far beyond a limit returns at v_max. Limits are those of the
+    stack's `JointLimit`, with its velocity scale.
 
     Attributes:
         q_min: lower position limits, margin included [rad].
@@ -43,34 +43,16 @@ class VelocityBounds:
     def at(
         self, q: Float64[np.ndarray, " n"]
     ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
-        """Lower and upper bounds [rad/s] at positions of these joints [rad]."""
-        lower, upper = np.empty((2, len(q)))
-        _bound(q, self.q_min, self.q_max, self.v_max, self._rate, lower, upper)
+        """Return lower and upper bounds [rad/s] at positions of these joints [rad]."""
+        v_max = self.v_max
+        lower = np.maximum(np.minimum((self.q_min - q) * self._rate, v_max), -v_max)
+        upper = np.maximum(np.minimum((self.q_max - q) * self._rate, v_max), -v_max)
         return lower, upper
 
 
-@compiled
-def _bound(
-    q: Float64[np.ndarray, " n"],
-    q_min: Float64[np.ndarray, " n"],
-    q_max: Float64[np.ndarray, " n"],
-    v_max: Float64[np.ndarray, " n"],
-    rate: float,
-    lower: Float64[np.ndarray, " n"],
-    upper: Float64[np.ndarray, " n"],
-) -> None:
-    """The bounds of `VelocityBounds`, with 1 / T as rate; NaN stays NaN."""
-    for i in range(len(q)):
-        lower[i], upper[i] = (q_min[i] - q[i]) * rate, (q_max[i] - q[i]) * rate
-        if abs(lower[i]) > v_max[i]:
-            lower[i] = v_max[i] if lower[i] > 0.0 else -v_max[i]
-        if abs(upper[i]) > v_max[i]:
-            upper[i] = v_max[i] if upper[i] > 0.0 else -v_max[i]
-
-
 LARGEST_WEIGHT = 1e4
-"""Weight of a joint at or beyond a limit that moves outwards: it moves a hundredth as far as it
-would, and the weight is still a number that one can divide by."""
+"""Weight of a joint at or beyond a limit that moves outwards: it moves a hundredth as far, and the
+weight is still a number to divide by."""
 
 
 def limit_weights(
@@ -79,14 +61,14 @@ def limit_weights(
     q_min: Float64[np.ndarray, " n"],
     q_max: Float64[np.ndarray, " n"],
 ) -> Float64[np.ndarray, " n"]:
-    """Diagonal of W_B: one, and more for a joint that moves towards its nearer limit.
+    """Return the diagonal of W_B: above one for a joint that moves towards its nearer limit.
 
     Equation (23) of Zhang and Kikuuwe, after Chan and Dubey 1995,
 
         W_B = (q_max - q_min)^2 / (4 (q_max - q) (q - q_min))    moving away from the middle
         W_B = 1                                                  moving towards it, or at rest
 
-    which goes to infinity at the limit and says nothing beyond it. Here it ends at
+    which goes to infinity at the limit and is undefined beyond it. Here it ends at
     `LARGEST_WEIGHT`, which also holds beyond a limit for a joint that moves further out.
     """
     weight = np.empty(len(q))
@@ -102,7 +84,7 @@ def _weigh(
     q_max: Float64[np.ndarray, " n"],
     weight: Float64[np.ndarray, " n"],
 ) -> None:
-    """Equation (23), as `limit_weights` has it."""
+    """Evaluate (23), see `limit_weights`."""
     for i in range(len(q)):
         above, below, span = q[i] - q_min[i], q_max[i] - q[i], q_max[i] - q_min[i]
         square, room = span * span, 4.0 * above * below

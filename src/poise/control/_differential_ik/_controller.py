@@ -22,38 +22,38 @@ from poise.stack import Contact, Stack
 
 
 class DifferentialIK(Controller):
-    """Tasks in strict priority in, joint velocities out: prioritised differential kinematics.
+    """Joint velocities of tasks in strict priority: prioritised differential kinematics.
 
     After Zhang and Kikuuwe, "COM Shifter and Body Rotator for Step-by-Step Teleoperation of Bipedal
     Robots", sections 2.3 and 3.4, for any number of levels of the tasks that the torque controllers
-    use. A floating base is taken to stand on one contact, the stance, which does not move; other
-    active contacts are held above all tasks. A task asks for its target's velocity plus kp / kd
-    times its error, within its `speed`, or for what `Task.set_velocity` gave it.
+    use. A floating base is assumed to stand on one contact, the stance, which does not move; other
+    active contacts are held above all tasks. The velocity of a task is its target's plus kp / kd
+    times its error, within its `speed`, or that of `Task.set_velocity`.
 
-    Joints may be led by joint tasks of their own: those move as they are asked to, within their
-    limits, and all other tasks are served by the other joints, which make up for that.
+    Joints of the joint tasks in `led` follow those alone, within their limits; all other tasks are
+    served by the other joints, which compensate.
 
     "closed_form" meets the first level by a right inverse and those below by SR-inverses, with
     joints near their limits weighed down; joints that would leave their limits are held. "hqp"
     solves the hierarchical QP with hard position and velocity limits.
 
-    `step` never raises. A state that is not finite gives the last good velocities decayed to a
-    stop, and says so in the command's status.
+    `step` never raises. For a state that is not finite it returns the last good velocities decayed
+    to a stop, with that status.
 
     Args:
         robot: the robot.
-        stack: contacts and tasks; `default_stack(robot)` when None. Of its joint limit the
-            positions and the velocity scale count.
+        stack: contacts and tasks; `default_stack(robot)` when None. Of its joint limit only
+            positions and velocity scale are used.
         dt: control period, over which a velocity is held [s].
-        strategy: how the levels are solved, "closed_form" or "hqp".
+        strategy: "closed_form" or "hqp".
         joints: names of the joints that are solved for, the others have velocity zero, or are led;
             all that are not led when None.
         led: names of joint tasks whose joints are led, in levels of their own below all others.
         stance: name of the contact that the robot stands on, as long as it is active; the first
             active one of the stack when None.
         limit_time: time in which no joint may go farther than its limit [s], see
-            `VelocityBounds`; at least `dt`, which is what a shorter one counts as.
-        rank: what happens where an exact level loses rank; `RANK` when None.
+            `VelocityBounds`; `dt` where that is longer.
+        rank: treatment of exact levels that lose rank; `RANK` when None.
         dynamics: shared with the estimator of the state, see `Controller`; its own when None.
 
     Attributes:
@@ -119,11 +119,11 @@ class DifferentialIK(Controller):
 
     @property
     def stance(self) -> Contact | None:
-        """The contact that the robot was taken to stand on at the last tick; None for none."""
+        """The assumed stance contact of the last tick; None for none."""
         return self._velocities.stance
 
     def set_gains(self, task: str, kp: Numbers | None = None, kd: Numbers | None = None) -> None:
-        """Sets stiffness and damping of a task, from the next tick.
+        """Set stiffness and damping of a task, from the next tick.
 
         Args:
             task: its name in the stack.
@@ -145,7 +145,7 @@ class DifferentialIK(Controller):
             raise
 
     def set_stance(self, name: str | None) -> None:
-        """Chooses the contact that the robot stands on, from the next tick.
+        """Set the contact that the robot stands on, from the next tick.
 
         Args:
             name: name of a surface contact of the stack, which counts as long as it is active; None

@@ -1,4 +1,4 @@
-"""`LedJoints`: joints that go as tasks of theirs say, whatever else is asked for."""
+"""`LedJoints`: joints that follow tasks of their own, independent of all others."""
 
 from collections.abc import Sequence
 
@@ -12,16 +12,15 @@ from poise.stack import JointTask, Stack, Task
 
 
 class LedJoints:
-    """Joints whose velocities are known before anything is solved: those of some joint tasks.
+    """Joints whose velocities are known before the solve: those of some joint tasks.
 
-    Such tasks stand alone in the lowest levels. They ask for nothing of the joints that are solved
-    for, so nobody has to give way to them; what led joints do to the other tasks is taken off what
-    those ask for.
+    Such tasks stand alone in the lowest levels and have no rows on the joints that are solved for;
+    the effect of these joints on other tasks is taken off their velocities.
 
     Attributes:
-        index: which of the robot's joints they are, in the order of the tasks' rows.
-        levels: how many levels of the stack are theirs.
-        held: which of them are held at their limits.
+        index: the robot's joints, in the order of the tasks' rows.
+        levels: number of levels of the stack that are theirs.
+        held: True for joints that are held at their limits.
     """
 
     def __init__(self, robot: Robot, stack: Stack, names: Sequence[str], limit_time: float) -> None:
@@ -44,7 +43,7 @@ class LedJoints:
     def within_limits(
         self, asked: Float64[np.ndarray, " k"], q: Float64[np.ndarray, " nq"]
     ) -> Float64[np.ndarray, " k"]:
-        """Their velocities [rad/s]."""
+        """Return their velocities [rad/s]."""
         lower, upper = self._bounds.at(q[self._places])
         self.held = (asked < lower) | (asked > upper)
         return np.minimum(np.maximum(asked, lower), upper)
@@ -58,7 +57,7 @@ def _check_kind(task: Task) -> None:
 
 
 def _lowest_levels(stack: Stack, names: Sequence[str]) -> int:
-    """How many levels the tasks of these names have for themselves, at the end of a stack."""
+    """Count the levels that the tasks of these names have for themselves, at the end."""
     levels = [[task.name in names for task in level] for level in stack.levels]
     count = sum(any(level) for level in levels)
     first = len(levels) - count

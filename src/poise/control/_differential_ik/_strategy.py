@@ -1,4 +1,4 @@
-"""`VelocityStrategy`: levels in, joint velocities out, in closed form or by a hierarchical QP.
+"""`VelocityStrategy`: joint velocities of levels, in closed form or by a hierarchical QP.
 
 `VelocityHierarchy`: the levels as a hierarchical QP with hard joint limits.
 """
@@ -17,7 +17,7 @@ from poise.control._differential_ik._rows import (
     RowWeights,
     VelocityRows,
 )
-from poise.control._excess import excess
+from poise.control._differential_ik._within_bounds import WithinBounds
 from poise.control._rank import RankTreatment
 from poise.control._strategy import PHYSICS_LEVELS, UNSOFTENED, USABLE, Answer, softening_notes
 from poise.dynamics import Dynamics
@@ -27,27 +27,20 @@ from poise.robots import Robot
 from poise.stack import Contact, ContactSets, Stack, Task
 
 STRATEGIES = ("closed_form", "hqp")
-"""How the levels are solved, by name."""
-
-_EXACT = 2
-"""Levels that the closed form meets exactly: held contacts, and the first of the user's."""
+"""Methods of solving the levels, by name."""
 
 _BOUND_TOLERANCE = 1e-6
-"""How far outside its bounds a QP may leave a joint before its answer is refused [rad/s]."""
+"""Excess of a joint's velocity over its bound beyond which a QP has failed [rad/s]."""
 
 
 class VelocityHierarchy:
     """Levels over joint velocities, solved exactly within their bounds.
 
-        level 1   bounds of the joint velocities
-        level 2   contacts that are held stay where they are
-        level     J u >= bound, the self-collision limit, where there is one
-        level 3.. the user's tasks
-        cost      |u|^2
-
-    Attributes:
-        problem: the problem of the last tick.
-        solution: its solution, None before the first.
+    level 1   bounds of the joint velocities
+    level 2   contacts that are held stay where they are
+    level     J u >= bound, the self-collision limit, where there is one
+    level 3.. the user's tasks
+    cost      |u|^2
     """
 
     def __init__(
@@ -79,7 +72,7 @@ class VelocityHierarchy:
                 *stack_rows.task_labels[:levels],
             ],
         )
-        # Where each of the problem's rows comes from: those of limits stand behind the others.
+        # Sources of the problem's rows: those of limits stand behind the others.
         bounded = stack_rows.collision_rows
         behind = np.arange(bounded.start, bounded.stop)
         self._order = np.insert(np.arange(contacts + sum(sizes)), contacts, behind)
@@ -109,7 +102,7 @@ class VelocityHierarchy:
         )
 
     def solve(self, lower: Float64[np.ndarray, " n"], upper: Float64[np.ndarray, " n"]) -> Solution:
-        """Solves for the rows as they are."""
+        """Solve for the present rows."""
         problem = self.problem
         problem.x_lower[:], problem.x_upper[:] = lower, upper
         problem.A[:] = self._rows.jacobian[self._order]
@@ -137,7 +130,7 @@ class VelocityHierarchy:
         return self._softening.by_level(self._solver.softened)
 
     def reset(self) -> None:
-        """Forgets the last solution."""
+        """Forget the last solution."""
         self._solver.reset()
         self.solution = None
 
@@ -147,14 +140,7 @@ _Prepared = tuple[VelocityRows, VelocityHierarchy | None]
 
 
 class VelocityStrategy:
-    """Solves a stack for joint velocities; a `Strategy`, see `DifferentialIK`.
-
-    Attributes:
-        robot: the robot.
-        stack: contacts and tasks.
-        weights: W_A, by task.
-        stance: the contact that the robot was taken to stand on at the last tick; None for none.
-    """
+    """Joint velocities of a stack; a `Strategy`, see `DifferentialIK`."""
 
     commands: Literal["torque", "velocity"] = "velocity"
     kept = ("named", "stance", "_last")
@@ -175,9 +161,7 @@ class VelocityStrategy:
             raise UnknownNameError("no such strategy", got=strategy, choices=STRATEGIES)
         self.robot, self.stack, self.name = robot, stack, strategy
         self._joints, self._led, self._bounds, self._dt = joints, led, bounds, dt
-        self._form = ClosedForm(len(joints), _EXACT, rank)
-        # With one more level, the self-collision limit.
-        self._joined_form = ClosedForm(len(joints), _EXACT + 1, rank)
+        self._within = WithinBounds(ClosedForm(len(joints), rank))
         self._q_index = joints + (robot.nq - robot.nj)
         self._home = HomeJacobians(robot, stack)
         self.weights = RowWeights(stack)
@@ -199,7 +183,6 @@ class VelocityStrategy:
         self.reset()
         # What is compiled is compiled now, not in the first tick.
         limit_weights(bounds.q_min, self._last, bounds.q_min, bounds.q_max)
-        excess(self._last, 0, *bounds.at(bounds.q_min))
 
     @property
     def current(self) -> VelocityRows:
@@ -214,15 +197,12 @@ class VelocityStrategy:
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Tasks that a contact stands in for at the last tick."""
+        """Tasks replaced by a contact at the last tick."""
         return self.current.stack_rows.suspended
 
     @property
     def softened(self) -> dict[int, float]:
-        """Weight of the softening term of each level that was softened, counted from zero.
-
-        The closed form is damped by its SR-inverses and softens nothing else.
-        """
+        """Weight of each softened level's term, counted from zero; none in closed form."""
         hierarchy = self._current[1]
         return hierarchy.softened if hierarchy is not None and self._solved else {}
 
@@ -238,7 +218,7 @@ class VelocityStrategy:
         return self._joint_weight.copy()
 
     def set_stance(self, name: str | None) -> None:
-        """Chooses the contact that the robot stands on, see `DifferentialIK.set_stance`."""
+        """Set the contact that the robot stands on, see `DifferentialIK.set_stance`."""
         if name is None:
             self.named = None
             return
@@ -253,7 +233,7 @@ class VelocityStrategy:
         self.named = contact
 
     def reset(self) -> None:
-        """Forgets the last answer."""
+        """Forget the last answer."""
         self._solved = False
         self._last = np.zeros(len(self._joints))
         self._held = np.zeros(len(self._joints), dtype=np.bool_)
@@ -264,26 +244,26 @@ class VelocityStrategy:
                     hierarchy.reset()
 
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
-        """Takes up the rows of a set of active contacts and of the stance among them."""
+        """Use the rows of a set of active contacts and of the stance among them."""
         last, self._current = self._current, self._find(contacts)
         return self._current is not last
 
     def rehearse(self, dynamics: Dynamics) -> None:
-        """Goes through a tick under the active contacts, and forgets it."""
+        """Run a tick under the active contacts, and forget it."""
         self.assemble(dynamics)
         self.solve()
         self.reset()
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows, and the bounds of the joints."""
-        # What a user asks for may be beyond all numbers; the check of the result finds it.
+        """Write one state's rows, and the bounds of the joints."""
+        # Targets may overflow; the check of the result finds it.
         with np.errstate(all="ignore"):
             self.current.fill(dynamics)
             self._q = dynamics.state.q[self._q_index]
             self._lower, self._upper = self._bounds.at(self._q)
 
     def solve(self) -> Answer:
-        """Velocities of all joints; zero of those that are neither solved for nor led."""
+        """Find velocities of all joints; zero where they are neither solved for nor of `led`."""
         rows, hierarchy = self._current
         with np.errstate(all="ignore"):
             status, u = self._in_closed_form() if hierarchy is None else self._by_qp(hierarchy)
@@ -297,11 +277,11 @@ class VelocityStrategy:
         return Answer(status, velocity, (0.0, *found))
 
     def task_residuals(self) -> dict[str, float]:
-        """Norm of the velocity that each task could not have at the last solve [unit/s]."""
+        """Return the norm of the velocity that each task missed at the last solve [unit/s]."""
         return self.current.stack_rows.task_residuals() if self._solved else {}
 
     def explain(self) -> str:
-        """What could not be met at the last tick, in words."""
+        """Describe what was not met at the last tick."""
         rows, hierarchy = self._current
         notes: list[str] = []
         if rows.stance is not None and not rows.stance.active:
@@ -320,7 +300,8 @@ class VelocityStrategy:
         # By the last answer: the sign of a measured velocity is noise where a joint rests.
         self._joint_weight = limit_weights(self._q, self._last, bounds.q_min, bounds.q_max)
         bounds = self._joint_weight, self._lower, self._upper
-        u, self._held = self.current.limited.hold(self._form, self._joined_form, *bounds)
+        rows = self.current
+        u, self._held = self._within.solve(rows.served, rows.joined, *bounds)
         return SolveStatus.OPTIMAL, u
 
     def _by_qp(self, hierarchy: VelocityHierarchy) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
@@ -335,7 +316,7 @@ class VelocityStrategy:
             if self.named is not None and self.named.active:
                 self.stance = self.named
             else:
-                # In flight the last stance stands for lack of a better one.
+                # In flight the last stance counts.
                 self.stance = next((c for c in contacts if c.dim == 6), self.stance)
         return self._prepared[self.stance].of(contacts)
 
@@ -351,7 +332,6 @@ class VelocityStrategy:
                 home=self._home,
             )
             if self.name != "hqp":
-                rows.limited.compile(self._joined_form)
                 return rows, None
             names = [self.robot.joint_names[i] for i in self._joints]
             return rows, VelocityHierarchy(rows, names, self._joints, self._dt)

@@ -16,24 +16,23 @@ from poise.stack import Stack, Task
 class OperationalSpaceController(Controller):
     """The operational space formulation with strict priorities, on any robot.
 
-    Torques come in closed form from `OperationalRecursion`. On a floating base contacts stand above
-    all tasks, and `ContactForces` finds the wrenches that carry the base, internal forces among
-    them.
+    `OperationalRecursion` gives torques in closed form. On a floating base contacts stand above
+    all tasks, and `ContactForces` finds the wrenches that carry the base, with internal forces.
 
-    Levels that cannot be met are softened as the stack says. Where the closed form leaves a
+    Levels that cannot be met are softened by the stack's setting. Where the closed form leaves a
     contact's cone, a torque limit or the bounds of joint, balance or self-collision limit,
-    `BoundedAcceleration` takes its place: bounds stand above the tasks, and tasks are let go from
-    the bottom up. Tasks of one level that conflict share by their weights over the mobility of
+    `BoundedAcceleration` takes its place: bounds stand above the tasks, and tasks lose from the
+    bottom up. Tasks of one level that conflict share by their weights over the mobility of
     their rows in the home posture. Tasks can be switched and re-ordered while running: no torque
     changes by more than `torque_step` from one tick to the next.
 
-    `step` never raises. A state that is not finite gives the last good torque decayed towards
-    damping, and says so in the command's status.
+    `step` never raises. For a state that is not finite it returns the last good torque decayed
+    towards damping, with that status.
 
     Args:
         robot: the robot.
         stack: contacts, limits and tasks; `default_stack(robot)` when None.
-        rank: what happens where a task loses rank; the defaults of `RankTreatment` when None.
+        rank: treatment of tasks that lose rank; the defaults of `RankTreatment` when None.
         torque_step: largest change of a torque from tick to tick [N m], one number or one a joint;
             a tenth of the torque limits when None, `math.inf` for no bound.
         dynamics: shared with the estimator of the state, see `Controller`; its own when None.
@@ -64,10 +63,9 @@ class OperationalSpaceController(Controller):
         return self._operational
 
     def set_levels(self, levels: Sequence[Sequence[Task]]) -> None:
-        """Replaces the tasks while running: on, off, or in another order.
+        """Replace the tasks while running: on, off, or in another order.
 
-        Tasks that were there before keep their targets. Torques move to what the new tasks ask
-        for by `torque_step` a tick.
+        Tasks that remain keep their targets. Torques change by `torque_step` a tick at most.
 
         Args:
             levels: lists of tasks, most important first.
@@ -79,10 +77,10 @@ class OperationalSpaceController(Controller):
         self._operational.set_levels(levels)
 
     def set_wrench(self, contact: str, wrench: Numbers | None) -> None:
-        """Sets the wrench that a contact's part of the internal forces should come near.
+        """Set the reference of a contact's part of the internal forces.
 
-        Wrenches must carry the robot first; of all that do, the nearest to what was set is taken.
-        It moves nothing: it presses contacts against each other, or shifts load between them.
+        Of all wrenches that carry the robot, the nearest to the references are taken. They move
+        nothing: they press contacts against each other, or shift load between them.
 
         Args:
             contact: name of a contact of the stack.

@@ -1,12 +1,21 @@
 """The recursion of `OperationalRecursion` over levels that keep their rank, compiled."""
 
 from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
-from poise._compiled import compiled, factor_leading, part, solve_leading, solve_lower
+from poise._compiled import (
+    Block,
+    compiled,
+    factor,
+    factor_leading,
+    part,
+    solve_leading,
+    solve_lower,
+    solve_transposed,
+    view,
+)
 from poise.control._osf._rows import BoundRows, LevelRows
 from poise.control._row_factor import (
     add_row,
@@ -17,6 +26,7 @@ from poise.control._row_factor import (
     turn_back,
 )
 from poise.control._strategy import UNSOFTENED
+from poise.dynamics import StateNumbers
 
 SLACK = 1e-6
 """Rounding of an acceleration beyond its bounds [rad/s^2, m/s^2]."""
@@ -25,82 +35,49 @@ TINY = 1e-12
 """Keeps directions in which softening has nothing to choose from dividing by zero."""
 
 
-class Ordinary(NamedTuple):
-    """What makes a level an ordinary one.
+class RecursionMemory(Block):
+    """Memory of the recursion; it holds until the next state."""
 
-    Attributes:
-        physics: least singular value of the physics' rows.
-        tasks: of the tasks' rows.
-    """
-
-    physics: float
-    tasks: float
-
-
-class Work(NamedTuple):
-    """Memory of the recursion; what it leaves there holds until the next state.
-
-    Attributes:
-        L: factor of the mass matrix, M = L^T L.
-        X: rows J~ = J L^-1 of the leading levels, as `_row_factor` has them.
-        tau: factors of their reflections.
-        B: accelerations that leave the leading levels alone, orthonormal in the mass metric.
-        y: coordinates of the answer that the levels decide: L_J y = target.
-        S: acceleration after the leading levels.
-        G: scratch.
-        F: scratch.
-        z: scratch, two rows.
-    """
-
-    L: Float64[np.ndarray, "n n"]
-    X: Float64[np.ndarray, "n n"]
-    tau: Float64[np.ndarray, " n"]
-    B: Float64[np.ndarray, "n n"]
-    y: Float64[np.ndarray, " n"]
-    S: Float64[np.ndarray, " n"]
-    G: Float64[np.ndarray, "n n"]
-    F: Float64[np.ndarray, "n n"]
-    z: Float64[np.ndarray, "2 n"]
-
-
-def make_work(n: int) -> Work:
-    """Memory for a robot of n generalized coordinates."""
-    L, X, B, G, F = np.zeros((5, n, n))
-    tau, y, S = np.zeros((3, n))
-    return Work(L, X, tau, B, y, S, G, F, np.zeros((2, n)))
+    least: Float64[np.ndarray, "2"]  # singular value of rows that keep their rank: physics, tasks
+    dv: Float64[np.ndarray, " n"]  # the answer
+    reach: Int64[np.ndarray, " n"]  # end of the coordinates of the joints that hang on each
+    U: Float64[np.ndarray, "n n"]  # factor of the mass matrix, M = U U^T
+    X: Float64[np.ndarray, "n n"]  # rows J~ = J U^-T of the leading levels, see `_row_factor`
+    tau: Float64[np.ndarray, " n"]  # factors of their reflections
+    B: Float64[np.ndarray, "n n"]  # accelerations that leave those levels alone, orthonormal by M
+    y: Float64[np.ndarray, " n"]  # coordinates that the levels decide: L_J y = target
+    S: Float64[np.ndarray, " n"]  # acceleration after the leading levels
+    G: Float64[np.ndarray, "n n"]  # scratch
+    F: Float64[np.ndarray, "n n"]  # scratch
+    z: Float64[np.ndarray, "2 n"]  # scratch
 
 
 @compiled
-def resolve(
-    M: Float64[np.ndarray, "n n"],
-    motion: tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " nj"]],
-    levels: LevelRows,
-    ordinary: Ordinary,
-    work: Work,
-    dv: Float64[np.ndarray, " n"],
-) -> tuple[int, bool]:
-    """The acceleration of one state, as long as levels keep their rank.
-
-    The first level that does not may still take all that is left, with nothing lost on the way; so
-    does a posture below tasks that leave it less freedom than it has rows.
-    """
-    h, reference = motion
-    _factor_mass(M, work.L)
-    regular = _factor_levels(levels, ordinary, reference, work)
-    _add_levels(levels, work, regular)
-    for i in range(len(dv)):
-        dv[i] = work.S[i]
+def resolve(levels_at: int, state_at: int, memory_at: int) -> tuple[int, bool]:
+    """Find the acceleration of one state: how many levels keep their rank, and if that is all."""
+    levels, state = view(LevelRows, levels_at), view(StateNumbers, state_at)
+    memory = view(RecursionMemory, memory_at)
+    if not factor(state.M, memory.reach, memory.U):
+        memory.U[:] = np.nan
+    regular = _factor_levels(levels, memory)
+    _add_levels(levels, memory, regular)
+    for i in range(len(memory.dv)):
+        memory.dv[i] = memory.S[i]
     taken = int(levels.ends[regular])
     if regular == len(levels.ends) - 1:
-        _let_go(h, work, taken, dv)
+        _let_go(state.h, memory, taken)
         return regular, True
-    find_rest(work, taken)
-    return regular, _take_rest(levels, ordinary, work, regular, dv)
+    fill_complement(memory.B, memory.X, taken, memory.tau)
+    for i in range(len(memory.B) - taken):
+        solve_transposed(memory.U, memory.reach, memory.B[i])
+    # A posture may have more rows than the tasks above leave directions, and lose none.
+    return regular, _take_rest(levels, memory, regular)
 
 
 @compiled
-def is_inside(dv: Float64[np.ndarray, " n"], bounds: BoundRows) -> bool:
-    """Return whether an acceleration keeps its bounds up to `SLACK`; NaN does."""
+def is_inside(dv: Float64[np.ndarray, " n"], bounds_at: int) -> bool:
+    """Return True for an acceleration within its bounds up to `SLACK`, and for NaN."""
+    bounds = view(BoundRows, bounds_at)
     base = len(dv) - len(bounds.lower)
     for i in range(len(bounds.lower)):
         value = dv[base + i]
@@ -115,65 +92,25 @@ def is_inside(dv: Float64[np.ndarray, " n"], bounds: BoundRows) -> bool:
     return True
 
 
-@compiled
-def find_rest(work: Work, taken: int) -> None:
-    """Accelerations that leave the leading levels alone, in the rows of `work.B`."""
-    fill_complement(work.B, work.X, taken, work.tau)
-    for i in range(len(work.B) - taken):
-        _to_acceleration(work.L, work.B, i)
-
-
 @part
-def _factor_mass(M: Float64[np.ndarray, "n n"], L: Float64[np.ndarray, "n n"]) -> None:
-    """M = L^T L, from the last coordinate on: no limb gets coefficients of another.
-
-    Section 6.5 of Featherstone, "Rigid Body Dynamics Algorithms" (2008). NaN stays NaN.
-    """
-    n = len(M)
-    for i in range(n):
-        for j in range(i + 1):
-            L[i, j] = M[i, j]
-    for k in range(n - 1, -1, -1):
-        coupled, pivot = L[k], sqrt(L[k, k])
-        for i in range(k + 1):
-            coupled[i] /= pivot
-        for i in range(k):
-            factor, row = coupled[i], L[i]
-            if factor != 0.0:
-                for j in range(i + 1):
-                    row[j] -= factor * coupled[j]
-
-
-@part
-def _divide_row(L: Float64[np.ndarray, "n n"], X: Float64[np.ndarray, "m n"], row: int) -> None:
-    """X <- x L^-1 for one row; what a limb does not move stays zero and costs nothing."""
-    for k in range(len(L) - 1, -1, -1):
-        if X[row, k] != 0.0:
-            X[row, k] /= L[k, k]
-            factor = X[row, k]
-            for j in range(k):
-                X[row, j] -= factor * L[k, j]
-
-
-@part
-def _to_acceleration(
-    L: Float64[np.ndarray, "n n"], Z: Float64[np.ndarray, "m n"], row: int
+def _solve_upper(
+    U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], x: Float64[np.ndarray, " n"]
 ) -> None:
-    """Z <- L^-1 z for one row: from the mass metric's coordinates to accelerations."""
-    z = Z[row]
-    for i in range(len(L)):
-        coupled, rest = L[i], z[i]
-        for j in range(i):
-            rest -= coupled[j] * z[j]
-        z[i] = rest / coupled[i]
+    """X <- U^-1 x; zeros at the end of x stay zero and cost nothing."""
+    end = len(U)
+    while end > 0 and x[end - 1] == 0.0:
+        end -= 1
+    for i in range(end - 1, -1, -1):
+        rest, row = x[i], U[i]
+        for k in range(i + 1, min(reach[i], end)):
+            rest -= row[k] * x[k]
+        x[i] = rest / row[i]
 
 
 @part
-def _factor_levels(
-    levels: LevelRows, ordinary: Ordinary, reference: Float64[np.ndarray, " nj"], work: Work
-) -> int:
-    """Factors the leading levels; returns how many keep their rank."""
-    n, ends, X, tau = len(work.L), levels.ends, work.X, work.tau
+def _factor_levels(levels: LevelRows, memory: RecursionMemory) -> int:
+    """Factor the leading levels; return how many keep their rank."""
+    n, ends, X, tau = len(memory.U), levels.ends, memory.X, memory.tau
     for level in range(len(levels.softened)):
         levels.softened[level] = 0.0
     for level in range(len(ends) - 1):
@@ -182,34 +119,31 @@ def _factor_levels(
             return level
         for row in range(begin, end):
             scale = levels.scale[row]
-            work.y[row] = scale * levels.target[row]
+            memory.y[row] = scale * levels.target[row]
             for j in range(n):
                 X[row, j] = scale * levels.jacobian[row, j]
-            _divide_row(work.L, X, row)
+            _solve_upper(memory.U, memory.reach, X[row])
         factor_rows(X, begin, end, tau)
-        if not keeps_rank(X, begin, end, _least(ordinary, level), work.G):
+        if not keeps_rank(X, begin, end, memory.least[min(level, 1)], memory.G):
             return level
-        solve_lower(X, begin, end, work.y)
+        solve_lower(X, begin, end, memory.y)
         if levels.softening[level] > 0.0:
-            _soften(levels, reference, work, level)
+            _soften(levels, memory, level)
     return len(ends) - 1
 
 
 @part
-def _soften(
-    levels: LevelRows, reference: Float64[np.ndarray, " nj"], work: Work, level: int
-) -> None:
-    """Softens a level whose block L_k of the staircase is regular, if that can change it.
-
-    With p what the joints accelerate beside the reference in the strict answer and D their
-    acceleration for a unit of each coordinate that the levels above leave, the least squares of
-    |W L_k x_k|^2 + mu^2 |D x + p|^2, W = `mobility`, is what the level's own coordinates x_k
-    change by; those of the levels below are theirs. Its rows change by mu |p| at most.
-    """
+def _soften(levels: LevelRows, memory: RecursionMemory, level: int) -> None:
+    """Soften a level whose block L_k of the staircase is regular, if that can change it."""
+    # With p the joints' acceleration beside the reference in the strict answer, and D that for a
+    # unit of each coordinate that the levels above leave, the level's own coordinates change by
+    # the x_k of the least squares |W L_k x_k|^2 + mu^2 |D x + p|^2, W = `mobility`; those of the
+    # levels below are theirs. Its rows change by mu |p| at most.
+    reference = levels.reference
     begin, end, mu = int(levels.ends[level]), int(levels.ends[level + 1]), levels.softening[level]
-    D, G, X, x, S = work.F, work.G, work.X, work.z[1], work.z[0]
+    D, G, X, x, S = memory.F, memory.G, memory.X, memory.z[1], memory.z[0]
     size, base, strain = len(S) - begin, len(S) - len(reference), 0.0
-    _turn_part(work, 0, end)
+    _turn_part(memory, 0, end)
     for j in range(len(reference)):
         S[base + j] -= reference[j]
         strain += S[base + j] * S[base + j]
@@ -220,9 +154,9 @@ def _soften(
         for j in range(len(S)):
             D[i, j] = 0.0
         D[i, begin + i] = 1.0
-    turn_back(D, 0, size, X, end, work.tau)
+    turn_back(D, 0, size, X, end, memory.tau)
     for i in range(size):
-        _to_acceleration(work.L, D, i)
+        solve_transposed(memory.U, memory.reach, D[i])
         own, total = D[i, base:], 0.0
         for k in range(len(own)):
             total += own[k] * S[base + k]
@@ -237,69 +171,58 @@ def _soften(
     factor_leading(G, size)
     solve_leading(G, size, x)
     for row in range(begin, end):
-        work.y[row] += x[row - begin]
+        memory.y[row] += x[row - begin]
 
 
 @part
-def _least(ordinary: Ordinary, level: int) -> float:
-    """Singular value from which a level's direction is controlled exactly."""
-    return ordinary.tasks if level > 0 else ordinary.physics
-
-
-@part
-def _turn_part(work: Work, begin: int, end: int) -> None:
-    """The acceleration of some places of y, in the first row of z."""
-    z = work.z
+def _turn_part(memory: RecursionMemory, begin: int, end: int) -> None:
+    """Find the acceleration of some places of y, in the first row of z."""
+    z = memory.z
     for i in range(z.shape[1]):
-        z[0, i] = work.y[i] if begin <= i < end else 0.0
-    turn_back(z, 0, 1, work.X, end, work.tau)
-    _to_acceleration(work.L, z, 0)
+        z[0, i] = memory.y[i] if begin <= i < end else 0.0
+    turn_back(z, 0, 1, memory.X, end, memory.tau)
+    solve_transposed(memory.U, memory.reach, z[0])
 
 
 @part
-def _add_levels(levels: LevelRows, work: Work, regular: int) -> None:
-    """S after the leading levels."""
-    S, z = work.S, work.z
+def _add_levels(levels: LevelRows, memory: RecursionMemory, regular: int) -> None:
+    """Find S after the leading levels."""
+    S, z = memory.S, memory.z
     for i in range(len(S)):
         S[i] = 0.0
     for level in range(regular):
-        _turn_part(work, int(levels.ends[level]), int(levels.ends[level + 1]))
+        _turn_part(memory, int(levels.ends[level]), int(levels.ends[level + 1]))
         for i in range(len(S)):
             S[i] += z[0, i]
 
 
 @part
-def _let_go(
-    h: Float64[np.ndarray, " n"], work: Work, taken: int, dv: Float64[np.ndarray, " n"]
-) -> None:
-    """Dv <- dv - N M^-1 h: what no level decides is left without force."""
-    z = work.z
+def _let_go(h: Float64[np.ndarray, " n"], memory: RecursionMemory, taken: int) -> None:
+    """Leave directions that no level decides without force: dv <- dv - N M^-1 h."""
+    z = memory.z
     for i in range(len(h)):
         z[0, i] = h[i]
-    _divide_row(work.L, z, 0)
-    turn(z, 0, 1, work.X, 0, taken, work.tau)
+    _solve_upper(memory.U, memory.reach, z[0])
+    turn(z, 0, 1, memory.X, 0, taken, memory.tau)
     for i in range(taken):
         z[0, i] = 0.0
-    turn_back(z, 0, 1, work.X, taken, work.tau)
-    _to_acceleration(work.L, z, 0)
+    turn_back(z, 0, 1, memory.X, taken, memory.tau)
+    solve_transposed(memory.U, memory.reach, z[0])
     for i in range(len(h)):
-        dv[i] -= z[0, i]
+        memory.dv[i] -= z[0, i]
 
 
 @part
-def _take_rest(
-    levels: LevelRows, ordinary: Ordinary, work: Work, level: int, dv: Float64[np.ndarray, " n"]
-) -> bool:
-    """Gives a level all that is left, by least squares, if it loses no direction of that.
-
-    With A = J B and c = target - J S it adds B (A^T A)^-1 A^T c; later levels find nothing.
-    """
+def _take_rest(levels: LevelRows, memory: RecursionMemory, level: int) -> bool:
+    """Give a level all remaining directions by least squares, if it loses none of them."""
+    # With A = J B and c = target - J S it adds B (A^T A)^-1 A^T c; later levels find nothing.
+    dv = memory.dv
     begin, end = int(levels.ends[level]), int(levels.ends[level + 1])
-    left, G, F, z = len(dv) - begin, work.G, work.F, work.z
-    if end - begin < left or levels.may_soften[level]:
+    left, G, F, z = len(dv) - begin, memory.G, memory.F, memory.z
+    if end - begin < left or levels.may_soften[level] == 1:
         return False
-    _square(levels, work, begin, end, left)
-    least = _least(ordinary, level)
+    _square(levels, memory, begin, end, left)
+    least = memory.least[min(level, 1)]
     for i in range(left):
         for j in range(i):
             F[i, j] = G[i, j]
@@ -311,15 +234,15 @@ def _take_rest(
     for j in range(len(dv)):
         step = 0.0
         for i in range(left):
-            step += x[i] * work.B[i, j]
+            step += x[i] * memory.B[i, j]
         dv[j] += step
     return True
 
 
 @part
-def _square(levels: LevelRows, work: Work, begin: int, end: int, left: int) -> None:
-    """G = A^T A, in its lower triangle, and z[1] = A^T c, row by row of A."""
-    S, G, a, total = work.S, work.G, work.z[0], work.z[1]
+def _square(levels: LevelRows, memory: RecursionMemory, begin: int, end: int, left: int) -> None:
+    """Find G = A^T A, in its lower triangle, and z[1] = A^T c, row by row of A."""
+    S, G, a, total = memory.S, memory.G, memory.z[0], memory.z[1]
     for i in range(left):
         total[i] = 0.0
         for j in range(i + 1):
@@ -329,7 +252,7 @@ def _square(levels: LevelRows, work: Work, begin: int, end: int, left: int) -> N
         for k in range(len(S)):
             c -= J[k] * S[k]
         for i in range(left):
-            direction, a[i] = work.B[i], 0.0
+            direction, a[i] = memory.B[i], 0.0
             for k in range(len(S)):
                 a[i] += J[k] * direction[k]
         add_row(G, total, a, left, scale * scale, c)

@@ -3,11 +3,12 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import say_if_slow
-from poise.control._osf._kernels import TINY, Ordinary, find_rest, make_work, resolve
+from poise._compiled import allocate, say_if_slow
+from poise.control._osf._kernels import TINY, RecursionMemory, resolve
 from poise.control._osf._rows import LevelRows
 from poise.control._rank import PHYSICS_RANK, RankTreatment
-from poise.dynamics import Dynamics
+from poise.dynamics import Dynamics, reach_of
+from poise.robots import Robot
 
 
 class OperationalRecursion:
@@ -21,15 +22,15 @@ class OperationalRecursion:
         S_i     = S_i-1 + Jbar_i alpha_i
         Gamma   = M S_k + h - N_k+1^T h                   h = V + G
 
-    because alpha_i equals xdd_i|p,ref - Jdot_i|p v: what the projected Jacobian's derivative adds
-    to the bias acceleration it takes away again in mu_i|p.
+    because alpha_i equals xdd_i|p,ref - Jdot_i|p v: the terms of the projected Jacobian's
+    derivative in the bias acceleration and in mu_i|p cancel.
 
-    With M = L^T L and rows J~ = J L^-1, all projections are orthogonal ones. Levels that the robot
+    With M = U U^T and rows J~ = J U^-T, all projections are orthogonal ones. Levels that the robot
     can follow without loss of rank need no projector at all: their stacked rows are J~ = [L_J 0] Q,
     the squares of L_J's diagonal blocks are the Lambda_i|p^-1, and the recursion above is the
     substitution with L_J. From the first level that loses rank on, levels are taken one by one in
-    the basis of what is left, with activations of directions as `RankTreatment` has them; both ways
-    give the same numbers where both apply. The first way is compiled.
+    the basis of their null space, with the activations of `RankTreatment`; both ways give the same
+    numbers where both apply. The first way is compiled.
 
     Rows are scaled by w, `LevelRows.scale`, in which they are about one where a task moves freely.
     A level that cannot be met takes, of what the levels above leave, the least squares of its
@@ -39,51 +40,37 @@ class OperationalRecursion:
 
     with the weights W of its tasks and the joint accelerations d of `Softening`, and keeps all
     these directions: the null space for the levels below does not depend on mu. Where it loses rank
-    without having an error, mu is as large as `RankTreatment.damp` says for its rows.
+    without having an error, mu is `RankTreatment.damp` of its rows.
 
     Attributes:
         regular: number of leading levels that kept their rank at the last state.
     """
 
-    def __init__(self, n: int, rank: RankTreatment) -> None:
-        self._rank = rank
-        self._ordinary = Ordinary(float(PHYSICS_RANK.high), float(rank.high))
-        self._work, self._zero, self.regular = make_work(n), np.zeros(n), 0
-        self._compile(n)
+    def __init__(self, robot: Robot, rank: RankTreatment) -> None:
+        self._rank, self.regular = rank, 0
+        least = np.array([PHYSICS_RANK.high, rank.high])
+        reach = reach_of(robot, np.arange(robot.nv))
+        self._memory = allocate(RecursionMemory, {"n": robot.nv, "2": 2}, least=least, reach=reach)
+        # The first tick of a controller is rehearsed, and compiles.
+        say_if_slow(resolve, "operational space control")
 
-    def resolve(
-        self,
-        levels: LevelRows,
-        dynamics: Dynamics,
-        reference: Float64[np.ndarray, " nj"] | None = None,
-    ) -> Float64[np.ndarray, " n"]:
-        """The acceleration of one state.
+    def resolve(self, levels: LevelRows, dynamics: Dynamics) -> Float64[np.ndarray, " n"]:
+        """Return the acceleration of one state.
 
         Directions that no level decides are left without force: they accelerate by -M^-1 h.
         """
-        M, h, dv = dynamics.M, dynamics.h, np.empty(len(dynamics.h))
-        reference = self._zero if reference is None else reference
-        self.regular, done = resolve(M, (h, reference), levels, self._ordinary, self._work, dv)
-        return dv if done else self._take_tail(levels, reference, h)
-
-    def _compile(self, n: int) -> None:
-        """Resolves nothing once, so that nothing is compiled in a tick."""
-        nothing, zero = LevelRows.nothing(n), np.zeros(n)
-        say_if_slow(resolve, "operational space control")
-        resolve(np.eye(n), (zero, zero), nothing, self._ordinary, self._work, zero)
-        find_rest(self._work, 0)
+        memory = self._memory
+        self.regular, done = resolve(levels.address, dynamics.numbers.address, memory.address)
+        return memory.dv.copy() if done else self._take_tail(levels, dynamics.h)
 
     def _take_tail(
-        self,
-        levels: LevelRows,
-        reference: Float64[np.ndarray, " nj"],
-        h: Float64[np.ndarray, " n"],
+        self, levels: LevelRows, h: Float64[np.ndarray, " n"]
     ) -> Float64[np.ndarray, " n"]:
-        """The acceleration with the levels from the first on that is no ordinary one."""
-        S = self._work.S.copy()
+        """Return the acceleration with the levels from the first on that lost rank."""
+        S, reference = self._memory.S.copy(), levels.reference
         left = len(S) - int(levels.ends[self.regular])
-        basis = self._work.B[:left].T
-        # What is left of each direction of the basis: N in the mass metric.
+        basis = self._memory.B[:left].T
+        # N in the mass metric, in coordinates of the basis.
         N = np.eye(left)
         for i, level in enumerate(levels.slices[self.regular :], start=self.regular):
             scale = levels.scale[level]
@@ -107,5 +94,5 @@ class OperationalRecursion:
                 step = gain * (V.T @ (A.T @ missing))
             S = S + motion @ step
             N -= (V * activation) @ V.T
-        # What no level decides is let go: it has no force.
+        # What no level decides has no force.
         return S - basis @ (N @ (basis.T @ h))

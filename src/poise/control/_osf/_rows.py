@@ -1,16 +1,17 @@
 """`OperationalRows`: the physics and the user's levels as rows on accelerations.
 
-`LevelRows`: the rows of all levels of one state, as the recursion takes them.
-`RowScales`: how well the robot can move along each row, by which loss of rank is measured.
+`LevelRows`: the rows of all levels of one state, for the recursion.
+`RowScales`: one over the mobility of each row, by which loss of rank is measured.
 """
 
 from collections.abc import Sequence
-from itertools import accumulate, pairwise
-from typing import NamedTuple
+from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Float64, Int64
 
+from poise._compiled import Block
+from poise.control._rank import block_scales
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot
 from poise.stack import Contact, Stack, StackRows, Task, home_jacobians
@@ -19,57 +20,34 @@ _RANGE_TOLERANCE = 1e-6
 """Singular value, relative to the largest, below which contacts do not carry a base wrench."""
 
 
-class LevelRows(NamedTuple):
+class LevelRows(Block):
     """Rows J_i dv = xdd_i,ref - Jdot_i v, the physics first, then level by level.
 
-    Attributes:
-        jacobian: J_i, stacked.
-        target: xdd_i,ref - Jdot_i v, stacked.
-        scale: what a row is multiplied by, where ranks are decided and where a level that cannot
-            be met takes least squares: its weight over the mobility sqrt(J M^-1 J^T) that its block
-            of rows has in the home posture.
-        ends: where each level ends; the first entry is zero.
-        mobility: that mobility of each row; weight over scale.
-        softening: weight mu of each level's softening term; 0 for none.
-        may_soften: whether a level is one of `Softening.levels`.
-        softened: receives the weight of each level that is softened, else zero.
+    The mobility of a row is the largest sqrt(J M^-1 J^T) of its block in the home posture.
     """
 
     jacobian: Float64[np.ndarray, "t nv"]
-    target: Float64[np.ndarray, " t"]
-    scale: Float64[np.ndarray, " t"]
-    ends: Int64[np.ndarray, " ends"]
+    target: Float64[np.ndarray, " t"]  # xdd_i,ref - Jdot_i v
+    scale: Float64[np.ndarray, " t"]  # weight of each row over its mobility
     mobility: Float64[np.ndarray, " t"]
-    softening: Float64[np.ndarray, " levels"]
-    may_soften: Bool[np.ndarray, " levels"]
-    softened: Float64[np.ndarray, " levels"]
+    ends: Int64[np.ndarray, " ends"]  # of each level; the first entry is zero
+    softening: Float64[np.ndarray, " levels"]  # weight mu of each level's term; 0 for none
+    may_soften: Int64[np.ndarray, " levels"]  # 1 for the levels of `Softening.levels`
+    softened: Float64[np.ndarray, " levels"]  # receives mu of each level that is softened, else 0
+    reference: Float64[np.ndarray, " nj"]  # joint accelerations d of the softening terms
 
     @property
     def slices(self) -> list[slice]:
         """Rows of each level."""
         return [slice(a, b) for a, b in pairwise(self.ends.tolist())]
 
-    @classmethod
-    def nothing(cls, nv: int) -> "LevelRows":
-        """No level at all, for a robot of so many coordinates."""
-        none, ends = np.zeros(0), np.zeros(1, dtype=np.int64)
-        return cls(np.zeros((0, nv)), none, none, ends, none, none, none.astype(np.bool_), none)
 
-
-class BoundRows(NamedTuple):
-    """Bounds that accelerations should keep, of joints and of rows.
-
-    Attributes:
-        lower: of the joints, which are the last coordinates [rad/s^2].
-        upper: of the joints [rad/s^2].
-        rows: coefficients of the rows of balance and self-collision limit.
-        least: lower bounds of these rows [m/s^2].
-        most: upper bounds of these rows [m/s^2].
-    """
+class BoundRows(Block):
+    """Bounds on accelerations: of joints [rad/s^2], and of rows of limits [m/s^2]."""
 
     lower: Float64[np.ndarray, " nj"]
     upper: Float64[np.ndarray, " nj"]
-    rows: Float64[np.ndarray, "m nv"]
+    rows: Float64[np.ndarray, "m nv"]  # of the balance and self-collision limit
     least: Float64[np.ndarray, " m"]
     most: Float64[np.ndarray, " m"]
 
@@ -78,12 +56,9 @@ class RowScales:
     """One over the mobility sqrt(J M^-1 J^T) of rows in the home posture.
 
     Rows that share a unit and turn into one another as axes turn share the largest mobility among
-    them, so that the scale does not depend on how the axes lie: a stretched arm has no mobility
-    along itself, and that is what a singularity looks like. Metres, radians and momenta become
-    comparable, and so do a wrist and a hip.
-
-    Attributes:
-        base: scales of the base's own equation of motion, one a base coordinate.
+    them, so that the scale does not depend on the axes: a stretched arm, which has no mobility
+    along itself, is singular. Metres, radians and momenta become comparable, and so do a wrist and
+    a hip.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -94,31 +69,22 @@ class RowScales:
         base = robot.base_dofs
         self.base = self._blocks(self._home.M[:base], (3, 3) if base else ())
 
-    def learn(self, stack: Stack) -> None:
-        """Measures contacts and tasks that are new; before they serve in a tick.
-
-        They are evaluated in the home posture, and tasks forget it again.
-        """
+    def measure(self, stack: Stack) -> None:
+        """Measure contacts and tasks that are new, before they serve in a tick."""
         owners = [*stack.contacts, *(task for _, task in stack.tasks())]
         new = [owner for owner in owners if owner not in self._scales]
         for owner, jacobian in home_jacobians(self._home, new).items():
             self._scales[owner] = self._blocks(jacobian, owner.blocks)
 
     def of(self, owner: Contact | Task) -> Float64[np.ndarray, " m"]:
-        """Scales of the rows of a contact or a task that was learned."""
+        """Return the scales of the rows of a contact or a task that was measured."""
         return self._scales[owner]
 
     def _blocks(
         self, jacobian: Float64[np.ndarray, "m nv"], blocks: Sequence[int]
     ) -> Float64[np.ndarray, " m"]:
         squares = np.einsum("ij,jk,ik->i", jacobian, self._mobility, jacobian)
-        scale = np.ones(len(squares))
-        for start, stop in pairwise(accumulate(blocks, initial=0)):
-            largest = float(squares[start:stop].max())
-            # A block that nothing moves has no rank to lose.
-            if largest > 0.0:
-                scale[start:stop] = 1.0 / np.sqrt(largest)
-        return scale
+        return block_scales(np.sqrt(squares), blocks)
 
 
 class OperationalRows:
@@ -127,13 +93,13 @@ class OperationalRows:
     The first level is the physics of the floating base (Park and Khatib 2006; Sentis, Park and
     Khatib 2010): contacts do not accelerate, J_c dv = reference - drift; and where contacts cannot
     carry every wrench of the base, as in flight or on points alone, the base obeys its own
-    equation of motion, W (M_u dv + h_u) = 0 with W the projector on the wrenches that nobody
+    equation of motion, W (M_u dv + h_u) = 0 with W the projector on the wrenches that no contact
     carries. A fixed base has an empty first level. The levels of the stack follow.
 
     Attributes:
         stack_rows: the rows of the stack.
         levels: all rows of the last state.
-        bounds: what accelerations should keep at the last state.
+        bounds: bounds on accelerations at the last state.
         contact_jacobian: J_c, of all contacts.
     """
 
@@ -160,26 +126,31 @@ class OperationalRows:
         ends = np.append(0, rows.ends)
         self._first_joint = robot.base_dofs
         self._softening, self._soft = rows.softening, [1 + i for i in rows.softening.levels]
-        may_soften = np.zeros(len(ends) - 1, dtype=np.bool_)
-        may_soften[self._soft] = True
+        may_soften = np.zeros(len(ends) - 1, dtype=np.int64)
+        may_soften[self._soft] = 1
         self.levels = LevelRows(
-            rows.J[:count],
-            rows.target[:count],
-            scale.copy(),
-            ends,
-            1.0 / scale,
-            np.zeros(len(may_soften)),
-            may_soften,
-            np.zeros(len(may_soften)),
+            jacobian=rows.J[:count],
+            target=rows.target[:count],
+            scale=scale.copy(),
+            mobility=1.0 / scale,
+            ends=ends,
+            softening=np.zeros(len(may_soften)),
+            may_soften=may_soften,
+            softened=np.zeros(len(may_soften)),
+            reference=rows.softening.terms.reference,
         )
         limit, own = stack.joint_limit, rows.limit_rows
         self.bounds = BoundRows(
-            limit.lower, limit.upper, rows.J[own], rows.target[own], rows.upper[own]
+            lower=limit.lower,
+            upper=limit.upper,
+            rows=rows.J[own],
+            least=rows.target[own],
+            most=rows.upper[own],
         )
         self.contact_jacobian: Float64[np.ndarray, "c nv"] = rows.J[rows.contact_rows]
 
     def fill(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows."""
+        """Write one state's rows."""
         self.stack_rows.update(dynamics)
         np.multiply(self._scale, self.stack_rows.weight[: self._count], out=self.levels.scale)
         if self._soft:

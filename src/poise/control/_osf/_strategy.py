@@ -7,7 +7,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import Numbers
-from poise.control._excess import excess
 from poise.control._osf._contact_forces import TOLERANCE, ContactForces
 from poise.control._osf._kernels import SLACK
 from poise.control._osf._recursion import OperationalRecursion
@@ -22,26 +21,17 @@ from poise.stack import Contact, ContactSets, Stack, Task, checked_target
 
 
 class OperationalStrategy:
-    """Solves a stack by `OperationalRecursion`; a `Strategy`, see `OperationalSpaceController`.
-
-    Attributes:
-        robot: the robot.
-        stack: contacts, limits and tasks.
-        recursion: accelerations of the last tick.
-        forces: wrenches of the last tick, and how well they keep to cones and limits.
-    """
+    """Torques by `OperationalRecursion`; a `Strategy`, see `OperationalSpaceController`."""
 
     commands: Literal["torque", "velocity"] = "torque"
     kept = ("reference_wrenches",)
 
     def __init__(self, robot: Robot, stack: Stack, rank: RankTreatment) -> None:
         self.robot, self.stack = robot, stack
-        self.recursion = OperationalRecursion(robot.nv, rank)
+        self.recursion = OperationalRecursion(robot, rank)
         self._scales = RowScales(robot)
         self._wrenches: dict[str, Float64[np.ndarray, " c"]] = {}
         self._set_stack(stack)
-        # What is compiled is compiled now, not in the first tick.
-        excess(np.zeros(robot.nv), robot.base_dofs, np.zeros(robot.nj), np.zeros(robot.nj))
 
     @property
     def current(self) -> OperationalRows:
@@ -50,7 +40,7 @@ class OperationalStrategy:
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Tasks that a contact stands in for at the last tick."""
+        """Tasks replaced by a contact at the last tick."""
         return self._current.stack_rows.suspended
 
     @property
@@ -68,7 +58,7 @@ class OperationalStrategy:
         return nv + rows.contact_rows.stop, nv + len(rows.target)
 
     def set_levels(self, levels: Sequence[Sequence[Task]]) -> None:
-        """Replaces the tasks, see `OperationalSpaceController.set_levels`."""
+        """Replace the tasks, see `OperationalSpaceController.set_levels`."""
         old = self.stack
         stack = Stack(
             old.contacts,
@@ -84,11 +74,11 @@ class OperationalStrategy:
         self._set_stack(stack)
         for _, task in stack.tasks():
             if task not in before:
-                # It holds what the robot does now, not what it did when it was last switched on.
+                # A new task holds the present pose, not that of its last use.
                 task.reset()
 
     def set_wrench(self, contact: str, wrench: Numbers | None) -> None:
-        """Sets a contact's reference wrench, see `OperationalSpaceController.set_wrench`."""
+        """Set a contact's reference wrench, see `OperationalSpaceController.set_wrench`."""
         size = self.stack.contact(contact).dim
         what = f"wrench of contact {contact!r} [N, N m]"
         value = np.zeros(size) if wrench is None else checked_target(wrench, size, what).copy()
@@ -96,7 +86,7 @@ class OperationalStrategy:
 
     @property
     def reference_wrenches(self) -> dict[str, Float64[np.ndarray, " c"]]:
-        """Internal forces that were set, by contact [N, N m]."""
+        """References of internal forces, by contact [N, N m]."""
         return self._wrenches
 
     @reference_wrenches.setter
@@ -106,19 +96,19 @@ class OperationalStrategy:
             forces.set_references(wrenches)
 
     def reset(self) -> None:
-        """Forgets what the last tick found."""
+        """Forget the last tick."""
         self._solved = False
         self._bound_error = 0.0
         self._held_joints, self._held_rows = list[int](), list[int]()
 
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
-        """Takes up rows and forces of a set of active contacts."""
+        """Use rows and forces of a set of active contacts."""
         last, self._current = self._current, self._prepared.of(contacts)
         self.forces = self._all_forces.of(contacts)
         return self._current is not last
 
     def rehearse(self, dynamics: Dynamics) -> None:
-        """Goes through a tick under every prepared set of contacts, and forgets it."""
+        """Run a tick under every prepared set of contacts, and forget it."""
         for contacts in self._prepared.sets:
             self.prepare(contacts)
             self.assemble(dynamics)
@@ -127,15 +117,14 @@ class OperationalStrategy:
         self.reset()
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows."""
+        """Write one state's rows."""
         self._dynamics = dynamics
         self._current.fill(dynamics)
 
     def solve(self) -> Answer:
-        """Accelerations of all levels, then the wrenches and torques that bring them about."""
+        """Find accelerations of all levels, then their wrenches and torques."""
         rows, forces, dynamics = self._current, self.forces, self._dynamics
-        reference = rows.stack_rows.softening.terms.reference
-        wanted = self.recursion.resolve(rows.levels, dynamics, reference)
+        wanted = self.recursion.resolve(rows.levels, dynamics)
         acceleration = forces.solve(wanted, dynamics)
         self._solved = True
         self._find_held(acceleration)
@@ -149,11 +138,11 @@ class OperationalStrategy:
         )
 
     def task_residuals(self) -> dict[str, float]:
-        """Norm of what each task could not meet at the last solve [unit/s^2]."""
+        """Return the norm of each task's residual at the last solve [unit/s^2]."""
         return self._current.stack_rows.task_residuals() if self._solved else {}
 
     def explain(self) -> str:
-        """What could not be met at the last tick, in words."""
+        """Describe what was not met at the last tick."""
         forces, notes = self.forces, list[str]()
         names = [self.robot.joint_names[i] for i in self._held_joints]
         if names:
@@ -182,7 +171,7 @@ class OperationalStrategy:
                 got=[],
                 wanted="at least one level with a task",
             )
-        self._scales.learn(stack)
+        self._scales.measure(stack)
         self.stack = stack
         self._prepared = ContactSets(
             stack, lambda c: OperationalRows(self.robot, stack, c, self._scales)
@@ -198,7 +187,7 @@ class OperationalStrategy:
         return forces
 
     def _find_held(self, acceleration: Float64[np.ndarray, " nv"]) -> None:
-        """Finds the joints and rows of limits that bounds hold back."""
+        """Find the joints and rows of limits at their bounds."""
         self._held_joints, self._held_rows = [], []
         if self.forces.bounded:
             bounds, joints = self._current.bounds, acceleration[self.robot.base_dofs :]
@@ -209,10 +198,10 @@ class OperationalStrategy:
             self._held_rows = np.flatnonzero(rows).tolist()
 
     def _measure(self, acceleration: Float64[np.ndarray, " nv"]) -> tuple[float, ...]:
-        """Residuals: dynamics and torque limits, contacts and joint limits, then the levels."""
-        limit, base = self.stack.joint_limit, self.robot.base_dofs
-        outside = excess(acceleration, base, limit.lower, limit.upper)
-        self._bound_error = outside / limit.acceleration_max
+        """Measure dynamics and torque limits, contacts and joint limits, then the levels."""
+        limit, joints = self.stack.joint_limit, acceleration[self.robot.base_dofs :]
+        outside = np.maximum(joints - limit.upper, limit.lower - joints).max(initial=0.0)
+        self._bound_error = float(outside) / limit.acceleration_max
         contacts, *levels = self._current.stack_rows.measure(acceleration).tolist()
         forces = self.forces
         return (

@@ -1,7 +1,4 @@
-"""`AssignedRows`: which of the two problems each row of a stack is for.
-
-`Assignment`: which rows of a task LQP 1 can meet, and which only LQP 2.
-"""
+"""`AssignedRows`: assignment of the rows of a stack to LQP 1 and LQP 2."""
 
 from dataclasses import dataclass
 
@@ -24,33 +21,25 @@ from poise.stack import (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Assignment:
-    """Where the rows of one task go, section 3.4 of Ahn et al. 2024.
-
-    Attributes:
-        task: the task, or the rows of the balance limit.
-        first: rows that the reduced robot decides: LQP 1.
-        second: rows that need the unconstrained chain's own joints: LQP 2, which knows the rest.
-        through_centroids: whether the first rows move with the centroids, too.
-        movers: for each of the second rows, coordinates of `v` that may move it.
-    """
+    """Assignment of the rows of one task, section 3.4 of Ahn et al. 2024."""
 
     task: Task | BalanceRows
-    first: Int64[np.ndarray, " m1"]
-    second: Int64[np.ndarray, " m2"]
-    through_centroids: bool = False
-    movers: tuple[set[int], ...] = ()
+    first: Int64[np.ndarray, " m1"]  # rows that the reduced robot decides: LQP 1
+    second: Int64[np.ndarray, " m2"]  # rows that need the unconstrained chain's joints: LQP 2
+    through_centroids: bool = False  # the first rows move with the centroids, too
+    movers: tuple[set[int], ...] = ()  # coordinates of `v` that may move each of the second rows
 
 
 def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
-    """Assigns the rows of a task by what they need, without asking the user.
+    """Assign the rows of a task by the joints that they depend on.
 
     - COM and momentum need the unconstrained chain through its centroids only: LQP 1 (22).
     - A frame that no joint of the unconstrained chain moves, and a frame seen from another where
       no such joint stands between the two: LQP 1.
     - Other frames: LQP 2, with the acceleration of everything else known (23).
     - A task of joints is split, joint by joint.
-    - A kind of task that is not known here: LQP 2. What of its rows the chain's own joints cannot
-      decide `ChainElimination` leaves to LQP 1, which may be all of them.
+    - Any other kind of task: LQP 2. `ChainElimination` leaves rows, perhaps all, to LQP 1 that the
+      chain's own joints cannot decide.
     """
     rows, none = np.arange(task.dim), np.arange(0)
     if isinstance(task, ComTask | MomentumTask):
@@ -58,7 +47,7 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
     if isinstance(task, JointTask):
         names = robot.joint_names if task.joints is None else task.joints
         moved = [robot.base_dofs + robot.joint_index(name) for name in names]
-        in_u = np.isin(moved, partition.u.index)
+        in_u = np.isin(moved, partition.u)
         movers = tuple({moved[row]} for row in rows[in_u])
         return Assignment(task=task, first=rows[~in_u], second=rows[in_u], movers=movers)
     if isinstance(task, FrameTask):
@@ -66,22 +55,22 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
     elif isinstance(task, RelativeFrameTask):
         needed = _movers(robot, task.frame) ^ _movers(robot, task.root)
     else:
-        # Nothing is known of it but its rows, which may need anything.
+        # Its rows may depend on anything.
         needed = set(range(robot.nv))
-    if needed & set(partition.u.index.tolist()):
+    if needed & set(partition.u.tolist()):
         return Assignment(task=task, first=none, second=rows, movers=(needed,) * task.dim)
     return Assignment(task=task, first=rows, second=none)
 
 
 def _movers(robot: Robot, frame: str) -> set[int]:
-    """Coordinates that move a frame in the world."""
+    """Find the coordinates that move a frame in the world."""
     model = robot.model
     joints = robot.joints_above(frame)
     return {model.idx_vs[j] + k for j in joints for k in range(model.nvs[j])}
 
 
 class AssignedRows:
-    """The rows of a stack for the two problems: which of the tasks' rows each of them gets.
+    """The rows of a stack for the two problems.
 
     Attributes:
         stack_rows: the rows of the stack.
@@ -89,8 +78,8 @@ class AssignedRows:
         target: their right-hand sides, reference - drift; lower bounds of the balance limit.
         upper: the same, but for the upper bounds of the balance limit.
         weight: of each row in its level.
-        levels: the tasks that act, level by level, with what each of their rows needs; the balance
-            limit first, where there is one.
+        levels: assignments of the tasks that act, level by level; the balance limit first, where
+            there is one.
         first: the rows that LQP 1 decides.
         centroid: those of them that move with the centroids.
         second: the rows that need the unconstrained chain's own joints.
@@ -132,8 +121,8 @@ class AssignedRows:
             np.array(index, dtype=np.int64) for index in (first, centroid, second, second_ends)
         )
         self.seen: Int64[np.ndarray, " seen"] = np.flatnonzero(
-            np.isin(partition.a.index, sorted(set().union(*movers)))
+            np.isin(partition.a, sorted(set().union(*movers)))
         )
-        moving = [np.flatnonzero(np.isin(partition.u.index, sorted(own))) for own in movers]
+        moving = [np.flatnonzero(np.isin(partition.u, sorted(own))) for own in movers]
         self.moving: Int64[np.ndarray, " k"] = np.concatenate([np.arange(0), *moving])
         self.moving_ends: Int64[np.ndarray, " ends"] = np.cumsum([0, *map(len, moving)])

@@ -1,6 +1,7 @@
 """`ConstraintChainProblem`: LQP 1, contacts and balance on the reduced robot."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -12,71 +13,59 @@ from poise.control._reduced._elimination import (
     ChainElimination,
     Elimination,
     eliminate_chain,
+    recover,
 )
 from poise.control._strategy import PHYSICS_LEVELS
-from poise.dynamics import Dynamics, Partition
+from poise.dynamics import Dynamics, Partition, StateNumbers
 from poise.hqp import HierarchicalProblem
 from poise.robots import Robot
 from poise.stack import Stack
 
 
 class ConstraintChain(Block):
-    """What compiled code reads and writes of a `ConstraintChainProblem`.
+    """A `ConstraintChainProblem` for compiled code."""
 
-    Attributes:
-        chain: the unconstrained chain, eliminated.
-        J_c: coefficients of dv of the contacts' rows.
-        contact_target: their right-hand sides.
-        wrench_lower: bounds of all wrenches [N, N m].
-        wrench_upper: upper ones.
-        tau_min: torque limits [N m].
-        tau_max: upper ones.
-        dv_min: bounds of joint accelerations [rad/s^2].
-        dv_max: upper ones.
-        task_upper: upper bounds of the tasks' rows, which differ from the lower ones for limits.
-        first: rows of the tasks that LQP 1 decides.
-        places: rows of the problem for them, then for what the unconstrained chain leaves.
-        centroid: the place of each of them among those that move with the centroids, or -1.
-        A: of the problem.
-        lower: of the problem.
-        upper: of the problem.
-        weights: of the problem.
-        H: of the problem.
-        g: of the problem.
-        shape: how many unknowns s and how many rows in each level there is room for.
-        torque_u: scratch: torques of the unconstrained chain [N m].
-        base: number of base coordinates.
-    """
-
-    chain: Elimination
-    J_c: Float64[np.ndarray, "w nv"]
-    contact_target: Float64[np.ndarray, " w"]
-    wrench_lower: Float64[np.ndarray, " w"]
+    chain: Elimination  # the unconstrained chain, eliminated
+    J_c: Float64[np.ndarray, "w nv"]  # coefficients of dv of the contacts' rows
+    contact_target: Float64[np.ndarray, " w"]  # their right-hand sides
+    wrench_lower: Float64[np.ndarray, " w"]  # bounds of all wrenches [N, N m]
     wrench_upper: Float64[np.ndarray, " w"]
-    tau_min: Float64[np.ndarray, " nj"]
+    tau_min: Float64[np.ndarray, " nj"]  # torque limits [N m]
     tau_max: Float64[np.ndarray, " nj"]
-    dv_min: Float64[np.ndarray, " nj"]
+    dv_min: Float64[np.ndarray, " nj"]  # bounds of joint accelerations [rad/s^2]
     dv_max: Float64[np.ndarray, " nj"]
-    task_upper: Float64[np.ndarray, " t"]
-    first: Int64[np.ndarray, " first"]
-    places: Int64[np.ndarray, " places"]
-    centroid: Int64[np.ndarray, " first"]
-    A: Float64[np.ndarray, "m n"]
+    task_upper: Float64[np.ndarray, " t"]  # upper bounds of the tasks' rows
+    first: Int64[np.ndarray, " first"]  # rows of the tasks that LQP 1 decides
+    places: Int64[np.ndarray, " places"]  # rows of the problem: for them, then for the chain
+    centroid: Int64[np.ndarray, " first"]  # place among rows that move with the centroids, or -1
+    A: Float64[np.ndarray, "m n"]  # rows, bounds, weights and cost of the problem
     lower: Float64[np.ndarray, " nm"]
     upper: Float64[np.ndarray, " nm"]
     weights: Float64[np.ndarray, " nm"]
     H: Float64[np.ndarray, "n n"]
     g: Float64[np.ndarray, " n"]
-    shape: Int64[np.ndarray, " shape"]
-    torque_u: Float64[np.ndarray, " nu"]
-    base: int
+    shape: Int64[np.ndarray, " shape"]  # room for unknowns s, and for rows in each level
+    torque_u: Float64[np.ndarray, " nu"]  # scratch: torques of the unconstrained chain [N m]
+    base: int  # coordinates of the base
+
+
+_SLOP = 1e-9
+"""Excess of an acceleration bound that is rounding, as a solver's own [rad/s^2]."""
+
+
+class Joined(NamedTuple):
+    """Motion of both chains."""
+
+    acceleration: Float64[np.ndarray, " nv"]  # generalized
+    torque: Float64[np.ndarray, " nj"]  # of the joints [N m]
+    within: bool  # the unconstrained chain keeps its limits of torque and acceleration
 
 
 class ConstraintChainProblem:
     """LQP 1 of Ahn et al. 2024, (28), for one set of active contacts.
 
     Variables are x = [dv_a; z; s; F]: base, constraint chain and kept joints, the centroids of the
-    unconstrained chain, what else of it is not eliminated, and the wrenches. With M_r, C and
+    unconstrained chain, the part of it that is not eliminated, and the wrenches. With M_r, C and
     h_a of `ReducedDynamics`:
 
         level 1   [M_aa C] [dv_a; z] - J_c,a^T F = S_a tau - h_a      base rows: tau = 0
@@ -85,17 +74,11 @@ class ConstraintChainProblem:
                   bounds on the accelerations of these joints and on normal forces
         level     balance limit, where there is one
         levels    [J_a J_u Jbar_z] [dv_a; z] = reference - drift      rows assigned to LQP 1
-                  what tasks of the unconstrained chain leave over    `ChainElimination`
+                  the rest of tasks of the unconstrained chain        `ChainElimination`
         cost      [dv_a; z]^T M_r [dv_a; z] / 2, the acceleration energy (27), with that of the
                   motion inside the unconstrained chain, |c - G [dv_a; z; s]|^2 / 2
 
     Levels are those of the stack; one whose tasks all need LQP 2 may be empty here.
-
-    Attributes:
-        problem: the hierarchical problem, filled by `fill`.
-        block: the same memory for compiled code.
-        nv: number of coordinates of the robot.
-        nj: number of its joints.
     """
 
     def __init__(
@@ -108,10 +91,10 @@ class ConstraintChainProblem:
     ) -> None:
         self._tasks, self._rows = tasks, (rows := tasks.stack_rows)
         self._base = base = robot.base_dofs
-        self.nv, self.nj = robot.nv, robot.nj
+        self._nv, self._nj = robot.nv, robot.nj
         kept, *left = chain.shape
         self._motion = motion = slice(0, partition.nr + kept)
-        joints = [robot.joint_names[i] for i in partition.a.index[base:] - base]
+        joints = [robot.joint_names[i] for i in partition.a[base:] - base]
         self.problem = problem = self._allocate(joints, left)
         self._label_bounds(joints, partition.nz + kept)
         wrench_dim, touch = rows.contact_rows.stop, problem.level(1)
@@ -145,20 +128,26 @@ class ConstraintChainProblem:
         )
 
     def assemble(self, dynamics: Dynamics) -> bool:
-        """Reduces the dynamics, eliminates the unconstrained chain, and fills the problem."""
-        momentum = dynamics.momentum_matrix
-        return _assemble(self.block.address, dynamics.M, dynamics.h, momentum)
+        """Reduce the dynamics, eliminate the unconstrained chain, and fill the problem."""
+        return _assemble(self.block.address, dynamics.numbers.address)
 
     def fill(self) -> None:
-        """Writes one state's rows into the problem; all that they are made of is up to date."""
+        """Write one state's rows into the problem; the dynamics are reduced already."""
         _fill(self.block.address)
 
-    def acceleration(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " k"]:
-        """What a solution decides of the accelerations: (dv_a, z, s)."""
-        return x[self._motion]
+    def follow(self, x: Float64[np.ndarray, " n"]) -> Joined:
+        """Find the motion of a solution; the unconstrained chain follows in closed form."""
+        dv, torque = np.empty(self._nv), np.empty(self._nj)
+        return Joined(dv, torque, _join(self.block.address, x, True, dv, torque))
+
+    def join(self, x: Float64[np.ndarray, " n"], dv_u: Float64[np.ndarray, " nu"]) -> Joined:
+        """Find the motion of a solution and one of LQP 2."""
+        dv, torque = np.empty(self._nv), np.empty(self._nj)
+        self.block.chain.dv_u[:] = dv_u
+        return Joined(dv, torque, _join(self.block.address, x, False, dv, torque))
 
     def wrenches(self, x: Float64[np.ndarray, " n"]) -> dict[str, Float64[np.ndarray, " m"]]:
-        """Wrench at each active contact in a solution, by the contact's name [N, N m]."""
+        """Return the wrench of a solution at each contact, by the contact's name [N, N m]."""
         return self._rows.wrenches(x[self._motion.stop :])
 
     def _allocate(self, joints: list[str], left: Sequence[int]) -> HierarchicalProblem:
@@ -197,7 +186,7 @@ class ConstraintChainProblem:
         self.problem.labels[:1] = [(name, count) for name, count in bounds if count]
 
     def _places(self, tasks: AssignedRows, left: Sequence[int]) -> Int64[np.ndarray, " k"]:
-        """Rows of the problem for the tasks' first rows, then those for what the levels leave."""
+        """Find rows of the problem for the tasks' first rows, then for the levels' rest."""
         firsts: list[int] = []
         leftovers: list[int] = []
         for of_level, level, k in zip(
@@ -212,22 +201,17 @@ class ConstraintChainProblem:
         return np.array(firsts + leftovers, dtype=np.int64)
 
     def _centroid(self, tasks: AssignedRows) -> Int64[np.ndarray, " first"]:
-        """For each of the tasks' first rows, its place among those of the centroids, or -1."""
+        """Find the place of each of the tasks' first rows among the centroids', or -1."""
         places = np.full(len(tasks.first), -1, dtype=np.int64)
         places[np.isin(tasks.first, tasks.centroid)] = np.arange(len(tasks.centroid))
         return places
 
 
 @compiled
-def _assemble(
-    address: int,
-    M: Float64[np.ndarray, "nv nv"],
-    h: Float64[np.ndarray, " nv"],
-    momentum: Float64[np.ndarray, "six nv"],
-) -> bool:
+def _assemble(address: int, state_at: int) -> bool:
     problem = view(ConstraintChain, address)
     chain = problem.chain
-    eliminate_chain(chain, M, h, momentum)
+    eliminate_chain(chain, view(StateNumbers, state_at))
     room = problem.shape[0] == chain.rows.kept
     for level in range(len(chain.rows.left)):
         room = room and problem.shape[1 + level] == chain.rows.left[level]
@@ -250,7 +234,7 @@ def _fill_all(problem: ConstraintChain) -> None:
 
 @part
 def _fill_physics(problem: ConstraintChain) -> None:
-    """Levels 1 and 2, and bounds."""
+    """Fill levels 1 and 2, and bounds."""
     reduced, J_c, base = problem.chain.reduced, problem.J_c, problem.base
     a, M, h_a, A = reduced.a, reduced.M, reduced.h_a, problem.A
     na, n, contacts = len(a), len(problem.g), len(J_c)
@@ -278,7 +262,7 @@ def _fill_physics(problem: ConstraintChain) -> None:
 
 @part
 def _fill_tasks(problem: ConstraintChain) -> None:
-    """Tasks of the reduced robot, then what tasks of the unconstrained chain leave."""
+    """Fill tasks of the reduced robot, then the rest of those of the unconstrained chain."""
     chain, first, places, A = problem.chain, problem.first, problem.places, problem.A
     rows, a, n = chain.rows, chain.reduced.a, len(problem.g)
     nr = len(chain.reduced.M)
@@ -304,7 +288,7 @@ def _fill_tasks(problem: ConstraintChain) -> None:
 
 @part
 def _fill_cost(problem: ConstraintChain) -> None:
-    """The energy of the reduced robot, and |c - G x|^2 / 2 of the motion inside the chain."""
+    """Fill the energy of the reduced robot, and |c - G x|^2 / 2 of that inside the chain."""
     chain, H, g = problem.chain, problem.H, problem.g
     rows, M = chain.rows, chain.reduced.M
     nr, fixed = len(M), len(chain.variables)
@@ -330,6 +314,48 @@ def _fill_cost(problem: ConstraintChain) -> None:
 
 @part
 def _row_of(chain: Elimination, i: int) -> int:
-    """The row of G for one of (x, s)."""
+    """Find the row of G for one of (x, s)."""
     fixed = len(chain.variables)
     return i if i < fixed else fixed + 1 + chain.rows.weak[i - fixed]
+
+
+@compiled
+def _join(
+    address: int,
+    x: Float64[np.ndarray, " n"],
+    follows: bool,
+    dv: Float64[np.ndarray, " nv"],
+    torque: Float64[np.ndarray, " nj"],
+) -> bool:
+    """Write both chains' motion, with the exact form of (17) of Ahn et al. 2024 for torques."""
+    first = view(ConstraintChain, address)
+    if follows:
+        recover(first.chain, x)
+    reduced, base = first.chain.reduced, first.base
+    a, u, dv_u, torque_u = reduced.a, reduced.u, first.chain.dv_u, first.torque_u
+    for i in range(len(u)):
+        own, total = reduced.M_uu[i], reduced.h_u[i]
+        for j in range(len(u)):
+            total += own[j] * dv_u[j]
+        torque_u[i] = total
+    for i in range(len(a)):
+        dv[a[i]] = x[i]
+        if a[i] >= base:
+            row, total = first.A[i], reduced.h_a[i]
+            for j in range(len(x)):
+                total += row[j] * x[j]
+            torque[a[i] - base] = total
+    for i in reduced.carriers:
+        own = reduced.M_au[i]
+        for j in range(len(u)):
+            torque_u[j] += own[j] * x[i]
+    within = True
+    for i in range(len(u)):
+        joint = u[i] - base
+        dv[u[i]], torque[joint] = dv_u[i], torque_u[i]
+        # Written so that NaN is not within.
+        if not (first.tau_min[joint] <= torque_u[i] <= first.tau_max[joint]):
+            within = False
+        if not (first.dv_min[joint] - _SLOP <= dv_u[i] <= first.dv_max[joint] + _SLOP):
+            within = False
+    return within

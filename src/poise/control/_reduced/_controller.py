@@ -13,7 +13,6 @@ from poise.control._full_problem import FullProblem
 from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._constraint_chain import ConstraintChainProblem
 from poise.control._reduced._elimination import ChainElimination, announce
-from poise.control._reduced._joining import follow, join
 from poise.control._reduced._unconstrained_chain import UnconstrainedChainProblem
 from poise.control._strategy import (
     PHYSICS_LEVELS,
@@ -35,37 +34,34 @@ _TOLERANCE = 1e-8
 
 _MORE_ENERGY = 1e-3
 """Fraction of the acceleration energy by which LQP 2 may exceed that of LQP 1, which no solution is
-below. Beyond, a chain may swing its elbows about for the sake of a centroid that the whole problem
-would have chosen elsewhere."""
+below. Beyond, a chain may move much for a centroid that the whole problem would have chosen
+elsewhere."""
 
 PATIENCE = 20
-"""Ticks for which the whole problem is solved at once after the reduced one was of no use: an arm
-at its limit seldom leaves it within a tick, and three problems in one cost more than either way."""
+"""Ticks for which the whole problem alone is solved after LQP 1 and LQP 2 failed: an arm at its
+limit seldom leaves it within a tick, and three problems in one tick cost most."""
 
 _TYPICAL = 0
-"""Seed of the coefficients from which the usual shape of LQP 1 is told beforehand."""
+"""Seed of the coefficients by which the usual shape of LQP 1 is found beforehand."""
 
 
 class ReducedProgram:
     """Section 4.2 of Ahn et al. 2024 with exact dynamics, for one set of active contacts.
 
-    LQP 1 decides contacts, balance, the constraint chain and the centroids; it knows what tasks of
-    the unconstrained chain ask of them (`ChainElimination`), so that the order of the levels is
-    that of the stack whichever chain their tasks are in. The unconstrained chain's joints then
-    follow in closed form. That is the solution of the whole problem, unless those joints exceed
-    their limits, which LQP 1 does not know. Then LQP 2 looks for other motions of the chain under
-    what LQP 1 decided, within the limits. If that costs no level anything, and hardly more energy,
-    it is the solution. If it does, or links would come too near each other, what LQP 1 decided is
-    worth nothing: the whole problem is solved after all, `FullProblem`, and stays so for `PATIENCE`
-    ticks. So it is where a level is softened, see `SoftenedSolver`.
+    LQP 1 decides contacts, balance, the constraint chain and the centroids; it has the conditions
+    of tasks in the unconstrained chain on them (`ChainElimination`), so that levels keep the order
+    of the stack whichever chain their tasks are in. The unconstrained chain's joints then follow in
+    closed form. That is the solution of the whole problem, unless those joints exceed their limits,
+    which are not in LQP 1. Then LQP 2 finds another motion of the chain under that of LQP 1, within
+    the limits. If it costs no level anything, and hardly more energy, it is the solution. If it
+    does, if links would come too near each other, or if a level is softened (`SoftenedSolver`),
+    `FullProblem`, the whole problem, is solved, then and for the next `PATIENCE` ticks.
 
     Attributes:
-        reduced: the reduced dynamics.
         chain: the unconstrained chain, eliminated.
-        rows: the rows of the stack.
-        tasks: which of them each problem gets.
+        tasks: assignment of the stack's rows to the problems.
         second: LQP 2; None without an unconstrained chain.
-        whole: the whole problem, made ahead: the tick that needs it has no time for that.
+        whole: the whole problem.
     """
 
     def __init__(
@@ -97,7 +93,7 @@ class ReducedProgram:
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Frame tasks that a contact stands in for; they have no rows."""
+        """Frame tasks replaced by a contact; they have no rows."""
         return self.rows.suspended
 
     @property
@@ -112,7 +108,7 @@ class ReducedProgram:
 
     @property
     def first_solution(self) -> Solution | None:
-        """Solution of LQP 1 at the last solve; None before, or where it was not asked."""
+        """Solution of LQP 1 at the last solve; None before, or where it was not solved."""
         return self._current[1].report() if self._solved else None
 
     @property
@@ -122,7 +118,7 @@ class ReducedProgram:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Variables and rows of LQP 1, and of LQP 2 or the whole problem where it took them."""
+        """Variables and rows of the problems of the last solve."""
         if self._solved_whole:
             return self.whole.size
         n, m = self.first.problem.size
@@ -132,13 +128,13 @@ class ReducedProgram:
         return n, m
 
     def follow(self, last: "ReducedProgram") -> None:
-        """Begins where the program of other contacts ended."""
+        """Begin where the program of other contacts ended."""
         problem, solver = self._current
         solver.follow(problem.problem, last._current[1])
         self.whole.follow(last.whole)
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Writes one state's rows: the reduced dynamics, the eliminated chain, LQP 1."""
+        """Write one state's rows: the reduced dynamics, the eliminated chain, LQP 1."""
         self._dynamics = dynamics
         self._solved_whole = self._whole_ticks > 0
         if self._solved_whole:
@@ -150,7 +146,7 @@ class ReducedProgram:
             self.first.fill()
 
     def solve(self) -> Answer:
-        """Solves what was assembled; nothing raises on numbers."""
+        """Solve the assembled problem; nothing raises on numbers."""
         self._solved, self._used_second = not self._solved_whole, False
         if self._solved_whole:
             self._whole_ticks -= 1
@@ -158,17 +154,17 @@ class ReducedProgram:
         problem, solver = self._current
         status = solver.run(problem.problem)
         x = solver.x.copy()
-        joined = follow(problem, x)
+        joined = problem.follow(x)
         physics = solver.relative_residuals[:PHYSICS_LEVELS]
         levels = self.rows.measure(joined.acceleration)[1:].tolist()
         if self.second is not None and status in USABLE and not joined.within:
             if not status.ok:
-                # A point that may be none says nothing of what LQP 2 would cost.
+                # A point that is no solution is no measure of the cost of LQP 2.
                 return self._solve_whole()
             self.second.fill(x[: self.reduced.partition.nr])
             second, self._used_second = self._second_solver, True
             found = second.run(self.second.problem)
-            free, joined = joined.acceleration, join(problem, x, second.x)
+            free, joined = joined.acceleration, problem.join(x, second.x)
             costs = max(second.relative_residuals[:PHYSICS_LEVELS])
             bounded = self.rows.measure(joined.acceleration)[1:].tolist()
             costs = max([costs, *(b - f for f, b in zip(levels, bounded, strict=True))])
@@ -191,7 +187,7 @@ class ReducedProgram:
         )
 
     def reset(self) -> None:
-        """Forgets the last solutions."""
+        """Forget the last solutions."""
         for _, solver in self._firsts.values():
             solver.reset()
         if self.second is not None:
@@ -201,13 +197,13 @@ class ReducedProgram:
         self._whole_ticks = 0
 
     def task_residuals(self) -> dict[str, float]:
-        """Norm of what each task could not meet at the last solve [unit/s^2]."""
+        """Return the norm of each task's residual at the last solve [unit/s^2]."""
         if self._solved_whole:
             return self.whole.task_residuals()
         return self.rows.task_residuals()
 
     def explain(self) -> str:
-        """Which rows conflict and with what, in words."""
+        """Describe conflicts of rows."""
         if self._solved_whole:
             return self.whole.explain()
         first, second = self.first_solution, self.second_solution
@@ -220,7 +216,7 @@ class ReducedProgram:
         return "; ".join(words)
 
     def _energy(self, dv: Float64[np.ndarray, " nv"]) -> float:
-        """Twice the acceleration energy (27), above zero."""
+        """Return twice the acceleration energy (27), above zero."""
         return float(dv.dot(self._dynamics.M).dot(dv)) + 1e-300
 
     def _solve_whole(self) -> Answer:
@@ -240,8 +236,8 @@ class ReducedProgram:
         return self.whole.solution if self._solved_whole else None
 
     def _prepare(self) -> tuple[ConstraintChainProblem, Solver]:
-        """LQP 1 as it is where no task loses rank, so that the first tick finds it ready."""
-        # No task is asked: it might take what it finds for its target.
+        """Make LQP 1 for the case that no task loses rank, before the first tick."""
+        # Tasks are not evaluated: they might take the state for their target.
         constant = self.tasks.J.copy()
         self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=constant.shape)
         self.chain.update(Dynamics(self._robot))
@@ -264,16 +260,16 @@ class ReducedProgram:
 
 
 class ReducedController(Controller):
-    """Tasks in strict priority in, joint torques out: contacts and balance on a small model.
+    """Joint torques of tasks in strict priority, with contacts and balance on a small model.
 
     The formulation of Ahn et al. 2024, section 4, with exact dynamics, see `ReducedProgram`. It
     takes the same stacks as `WholeBodyController` and finds the same torques, in less time the more
-    joints stand between no contact and the base.
+    joints hang free.
 
     Args:
         robot: the robot.
         stack: contacts, limits and tasks; `default_stack(robot)` when None.
-        strategy: how the hierarchies are solved: "direct", "cascade" or "weighted".
+        strategy: of the hierarchies: "direct", "cascade" or "weighted".
         backend: QP solver of the cascade and weighted strategies.
         time_limit: cap of one solve [s], beyond which the command is the fallback's; none when
             None.
@@ -312,7 +308,7 @@ class ReducedController(Controller):
 
 
 def _rehearse(robot: Robot, partitions: Partitions, make_solver: Callable[[], Solver]) -> None:
-    """Runs everything compiled once, so that the first tick finds it ready."""
+    """Run everything compiled once, before the first tick."""
     # Without contacts the free chain is as long as it can be.
     stack = Stack(levels=[[PostureTask()]])
     stack.bind(robot)

@@ -1,11 +1,11 @@
 """The elimination of `ChainElimination`, compiled.
 
-Rows of tasks stand in columns, side by side, so that what is done to an unknown is done to all rows
-in one pass. Reflections make a level's rows triangular in p, in one of two ways:
+Rows of tasks stand in columns, so that one pass over an unknown serves all rows. Reflections make a
+level's rows triangular in p, in one of two ways:
 
     P <- V^T P                  where they reach less than all p that are left; V turns p
     [E; P] <- [E; P] U          of the level alone, where they are more than that, or depend on each
-                                other; what it misses is as long, whichever way its rows are turned
+                                other; an orthogonal U keeps the norm of its residual
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ RANK_TOLERANCE = 1e-8
 """Pivots smaller than this, relative to the first, are no motion that a task can use."""
 
 WEAK = 1e-2
-"""What p moves by a unit of energy, over what x moves by one, below which p stays an unknown:
+"""Motion of a row by p, over that by x, both for a unit of energy, below which p stays an unknown:
 eliminated, the inverse square would be in the energy, beside one, and a nearly straight arm cost
 LQP 1 its accuracy. A heavy leg moves little, but so does the body that it hangs on."""
 
@@ -37,57 +37,33 @@ ROUNDING = 1e-12
 
 
 class ChainRows(Block):
-    """Rows E y + P p = 0 of tasks, y = (x, 1) with x = (dv, z), and what their elimination leaves.
+    """Rows E y + P p = 0 with y = (x, 1), x = (dv, z), and the result of their elimination."""
 
-    Attributes:
-        E: coefficients of y; a column for each row. Overwritten by those of the rows that are left.
-        P: coefficients of p; overwritten by those in the coordinates that V turns p into.
-        ends: where each level ends; the first entry is zero.
-        ease: inverse inertia of each of x.
-        G: how p, so turned, answers: p = -G y. The lower rows are for those p that stay unknowns s.
-        V: vectors of the reflections that turn p.
-        tau: their factors.
-        turns: how many they are.
-        kept_rows: rows that are left, level by level.
-        left: how many rows each level leaves.
-        weak: p that stay unknowns s.
-        used: how many p are determined or unknowns s.
-        kept: how many are unknowns s.
-        every: 0, 1, ...: all of E.
-        order: scratch: p in the order in which a level's rows determine them.
-        pivot: scratch: a level's pivots.
-        moved: scratch: by how much x moves each row by a unit of energy, squared.
-        rest: scratch: what is left of a square, for each row or p.
-        vector: scratch: a reflection of rows.
-        turned: scratch: what a reflection turns.
-        shares: scratch.
-    """
-
-    E: Float64[np.ndarray, "y m"]
-    P: Float64[np.ndarray, "np m"]
-    ends: Int64[np.ndarray, " ends"]
-    ease: Float64[np.ndarray, " x"]
-    G: Float64[np.ndarray, "y_np np"]
-    V: Float64[np.ndarray, "np np"]
-    tau: Float64[np.ndarray, " np"]
-    kept_rows: Int64[np.ndarray, " m"]
-    left: Int64[np.ndarray, " levels"]
-    weak: Int64[np.ndarray, " np"]
-    turns: int
-    used: int
-    kept: int
-    every: Int64[np.ndarray, " y"]
-    order: Int64[np.ndarray, " np"]
-    pivot: Float64[np.ndarray, " m"]
-    moved: Float64[np.ndarray, " m"]
-    rest: Float64[np.ndarray, " np_m"]
-    vector: Float64[np.ndarray, " m"]
-    turned: Float64[np.ndarray, " np_m"]
-    shares: Float64[np.ndarray, " m"]
+    E: Float64[np.ndarray, "y m"]  # coefficients of y; columns are rows, then those left
+    P: Float64[np.ndarray, "np m"]  # coefficients of p, then in the coordinates that V turns p into
+    ends: Int64[np.ndarray, " ends"]  # of each level; the first entry is zero
+    ease: Float64[np.ndarray, " x"]  # inverse inertia of each of x
+    G: Float64[np.ndarray, "y_np np"]  # p, so turned, is -G y; lower rows: those that stay s
+    V: Float64[np.ndarray, "np np"]  # vectors of the reflections that turn p
+    tau: Float64[np.ndarray, " np"]  # their factors
+    kept_rows: Int64[np.ndarray, " m"]  # rows that are left, level by level
+    left: Int64[np.ndarray, " levels"]  # rows that each level leaves
+    weak: Int64[np.ndarray, " np"]  # p that stay unknowns s
+    turns: int  # number of these reflections
+    used: int  # number of p that are determined or unknowns s
+    kept: int  # number of unknowns s
+    every: Int64[np.ndarray, " y"]  # 0, 1, ...: all of E
+    order: Int64[np.ndarray, " np"]  # scratch: p in the order in which a level determines them
+    pivot: Float64[np.ndarray, " m"]  # scratch: a level's pivots
+    moved: Float64[np.ndarray, " m"]  # scratch: squared motion of rows by a unit of energy of x
+    rest: Float64[np.ndarray, " np_m"]  # scratch: rest of a square, for each row or p
+    vector: Float64[np.ndarray, " m"]  # scratch: a reflection of rows
+    turned: Float64[np.ndarray, " np_m"]  # scratch: input of a reflection
+    shares: Float64[np.ndarray, " m"]  # scratch
 
 
 def chain_rows(fixed: int, inside: int, ends: Int64[np.ndarray, " ends"]) -> ChainRows:
-    """Room for the rows of some tasks."""
+    """Make room for the rows of some tasks."""
     m = int(ends[-1])
     sizes = {"y": fixed, "np": inside, "y_np": fixed + inside, "m": m, "np_m": inside + m}
     sizes |= {"levels": len(ends) - 1, "x": fixed - 1}
@@ -96,7 +72,7 @@ def chain_rows(fixed: int, inside: int, ends: Int64[np.ndarray, " ends"]) -> Cha
 
 @part
 def eliminate(rows: ChainRows) -> None:
-    """Solves E y + P p = 0 for p, level by level, as far as the rows determine it."""
+    """Solve E y + P p = 0 for p, level by level, as far as the rows determine it."""
     rows.used = rows.kept = rows.turns = total = 0
     for level in range(len(rows.left)):
         begin, end = rows.ends[level], rows.ends[level + 1]
@@ -141,7 +117,7 @@ def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray,
 
 @part
 def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
-    """Turns p by reflections that make some rows lower triangular, weak pivots last."""
+    """Turn p by reflections that make some rows lower triangular, weak pivots last."""
     used, inside, P, pivot = rows.used, len(rows.P), rows.P, rows.pivot
     rest, moved, smallest, largest = rows.rest, rows.moved, np.inf, 0.0
     for k in range(rank):
@@ -180,7 +156,7 @@ def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
 
 @part
 def _turn_back(rows: ChainRows, begin: int) -> None:
-    """Takes back how p was turned for a level that begins with a row, if it was."""
+    """Undo the reflections of p for a level that begins with a row, if there were any."""
     while rows.turns > rows.used:
         place = rows.turns - 1
         v = rows.V[place]
@@ -190,14 +166,14 @@ def _turn_back(rows: ChainRows, begin: int) -> None:
 
 @part
 def _swap(X: Float64[np.ndarray, "n m"], a: int, b: int) -> None:
-    """Lets two columns change places."""
+    """Swap two columns."""
     for i in range(len(X)):
         X[i, a], X[i, b] = X[i, b], X[i, a]
 
 
 @part
 def _find_moved(rows: ChainRows, begin: int, end: int) -> None:
-    """Finds by how much x moves some rows of a level, one of x after the other."""
+    """Find the squared motion of some rows of a level by x."""
     moved = rows.moved[: end - begin]
     for k in range(len(moved)):
         moved[k] = 0.0
@@ -209,7 +185,7 @@ def _find_moved(rows: ChainRows, begin: int, end: int) -> None:
 
 @part
 def _count_strong(rows: ChainRows, rank: int, floor: float) -> int:
-    """How many of a level's first pivots are strong."""
+    """Count the first pivots of a level that are strong."""
     strong, pivot = 0, rows.pivot
     # Written so that NaN ends it.
     while strong < rank and pivot[strong] > max(WEAK * np.sqrt(rows.moved[strong]), floor):
@@ -219,11 +195,8 @@ def _count_strong(rows: ChainRows, rank: int, floor: float) -> int:
 
 @part
 def _substitute(rows: ChainRows, begin: int, strong: int) -> None:
-    """Solves a level's triangular rows for their p, and puts those into the rows of all levels.
-
-    Lower triangular where p was turned for it, upper where the rows were. Rows of the levels above
-    have no coefficients of these p, so that nothing changes in them.
-    """
+    """Solve a level's triangular rows for their p, and substitute those in the rows below."""
+    # Lower triangular where p was turned for it, upper where the rows were.
     fixed, lower = len(rows.E), rows.turns > rows.used
     for step in range(strong):
         k = step if lower else strong - 1 - step
@@ -241,7 +214,7 @@ def _substitute(rows: ChainRows, begin: int, strong: int) -> None:
 
 @part
 def _keep(rows: ChainRows, place: int) -> None:
-    """Makes one of p an unknown s: it answers to nothing but itself."""
+    """Make one of p an unknown s, that depends on itself alone."""
     own = rows.G[len(rows.E) + place]
     for i in range(len(rows.G)):
         rows.G[i, place] = 0.0
@@ -254,7 +227,7 @@ def _keep(rows: ChainRows, place: int) -> None:
 
 @part
 def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
-    """Combines a level's rows so that the first ones are all that the freedom left can reach."""
+    """Combine a level's rows so that the freedom left reaches the first ones alone."""
     used, free, rest, order = rows.used, len(rows.P) - rows.used, rows.rest, rows.order
     for i in range(free):
         order[i], rest[i] = used + i, _square(rows.P[used + i, begin:end])
@@ -267,7 +240,7 @@ def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
         order[rank], order[best] = order[best], order[rank]
         rest[best] = rest[rank]
         own = rows.P[order[rank], begin + rank : end]
-        # Not from the rest, of which only so much is right as the tolerance asks for.
+        # Not from the rest, which is no more accurate than the tolerance.
         size = np.sqrt(_square(own))
         first = max(first, size)
         # Written so that NaN ends it.
@@ -285,14 +258,14 @@ def _find_reached(rows: ChainRows, begin: int, end: int, floor: float) -> int:
         for i in range(rank, free):
             rows.P[order[i], k] = 0.0
         for i in range(len(rows.E) if np.isnan(size) else 0):
-            # Whoever solves what is left has to learn of it.
+            # The solver of the rest has to refuse it.
             rows.E[i, k] = np.nan
     return rank
 
 
 @part
 def _square(x: Float64[np.ndarray, " n"]) -> float:
-    """Its length, squared."""
+    """Return the squared length."""
     square = 0.0
     for k in range(len(x)):
         square += x[k] * x[k]
@@ -301,7 +274,7 @@ def _square(x: Float64[np.ndarray, " n"]) -> float:
 
 @part
 def _compress(rows: ChainRows, begin: int, end: int, floor: float) -> int:
-    """Combines rows that p does not reach so that they are no more than they have unknowns."""
+    """Combine rows that p does not reach to no more than they have unknowns."""
     fixed, rank = len(rows.E), 0
     unknowns = fixed - 1 + rows.kept
     if end - begin <= unknowns:
@@ -321,7 +294,7 @@ def _compress(rows: ChainRows, begin: int, end: int, floor: float) -> int:
 
 @part
 def _combine(rows: ChainRows, own: Float64[np.ndarray, " n"], begin: int, done: int) -> float:
-    """Reflects x and s in some rows so that the first has all there is of one unknown."""
+    """Reflect some rows so that the first alone has a coefficient of one unknown."""
     turned, v = rows.turned[: len(own)], rows.vector[: len(own)]
     for k in range(len(own)):
         turned[k] = own[k]
@@ -335,7 +308,7 @@ def _combine(rows: ChainRows, own: Float64[np.ndarray, " n"], begin: int, done: 
 
 @part
 def _largest(X: Float64[np.ndarray, "n m"], count: int, begin: int, end: int) -> float:
-    """Largest absolute coefficient of some rows, of the first unknowns."""
+    """Return the largest absolute coefficient of the first unknowns in some rows."""
     largest = 0.0
     for i in range(count):
         own = X[i, begin:end]

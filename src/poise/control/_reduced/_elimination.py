@@ -1,4 +1,4 @@
-"""`ChainElimination`: what tasks of the unconstrained chain ask of the reduced robot."""
+"""`ChainElimination`: conditions of tasks in the unconstrained chain on the reduced robot."""
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -10,79 +10,57 @@ from poise.dynamics import (
     Dynamics,
     ReducedDynamics,
     ReducedMatrices,
+    StateNumbers,
     from_coordinates,
     reduce_dynamics,
 )
 
 
 class Elimination(Block):
-    """What compiled code reads and writes of a `ChainElimination`.
-
-    Attributes:
-        reduced: the reduced dynamics.
-        J: coefficients of dv of the tasks' rows.
-        target: their right-hand sides.
-        weight: of each row in its level.
-        second: rows that need the unconstrained chain's own joints.
-        moving: places in `u` of the coordinates that may move each of them, one after the other.
-        moving_ends: where those of each end; the first entry is zero.
-        seen: places in `a` of the coordinates that may move any of them.
-        through: rows that move with the centroids.
-        variables: which variable of LQP 1 each of x = (dv_seen, z) is.
-        rows: the second ones, eliminated.
-        centroid: coefficients of z of those that move with the centroids; a column for each row.
-        turned: scratch: what the carriers feel, then both, in the coordinates (z, p).
-        shares: scratch.
-        dv_u: acceleration of the unconstrained chain, once it is known.
-        y: scratch: (x, 1, s).
-        zp: scratch: (z, p).
-    """
+    """A `ChainElimination` for compiled code."""
 
     reduced: ReducedMatrices
-    J: Float64[np.ndarray, "t nv"]
-    target: Float64[np.ndarray, " t"]
-    weight: Float64[np.ndarray, " t"]
-    second: Int64[np.ndarray, " m"]
-    moving: Int64[np.ndarray, " moving"]
-    moving_ends: Int64[np.ndarray, " moving_ends"]
-    seen: Int64[np.ndarray, " seen"]
-    through: Int64[np.ndarray, " through"]
-    variables: Int64[np.ndarray, " x"]
-    rows: ChainRows
-    centroid: Float64[np.ndarray, "nz through"]
-    turned: Float64[np.ndarray, "nu wide"]
-    shares: Float64[np.ndarray, " wide"]
-    dv_u: Float64[np.ndarray, " nu"]
-    y: Float64[np.ndarray, " y_np"]
-    zp: Float64[np.ndarray, " nu"]
+    J: Float64[np.ndarray, "t nv"]  # coefficients of dv of the tasks' rows
+    target: Float64[np.ndarray, " t"]  # their right-hand sides
+    weight: Float64[np.ndarray, " t"]  # of each row in its level
+    second: Int64[np.ndarray, " m"]  # rows that need the unconstrained chain's own joints
+    moving: Int64[np.ndarray, " moving"]  # coordinates of `u` that may move each
+    moving_ends: Int64[np.ndarray, " moving_ends"]  # of those of each; the first entry is zero
+    seen: Int64[np.ndarray, " seen"]  # places in `a` of the coordinates that may move any
+    through: Int64[np.ndarray, " through"]  # rows that move with the centroids
+    variables: Int64[np.ndarray, " x"]  # of LQP 1 that x = (dv_seen, z) are
+    rows: ChainRows  # the second ones, eliminated
+    centroid: Float64[np.ndarray, "nz through"]  # coefficients of z; a column for each row
+    turned: Float64[np.ndarray, "nu wide"]  # scratch: the carriers' rows, then both, in (z, p)
+    shares: Float64[np.ndarray, " wide"]  # scratch
+    dv_u: Float64[np.ndarray, " nu"]  # acceleration of the unconstrained chain, once it is known
+    y: Float64[np.ndarray, " y_np"]  # scratch: (x, 1, s)
+    zp: Float64[np.ndarray, " nu"]  # scratch: (z, p)
 
 
 class ChainElimination:
     """Takes the motions inside the unconstrained chain out of the hierarchy, exactly.
 
     With dv_u = Jbar_z z + N_z p, a row of a task in the unconstrained chain is T x + N p = r with
-    x = (dv_a, z). Nothing else knows p, and its energy is p^T p / 2. So p can be chosen for any x,
-    level by level: with the weighted rows of a level split into those directions that the
+    x = (dv_a, z). Nothing else depends on p, and its energy is p^T p / 2. So p can be chosen for
+    any x, level by level: with the weighted rows of a level split into those directions that the
     freedom Z left by the levels above reaches and those that it does not,
 
         W N Z = U1 T1 V1^T          Z <- Z V2         [U1 U2], [V1 V2] orthogonal
-        p <- p - Z V1 T1^-1 U1^T W (T x + N p - r)    meets what is reached, for any x
-        U2^T W (T x + N p - r) = 0                    is left for x, at the same level
+        p <- p - Z V1 T1^-1 U1^T W (T x + N p - r)    meets those reached, for any x
+        U2^T W (T x + N p - r) = 0                    remains for x, at the same level
 
     In the end p = c - G x, and its energy belongs to x. LQP 1 with the rows that are left and the
     energy |c - G x|^2 / 2 has the solution of the whole problem as long as no limit of the
     unconstrained chain is active, whatever the order of its tasks. Where two full arms do not
-    use up the freedom, nothing is left of their levels. Directions in which an arm hardly moves,
+    use up the freedom, their levels become empty. Directions in which an arm hardly moves,
     near a singular posture, are not eliminated but join x as unknowns s, with their rows.
 
     Of a level whose rows outnumber what they depend on, as those of a posture do once the arms have
-    used up the freedom, an orthogonal combination is left: no more rows than unknowns, however many
+    used up the freedom, an orthogonal combination remains: no more rows than unknowns, however many
     joints the chain has. Of dv_a only those coordinates count that move a frame of such a task.
 
     A task that turns out to move with the centroids alone, N = 0, is left to LQP 1 as it is.
-
-    Attributes:
-        block: the same memory for compiled code.
     """
 
     def __init__(self, reduced: ReducedDynamics, rows: AssignedRows) -> None:
@@ -108,8 +86,8 @@ class ChainElimination:
         )
 
     def update(self, dynamics: Dynamics) -> None:
-        """Reduces the dynamics, and eliminates p for the state of the tasks."""
-        _eliminate(self.block.address, dynamics.M, dynamics.h, dynamics.momentum_matrix)
+        """Reduce the dynamics, and eliminate p for the state of the tasks."""
+        _eliminate(self.block.address, dynamics.numbers.address)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -117,36 +95,26 @@ class ChainElimination:
         return (self._rows.kept, *self._rows.left.tolist())
 
     def recover(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nu"]:
-        """Acceleration of the unconstrained chain for what LQP 1 decided."""
+        """Find the acceleration of the unconstrained chain for a solution of LQP 1."""
         _recover(self.block.address, np.ascontiguousarray(x))
         return self.block.dv_u.copy()
 
 
 def announce() -> None:
-    """Logs that the reduced controller is about to be compiled, unless it already was."""
+    """Log that the reduced controller is about to be compiled, unless it already was."""
     say_if_slow(_eliminate, "the reduced controller")
 
 
 @compiled
-def _eliminate(
-    address: int,
-    M: Float64[np.ndarray, "nv nv"],
-    h: Float64[np.ndarray, " nv"],
-    momentum: Float64[np.ndarray, "six nv"],
-) -> None:
-    eliminate_chain(view(Elimination, address), M, h, momentum)
+def _eliminate(address: int, state_at: int) -> None:
+    eliminate_chain(view(Elimination, address), view(StateNumbers, state_at))
 
 
 @part
-def eliminate_chain(
-    chain: Elimination,
-    M: Float64[np.ndarray, "nv nv"],
-    h: Float64[np.ndarray, " nv"],
-    momentum: Float64[np.ndarray, "six nv"],
-) -> None:
-    """Reduces the dynamics, and eliminates p for the state of the tasks."""
+def eliminate_chain(chain: Elimination, state: StateNumbers) -> None:
+    """Reduce the dynamics, and eliminate p for the state of the tasks."""
     _read_rows(chain)
-    reduce_dynamics(chain.reduced, chain.turned, chain.shares, M, h, momentum)
+    reduce_dynamics(chain.reduced, chain.turned, chain.shares, state)
     if len(chain.turned) > 0:
         _sort_coordinates(chain)
         eliminate(chain.rows)
@@ -154,7 +122,7 @@ def eliminate_chain(
 
 @part
 def _read_rows(chain: Elimination) -> None:
-    """Weighted rows, where something moves them; in the rest there is nothing to be read."""
+    """Read weighted rows, at coordinates that move them."""
     a, u, X, E = chain.reduced.a, chain.reduced.u, chain.turned, chain.rows.E
     first = len(chain.reduced.shares)
     X[:] = 0.0
@@ -176,7 +144,7 @@ def _read_rows(chain: Elimination) -> None:
 
 @part
 def _sort_coordinates(chain: Elimination) -> None:
-    """Puts coefficients of z and of p where they belong."""
+    """Sort coefficients into those of z and of p."""
     rows, nz, order = chain.rows, len(chain.centroid), chain.reduced.factors.order
     first, m = len(chain.reduced.shares), len(chain.second)
     for i in range(len(rows.ease)):
@@ -198,7 +166,7 @@ def _recover(address: int, x: Float64[np.ndarray, " n"]) -> None:
 
 @part
 def recover(chain: Elimination, x: Float64[np.ndarray, " n"]) -> None:
-    """Acceleration of the unconstrained chain for what LQP 1 decided."""
+    """Find the acceleration of the unconstrained chain for a solution of LQP 1."""
     if len(chain.dv_u) == 0:
         return
     nz, fixed, nr = len(chain.centroid), len(chain.variables), len(chain.reduced.M)

@@ -21,13 +21,10 @@ class UnconstrainedChainProblem:
         level 3.. J_u dv_u = reference - drift - J_a dv_a            rows assigned to LQP 2
         cost      dv_u^T M_uu dv_u / 2
 
-    What the rest of the robot does, the base first of all, is in the torques and in the tasks
-    as it is. The other term of the energy, dv_a^T M_au dv_u, is fixed by z, so the cost is the
-    whole robot's. Where limits and centroids contradict each other the residuals of the first two
-    levels say so, and the answer must not be used: base dynamics need the z of LQP 1.
-
-    Attributes:
-        problem: the hierarchical problem, filled by `fill`.
+    The motion of the rest of the robot is in the torques and in the tasks. The other term of the
+    energy, dv_a^T M_au dv_u, is fixed by z, so the cost is the whole robot's. Where limits and
+    centroids contradict each other, residuals of the first two levels are not zero and the answer
+    must not be used: base dynamics need the z of LQP 1.
     """
 
     def __init__(
@@ -39,7 +36,7 @@ class UnconstrainedChainProblem:
     ) -> None:
         self._stack, self._reduced = stack, reduced
         part = reduced.partition
-        self._joints = part.u.index - robot.base_dofs
+        self._joints = part.u - robot.base_dofs
         self._nz = part.nz
         self._known = np.zeros(robot.nv)
         names = part.unconstrained
@@ -68,7 +65,7 @@ class UnconstrainedChainProblem:
         self._values = slice(part.nu + part.nz + part.nu, None)
 
     def fill(self, x: Float64[np.ndarray, " nr"]) -> None:
-        """Writes one state's rows into the problem."""
+        """Write one state's rows into the problem."""
         reduced, problem = self._reduced, self.problem
         part, nz = reduced.partition, self._nz
         dv_a, z = x[: part.na], x[part.na :]
@@ -83,9 +80,9 @@ class UnconstrainedChainProblem:
         np.subtract(torque.tick_upper[joints], carried, out=physics.upper[nz:])
         problem.x_lower[:] = joint.lower[joints]
         problem.x_upper[:] = joint.upper[joints]
-        part.a.scatter(dv_a, self._known)
+        self._known[part.a] = dv_a
         J = self._tasks.J[self._tasks.second]
-        part.u.columns(J, self._rows)
+        self._rows[:] = J[:, part.u]
         problem.weights[self._values] = self._tasks.weight[self._tasks.second]
         values = self._tasks.target[self._tasks.second] - J.dot(self._known)
         problem.lower[self._values] = problem.upper[self._values] = values

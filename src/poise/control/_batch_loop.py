@@ -12,31 +12,22 @@ from poise.hqp import LOST, UNSOUND, SearchWork, search
 from poise.stack import Numbers, find_softening, update_rows
 
 UNUSABLE = -1
-"""Stands for how the search ended where a state was of no use."""
+"""End of the search of a state that cannot be used."""
 
 
 class Answers(NamedTuple):
-    """What is found for each state.
+    """Results for each state."""
 
-    Attributes:
-        sides: the active set; the last batch's before.
-        x: the point, accelerations before wrenches.
-        torque: of the joints [N m].
-        residuals: of the levels, relative.
-        found: how the search ended.
-        strain: largest change that a softening term can make to its level.
-    """
-
-    sides: Int8[np.ndarray, "count nm"]
-    x: Float64[np.ndarray, "count n"]
-    torque: Float64[np.ndarray, "count nj"]
-    residuals: Float64[np.ndarray, "count levels"]
-    found: Int64[np.ndarray, " count"]
-    strain: Float64[np.ndarray, " count"]
+    sides: Int8[np.ndarray, "count nm"]  # the active set, at first that of the last batch
+    x: Float64[np.ndarray, "count n"]  # accelerations, then wrenches
+    torque: Float64[np.ndarray, "count nj"]  # of the joints [N m]
+    residuals: Float64[np.ndarray, "count levels"]  # of the levels, relative
+    found: Int64[np.ndarray, " count"]  # end of the search
+    strain: Float64[np.ndarray, " count"]  # largest change of a level by its softening term
 
 
-class Program(Block):
-    """Addresses of all that one thread works on."""
+class LaneProgram(Block):
+    """Addresses of the memory of one thread."""
 
     places: Int64[np.ndarray, " places"]  # of the `Numbers` that a state brings
     state: int
@@ -45,13 +36,13 @@ class Program(Block):
     full: int
     problem: int
     work: int
-    changes: int  # after how many the search stops
+    changes: int  # most changes of the active set
     terms: int  # of softening
 
 
 @compiled
 def gather(places: Int64[np.ndarray, " places"], packed: Float64[np.ndarray, " size"]) -> None:
-    """Copies numbers from where they lie into one row."""
+    """Copy numbers from their places into one row."""
     at = 0
     for place in places:
         numbers = view(Numbers, place).all
@@ -64,8 +55,8 @@ def gather(places: Int64[np.ndarray, " places"], packed: Float64[np.ndarray, " s
 def solve_states(
     packed: Float64[np.ndarray, "chunk size"], program_at: int, answers: Answers
 ) -> None:
-    """Solves some states, each by itself."""
-    program = view(Program, program_at)
+    """Solve some states, each by itself."""
+    program = view(LaneProgram, program_at)
     work, full = view(SearchWork, program.work), view(FullNumbers, program.full)
     x, side, v = work.points.x, work.rows.side, view(StateNumbers, program.state).v
     for i in range(len(answers.found)):
@@ -91,7 +82,7 @@ def solve_states(
 
 @part
 def _scatter(packed: Float64[np.ndarray, " size"], places: Int64[np.ndarray, " places"]) -> None:
-    """Copies them to other places."""
+    """Copy them to other places."""
     at = 0
     for place in places:
         numbers = view(Numbers, place).all
@@ -102,7 +93,7 @@ def _scatter(packed: Float64[np.ndarray, " size"], places: Int64[np.ndarray, " p
 
 @part
 def _begin(work: SearchWork, sides: Int8[np.ndarray, " nm"]) -> None:
-    """Has the next search begin with an active set, and with nothing else of the last state."""
+    """Begin the next search with an active set, and with nothing else of the last state."""
     rows = work.rows
     work.state.begun = 0
     for k in range(len(work.points.x)):

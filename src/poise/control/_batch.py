@@ -1,26 +1,30 @@
-"""`Lane`: what one thread of a batch works with."""
+"""`Batch`: many states of one stack, solved by compiled code on several threads."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64, Int8, Int64
 
-from poise.control._batch.loop import UNUSABLE, Answers, Program, gather, solve_states
-from poise.control._full_problem import FullProblem
-from poise.control._softened import SoftenedFull
+from poise._compiled import say_if_slow, usable_cores
+from poise.control._batch_loop import UNUSABLE, Answers, LaneProgram, gather, solve_states
+from poise.control._command import Commands, CommandStatus
+from poise.control._fallback import Fallback
+from poise.control._full_problem import FullProblem, SoftenedFull
 from poise.control._state_check import is_usable
-from poise.control._strategy import UNSOFTENED, USABLE
+from poise.control._strategy import PHYSICS_TOLERANCE, UNSOFTENED, USABLE
 from poise.dynamics import Dynamics, RobotState
 from poise.hqp import LOST, UNSOUND, LexicographicSolver
 from poise.robots import Robot
 from poise.stack import Contact, Numbers, Owner, Stack, settling_of
 
-CHUNK = 16
-"""States that a thread takes at a time: Pinocchio's part of them, which one thread does at a time,
-ends soon enough for the others, and their numbers stay in the processor's cache."""
+_CHUNK = 16
+"""States that a thread takes at a time: few enough that the others do not wait for its part of
+Pinocchio's work, and that their numbers stay in the processor's cache."""
 
 
-class Lane:
+class _Lane:
     """Dynamics, rows, problem and workspace of one thread."""
 
     def __init__(self, robot: Robot, stack: Stack, contacts: tuple[Contact, ...]) -> None:
@@ -29,20 +33,20 @@ class Lane:
         self._dynamics, self._solver = Dynamics(robot), LexicographicSolver()
         self._torques, joints = np.zeros((2, robot.nj)), np.zeros((2, robot.nj))
         evaluation, own = full.rows.evaluation, self._own_numbers()
-        # Where a state's numbers are read when it is taken up, and written when it is solved.
+        # A state's numbers are read here when it is taken up, and written when it is solved.
         sources = [*own, *(owner.parameters for owner in evaluation.owners)]
         targets = [*own, *(np.empty_like(owner.parameters) for owner in evaluation.owners)]
         self._sources, self._targets = _places(sources), _places(targets)
         self._places = _addresses(self._sources)
         evaluation.inputs.places[:] = _addresses(self._targets[len(own) :])
-        self._packed = np.zeros((CHUNK, sum(map(len, sources))))
+        self._packed = np.zeros((_CHUNK, sum(map(len, sources))))
         searched, work, changes = self._solver.memory_for(full.problem)
         # Bounds of its own, which no other thread writes.
         self._numbers = full.numbers_with(
             (self._torques[0], self._torques[1]), (joints[0], joints[1])
         )
         self._settling = settling_of(stack.joint_limit.viability, joints[0], joints[1])
-        self._program = Program(
+        self._program = LaneProgram(
             places=_addresses(self._targets),
             state=self._dynamics.numbers.address,
             assembly=evaluation.assembly.address,
@@ -59,7 +63,7 @@ class Lane:
         self.solve(slice(0, 0), _no_answers())
 
     def holding_tasks(self) -> list[Owner]:
-        """Tasks without a target, which hold what the robot does in each state."""
+        """Return the tasks without a target, which hold what the robot does in each state."""
         found: list[Owner] = []
         for owner in self.full.rows.evaluation.owners:
             before = owner.parameters.copy()
@@ -77,7 +81,7 @@ class Lane:
         holding: Sequence[Owner],
         before_each: Callable[[int], None] | None,
     ) -> None:
-        """Takes a chunk of states up: all that compiled code cannot do."""
+        """Take a chunk of states up: the part that is not compiled."""
         dynamics, torques = self._dynamics, self._stack.torque_limit
         self._torques[0], self._torques[1] = torques.lower, torques.upper
         for row, i in enumerate(range(chunk.start, chunk.stop)):
@@ -97,7 +101,7 @@ class Lane:
                 owner.reset()
 
     def solve(self, chunk: slice, answers: Answers) -> None:
-        """Solves the states that were taken up last."""
+        """Solve the states that were taken up last."""
         own = Answers(*(numbers[chunk] for numbers in answers))
         solve_states(self._packed, self._program.address, own)
         solved = (own.found != UNUSABLE) & (own.found != UNSOUND) & (own.found != LOST)
@@ -118,7 +122,7 @@ class Lane:
         own.x[0], own.torque[0], _ = self.full.answer(solver.x, self._dynamics)
 
     def _own_numbers(self) -> list[Float64[np.ndarray, " _"]]:
-        """Numbers of a state that are written where compiled code reads them."""
+        """Return the numbers of a state that compiled code reads in place."""
         own: list[Float64[np.ndarray, " _"]] = [
             *self._dynamics.moving_numbers,
             self._torques.ravel(),
@@ -150,3 +154,103 @@ def _places(numbers: Sequence[Float64[np.ndarray, " _"]]) -> list[Numbers]:
 
 def _addresses(places: Sequence[Numbers]) -> Int64[np.ndarray, " places"]:
     return np.array([place.address for place in places], dtype=np.int64)
+
+
+class Batch:
+    """Solve one stack for many states, each by itself.
+
+    Pinocchio and Python run in one thread at a time; all else of a chunk of states is one compiled
+    call, during which other threads go on.
+    """
+
+    def __init__(self, robot: Robot, stack: Stack) -> None:
+        self._robot, self._stack = robot, stack
+        self._lanes: dict[tuple[Contact, ...], list[_Lane]] = {}
+        self._sides: dict[tuple[Contact, ...], Int8[np.ndarray, "count nm"]] = {}
+
+    def reset(self) -> None:
+        """Forget the active sets that the next solves would begin with."""
+        self._sides.clear()
+
+    def solve(
+        self,
+        states: Sequence[RobotState],
+        threads: int | None,
+        before_each: Callable[[int], None] | None,
+    ) -> Commands:
+        """Return the commands for some states."""
+        first = next((state for state in states if is_usable(state, self._robot)), None)
+        if first is not None:
+            for contact in self._stack.contacts:
+                contact.advance(first.time)
+        chunks = [slice(i, min(i + _CHUNK, len(states))) for i in range(0, len(states), _CHUNK)]
+        wanted = min(threads or usable_cores(), max(len(chunks), 1))
+        lanes = self._lanes_for(self._stack.active_contacts, wanted)
+        answers, holding = self._answers_for(len(states), lanes[0]), lanes[0].holding_tasks()
+        # Threads share tasks and targets, so one at a time takes states up.
+        taking, left = Lock(), iter(chunks)
+
+        def work(lane: _Lane) -> None:
+            while True:
+                with taking:
+                    chunk = next(left, None)
+                    if chunk is None:
+                        return
+                    lane.take(states, chunk, answers, holding, before_each)
+                lane.solve(chunk, answers)
+
+        if len(lanes) == 1:
+            work(lanes[0])
+        else:
+            with ThreadPoolExecutor(len(lanes)) as pool:
+                # Errors of a thread are raised here.
+                list(pool.map(work, lanes))
+        return self._commands(states, answers, lanes[0])
+
+    def _lanes_for(self, contacts: tuple[Contact, ...], wanted: int) -> list[_Lane]:
+        lanes = self._lanes.setdefault(contacts, [])
+        if not lanes:
+            say_if_slow(solve_states, "the solver of many states")
+        while len(lanes) < wanted:
+            lanes.append(_Lane(self._robot, self._stack, contacts))
+        return lanes[:wanted]
+
+    def _answers_for(self, count: int, lane: _Lane) -> Answers:
+        problem, contacts = lane.full.problem, lane.full.rows.contacts
+        size = problem.n + problem.m
+        sides = self._sides.get(contacts)
+        if sides is None or len(sides) != count:
+            sides = self._sides[contacts] = np.zeros((count, size), dtype=np.int8)
+        return Answers(
+            sides,
+            np.zeros((count, problem.n)),
+            np.zeros((count, self._robot.nj)),
+            np.zeros((count, len(problem.levels))),
+            np.full(count, UNUSABLE),
+            np.zeros(count),
+        )
+
+    def _commands(self, states: Sequence[RobotState], answers: Answers, lane: _Lane) -> Commands:
+        x, torque, residuals, found = answers.x, answers.torque, answers.residuals, answers.found
+        limit, rows, nv = self._stack.torque_limit, lane.full.rows, self._robot.nv
+        solved = ~np.isin(found, (UNUSABLE, UNSOUND, LOST))
+        good = solved & (residuals[:, 0] <= PHYSICS_TOLERANCE) & np.isfinite(torque).all(axis=1)
+        np.clip(torque, limit.lower, limit.upper, out=torque)
+        statuses = np.full(len(states), CommandStatus.OK)
+        statuses[~good] = CommandStatus.SOLVER_FAILED
+        statuses[found == UNUSABLE] = CommandStatus.BAD_STATE
+        x[~good], residuals[~good] = np.nan, np.nan
+        fallback = Fallback.of_torque(self._robot, limit)
+        for i in np.flatnonzero(~good).tolist():
+            fallback.reset()
+            torque[i] = fallback.command(states[i])
+        return Commands(
+            statuses=tuple(statuses),
+            torque=torque,
+            acceleration=x[:, :nv],
+            wrenches={
+                contact.name: x[:, nv + own.start : nv + own.stop]
+                for contact, own in zip(rows.contacts, rows.wrench_slices, strict=True)
+            },
+            residuals=lane.full.levels_with_numbers(residuals),
+        )
