@@ -120,7 +120,11 @@ class Evaluation:
             first=first,
         )
         self.assembly = StackNumbers(
-            owners=self.inputs, rows=self.rows, work=self._work, count=len(self.owners)
+            owners=self.inputs,
+            rows=self.rows,
+            work=self._work,
+            count=len(self.owners),
+            velocities=0,
         )
         # Rows are written where a joint moves them; elsewhere they stay zero.
         for owner, place in zip(self.owners, self._places, strict=True):
