@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, allocate, compiled, part, view
+from poise._compiled import MemoryBlock, allocate, compiled, part, view
 
 
-class Inner(Block):
+class Inner(MemoryBlock):
     count: int
     places: Int64[np.ndarray, " m"]
 
 
-class Outer(Block):
+class Outer(MemoryBlock):
     inner: Inner
     A: Float64[np.ndarray, "m n"]
     x: Float64[np.ndarray, " n"]
@@ -76,7 +76,7 @@ def test_a_name_that_a_block_has_not_is_refused():
 @pytest.mark.parametrize("kind", [int, Inner, Float64[np.ndarray, " n"]])
 def test_a_field_with_the_name_of_an_attribute_of_blocks_is_refused(name, kind):
     with pytest.raises(TypeError, match=f"Wrong has a field '{name}'.*wanted another name"):
-        type(Block)("Wrong", (Block,), {"__annotations__": {name: kind}})
+        type(MemoryBlock)("Wrong", (MemoryBlock,), {"__annotations__": {name: kind}})
 
 
 def test_arrays_begin_on_lines_of_the_cache():
@@ -85,14 +85,14 @@ def test_arrays_begin_on_lines_of_the_cache():
 
 
 def test_a_layout_has_a_stamp_of_its_own_and_of_what_it_holds():
-    class Other(Block):
+    class Other(MemoryBlock):
         count: int
         places: Float64[np.ndarray, " m"]
 
-    class Holder(Block):
+    class Holder(MemoryBlock):
         inner: Other
 
-    class Same(Block):
+    class Same(MemoryBlock):
         inner: Inner
 
     assert len({Inner.stamp, Other.stamp, Outer.stamp, Holder.stamp, Same.stamp}) == 5

@@ -279,7 +279,7 @@ def test_controllers_are_made_by_name(robot):
 
 
 class _Crossing(TorqueLimit):
-    """A limit of somebody's own whose bounds leave a joint no torque."""
+    """Torque limit whose bounds cross for one joint."""
 
     def begin(self, time):
         super().begin(time)

@@ -4,7 +4,7 @@ A call into NumPy or LAPACK takes Python the time of some thousand operations, a
 these functions do. They work in place and allocate nothing.
 """
 
-from poise._compiled._blocks import Block, allocate, view
+from poise._compiled._blocks import MemoryBlock, allocate, view
 from poise._compiled._compiling import compiled, compiled_for_threads, part
 from poise._compiled._first_use import (
     check_kept,
@@ -32,7 +32,7 @@ from poise._compiled._linalg import (
 )
 
 __all__ = [
-    "Block",
+    "MemoryBlock",
     "allocate",
     "check_kept",
     "clear_bar",

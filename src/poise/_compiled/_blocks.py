@@ -1,4 +1,4 @@
-"""`Block`: arrays and whole numbers by name, passed to a compiled function as one address.
+"""`MemoryBlock`: arrays and whole numbers by name, passed to a compiled function as one address.
 
 An array as an argument takes seven numbers, and compiling that takes as long as compiling what is
 done with it. A block describes its arrays in a table, and passes the address of that:
@@ -37,7 +37,7 @@ from numba.core.typing.templates import (
 )
 from numba.extending import models, register_model
 
-B = TypeVar("B", bound="Block")
+B = TypeVar("B", bound="MemoryBlock")
 
 _WORD = 8
 """Size of an address, a length or a number [bytes]."""
@@ -53,7 +53,7 @@ class _Field(NamedTuple):
     kind: str  # "array", "block" or "int"
     dims: tuple[str, ...] = ()  # names of an array's sizes
     dtype: str = ""  # of an array's numbers
-    block: "type[Block] | None" = None  # class of a block
+    block: "type[MemoryBlock] | None" = None  # class of a block
 
 
 class _BlockMeta(type):
@@ -61,12 +61,12 @@ class _BlockMeta(type):
 
 
 @dataclass_transform(kw_only_default=True)
-class Block(metaclass=_BlockMeta):
+class MemoryBlock(metaclass=_BlockMeta):
     """Base of classes whose annotations are the fields of the table.
 
-    A field is a C-contiguous array, `Float64[np.ndarray, "m n"]` or of `Int64`, another `Block`,
-    or an `int`. Compiled functions may change the numbers of arrays, and an `int`; an array or a
-    block is never replaced by another.
+    A field is a C-contiguous array, `Float64[np.ndarray, "m n"]` or of `Int64`, another
+    `MemoryBlock`, or an `int`. Compiled functions may change the numbers of arrays, and an `int`; an
+    array or a block is never replaced by another.
 
     Args:
         values: one for every field; an `int` is zero by default.
@@ -132,7 +132,7 @@ class Block(metaclass=_BlockMeta):
 _RESERVED = ("stamp", "fields", "table", "address", "arrays")
 """Attributes of every block: a field called `table` would free the table that is in use."""
 
-_LIVE: WeakValueDictionary[int, Block] = WeakValueDictionary()
+_LIVE: WeakValueDictionary[int, MemoryBlock] = WeakValueDictionary()
 """Blocks by address, for compiled functions that run as plain Python."""
 
 
@@ -162,17 +162,17 @@ def _field(place: int, kind: Any) -> _Field:
     if kind is int:
         return _Field(place, "int")
     if isinstance(kind, _BlockMeta):
-        return _Field(place, "block", block=cast("type[Block]", kind))
+        return _Field(place, "block", block=cast("type[MemoryBlock]", kind))
     return _Field(place, "array", tuple(kind.dim_str.split()), kind.dtypes[0])
 
 
 def _number(place: int) -> property:
     """Property of an `int` in the table."""
 
-    def read(block: Block) -> int:
+    def read(block: MemoryBlock) -> int:
         return int(block.table[place])
 
-    def write(block: Block, value: int) -> None:
+    def write(block: MemoryBlock, value: int) -> None:
         block.table[place] = value
 
     return property(read, write)
@@ -206,7 +206,7 @@ def _zeros(words: Sequence[int]) -> list[np.ndarray]:
 class _BlockType(types.Type):
     """Type of a block: a pointer to its table."""
 
-    def __init__(self, block: type[Block]) -> None:
+    def __init__(self, block: type[MemoryBlock]) -> None:
         self.block = block
         super().__init__(name=f"{block.__module__}.{block.__qualname__}")
 
@@ -214,7 +214,7 @@ class _BlockType(types.Type):
 class _ClassType(types.Opaque):
     """Type of a class of blocks, an argument of `view`."""
 
-    def __init__(self, block: type[Block]) -> None:
+    def __init__(self, block: type[MemoryBlock]) -> None:
         self.block = block
         super().__init__(name=f"class({block.__module__}.{block.__qualname__})")
 
@@ -230,7 +230,7 @@ class _ClassModel(models.OpaqueModel):
 
 
 @extending.typeof_impl.register(_BlockMeta)
-def _(block: type[Block], _context: Any) -> _ClassType:
+def _(block: type[MemoryBlock], _context: Any) -> _ClassType:
     return _ClassType(block)
 
 

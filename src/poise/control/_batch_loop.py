@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int8, Int64
 
-from poise._compiled import Block, compiled, compiled_for_threads, part, view
+from poise._compiled import MemoryBlock, compiled, compiled_for_threads, part, view
 from poise.control._full_problem import FullNumbers, answer, fill
 from poise.dynamics import StateNumbers
 from poise.hqp import LOST, UNSOUND, SearchWork, search
@@ -26,7 +26,7 @@ class Answers(NamedTuple):
     strain: Float64[np.ndarray, " count"]  # largest change of a level by its softening term
 
 
-class LaneProgram(Block):
+class LaneProgram(MemoryBlock):
     """Addresses of the memory of one thread."""
 
     places: Int64[np.ndarray, " places"]  # of the `Numbers` that a state brings

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import Block, compiled, view
+from poise._compiled import MemoryBlock, compiled, view
 from poise.control._strategy import PHYSICS_LEVELS, UNSOFTENED
 from poise.dynamics import Dynamics, StateNumbers
 from poise.hqp import HierarchicalProblem, SoftenedSolver, Solver
@@ -193,7 +193,7 @@ class SoftenedFull(SoftenedSolver):
         )
 
 
-class FullNumbers(Block):
+class FullNumbers(MemoryBlock):
     """A `FullProblem` for compiled code."""
 
     base: int  # coordinates of the base

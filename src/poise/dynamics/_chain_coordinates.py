@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import (
-    Block,
+    MemoryBlock,
     allocate,
     factor,
     make_reflection,
@@ -27,7 +27,7 @@ CENTROID_DIM = 6
 """Coordinates of a centroid, that is of a wrench. Chains of no more joints gain nothing by one."""
 
 
-class ChainFactors(Block):
+class ChainFactors(MemoryBlock):
     """Factors of the coordinates (z, p) of all free chains of a robot together."""
 
     chains: Int64[np.ndarray, "chains ends"]  # begin and end of each chain's joints in `u`

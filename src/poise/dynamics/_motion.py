@@ -11,10 +11,10 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, compiled, part, view
+from poise._compiled import MemoryBlock, compiled, part, view
 
 
-class Motion(Block):
+class Motion(MemoryBlock):
     """Pinocchio's own memory after `crba` in the world's convention and `nonLinearEffects`.
 
     Spatial vectors put the linear part first. All arrays are views that the next update overwrites.
@@ -62,7 +62,7 @@ def _rows_of(first: Sequence[Any], width: int) -> Float64[np.ndarray, "joints wi
     )
 
 
-class Frames(Block):
+class Frames(MemoryBlock):
     """Places of frames on their joints, and the coordinates that move them."""
 
     joints: Int64[np.ndarray, " frames"]  # that carries each frame
@@ -147,7 +147,7 @@ def column_at(
     )
 
 
-class FrameMemory(Block):
+class FrameMemory(MemoryBlock):
     """Memory of `evaluate_frame`."""
 
     motion: Motion
@@ -191,7 +191,7 @@ def momentum_rate(motion: Motion, out: Float64[np.ndarray, " k"], at: int) -> No
         out[at + 5] += R[2] * f[3] + R[5] * f[4] + R[8] * f[5] + x * fy - y * fx
 
 
-class StateNumbers(Block):
+class StateNumbers(MemoryBlock):
     """State of a robot with its dynamics, for compiled functions."""
 
     q: Float64[np.ndarray, " nq"]

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, allocate, compiled, part, view
+from poise._compiled import MemoryBlock, allocate, compiled, part, view
 from poise.dynamics._chain_coordinates import (
     CENTROID_DIM,
     ChainFactors,
@@ -17,7 +17,7 @@ from poise.dynamics._partition import Partition
 from poise.robots import Robot
 
 
-class ReducedMatrices(Block):
+class ReducedMatrices(MemoryBlock):
     """A `ReducedDynamics` for compiled code."""
 
     a: Int64[np.ndarray, " na"]  # virtual and constraint chain, and kept joints

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block
+from poise._compiled import MemoryBlock
 from poise.dynamics import Frames, Motion
 
 VELOCITY, POSITION, CONTACTS = 0, 1, 2
@@ -18,7 +18,7 @@ unit, its velocity and angular velocity by the joints, all along the unit's axes
 which turn a variance of the joints into one of these."""
 
 
-class FilterMemory(Block):
+class FilterMemory(MemoryBlock):
     """State and covariance of an invariant filter."""
 
     R: Float64[np.ndarray, "3 3"]  # world_R_imu
@@ -42,7 +42,7 @@ class FilterMemory(Block):
     delta: Float64[np.ndarray, " n"]  # scratch: correction
 
 
-class EstimatorMemory(Block):
+class EstimatorMemory(MemoryBlock):
     """Memory of a `StateEstimator`'s tick."""
 
     filter: FilterMemory

@@ -5,14 +5,14 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import Block, compiled, part, view
+from poise._compiled import MemoryBlock, compiled, part, view
 from poise.dynamics import ROTATION, VELOCITY, Frames, Motion, place_frame, turn_to_world
 
 SOLES, HAND = 12, 12
 """Numbers of all soles and of the momentum, and of each hand."""
 
 
-class PayloadMemory(Block):
+class PayloadMemory(MemoryBlock):
     """Memory of a `PayloadEstimator`."""
 
     motion: Motion

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, allocate, compiled, view
+from poise._compiled import MemoryBlock, allocate, compiled, view
 from poise.hqp._problem import HierarchicalProblem
 
 
@@ -26,7 +26,7 @@ class Measure(NamedTuple):
         return self.residuals / self.scales
 
 
-class _PointNumbers(Block):
+class _PointNumbers(MemoryBlock):
     """A problem and a point."""
 
     A: Float64[np.ndarray, "m n"]

@@ -30,7 +30,7 @@ class SolveStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the point may be trusted without a look at the residuals."""
+        """True where the point may be trusted without a look at the residuals."""
         return self is SolveStatus.OPTIMAL
 
 
@@ -71,7 +71,7 @@ class Solution:
 
     @property
     def ok(self) -> bool:
-        """Whether the status is OPTIMAL."""
+        """True where the status is OPTIMAL."""
         return self.status is SolveStatus.OPTIMAL
 
     @property

@@ -3,7 +3,15 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import Block, allocate, compiled, factor_leading, part, solve_leading, view
+from poise._compiled import (
+    MemoryBlock,
+    allocate,
+    compiled,
+    factor_leading,
+    part,
+    solve_leading,
+    view,
+)
 from poise.dynamics import StateNumbers
 from poise.stack._evaluation import evaluate
 from poise.stack._tables import (
@@ -26,7 +34,7 @@ _SINGULAR = 1e-4
 straight would have to do very fast is not taken to happen."""
 
 
-class Settling(Block):
+class Settling(MemoryBlock):
     """Joint limits, and room for `bound_settling`."""
 
     viability: Viability

@@ -6,7 +6,7 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, compiled, view
+from poise._compiled import MemoryBlock, compiled, view
 from poise.robots import Robot
 from poise.stack._joints import JointTask
 from poise.stack._tables import Rows
@@ -16,7 +16,7 @@ DAMPING = 10.0
 """Damping of joints that no joint task refers to [1/s]: that of the default `PostureTask`."""
 
 
-class Terms(Block):
+class Terms(MemoryBlock):
     """Inputs and outputs of `find_softening`.
 
     Attributes:

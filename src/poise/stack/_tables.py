@@ -9,7 +9,7 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block
+from poise._compiled import MemoryBlock
 from poise.dynamics import KINEMATICS, Frames
 
 
@@ -54,7 +54,7 @@ WORK = 3 * KINEMATICS
 """Numbers of work space that anybody has: two frames, and what is worked out from them."""
 
 
-class Rows(Block):
+class Rows(MemoryBlock):
     """Memory that the rows are written into."""
 
     matrix: Float64[np.ndarray, "rows columns"]  # coefficients, from row `first` on, first columns
@@ -72,13 +72,13 @@ class Rows(Block):
     first: int  # the matrix's row of the first row
 
 
-class Numbers(Block):
+class Numbers(MemoryBlock):
     """Some numbers, wherever they lie."""
 
     all: Float64[np.ndarray, " _"]
 
 
-class Owners(Block):
+class Owners(MemoryBlock):
     """Who the rows belong to."""
 
     lines: Int64[np.ndarray, "owners entries"]  # an owner a line: `KIND`, ...; contacts first
@@ -89,7 +89,7 @@ class Owners(Block):
     corners: Float64[np.ndarray, "k 2"]  # `CORNERS` points a contact and `CORNERS` more
 
 
-class StackNumbers(Block):
+class StackNumbers(MemoryBlock):
     """All that `evaluate` reads and writes."""
 
     owners: Owners

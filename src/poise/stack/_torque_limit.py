@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise._compiled import Block, compiled, view
+from poise._compiled import MemoryBlock, compiled, view
 from poise._copies import Copied
 from poise.errors import ConfigurationError
 from poise.robots import Robot
@@ -18,7 +18,7 @@ SMOOTH_RATE = 250.0
 """Rate of the stacks that Poise makes [1/s]: half the limit in a tick of 2 ms."""
 
 
-class _TorqueBounds(Block):
+class _TorqueBounds(MemoryBlock):
     lower: Float64[np.ndarray, " nj"]  # of the limit itself [N m]
     upper: Float64[np.ndarray, " nj"]
     tick_lower: Float64[np.ndarray, " nj"]  # of the tick that begins [N m]

@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import Block, compiled, part, view
+from poise._compiled import MemoryBlock, compiled, part, view
 
 _STOP_FRACTION = 0.5
 """Fraction of the horizon in which a joint about to pass its limit stops.
@@ -27,7 +27,7 @@ A_MAX, DT, MARGIN, SETTINGS = range(4)
 """Places in `Viability.settings`, and how many they are."""
 
 
-class Viability(Block):
+class Viability(MemoryBlock):
     """Inputs of the bounds of joint accelerations."""
 
     q_min: Float64[np.ndarray, " nj"]  # position limits [rad]

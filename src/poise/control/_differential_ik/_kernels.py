@@ -6,7 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, compiled, factor_leading, part, solve_leading, solve_lower, view
+from poise._compiled import (
+    MemoryBlock,
+    compiled,
+    factor_leading,
+    part,
+    solve_leading,
+    solve_lower,
+    view,
+)
 from poise.control._row_factor import (
     add_row,
     factor_rows,
@@ -35,7 +43,7 @@ class PriorityRows(NamedTuple):
     scale: Float64[np.ndarray, " m"]
 
 
-class VelocityLevels(Block):
+class VelocityLevels(MemoryBlock):
     """Rows J u = v of levels, and rows J u >= v of a limit."""
 
     jacobian: Float64[np.ndarray, "t n"]
@@ -62,7 +70,7 @@ class VelocityLevels(Block):
         return VelocityLevels(**arrays, exact=self.exact + 1)
 
 
-class ClosedFormMemory(Block):
+class ClosedFormMemory(MemoryBlock):
     """Input, answer and scratch of `serve_levels`, which works in z = W_B^1/2 u."""
 
     least: Float64[np.ndarray, "1"]  # singular value of a level's rows that keep their rank
@@ -79,7 +87,7 @@ class ClosedFormMemory(Block):
     G: Float64[np.ndarray, "n n"]
 
 
-class ConstrainedRows(Block):
+class ConstrainedRows(MemoryBlock):
     """Rows on all velocities, and the same on those of joints under a stance."""
 
     J: Float64[np.ndarray, "t nv"]

@@ -3,11 +3,11 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise._compiled import Block, compiled, factor_leading, part, solve_leading, view
+from poise._compiled import MemoryBlock, compiled, factor_leading, part, solve_leading, view
 from poise.dynamics import StateNumbers
 
 
-class Balance(Block):
+class Balance(MemoryBlock):
     """The wrenches' metric and bounds, and what was found."""
 
     jacobian: Float64[np.ndarray, "c nv"]  # J_c of all contacts

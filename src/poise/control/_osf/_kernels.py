@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import (
-    Block,
+    MemoryBlock,
     compiled,
     factor,
     factor_leading,
@@ -35,7 +35,7 @@ TINY = 1e-12
 """Keeps directions in which softening has nothing to choose from dividing by zero."""
 
 
-class RecursionMemory(Block):
+class RecursionMemory(MemoryBlock):
     """Memory of the recursion; it holds until the next state."""
 
     least: Float64[np.ndarray, "2"]  # singular value of rows that keep their rank: physics, tasks

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block
+from poise._compiled import MemoryBlock
 from poise.control._rank import block_scales
 from poise.dynamics import Dynamics, RobotState
 from poise.robots import Robot
@@ -20,7 +20,7 @@ _RANGE_TOLERANCE = 1e-6
 """Singular value, relative to the largest, below which contacts do not carry a base wrench."""
 
 
-class LevelRows(Block):
+class LevelRows(MemoryBlock):
     """Rows J_i dv = xdd_i,ref - Jdot_i v, the physics first, then level by level.
 
     The mobility of a row is the largest sqrt(J M^-1 J^T) of its block in the home posture.
@@ -42,7 +42,7 @@ class LevelRows(Block):
         return [slice(a, b) for a, b in pairwise(self.ends.tolist())]
 
 
-class BoundRows(Block):
+class BoundRows(MemoryBlock):
     """Bounds on accelerations: of joints [rad/s^2], and of rows of limits [m/s^2]."""
 
     lower: Float64[np.ndarray, " nj"]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, compiled, part, view
+from poise._compiled import MemoryBlock, compiled, part, view
 from poise.control._full_problem import wrench_cost
 from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._elimination import (
@@ -22,7 +22,7 @@ from poise.robots import Robot
 from poise.stack import Stack
 
 
-class ConstraintChain(Block):
+class ConstraintChain(MemoryBlock):
     """A `ConstraintChainProblem` for compiled code."""
 
     chain: Elimination  # the unconstrained chain, eliminated

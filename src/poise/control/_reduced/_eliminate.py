@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._compiled import (
-    Block,
+    MemoryBlock,
     allocate,
     make_reflection,
     part,
@@ -36,7 +36,7 @@ ROUNDING = 1e-12
 """Coefficients smaller than this, relative to the largest of their level, are rounding."""
 
 
-class ChainRows(Block):
+class ChainRows(MemoryBlock):
     """Rows E y + P p = 0 with y = (x, 1), x = (dv, z), and the result of their elimination."""
 
     E: Float64[np.ndarray, "y m"]  # coefficients of y; columns are rows, then those left

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, allocate, compiled, part, say_if_slow, view
+from poise._compiled import MemoryBlock, allocate, compiled, part, say_if_slow, view
 from poise.control._reduced._assignment import AssignedRows
 from poise.control._reduced._eliminate import ChainRows, answer, chain_rows, eliminate
 from poise.dynamics import (
@@ -16,7 +16,7 @@ from poise.dynamics import (
 )
 
 
-class Elimination(Block):
+class Elimination(MemoryBlock):
     """A `ChainElimination` for compiled code."""
 
     reduced: ReducedMatrices

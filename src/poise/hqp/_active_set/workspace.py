@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import Block, allocate
+from poise._compiled import MemoryBlock, allocate
 
 Vector = Float64[np.ndarray, " _"]
 Matrix = Float64[np.ndarray, "_ _"]
@@ -32,7 +32,7 @@ UNKNOWN = -9
 """In `RowStates.factored`: no side, so that the row's level is factored anew."""
 
 
-class Problem(Block):
+class Problem(MemoryBlock):
     """A problem as `HierarchicalProblem` stores it."""
 
     A: Float64[np.ndarray, "m n"]  # rows of all levels
@@ -46,7 +46,7 @@ class Problem(Block):
     bounds_level: int  # level of the bounds of the variables
 
 
-class State(Block):
+class State(MemoryBlock):
     """Numbers that steer the search."""
 
     begun: int  # 1 once the search of a problem has begun
@@ -66,7 +66,7 @@ class State(Block):
     free: int  # count of coordinates that no level takes
 
 
-class RowStates(Block):
+class RowStates(MemoryBlock):
     """Bounds of the variables and rows, in the search."""
 
     norm: Float64[np.ndarray, " nm"]  # norm of its coefficients
@@ -81,7 +81,7 @@ class RowStates(Block):
     shift: Float64[np.ndarray, " nm"]  # of the bounds of an equality, by damping
 
 
-class Points(Block):
+class Points(MemoryBlock):
     """The point and its target."""
 
     x: Float64[np.ndarray, " n"]  # best point so far
@@ -90,7 +90,7 @@ class Points(Block):
     target_values: Float64[np.ndarray, " nm"]  # of all bounds and rows there
 
 
-class Factor(Block):
+class Factor(MemoryBlock):
     """Active rows, level by level, in the coordinates y = Q^T x."""
 
     V: Float64[np.ndarray, "n n"]  # vectors of Q's reflections, each from the diagonal on
@@ -109,7 +109,7 @@ class Factor(Block):
     y: Float64[np.ndarray, " n"]  # optimum of the active set
 
 
-class LeastSquares(Block):
+class LeastSquares(MemoryBlock):
     """Memory for the least squares of one level."""
 
     T: Float64[np.ndarray, "n nmn"]  # system, transposed
@@ -122,7 +122,7 @@ class LeastSquares(Block):
     noise: Float64[np.ndarray, " n"]  # size of the terms of that balance
 
 
-class FinalCost(Block):
+class FinalCost(MemoryBlock):
     """Final cost over the coordinates that no level takes."""
 
     gradient: Float64[np.ndarray, " n"]  # H x + g
@@ -134,7 +134,7 @@ class FinalCost(Block):
     z: Float64[np.ndarray, " n"]  # length along each direction
 
 
-class Duals(Block):
+class Duals(MemoryBlock):
     """Multipliers, and the gradient that they balance."""
 
     multipliers: Float64[np.ndarray, "p1 nm"]  # of the levels, then of the final cost
@@ -143,7 +143,7 @@ class Duals(Block):
     forces: Float64[np.ndarray, " nm"]  # their multipliers times their sizes and sides
 
 
-class Measures(Block):
+class Measures(MemoryBlock):
     """Measures of the point."""
 
     slacks: Float64[np.ndarray, " nm"]  # of all bounds and rows, signed
@@ -153,7 +153,7 @@ class Measures(Block):
     eased: Float64[np.ndarray, " p"]  # square of the damping that each level needed
 
 
-class Penalties(Block):
+class Penalties(MemoryBlock):
     """Rows of a guess, active ones in the order of activation; in part shared memory."""
 
     M: Float64[np.ndarray, "nm n"]  # C^-1 a of all bounds and rows
@@ -178,7 +178,7 @@ class Penalties(Block):
     next_multiplier: Float64[np.ndarray, " nm"]  # lambda after the next step
 
 
-class SearchWork(Block):
+class SearchWork(MemoryBlock):
     """Workspace of the search."""
 
     state: State

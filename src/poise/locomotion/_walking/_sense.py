@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._compiled import Block, allocate, compiled, view
+from poise._compiled import MemoryBlock, allocate, compiled, view
 from poise.dynamics import (
     BIAS,
     KINEMATICS,
@@ -40,7 +40,7 @@ LONGEST_TICK = 0.05
 _Pose = tuple[Vector3, Rotation]
 
 
-class _SoleMemory(Block):
+class _SoleMemory(MemoryBlock):
     motion: Motion
     frames: Frames  # the soles
     seen: Float64[np.ndarray, "soles room"]  # of each, as `place_frame` fills it
