@@ -65,8 +65,8 @@ class MemoryBlock(metaclass=_BlockMeta):
     """Base of classes whose annotations are the fields of the table.
 
     A field is a C-contiguous array, `Float64[np.ndarray, "m n"]` or of `Int64`, another
-    `MemoryBlock`, or an `int`. Compiled functions may change the numbers of arrays, and an `int`; an
-    array or a block is never replaced by another.
+    `MemoryBlock`, or an `int`. Compiled functions may change the numbers of arrays, and an `int`;
+    an array or a block is never replaced by another.
 
     Args:
         values: one for every field; an `int` is zero by default.
