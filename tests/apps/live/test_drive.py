@@ -17,7 +17,7 @@ from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._integrator import velocity_of
 from poise.apps.live._leads import VelocityLead
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop, Push
+from poise.apps.live._loop import LiveLoop, PushOrder
 from poise.locomotion import OperatorSample, VelocityLimits
 from poise.locomotion._stepping import _guard as clocks
 
@@ -148,7 +148,7 @@ def test_a_push_is_as_the_robot_faces(get_robot, tmp_path, monkeypatch):
     mujoco.mj_kinematics(loop.plant.model, loop.plant.data)
     given = []
     monkeypatch.setattr(loop.plant, "push", lambda body, force, time: given.append(force))
-    loop.order(Push("left"))
+    loop.order(PushOrder("left"))
     loop._carry_out()
     loop.stop()
     x, y, z = given[0]

@@ -14,7 +14,7 @@ from poise.apps.live import _log as logs
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._leads import FootLead
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop, Push, Reset
+from poise.apps.live._loop import LiveLoop, PushOrder, Reset
 from poise.apps.teleoperation import (
     VELOCITY_TELEOP_PLANT,
     RecordingError,
@@ -201,7 +201,7 @@ def test_no_copy_is_kept_for_which_there_is_no_room(loop, monkeypatch):
 
 
 def test_a_push_before_anybody_drives_is_recorded(loop, tmp_path):
-    loop.order(Push("left"))
+    loop.order(PushOrder("left"))
     wait_for(lambda: loop.snapshot.time > 0.3, "some time")
     loop.stop()
     path = tmp_path / "takes" / "take-001.mcap"

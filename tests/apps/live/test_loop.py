@@ -15,7 +15,7 @@ pytest.importorskip("mujoco")
 from poise.apps.live._inputs import OperatorInputs
 from poise.apps.live._leads import FootLead
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop, Pause, Push, Reset, Slow
+from poise.apps.live._loop import LiveLoop, Pause, PushOrder, Reset, Slow
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
     VELOCITY_TELEOP_PLANT,
@@ -51,7 +51,7 @@ def test_a_step_and_its_recording_gives_the_same_commands_again(start, tmp_path)
     first = loop.plant.time
     lift = OperatorSample(lift=(False, True))
     drive(loop, lift, lambda s: s.mode is Mode.SL and s.soles[1][2] > 0.05, "the lift")
-    loop.order(Push("left"))
+    loop.order(PushOrder("left"))
     drive(loop, OperatorSample(), lambda s: s.mode is Mode.D, "double support")
     loop.stop()
     name = loop.takes.files[-1]
