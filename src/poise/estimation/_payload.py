@@ -143,8 +143,12 @@ class PayloadEstimator:
         Args:
             quaternion: x, y, z, w.
         """
-        back = pin.Quaternion(pin.exp3(np.append(-self.tilt, 0.0)))
-        return (pin.Quaternion(quaternion) * back).coeffs()
+        (x, y, z, w), (tilt_x, tilt_y) = quaternion.tolist(), self.tilt.tolist()
+        half = 0.5 * math.hypot(tilt_x, tilt_y)
+        ratio = -0.5 * math.sin(half) / half if half > 0.0 else -0.5
+        a, b, c = ratio * tilt_x, ratio * tilt_y, math.cos(half)
+        back = (w * a + x * c - z * b, w * b + y * c + z * a, x * b - y * a + z * c)
+        return np.array((*back, w * c - x * a - y * b))
 
     def update(self, state: RobotState) -> RobotState:
         """Return the state with the payload.
