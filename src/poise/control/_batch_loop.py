@@ -9,7 +9,7 @@ from poise._compiled import MemoryBlock, compiled, compiled_for_threads, part, v
 from poise.control._full_problem import FullNumbers, answer, fill
 from poise.dynamics import StateNumbers
 from poise.hqp import LOST, UNSOUND, SearchWork, search
-from poise.stack import Numbers, find_softening, update_rows
+from poise.stack import Numbers, evaluate, find_softening
 
 UNUSABLE = -1
 """End of the search of a state that cannot be used."""
@@ -63,7 +63,7 @@ def solve_states(
         if answers.found[i] == UNUSABLE:
             continue
         _scatter(packed[i], program.places)
-        update_rows(program.assembly, program.settling, program.state)
+        evaluate(program.assembly, program.settling, program.state, False)
         fill(program.full, program.state)
         _begin(work, answers.sides[i])
         found = search(program.problem, program.work, program.changes)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import MemoryBlock, allocate, compiled, view
+from poise._compiled import MemoryBlock, allocate, compiled, part, view
 from poise.hqp._problem import HierarchicalProblem
 
 
@@ -109,7 +109,7 @@ def row_sizes(
     return np.maximum(1.0, norms * float(np.linalg.norm(x)))
 
 
-@compiled
+@part
 def measure_values(
     lower: Float64[np.ndarray, " nm"],
     upper: Float64[np.ndarray, " nm"],

@@ -11,11 +11,12 @@ from poise.stack._centroid import ComTask, MomentumTask
 from poise.stack._contact import Contact
 from poise.stack._contact_sets import ContactSets as ContactSets
 from poise.stack._contacts import PointContact, SurfaceContact
-from poise.stack._evaluation import Owner as Owner, any_dynamics as any_dynamics
+from poise.stack._evaluation import any_dynamics as any_dynamics, evaluate as evaluate
 from poise.stack._frame import FrameTask
 from poise.stack._joint_limit import JointLimit
 from poise.stack._joints import JointTask, PostureTask
 from poise.stack._leader import Leader
+from poise.stack._owner import Owner as Owner
 from poise.stack._polygon import find_hull as find_hull
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._rows import (
@@ -28,7 +29,7 @@ from poise.stack._self_collision import (
     SelfCollisionLimit,
     SelfCollisionRows as SelfCollisionRows,
 )
-from poise.stack._settling import settling_of as settling_of, update_rows as update_rows
+from poise.stack._settling import settling_of as settling_of
 from poise.stack._shipped import PoseTarget as PoseTarget
 from poise.stack._softening import (
     DAMPING as DAMPING,

@@ -16,6 +16,7 @@ from poise.stack._joints import joint_rows
 from poise.stack._owner import Owner
 from poise.stack._relative_frame import relative_frame_rows
 from poise.stack._self_collision_kernels import bound_self_collision
+from poise.stack._settling import Settling, bound_settling
 from poise.stack._tables import (
     BALANCE,
     COM,
@@ -39,6 +40,7 @@ from poise.stack._tables import (
     Rows,
     StackNumbers,
 )
+from poise.stack._viability import bound_joints
 
 
 @once_a_robot
@@ -133,22 +135,16 @@ class Evaluation:
             owner.write_constants(J)
             owner.evaluation = None
 
-    def update(self, dynamics: Dynamics, *, velocities: bool = False) -> None:
-        """Evaluate all for one state; tasks without a target hold what the robot does now."""
-        if not self.owners:
-            return
-        if not evaluate(self.assembly.address, dynamics.numbers.address, velocities):
-            self.hold(dynamics)
-            evaluate(self.assembly.address, dynamics.numbers.address, velocities)
-        self.hand_out()
+    def update(self, dynamics: Dynamics, *, velocities: bool = False, settling_at: int = 0) -> None:
+        """Evaluate all for one state, and the `Settling` at an address, 0 for none.
 
-    def hold(self, dynamics: Dynamics) -> None:
-        """Set targets that are missing to the state of the robot."""
-        for owner in self.owners:
-            owner.hold(dynamics)
-
-    def hand_out(self) -> None:
-        """Give owners that were evaluated elsewhere last views of their rows here."""
+        Tasks without a target hold what the robot does now.
+        """
+        state_at = dynamics.numbers.address
+        if not evaluate(self.assembly.address, settling_at, state_at, velocities):
+            for owner in self.owners:
+                owner.hold(dynamics)
+            evaluate(self.assembly.address, settling_at, state_at, velocities)
         for owner in self.owners:
             if owner.evaluation is not self:
                 break
@@ -162,15 +158,33 @@ class Evaluation:
         """Evaluate nothing once, so that nothing is compiled in a tick."""
         say_if_slow(evaluate, "tasks and contacts")
         self.assembly.count = 0
-        evaluate(self.assembly.address, any_dynamics(robot).numbers.address, False)
+        evaluate(self.assembly.address, 0, any_dynamics(robot).numbers.address, False)
         self.assembly.count = len(self.owners)
 
 
 @compiled
-def evaluate(assembly_at: int, state_at: int, velocities: bool) -> bool:
-    """Write the rows of all owners for one state; returns False where a target is missing."""
+def evaluate(assembly_at: int, settling_at: int, state_at: int, velocities: bool) -> bool:
+    """Write the rows of all owners for one state, and bounds of joints where there are any.
+
+    Returns False where a target is missing.
+    """
     assembly, state = view(StackNumbers, assembly_at), view(StateNumbers, state_at)
-    owners, assembly.velocities = assembly.owners, 1 if velocities else 0
+    assembly.velocities = 1 if velocities else 0
+    if settling_at != 0:
+        limit = view(Settling, settling_at)
+        joints = len(limit.lower)
+        q, v = state.q[len(state.q) - joints :], state.v[len(state.v) - joints :]
+        bound_joints(limit.viability, q, v, limit.lower, limit.upper)
+    if not _evaluate_owners(state, assembly):
+        return False
+    if settling_at != 0 and assembly.count > 0:
+        bound_settling(state, assembly, view(Settling, settling_at))
+    return True
+
+
+@part
+def _evaluate_owners(state: StateNumbers, assembly: StackNumbers) -> bool:
+    owners = assembly.owners
     _gather(owners)
     for i in range(assembly.count):
         line = owners.lines[i]

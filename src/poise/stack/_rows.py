@@ -12,9 +12,9 @@ from poise.dynamics import Dynamics
 from poise.robots import Robot
 from poise.stack._balance import BalanceRows
 from poise.stack._contact import Contact
-from poise.stack._evaluation import Evaluation, any_dynamics
+from poise.stack._evaluation import Evaluation
 from poise.stack._self_collision import SelfCollisionRows
-from poise.stack._settling import settling_of, update_rows
+from poise.stack._settling import settling_of
 from poise.stack._shipped import ShippedTask
 from poise.stack._softening import Softening
 from poise.stack._stack import Stack, is_held
@@ -133,10 +133,6 @@ class StackRows:
         self._take(self.evaluation.rows)
         # What is compiled is compiled now, not in the first tick.
         self.measure(np.zeros(robot.nv))
-        count, self.evaluation.assembly.count = self.evaluation.assembly.count, 0
-        numbers = any_dynamics(robot).numbers
-        update_rows(self.evaluation.assembly.address, self.settling.address, numbers.address)
-        self.evaluation.assembly.count = count
 
     def write_into(
         self,
@@ -188,11 +184,7 @@ class StackRows:
 
     def update(self, dynamics: Dynamics) -> None:
         """Evaluate limits, contacts and tasks for a state: rows on accelerations."""
-        evaluation, state_at = self.evaluation, dynamics.numbers.address
-        if not update_rows(evaluation.assembly.address, self.settling.address, state_at):
-            evaluation.hold(dynamics)
-            update_rows(evaluation.assembly.address, self.settling.address, state_at)
-        evaluation.hand_out()
+        self.evaluation.update(dynamics, settling_at=self.settling.address)
         # What of a surface carries may change, see `SurfaceContact.carry_on`.
         for contact, cone in self._cones:
             cone[:] = contact.cone

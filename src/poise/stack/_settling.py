@@ -6,14 +6,11 @@ from jaxtyping import Float64
 from poise._compiled import (
     MemoryBlock,
     allocate,
-    compiled,
     factor_leading,
     part,
     solve_leading,
-    view,
 )
 from poise.dynamics import StateNumbers
-from poise.stack._evaluation import evaluate
 from poise.stack._tables import (
     CONTACT,
     COUNT,
@@ -24,7 +21,7 @@ from poise.stack._tables import (
     Line,
     StackNumbers,
 )
-from poise.stack._viability import Viability, bound_joint, bound_joints, braking_asked
+from poise.stack._viability import Viability, bound_joint, braking_asked
 
 _LARGEST = 6
 """Rows that a contact has at most."""
@@ -54,21 +51,6 @@ def settling_of(
     """Room for joint limits and where their bounds are written."""
     sizes = {"six": _LARGEST, "nj": len(lower)}
     return allocate(Settling, sizes, viability=viability, lower=lower, upper=upper)
-
-
-@compiled
-def update_rows(assembly_at: int, settling_at: int, state_at: int) -> bool:
-    """Evaluate joint limits, contacts and tasks; returns False where a target is missing."""
-    state, settling = view(StateNumbers, state_at), view(Settling, settling_at)
-    joints = len(settling.lower)
-    q, v = state.q[len(state.q) - joints :], state.v[len(state.v) - joints :]
-    bound_joints(settling.viability, q, v, settling.lower, settling.upper)
-    if not evaluate(assembly_at, state_at, False):
-        return False
-    assembly = view(StackNumbers, assembly_at)
-    if assembly.count > 0:
-        bound_settling(state, assembly, settling)
-    return True
 
 
 @part

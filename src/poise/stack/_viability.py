@@ -165,7 +165,7 @@ def largest_acceleration(
     return max(-a_max, min(a, (v_max - v) / dt, a_max))
 
 
-@compiled
+@part
 def _stop_at_once(s: float, v: float, dt: float) -> float:
     """Acceleration of a joint within half a horizon of its limit, or beyond it."""
     approach = max(v, 0.0)
