@@ -311,7 +311,7 @@ class Contact(Owner, ABC):
         self._load.start(1.0, checked_number(duration, "duration of a contact's engagement [s]"))
 
     def pause(self, time: float) -> None:
-        """Let time pass without its load ramp, where nobody commands: it goes on afterwards.
+        """Hold the load ramp while there is no command; it goes on afterwards.
 
         Args:
             time: time of the state [s].

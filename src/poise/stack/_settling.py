@@ -39,7 +39,7 @@ class Settling(MemoryBlock):
     upper: Float64[np.ndarray, " nj"]
     gram: Float64[np.ndarray, "six six"]  # how the joints of a contact move it, squared
     slip: Float64[np.ndarray, " six"]  # velocity of a contact [m/s, rad/s]
-    change: Float64[np.ndarray, " six"]  # what it is asked to change it by [m/s^2, rad/s^2]
+    change: Float64[np.ndarray, " six"]  # requested change of it [m/s^2, rad/s^2]
     velocity: Float64[np.ndarray, " nj"]  # of joints, for contacts that come to rest [rad/s]
     rate: Float64[np.ndarray, " nj"]  # how fast that changes until they do [rad/s^2]
     beside: Float64[np.ndarray, " nj"]  # one for joints that move a contact, zero for others

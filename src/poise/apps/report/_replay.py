@@ -81,7 +81,7 @@ def _mesh(
 
 
 def _short(values: Any, digits: int = 6) -> list[float]:
-    """Plain numbers without figures that nobody can see."""
+    """Plain numbers, rounded to what the replay shows."""
     return [round(float(v), digits) for v in values]
 
 
