@@ -14,9 +14,7 @@ from unittest.mock import patch
 from poise.locomotion import WalkSettings
 
 _STEPPING, _WALKING = "poise.locomotion._stepping", "poise.locomotion._walking"
-_BY_TORQUE = f"{_STEPPING}._by_torque"
-_TASKS, _LEVEL = f"{_BY_TORQUE}._torque_tasks", f"{_BY_TORQUE}._torque_level"
-_DEPARTURES = f"{_BY_TORQUE}._departures"
+_TASKS, _LEVEL = f"{_STEPPING}._torque_tasks", f"{_STEPPING}._torque_level"
 _FLIGHT, _CARRYING = f"{_WALKING}._flight", f"{_WALKING}._stance"
 
 _IMMEDIATE, _FOREVER = 1e-9, 1e6
@@ -101,19 +99,19 @@ def _update_without_settling(rows: Any, dynamics: Any) -> None:
 
 
 _region = _of_any_width(resolve_name(f"{_WALKING}._parts.single_support_region"))
-_margin = resolve_name(f"{_TASKS}._CAUGHT_MARGIN")
+_led, _caught = resolve_name(f"{_TASKS}._LED"), resolve_name(f"{_TASKS}._CAUGHT")
 
 MECHANISMS = (
     Mechanism(
         name="AnkleStops",
-        off={f"{_DEPARTURES}.AnkleStops.update": _nothing},
-        watched=f"{_DEPARTURES}.AnkleStops._leave",
+        off={f"{_TASKS}.AnkleStops.update": _nothing},
+        watched=f"{_TASKS}.AnkleStops._leave",
         acts=lambda call, _: call[2] or call[3],
     ),
     Mechanism(
         name="TrunkFeedback",
-        off={f"{_DEPARTURES}.TrunkFeedback.apply": _nothing},
-        watched=f"{_DEPARTURES}.TrunkFeedback.apply",
+        off={f"{_TASKS}.TrunkFeedback.apply": _nothing},
+        watched=f"{_TASKS}.TrunkFeedback.apply",
         acts=lambda call, _: bool(call[1][-3:].any()),
     ),
     Mechanism(
@@ -127,7 +125,7 @@ MECHANISMS = (
         name="narrow sole",
         off={
             f"{_WALKING}._parts.single_support_region": _region,
-            f"{_STEPPING}._stance._parameters.single_support_region": _region,
+            f"{_STEPPING}._biped.single_support_region": _region,
         },
         watched=f"{_TASKS}.TorqueTasks.lead",
         acts=lambda call, _: call[1].region.narrow and call[1].mode.single,
@@ -145,8 +143,8 @@ MECHANISMS = (
             f"{_LEVEL}._HIGHER": 1.0,
             f"{_LEVEL}._CLOSING": _FOREVER,
             f"{_LEVEL}._ROCKING": _FOREVER,
-            f"{_TASKS}._MARGIN": _margin,
-            f"{_TASKS}._CAUGHT_FOOT": (1.0,) * 6,
+            f"{_TASKS}._LED": _led._replace(margin=_caught.margin),
+            f"{_TASKS}._CAUGHT": _caught._replace(foot=(1.0,) * 6),
             f"{_TASKS}._RIGHTED": math.inf,
             f"{_TASKS}._EASED": _IMMEDIATE,
         },

@@ -34,7 +34,7 @@ _K_V, _LANDED = 10.0, 0.047
 
 def zmp_as_measured() -> AbstractContextManager[object]:
     """Leave the measured ZMP unfiltered for a while, as in the paper; leaders are made inside."""
-    return patch("poise.locomotion._stepping._stance._estimator._ZMP_TIME", 1e-9)
+    return patch("poise.locomotion._stepping._estimator._ZMP_TIME", 1e-9)
 
 
 def momentum_weights(error: Sequence[float], least: float) -> list[float]:

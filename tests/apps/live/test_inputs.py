@@ -34,8 +34,7 @@ from poise.locomotion import (
     TrackedPose,
     VelocityLimits,
 )
-from poise.locomotion._stepping import FOOT_TURNS
-from poise.locomotion._stepping._stance import _footing as lean
+from poise.locomotion._stepping import FOOT_TURNS, TORSO_MOST
 
 DT = 0.005
 
@@ -387,7 +386,7 @@ def test_limits_of_the_body_are_the_robots(get_robot, actuation):
     limits = BodyLimits.of(teleoperator)
     assert limits.height[0] == pytest.approx(-teleoperator.parameters.stoop_max * 0.765, rel=0.01)
     turned = actuation == "torque"
-    assert limits.torso == (lean.TORSO_MOST if turned else (0.0, 0.0, 0.0))
+    assert limits.torso == (TORSO_MOST if turned else (0.0, 0.0, 0.0))
     assert limits.turns == (FOOT_TURNS if turned else (0.0, 0.0))
 
 

@@ -389,14 +389,13 @@ def test_arms_may_speak_in_lists_and_other_numbers(get_robot, kind):
 @pytest.mark.parametrize(
     ("answer", "words"),
     [
-        ((np.zeros(2), True), "position of {} arm is array([0., 0.]), not 3 numbers"),
-        ((np.zeros((3, 1)), True), "position of {} arm is array([[0.],\n       [0.],"),
-        (("up!", True), "position of {} arm is 'up!', not 3 numbers"),
-        ((0.5, True), "position of {} arm is 0.5, not 3 numbers"),
-        ((HOME, None), "clutch of {} arm is None, not true or false"),
-        ((HOME, "closed"), "clutch of {} arm is 'closed', not true or false"),
-        (HOME, "reading of {} arm is array([0.4, 0. , 0.1]), not a tuple of two"),
-        (1, "reading of {} arm is 1, not a tuple of two"),
+        ((np.zeros(2), True), "Expected `array` of length 3, got 2"),
+        ((np.zeros((3, 1)), True), "Expected `float`, got `array`"),
+        (("up!", True), "Expected `array | null`, got `str`"),
+        ((HOME, None), "Expected `bool | int`, got `null`"),
+        ((HOME, "closed"), "Expected `bool | int`, got `str`"),
+        (HOME, "Expected `array` of length 2, got 3"),
+        (1, "Expected `array`, got `int`"),
     ],
 )
 def test_what_is_no_reading_is_said_by_the_device(get_robot, answer, words, side):
@@ -410,7 +409,7 @@ def test_what_is_no_reading_is_said_by_the_device(get_robot, answer, words, side
     teleoperator.lead(teleoperator.estimator.update(replace(state, time=0.005)))
     error = teleoperator.device_error
     assert isinstance(error, TypeError)
-    assert str(error).startswith(words.format(("left", "right")[side]))
+    assert str(error) == f"reading of {('left', 'right')[side]} arm: {words}"
     assert device.driver.readings[side] is None
     assert device.driver.readings[1 - side] is not None
     # It is told to let go.

@@ -3,11 +3,13 @@
 import numpy as np
 
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion import HandLeader, OperatorGuard, OperatorSample
-from poise.locomotion._stepping._guard import Tracker
-from poise.locomotion._stepping._limbs import Goal
+from poise.locomotion import HandLeader, OperatorGuard, OperatorSample, TrackedPose
 
 DT = 0.002
+
+
+def hand(x, y=0.0, z=0.0, clutch=True, **more):
+    return TrackedPose.of((x, y, z), clutch, **more)
 
 
 def both(time, left=None, right=None, rest=False):
@@ -15,28 +17,35 @@ def both(time, left=None, right=None, rest=False):
     return OperatorSample(time, hands=(left, right), rest=rest)
 
 
-class Hand(Tracker):
-    """A tracker of a hand, a tick of which says how far the hand goes."""
+class Hand:
+    """The left hand of a guard, a tick of which says how far the hand goes."""
 
-    def __init__(self):
-        super().__init__(DT)
+    def __init__(self, begin=None):
+        self._guard = OperatorGuard(dt=DT)
+        if begin is not None:
+            self.tick(TrackedPose(begin.position, False, begin.orientation), 0.0)
+            self.tick(begin, DT)
 
-    def tick(self, sample, time):
-        self.update(sample, time)
+    def __getattr__(self, name):
+        return getattr(self._guard.hands[0], name)
+
+    def tick(self, part, time):
+        self._guard.check(None if part is None else both(time, part), time)
         return self.step
 
 
 class Follows:
     """A leader of hands whose arms are where they are asked to be."""
 
-    def __init__(self, robot, **options):
-        self.robot, self.leader = robot, HandLeader(robot, dt=DT, **options)
-        self.time, self.guard = 0.0, OperatorGuard(dt=DT)
+    def __init__(self, robot, *, dt=DT, **options):
+        self.robot, self.leader, self.dt = robot, HandLeader(robot, dt=dt, **options), dt
+        self.time, self.guard = 0.0, OperatorGuard(dt=dt)
         self.index = [7 + robot.joint_index(name) for name in self.leader.task.joints]
+        self._dynamics = Dynamics(robot)
 
-    def say(self, left=None, right=None, seconds=DT, rest=False):
-        for _ in range(round(seconds / DT)):
-            self.time += DT
+    def say(self, left=None, right=None, seconds=None, rest=False):
+        for _ in range(round((seconds or self.dt) / self.dt)):
+            self.time += self.dt
             state = RobotState(self.q, np.zeros(self.robot.nv), time=self.time)
             self.guard.check(both(self.time, left, right, rest), self.time)
             self.leader.lead(self.guard, state)
@@ -47,40 +56,10 @@ class Follows:
         q[self.index] = self.leader.task.target_position
         return q
 
-    @property
-    def rotation(self):
-        """Torso_R_hand of the right one."""
-        dynamics = Dynamics(self.robot)
-        dynamics.update(RobotState(self.q, np.zeros(self.robot.nv)))
-        torso, right = (
-            dynamics.frame(self.robot.frame_id(name)).rotation
-            for name in (self.robot.torso, self.robot.hands[1])
-        )
-        return torso.T @ right
-
-
-class Arms:
-    """The model of the arms that a leader has, sent to places; None for an arm that rests."""
-
-    def __init__(self, robot, *, dt=DT, **options):
-        self.motion = HandLeader(robot, dt=dt, **options)._arms
-
-    def __getattr__(self, name):
-        return getattr(self.motion, name)
-
-    def each(self, name):
-        """An attribute of each arm."""
-        return [getattr(arm, name) for arm in self.motion.limbs]
-
-    @property
-    def joints(self):
-        return self.motion.task.joints
-
-    @property
-    def hands(self):
-        return self.each("place")
-
-    def advance(self, places, rotations=None, rates=None):
-        nothing = [None] * len(places)
-        goals = zip(places, rotations or nothing, rates or nothing, strict=True)
-        self.motion.advance([None if goal[0] is None else Goal(*goal) for goal in goals])
+    def pose(self, side):
+        """Place and orientation of a hand in the torso's frame."""
+        dynamics, robot = self._dynamics, self.robot
+        dynamics.update(RobotState(self.q, np.zeros(robot.nv)))
+        frames = (robot.torso, robot.hands[side])
+        (o, R), (p, turned) = (dynamics.placement(robot.frame_id(name)) for name in frames)
+        return R.T @ (p - o), R.T @ turned

@@ -17,21 +17,21 @@ class MadeUp:
         loads: of the left and of the right sole, over the weight.
         up: height of the left and of the right device over the place of its foot [m]; None for no
             device.
+        ahead, aside: of the right device from the place of its foot, forward and left [m].
     """
 
     def __init__(self, robot):
         self.robot, self.teleoperator = robot, StepTeleoperator(robot)
         self.q, self.loads, self.up, self.time = robot.q_home.copy(), (0.5, 0.5), (0.0, 0.0), 0.0
+        self.ahead = self.aside = 0.0
         self.teleoperator.device = self
 
     def sample(self, time):
         if self.up is None:
             return None
-        places = (
-            anchor + np.array([0.0, 0.0, up])
-            for anchor, up in zip(self.teleoperator.estimator.anchors, self.up, strict=True)
-        )
-        return sample(time, *places)
+        (left, right), (up_left, up_right) = self.teleoperator.estimator.anchors, self.up
+        right = right + np.array([self.ahead, self.aside, up_right])
+        return sample(time, left + np.array([0.0, 0.0, up_left]), right)
 
     def turn(self, joint, angle):
         """Turn a joint [rad]."""

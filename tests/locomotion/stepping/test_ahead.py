@@ -5,21 +5,12 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from walker import sample
+from walker import facing, sample
 
 pytest.importorskip("mujoco")
 
-from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, foot_forces, run_teleop
+from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.locomotion import StepTeleoperator, along_ahead
-
-
-def facing(robot, yaw):
-    """The robot's home, turned about the vertical."""
-    q = robot.q_home.copy()
-    turn = pin.exp3(np.array([0.0, 0.0, yaw]))
-    q[:3] = turn @ q[:3]
-    q[3:7] = pin.Quaternion(turn @ pin.Quaternion(*q[[6, 3, 4, 5]]).toRotationMatrix()).coeffs()
-    return q
 
 
 def yaw_of(rotation):
@@ -93,12 +84,3 @@ def test_a_trunk_stays_where_it_faces_on_feet_that_are_turned_all_the_way_round(
         teleoperator.lead(start)
     pelvis = next(task for _, task in teleoperator.stack.tasks() if task.name.startswith("pelvis"))
     assert apart(yaw_of(pelvis.target_rotation), math.pi) < 1e-6
-
-
-def test_what_a_foot_feels_is_told_as_the_robot_faces(get_robot):
-    robot = get_robot("biped20")
-    teleoperator = StepTeleoperator(robot, q_start=facing(robot, 1.0), actuation="torque")
-    state = teleoperator.estimator.dynamics.state
-    state.contacts[teleoperator.soles[0]] = np.array([5.0, 2.0, 300.0, 0.0, 0.0, 0.0])
-    left, _ = foot_forces(teleoperator)
-    np.testing.assert_allclose(left, [5.0, 2.0, 300.0], atol=1e-6)

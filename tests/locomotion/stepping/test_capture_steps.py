@@ -11,14 +11,7 @@ from walker import hands, sample
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
 from poise.dynamics import RobotState
-from poise.locomotion import (
-    DeviceStatus,
-    Mode,
-    StepTeleoperator,
-    WayPoint,
-)
-from poise.locomotion._walking._legs import FootRange
-from poise.locomotion._walking._phases import StepPhases
+from poise.locomotion import DeviceStatus, Mode, StepTeleoperator, WayPoint
 
 STATUSES, MODES = list(DeviceStatus), list(Mode)
 
@@ -85,13 +78,6 @@ def test_a_foot_that_is_up_and_behind_comes_down_and_is_not_thrown(get_robot, de
 
 
 @pytest.mark.slow
-def test_where_it_holds_itself_the_operator_stays_in_command(get_robot):
-    run = pushed(get_robot("humanoid33"), 0.05, 90, held(0.06), 2.4)
-    assert not run.fell
-    assert not overruled(run.log).any()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "degrees"), [(0.45, 0), (0.45, 180), (0.5, 45)])
 def test_both_feet_on_the_ground_it_steps_and_comes_to_rest(get_robot, speed, degrees):
     robot = get_robot("g1")
@@ -121,22 +107,6 @@ def test_feet_that_stand_too_far_apart_to_be_led_are_brought_together_again(get_
     assert not overruled(log)[log.time > PUSHED_AT + 6.0].any()
     # The trunk leans for the push, and not for what comes after it.
     assert log.tilt[log.time > PUSHED_AT + 2.0].max() < 0.3
-
-
-@pytest.mark.slow
-def test_feet_that_cannot_be_brought_together_are_the_operators_all_the_same(
-    get_robot, monkeypatch
-):
-    """The walker never finds them side by side, and steps on the spot until it is told to stop."""
-    monkeypatch.setattr(FootRange, "spans", lambda *feet: False)
-    monkeypatch.setattr(StepPhases, "is_closed", property(lambda _: False))
-    run = pushed(get_robot("g1"), 0.45, 0, [], 11.0)
-    own = overruled(run.log)
-    assert not run.fell
-    # Six seconds of trying, what comes before, and coming to rest.
-    assert own[run.log.time < 7.0].any()
-    assert 6.0 < own.sum() * TORQUE_TELEOP_PLANT.control_dt < 9.0
-    assert not own[-1]
 
 
 def test_a_foot_that_stands_and_hangs_is_put_down(get_robot):
@@ -191,24 +161,6 @@ def test_the_balance_outweighs_the_trunk_while_the_robot_steps_by_itself(get_rob
         np.testing.assert_allclose(tasks[name].weight, before[name])
 
 
-def test_the_pressure_stays_farther_from_the_edges_while_the_robot_steps_by_itself(hung):
-    contacts = hung.teleoperator.stack.contacts
-    sole = hung.robot.soles[contacts[0].frame]
-
-    def margins():
-        return [sole.width / 2.0 - c.pressure_reach[1] for c in contacts]
-
-    np.testing.assert_allclose(margins(), 0.005)
-    hung.stand_again()
-    hung.tick()
-    np.testing.assert_allclose(margins(), 0.002)
-    hung.loads = (0.0, 1.0)
-    hung.until(hung.time + 0.15)
-    np.testing.assert_allclose(margins(), 0.005)
-    hung.teleoperator.reset()
-    np.testing.assert_allclose(margins(), 0.002)
-
-
 @pytest.mark.parametrize("lean", [0.1, 0.6, -2.0])
 def test_a_trunk_that_was_thrown_over_is_led_back_little_by_little(hung, lean):
     """All the way, it would be asked for more than the balance can spare."""
@@ -223,14 +175,6 @@ def test_a_trunk_that_was_thrown_over_is_led_back_little_by_little(hung, lean):
         back = pin.log3(here.T)
         far = min(np.linalg.norm(back), 0.2)
         np.testing.assert_allclose(step, far * back / np.linalg.norm(back), atol=1e-9)
-
-
-@pytest.mark.slow
-def test_a_push_that_throws_the_trunk_is_survived_upright(get_robot):
-    run = pushed(get_robot("g1"), 0.65, 90, [], 4.0)
-    assert not run.fell
-    assert run.log.tilt.max() < 0.6
-    assert run.log.tilt[-1] < 0.1
 
 
 class WalksThenSteps:
@@ -294,15 +238,6 @@ def test_what_was_learned_of_the_soles_is_forgotten_by_a_reset(get_robot):
             np.testing.assert_allclose(contact.cone, cone, atol=1e-12)
     assert changed[0] > 0.001
     assert changed[1] < 1e-12
-
-
-def test_where_the_zmp_should_be_is_known_while_the_robot_steps_by_itself(get_robot):
-    run = pushed(get_robot("g1"), 0.45, 0, [], 0.8, at=0.4)
-    own = overruled(run.log)
-    assert own.sum() > 50
-    asked = run.log.cart_table_zmp[own]
-    np.testing.assert_allclose(asked, run.log.zmp_reference[own], atol=1e-12)
-    assert np.linalg.norm(np.diff(asked, axis=0), axis=1).max() > 1e-3
 
 
 class StickInMidStep:

@@ -2,17 +2,12 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from walker import hands
 
 from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, BadOperator, run_teleop
-from poise.dynamics import RobotState
-from poise.locomotion import ScriptedDevice, StepTeleoperator, WayPoint
-from poise.locomotion._stepping import _velocity_tasks
-from poise.robots import capsules_of
+from poise.locomotion import WayPoint
 from poise.sim import Plant
-from poise.stack import SelfCollisionLimit
 
 SEED = 21001
 """Of a bad operator under whom the feet of `biped20` met with 900 N, and it fell, after 2.3 s."""
@@ -43,13 +38,6 @@ def touched(monkeypatch):
     return run
 
 
-@pytest.fixture
-def free(monkeypatch):
-    """Nothing keeps links apart."""
-    off = SelfCollisionLimit(enabled=False)
-    monkeypatch.setattr(_velocity_tasks, "SelfCollisionLimit", lambda **_: off)
-
-
 def touching(error=(0.0087, 0.0)):
     plant = replace(VELOCITY_TELEOP_PLANT.with_noise(), self_contact=True)
     # An attitude that is off by half a degree has feet where they are not taken to be.
@@ -74,48 +62,7 @@ def test_legs_that_are_crossed_do_not_touch(get_robot, touched, name, foot):
     assert force == 0.0
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("free")
-def test_without_the_limit_those_of_a_robot_with_wide_feet_do(get_robot, touched):
-    for foot in ("left", "right"):
-        _, force = cross(touched, get_robot("g1"), foot)
-        assert force > 10.0
-
-
 def test_under_a_bad_operator_feet_do_not_touch(get_robot, touched):
     fell, force = lead_badly(touched, get_robot("biped20"))
     assert not fell
     assert force == 0.0
-
-
-@pytest.mark.usefixtures("free")
-def test_under_a_bad_operator_they_do_without_the_limit(get_robot, touched):
-    _, force = lead_badly(touched, get_robot("biped20"))
-    assert force > 300.0
-
-
-def standing_velocities(robot, q):
-    """What is commanded first in a posture with both feet on the ground [rad/s]."""
-    teleoperator = StepTeleoperator(robot, q_start=q, actuation="velocity")
-    teleoperator.device = ScriptedDevice([], *teleoperator.estimator.anchors)
-    controller = teleoperator.controller()
-    measured = RobotState(q, np.zeros(robot.nv))
-    for k in range(5):
-        estimate = teleoperator.estimator.update(replace(measured, time=0.005 * k))
-        teleoperator.lead(estimate)
-        command = controller.step(estimate)
-        assert command.status.ok
-    return command.velocity
-
-
-def test_feet_that_stand_too_near_each_other_are_left_alone(get_robot, request):
-    robot = get_robot("biped20")
-    q, model = robot.q_home.copy(), robot.model
-    for sole, inwards in zip(robot.soles, (-0.06, 0.06), strict=True):
-        rolls = [j for j in robot.leg_joints(sole) if "roll" in model.names[j]]
-        q[model.joints[rolls[0]].idx_q] += inwards
-        q[model.joints[rolls[-1]].idx_q] -= inwards
-    assert capsules_of(robot).distances(robot, q).min() < -0.02
-    kept = standing_velocities(robot, q)
-    request.getfixturevalue("free")
-    np.testing.assert_array_equal(kept, standing_velocities(robot, q))

@@ -8,14 +8,10 @@ from walker import hands as device_of
 
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
-    RecordedDevice,
-    read_recording,
     replay_teleop,
     run_teleop,
-    write_recording,
 )
 from poise.dynamics import Dynamics, RobotState
-from poise.errors import ConfigurationError
 from poise.locomotion import (
     GazeLeader,
     HandStatus,
@@ -23,7 +19,6 @@ from poise.locomotion import (
     OperatorSample,
     TrackedPose,
     WayPoint,
-    walking_stack,
 )
 
 DT = 0.002
@@ -152,22 +147,6 @@ def test_no_stream_of_samples_turns_the_gaze_faster_than_it_may(get_robot, every
         assert far <= 0.12 + 2.5 * DT * ticks + 1e-9
 
 
-BAD = {"not a number": np.full(4, np.nan), "too long": np.array([0.0, 0.0, 0.5, 1.0])}
-
-
-@pytest.mark.parametrize("bad", BAD.values(), ids=BAD)
-def test_a_bad_orientation_is_refused_and_then_lost(get_robot, bad):
-    robot = Looks(get_robot("humanoid33"))
-    robot.say(head(0.0, 0.0, 0.0, clutch=False))
-    robot.say(head(0.0, 0.0, 0.2), 0.5)
-    gaze = robot.leader.gaze
-    robot.say(TrackedPose.of(None, True, bad), 0.3)
-    assert robot.leader.status is HandStatus.LED
-    robot.say(TrackedPose.of(None, True, bad), 0.3)
-    assert robot.leader.status is HandStatus.HELD
-    np.testing.assert_array_equal(robot.leader.gaze, gaze)
-
-
 def test_further_than_the_neck_goes_it_says_so_and_without_one_the_torso_turns(get_robot):
     robot = Looks(get_robot("humanoid33"))
     robot.say(head(0.0, 0.0, 0.0, clutch=False))
@@ -182,17 +161,6 @@ def test_further_than_the_neck_goes_it_says_so_and_without_one_the_torso_turns(g
     np.testing.assert_allclose(robot.leader.torso, (0.0, 0.2, 0.0), atol=1e-9)
     robot.say(head(0.0, 0.0, 0.9), 0.5)
     assert robot.leader.status is HandStatus.REACH
-    with pytest.raises(ConfigurationError, match="speed_max of the gaze"):
-        GazeLeader(get_robot("g1"), dt=DT, speed_max=0.0)
-
-
-def test_a_neck_weighs_less_than_the_balance_of_a_walk(get_robot):
-    robot = get_robot("talos")
-    leader = GazeLeader(robot, dt=DT)
-    stack = walking_stack(robot, neck=leader.task)
-    stack.bind(robot)
-    assert [leader.task in level for level in stack.levels] == [True, False]
-    assert 30.0 * leader.task.weight.max() < stack.task("com").weight.min()
 
 
 @pytest.mark.parametrize(("name", "frame"), [("humanoid33", "head_link"), slow("g1", "torso")])
@@ -211,30 +179,3 @@ def test_robots_look_there_and_the_run_replays(get_robot, name, frame, tmp_path)
     assert angle(now, pin.exp3(np.array([0.0, 0.0, 0.4])) @ home) < 0.06
     again = replay_teleop(path, robot)
     assert np.array_equal(again.log.command, run.log.command)
-
-
-def test_orientations_are_recorded_to_the_last_bit(tmp_path):
-    rng, samples = np.random.default_rng(0), []
-    for k in range(20):
-        a, b, c = (q / np.linalg.norm(q) for q in rng.normal(size=(3, 4)))
-        left = TrackedPose.of(rng.normal(size=3), k % 2 == 0, a)
-        right = TrackedPose.of(rng.normal(size=3), k % 3 == 0, b if k % 4 else None)
-        looks = TrackedPose.of(None, k % 2 == 1, c if k % 5 else np.full(4, np.nan))
-        feet = (TrackedPose.of(rng.normal(size=3)), TrackedPose.of(rng.normal(size=3)))
-        looks = looks if k % 7 else None
-        samples.append(OperatorSample(0.1 * k, feet, hands=(left, right), head=looks))
-    path = tmp_path / "turns.mcap"
-    write_recording(path, enumerate(samples), robot="g1", dt=DT)
-    device = RecordedDevice(read_recording(path))
-    for k, sample in enumerate(samples):
-        read = device.sample(k * DT)
-        for one, other in zip(sample.hands, read.hands, strict=True):
-            assert one.clutch == other.clutch
-            np.testing.assert_array_equal(one.position, other.position)
-            assert (one.orientation is None) == (other.orientation is None)
-            if one.orientation is not None:
-                np.testing.assert_array_equal(one.orientation, other.orientation)
-        assert (sample.head is None) == (read.head is None)
-        if sample.head is not None:
-            assert sample.head.clutch == read.head.clutch
-            np.testing.assert_array_equal(sample.head.orientation, read.head.orientation)

@@ -1,12 +1,11 @@
 """Robots whose servos let them sway over one foot are refused before anything moves."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from legs import leg_joints
-from standing import biped as biped_at_home
 
 from poise.apps.teleoperation import SCRIPTS, VELOCITY_TELEOP_PLANT, run_teleop
 from poise.errors import ConfigurationError
@@ -17,21 +16,13 @@ from poise.locomotion import (
     StepTeleoperator,
     WayPoint,
 )
-from poise.locomotion._stepping._velocity_level import sway_growth, sway_stiffness
-from poise.robots import GRAVITY
-
-OMEGA, LEAK = 3.5, 5.0
-
-
-def shifter_of(kp=40.0, kd=None):
-    return ComShifter(GRAVITY / OMEGA**2, kp=kp, kd=kd)
 
 
 def with_ankles(robot, share):
     """The same robot, its ankles' roll by so much weaker."""
     torque = robot.tau_max.copy()
-    for sole in list(robot.soles)[:2]:
-        torque[leg_joints(robot, sole)[-1]] *= share
+    for sole in robot.soles:
+        torque[robot.leg_joints(sole)[-1] - 2] *= share
     return replace(robot, tau_max=torque)
 
 
@@ -59,7 +50,7 @@ def test_servo_gains_that_cannot_be_are_refused(get_robot, gains):
 def test_weak_ankles_for_pitch_let_it_sway_forward(get_robot):
     robot = get_robot("biped20")
     torque = robot.tau_max.copy()
-    torque[leg_joints(robot, "right_sole")[-2]] *= 0.1
+    torque[robot.leg_joints("right_sole")[-2] - 2] *= 0.1
     with pytest.raises(ConfigurationError, match="right_sole it would sway forward"):
         StepTeleoperator(replace(robot, tau_max=torque), actuation="velocity")
 
@@ -89,50 +80,9 @@ def test_human_is_refused_and_would_not_stay_on_one_foot(get_robot):
     assert run.fell or 0.5 < down - lifted < 2.0
 
 
-def test_stiff_servos_leave_the_pendulums_own_pole():
-    assert sway_growth(1e6, 1e5, shifter_of(), LEAK) == pytest.approx(-OMEGA, rel=1e-3)
-
-
-@pytest.mark.parametrize(("kp", "kd"), [(40.0, None), (60.0, None), (40.0, 12.0)])
-def test_sway_grows_as_the_difference_equations_do(kp, kd):
-    """The model marched on in steps of 0.1 ms, by itself."""
-    stiffness = 2.0 * OMEGA**2
-    p, v, at, command = 0.01, 0.0, 0.0, 0.0
-    gains = shifter_of(kp, kd)
-    kd = kp / OMEGA + OMEGA if kd is None else kd
-    damping = stiffness * 2.5 / 70.0
-    dt, peaks = 1e-4, []
-    for _ in range(100_000):
-        force = -stiffness * (p - at) - damping * (v - command)
-        wanted = -kp * p - kd * command + LEAK * (v - command)
-        before = v
-        v += dt * (OMEGA**2 * p + force)
-        p += dt * v
-        at += dt * command
-        command += dt * wanted
-        if before > 0.0 >= v:
-            peaks.append(p)
-    period = 2.0 * np.pi / np.abs(frequency(stiffness, damping, kp, kd))
-    rate = np.log(peaks[-1] / peaks[-2]) / period
-    assert rate == pytest.approx(sway_growth(stiffness, damping, gains, LEAK), rel=0.01)
-
-
-def frequency(stiffness, damping, kp, kd):
-    """Of the swing that grows [rad/s], from the characteristic polynomial."""
-    k, d, leak = stiffness, damping, LEAK
-    plant, spring = np.poly1d([1.0, d, k - OMEGA**2]), np.poly1d([d, k])
-    s = np.poly1d([1.0, 0.0])
-    # p (plant) = spring P, s P = V, V (s + kd + leak) = (leak s - kp) p.
-    roots = (plant * s * (s + kd + leak) - spring * (leak * s - kp)).roots
-    return roots[np.argmax(roots.real)].imag
-
-
-@pytest.mark.parametrize("foot", [0, 1])
-def test_the_stiffness_is_that_of_springs_one_after_the_other(get_robot, foot):
-    robot = get_robot("biped20")
-    dynamics = StepTeleoperator(robot, actuation="velocity").estimator.dynamics
-    biped = biped_at_home(robot)
-    sole, data, step = biped.soles[foot], robot.model.createData(), 1e-6
+def springs(robot, sole, gain):
+    """Stiffness of a leg's joints, one after the other, under the CoM along x and y [N/m]."""
+    data, step, gives = robot.model.createData(), 1e-6, np.zeros(2)
 
     def com(joint, angle):
         """Seen from the sole, with one joint turned."""
@@ -142,13 +92,36 @@ def test_the_stiffness_is_that_of_springs_one_after_the_other(get_robot, foot):
         place = data.oMf[robot.frame_id(sole)]
         return place.rotation.T @ (pin.centerOfMass(robot.model, data, q) - place.translation)
 
-    gives = np.zeros(2)
-    for joint in leg_joints(robot, sole):
+    for joint in (joint - 2 for joint in robot.leg_joints(sole)):
         rate = (com(joint, step) - com(joint, -step))[:2] / (2.0 * step)
-        gives += rate**2 / (70.0 * robot.tau_max[joint])
-    stiffness, weakest = sway_stiffness(biped, dynamics, foot, 70.0)
-    assert stiffness == pytest.approx(1.0 / gives, rel=1e-5)
-    assert weakest[1].endswith("ankle_roll")
+        gives += rate**2 / (gain * robot.tau_max[joint])
+    return 1.0 / gives
+
+
+def growth(stiffness, damping, shifter, leak=5.0):
+    """Of the larger swings of a CoM that is held so, per mass, marched on in steps of 0.1 ms."""
+    p, v, at, command, dt, peaks = 0.01, 0.0, 0.0, 0.0, 1e-4, []
+    for tick in range(100_000):
+        force = -stiffness * (p - at) - damping * (v - command)
+        wanted = -shifter.kp * p - shifter.kd * command + leak * (v - command)
+        before, v = v, v + dt * (shifter.omega**2 * p + force)
+        p, at, command = p + dt * v, at + dt * command, command + dt * wanted
+        if before > 0.0 >= v:
+            peaks.append((tick * dt, p))
+    (begin, low), (end, high) = peaks[-2:]
+    return float(np.log(high / low) / (end - begin))
+
+
+def test_the_sway_that_is_reported_is_that_of_springs_under_a_pendulum(get_robot):
+    robot = with_ankles(get_robot("biped20"), 0.15)
+    shifter = StepTeleoperator(get_robot("biped20"), actuation="velocity").driver
+    with pytest.raises(ConfigurationError) as refused:
+        StepTeleoperator(robot, actuation="velocity")
+    found = re.search(r"by (\S+) /s, servos that hold the COM at (\S+) rad/s", str(refused.value))
+    stiffness = springs(robot, "left_sole", 70.0)[1] / robot.mass
+    assert float(found[2]) == pytest.approx(np.sqrt(stiffness), abs=0.06)
+    rate = growth(stiffness, stiffness * 2.5 / 70.0, shifter)
+    assert float(found[1]) == pytest.approx(rate, rel=0.06)
 
 
 def test_a_drivers_own_gains_are_what_is_tried(get_robot):

@@ -1,5 +1,8 @@
 """What the tests of teleoperation share: devices, short runs, and robots that cannot be walked."""
 
+import numpy as np
+import pinocchio as pin
+
 from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT, run_teleop
 from poise.locomotion import OperatorSample, ScriptedDevice, TrackedPose, WayPoint
 
@@ -41,3 +44,18 @@ class Says:
 
     def sample(self, time):
         return self._sample
+
+
+def feet(left, right, left_rate=None, right_rate=None):
+    """A sample of two foot devices at places of any kind."""
+    parts = TrackedPose(left, velocity=left_rate), TrackedPose(right, velocity=right_rate)
+    return OperatorSample(0.0, parts)
+
+
+def facing(robot, yaw):
+    """Its home, turned about the vertical."""
+    q = robot.q_home.copy()
+    turn = pin.exp3(np.array([0.0, 0.0, yaw]))
+    q[:3] = turn @ q[:3]
+    q[3:7] = pin.Quaternion(turn @ pin.Quaternion(q[3:7]).matrix()).coeffs()
+    return q

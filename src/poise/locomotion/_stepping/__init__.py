@@ -1,5 +1,9 @@
 """A person leads the robot's feet: step-by-step teleoperation of bipeds."""
 
+from poise.locomotion._stepping._biped import (
+    TeleopParameters as TeleopParameters,
+    teleop_parameters as teleop_parameters,
+)
 from poise.locomotion._stepping._devices import (
     FootTracker as FootTracker,
     ScriptedDevice as ScriptedDevice,
@@ -9,6 +13,7 @@ from poise.locomotion._stepping._devices import (
     rest_place as rest_place,
 )
 from poise.locomotion._stepping._feet import FOOT_TURNS as FOOT_TURNS
+from poise.locomotion._stepping._footing import TORSO_MOST as TORSO_MOST
 from poise.locomotion._stepping._guard import (
     LATE as LATE,
     LOST_AFTER as LOST_AFTER,
@@ -32,11 +37,6 @@ from poise.locomotion._stepping._sample import (
     Vector as Vector,
     WarnOnce as WarnOnce,
     checked_reading as checked_reading,
-)
-from poise.locomotion._stepping._stance import (
-    TORSO_MOST as TORSO_MOST,
-    TeleopParameters as TeleopParameters,
-    teleop_parameters as teleop_parameters,
 )
 from poise.locomotion._stepping._step_teleoperator import (
     StepTeleoperator as StepTeleoperator,

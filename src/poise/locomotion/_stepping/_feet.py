@@ -6,18 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from poise.locomotion._stepping._sample import OperatorSample, Vector
-from poise.locomotion._stepping._stance import (
+from poise.locomotion._stepping._biped import Biped, TeleopParameters
+from poise.locomotion._stepping._estimator import (
     LANDED,
     POSITION_GAIN,
-    Biped,
-    Footing,
+    TOUCH_SPEED,
     StanceEstimator,
-    TeleopParameters,
 )
+from poise.locomotion._stepping._footing import Footing
+from poise.locomotion._stepping._sample import OperatorSample, Vector
 from poise.locomotion._support import SingleSupportRegion, Vector2, Vector3
 from poise.locomotion._walking import (
     CLEAR,
+    GIVES,
     FootRange,
     HeldFlight,
     StepEnd,
@@ -29,23 +30,18 @@ from poise.stack import Stack
 _THERE = 1e-6
 """Least distance of a foot's target from the operator's, against rounding [m]."""
 
-_HANGS, _COMES = 0.005, 0.002
+_COMES = 0.002
 """Height over its target of a foot that has not arrived; descent of one that comes [m]."""
 
-_PATIENCE, _DRAWN = 0.4, 0.05
-"""Time for which a foot may hang, and speed at which it is drawn nearer then [s, m/s]."""
+_PATIENCE, _DRAWN = 0.3, 0.05
+"""Time for which a foot may carry that should have been lifted, or hang that should come down [s];
+speed at which it is drawn nearer then [m/s]."""
 
 _CALM = 0.8
 """Depth of the DCM in the sole, over the deepest place's, for full speed."""
 
-_TOUCH_SPEED = 0.15
-"""Largest speed of a foot downwards at the height of the ground, for the paper's soles [m/s]."""
-
 _SWING_TIME = 0.05
 """Time constant with which the swing foot's velocity is smoothed [s]."""
-
-_STUCK_TIME = 0.3
-"""A foot that still carries so long after it should have been lifted stays on the ground [s]."""
 
 _UNLOADED = 0.02
 """Time without load after which a foot has left the ground [s]."""
@@ -53,8 +49,9 @@ _UNLOADED = 0.02
 _SHIFT_TIMEOUT = 3.0
 """A weight shift that takes longer gives both feet back [s]."""
 
-_FARTHEST = 0.03
-"""Largest distance of the reference of the swing foot from the foot [m]."""
+FARTHEST = 0.03
+"""Largest distance of the reference of a foot or hand from it [m]: when the device comes back, so
+does the hand."""
 
 _TURN_RATE = 1.0
 """Turning of a swing foot [rad/s]."""
@@ -92,6 +89,17 @@ class FootDevices:
     ) -> None:
         """Take one tick."""
         self._command, self._held, self._footing = command, held, footing
+
+    def limit_descent(self, lowest: float) -> float:
+        """Raise the lowest height of the CoM over the ground to what the stance knee holds [m]."""
+        footing, reach, stance = self._footing, self._range, self._footing.stance
+        hip = reach.hip(stance, footing.dynamics)
+        too_weak = reach.too_weak(stance, footing.anchors[stance], hip, footing.heading)
+        height = float(footing.com[2]) - footing.ground
+        lowest = max(lowest, height + too_weak)
+        self.room_below = max(height - lowest, 0.0)
+        self.falling = footing.mode.single and too_weak > GIVES
+        return lowest
 
     # Events ---------------------------------------------------------------------------------------
 
@@ -132,7 +140,7 @@ class FootDevices:
         else:
             self._unloaded = self._unloaded + self._dt if load < 0.5 * LANDED else 0.0
             self.foot_has_left = self._unloaded >= _UNLOADED
-            landed = load > LANDED and self._since > _STUCK_TIME
+            landed = load > LANDED and self._since > _PATIENCE
         if self.foot_has_left and not landed:
             return None
         if self.rescuing:
@@ -174,8 +182,8 @@ class FootDevices:
         x, y, z = x + dt * vx, y + dt * vy, z + dt * vz
         gap_x, gap_y, gap_z = x - here_x, y - here_y, z - here_z
         far = math.hypot(gap_x, gap_y, gap_z)
-        if far > _FARTHEST:
-            part = _FARTHEST / far
+        if far > FARTHEST:
+            part = FARTHEST / far
             x, y, z = here_x + part * gap_x, here_y + part * gap_y, here_z + part * gap_z
         if here_z - footing.ground_below > CLEAR:
             self._turn(foot, footing, dt)
@@ -222,7 +230,7 @@ class FootDevices:
     def _hangs(self, footing: Footing, sent: float) -> bool:
         """Return whether the foot is sent to the ground and has not got lower for a while."""
         height = float(footing.sole(footing.other)[2])
-        if sent > min(height - _HANGS, footing.highest_ground) or not footing.has_left:
+        if sent > min(height - _COMES, footing.highest_ground) or not footing.has_left:
             self._comes()
             return False
         if self._hung < _PATIENCE:
@@ -272,7 +280,7 @@ class FootDevices:
         x, y, z = part * x, part * y, part * z
         if not hurry:
             # Low where the ground may be.
-            touching = _TOUCH_SPEED * biped.wide
+            touching = TOUCH_SPEED * biped.wide
             clear = footing.clearance(footing.highest_ground)
             z = max(z, -(touching + clear * (self._parameters.lower_speed - touching)))
         if not footing.mode.single:
@@ -313,11 +321,13 @@ class SteppingLevel:
         self,
         biped: Biped,
         parameters: TeleopParameters,
-        reach: FootRange,
         estimator: StanceEstimator,
         stack: Stack,
+        *,
+        servos: bool,
     ) -> None:
-        self._biped, self._parameters, self._reach = biped, parameters, reach
+        self._biped, self._parameters = biped, parameters
+        self._reach = biped.foot_range(parameters, servos=servos)
         self._estimator, self.stack = estimator, stack
         self.footing: Footing | None = None  # of the last tick
 

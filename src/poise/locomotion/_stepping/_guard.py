@@ -105,13 +105,9 @@ TURN_SPEED_MAX = 3.0  # of a hand that is followed [rad/s]: what wrists of robot
 # Turn that is followed without delay after rest [rad]: one period of a tracker of 25 Hz, for a
 # wrist that is flicked runs ahead of what follows it
 TURN_BURST = TURN_SPEED_MAX / 25.0
-TURN_JUMP = 12.0 * SLOWEST  # between samples [rad]: a wrist that is flicked, at 12 rad/s
-# Delay with which a device may read its own velocity [s]: two periods of a tracker of 100 Hz
-VELOCITY_DELAY = 0.02
-VELOCITY_ERROR = SPEED_MAX * VELOCITY_DELAY  # distance between place and integrated velocity [m]
-# Time constant with which that distance is forgotten [s]: no less than a velocity counts
-VELOCITY_MEMORY = 2 * SILENT_AFTER
-UNIT_ERROR = 0.01  # of a quaternion's length: messages round to two figures
+# Distance between place and integrated velocity [m]: a device may read its own velocity two
+# periods of a tracker of 100 Hz late
+VELOCITY_ERROR = SPEED_MAX * 0.02
 
 
 class RateLimiter:
@@ -154,7 +150,8 @@ class VelocityCheck:
         since, sent, here = time - self._at, np.array(velocity), np.array(place)
         if 0.0 <= since <= SILENT_AFTER:
             apart = self._apart + 0.5 * since * (self._sent + sent) - (here - self._place)
-            self._apart = (1.0 - since / VELOCITY_MEMORY) * apart
+            # Forgotten no sooner than a velocity counts.
+            self._apart = (1.0 - since / (2.0 * SILENT_AFTER)) * apart
         else:
             self._apart = np.zeros(3)
         self._sent, self._place, self._at = sent, here, time
@@ -253,7 +250,8 @@ def is_turned_away(rotation: Rotation | None, before: Rotation | None) -> bool:
     """Return whether a rotation is so far from the one before that it is another thing's."""
     if rotation is None or before is None:
         return False
-    return math.hypot(*rotation_vector(rotation, before)) > TURN_JUMP
+    # A wrist that is flicked turns at 12 rad/s.
+    return math.hypot(*rotation_vector(rotation, before)) > 12.0 * SLOWEST
 
 
 def rotation_of(quaternion: Sequence[float] | None) -> Rotation | None:
@@ -261,14 +259,10 @@ def rotation_of(quaternion: Sequence[float] | None) -> Rotation | None:
     if quaternion is None:
         return None
     length = math.hypot(*quaternion)
-    # Not a number is not near one either.
-    if not abs(length - 1.0) <= UNIT_ERROR:
+    # Messages round to two figures; not a number is not near one either.
+    if not abs(length - 1.0) <= 0.01:
         return None
     return pin.Quaternion(np.array(quaternion) / length).toRotationMatrix()
-
-
-# Sticks do not rest at exactly zero [m/s, rad/s]
-_STICK_REST, _STICK_TURN_REST = 0.01, 0.02
 
 
 class DeviceStatus(Enum):
@@ -424,7 +418,8 @@ class OperatorGuard:
     def _steer(self, velocity: Vector, time: float) -> None:
         """A velocity counts after one of zero: a stick that was held when it was found does not."""
         ahead, aside, turn = map(abs, velocity)
-        if ahead <= _STICK_REST and aside <= _STICK_REST and turn <= _STICK_TURN_REST:
+        # Sticks do not rest at exactly zero [m/s, rad/s].
+        if ahead <= 0.01 and aside <= 0.01 and turn <= 0.02:
             self._walk.release(time)
             return
         if not all(map(math.isfinite, velocity)):

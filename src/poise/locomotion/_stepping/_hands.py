@@ -10,15 +10,10 @@ from jaxtyping import Float64, Int64
 
 from poise._checks import checked_number
 from poise.dynamics import RobotState, rotation_vector
+from poise.locomotion._stepping._feet import FARTHEST
+from poise.locomotion._stepping._footing import LEVEL, TORSO_MOST
 from poise.locomotion._stepping._guard import OperatorGuard, RateLimiter, Tracker
-from poise.locomotion._stepping._limbs import (
-    TURN_GAIN,
-    Approach,
-    Goal,
-    LedLimbs,
-    Limb,
-)
-from poise.locomotion._stepping._stance import LEVEL, TORSO_MOST
+from poise.locomotion._stepping._limbs import TURN_ACCELERATION, Approach, Goal, LedLimbs, Limb
 from poise.robots import Robot
 
 
@@ -39,27 +34,10 @@ def _next_status(status: HandStatus, *, led: bool, rest: bool) -> HandStatus:
     return HandStatus.REST if rest or status is HandStatus.REST else HandStatus.HELD
 
 
-_EDGE = 0.03
-"""At the edge of its reach a hand's place is no further ahead than this [m]: when the device comes
-back, so does the hand."""
-
 _TURN_EDGE = 1.0
-"""And its orientation is no further ahead than this [rad]. So far a device may turn where the
+"""A hand's orientation is no further ahead than this [rad]. So far a device may turn where the
 hand cannot follow, and turned back both face alike again, as whoever turns a wrist expects. Much
 more, and there are two ways round."""
-
-
-_GAIN, _TURN_ACCELERATION = 15.0, 20.0
-"""Gain of a hand's way [1/s]; largest angular acceleration [rad/s^2]."""
-
-_HOME = Approach(gain=3.0, speed=1.2, acceleration=50.0)
-"""Of the joints back to rest."""
-
-_ARM_MARGIN = 0.05
-"""Distance of an arm's joints from their limits [rad]."""
-
-_ARMS_BY_TORQUES = (25.0, 150.0, 150.0)
-"""At rest as stiff as the posture; an unknown load in a hand is learned."""
 
 
 class HandLeader:
@@ -107,20 +85,22 @@ class HandLeader:
         turn_speed_max: float = 3.0,
         servos: bool = False,
     ) -> None:
-        checked_number(dt, "dt of the hands [s]", above=0.0)
-        self._scale = checked_number(scale, "scale of the hands", above=0.0)
-        checked_number(speed_max, "speed_max of the hands [m/s]", above=0.0)
-        checked_number(acceleration_max, "acceleration_max of the hands [m/s^2]", above=0.0)
-        checked_number(turn_speed_max, "turn_speed_max of the hands [rad/s]", above=0.0)
+        numbers = {
+            "dt of the hands [s]": dt,
+            "scale of the hands": scale,
+            "speed_max of the hands [m/s]": speed_max,
+            "acceleration_max of the hands [m/s^2]": acceleration_max,
+            "turn_speed_max of the hands [rad/s]": turn_speed_max,
+        }
+        for what, number in numbers.items():
+            checked_number(number, what, above=0.0)
+        self._scale = scale
         self._arms = LedLimbs(
             robot,
             _arm_chains(robot),
             q_rest,
-            move=Approach(gain=_GAIN, speed=speed_max, acceleration=acceleration_max),
-            turn=Approach(gain=TURN_GAIN, speed=turn_speed_max, acceleration=_TURN_ACCELERATION),
-            home=_HOME,
-            margin=_ARM_MARGIN,
-            by_torques=_ARMS_BY_TORQUES,
+            move=Approach(speed_max, acceleration_max),
+            turn=Approach(turn_speed_max, TURN_ACCELERATION),
             dt=dt,
             weight=weight,
             name="arms",
@@ -217,7 +197,7 @@ class HandLeader:
             if self.status[hand] is HandStatus.LED:
                 self.status[hand] = HandStatus.REACH
             way = self.places[hand] - arm.place
-            self.places[hand] = arm.place + way * min(1.0, _EDGE / max(math.hypot(*way), 1e-9))
+            self.places[hand] = arm.place + way * min(1.0, FARTHEST / max(math.hypot(*way), 1e-9))
         elif arm.stuck and self.status[hand] is HandStatus.LED:
             self.status[hand] = HandStatus.TURNED
 
@@ -241,19 +221,6 @@ def _side(robot: Robot, name: str, place: Float64[np.ndarray, "3"]) -> int:
     if len(robot.hands) == 1:
         return 0 if place[1] > 0.0 else 1
     return robot.hands.index(name)
-
-
-_HEAD_ACCELERATION, _NECK_ACCELERATION = 15.0, 40.0
-"""Largest accelerations of the head and of its joints [rad/s^2]."""
-
-_NECK_MARGIN = 0.02
-"""Distance of a neck's joints from their limits [rad]."""
-
-_NECK_BY_TORQUES = (100.0, 100.0, 0.0)
-"""A head carries nothing."""
-
-_HEADS = ("head", "neck")
-"""Names of frames that a head carries."""
 
 
 class GazeLeader:
@@ -285,17 +252,13 @@ class GazeLeader:
         turns_torso: bool = False,
         servos: bool = False,
     ) -> None:
-        self._dt = checked_number(dt, "dt of the gaze [s]", above=0.0)
-        self._speed = checked_number(speed_max, "speed_max of the gaze [rad/s]", above=0.0)
+        self._step = dt * speed_max
         self._neck = LedLimbs(
             robot,
             _neck_chain(robot),
             q_rest,
             move=None,
-            turn=Approach(gain=TURN_GAIN, speed=speed_max, acceleration=_HEAD_ACCELERATION),
-            home=Approach(gain=TURN_GAIN, speed=speed_max, acceleration=_NECK_ACCELERATION),
-            margin=_NECK_MARGIN,
-            by_torques=_NECK_BY_TORQUES,
+            turn=Approach(speed_max, TURN_ACCELERATION),
             dt=dt,
             weight=weight,
             name="neck",
@@ -309,7 +272,7 @@ class GazeLeader:
         """Restart with the head straight ahead."""
         self._neck.reset()
         # No burst: the head turns at its own speed, whoever leads it.
-        self._limiter = RateLimiter(self._dt * self._speed, self._dt * self._speed)
+        self._limiter = RateLimiter(self._step, self._step)
         self.gaze: Float64[np.ndarray, "3 3"] = LEVEL
         can = self.task is not None or self._turns_torso
         self.status: HandStatus | None = HandStatus.REST if can else None
@@ -353,7 +316,7 @@ def _neck_chain(robot: Robot) -> dict[str, Int64[np.ndarray, " k"]]:
     others = torso.union(*(robot.joints_above(name) for name in (*robot.hands, *robot.soles)))
     found, best = set[int](), ""
     for each in robot.model.frames:
-        if any(word in each.name.lower() for word in _HEADS):
+        if any(word in each.name.lower() for word in ("head", "neck")):
             above = set(robot.model.supports[each.parentJoint].tolist()) - {0}
             own = above - others
             if torso <= above and len(own) > len(found):

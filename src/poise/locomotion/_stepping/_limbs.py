@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,43 +21,52 @@ from poise.stack import (
     Task,
 )
 
-TURN_GAIN = 10.0
-"""Gain of a frame's turn towards its goal [1/s]."""
+_GAIN = 15.0
+"""Speed of a frame or of joints over the distance to their goal [1/s]."""
 
 _BRAKING = 0.6
 """Part of the largest acceleration that is counted on near a goal."""
 
+TURN_ACCELERATION, _JOINT_ACCELERATION = 20.0, 50.0
+"""Largest angular accelerations of a frame and of joints [rad/s^2]."""
+
 _ARRIVED = 1e-3
 """Joints no farther from rest than this, and no faster, are at rest [rad, rad/s]."""
 
-_BACK_GAIN = 1.0
-"""Rate at which the freedom that a frame leaves its joints goes back to rest [1/s]."""
-
-_SPEED_RATIO, _LIMIT_TIME = 0.7, 0.2
-"""Part of the velocity limits that is used; time in which joints may at most reach their limits,
-which brakes them from 10 rad/s by the 50 rad/s^2 that arms have [s]."""
+_SPEED_RATIO, _FASTEST = 0.7, 10.0
+"""Part of the velocity limits that is used; speed from which joints are braked in time before
+their position limits [rad/s]."""
 
 _MARGIN = 0.03
 """Distance between links [m]: more than the stack's own limit keeps, so that limbs come to rest
 here and lean on no limit there."""
 
-_SHORT, _SLOW, _HARDLY = 0.05, 0.1, 0.15
-"""Speeds below which a frame that gets no nearer is where it shall be [m/s, rad/s], and the part of
+_JOINT_MARGIN = 0.05
+"""Distance of joints from their limits [rad]."""
+
+_SHORT, _HARDLY = 0.05, 0.15
+"""Speed below which a frame that gets no nearer is where it shall be [m/s, rad/s], and the part of
 the requested velocity below which it gets no nearer."""
 
 _POSTURE, _FREE = 1e-2, 1e-4
 """Weights beside an orientation that counts: of the joints' way to rest, which costs it a
 ten-thousandth, and of an orientation that does not count."""
 
-_OUT, _IN = 0.2, 1.0
-"""Times in which turning fades out where a frame does not get to its place, and in again [s]."""
+_FADE = 0.5
+"""Time in which turning fades out where a frame does not get to its place, and in again; and in
+which limbs become stiff in motion, and soft again at rest [s]."""
+
+REST_STIFFNESS, _STIFFNESS, _BY_SERVOS = 25.0, 150.0, 16.0
+"""At rest, as soft as the posture, and in motion, by torques; in motion by servos, which follow by
+themselves: what ticks that failed have missed is taken back at 2 /s, half the root [1/s^2]."""
+
+_BIAS_MAX = 30.0
+"""Largest acceleration that is learned for what a hand carries: of a lag of 0.2 rad [rad/s^2]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Approach:
-    """Bounds of a motion towards a goal: speed over distance [1/s], speed and acceleration."""
+class Approach(NamedTuple):
+    """Bounds of a motion towards a goal."""
 
-    gain: float
     speed: float
     acceleration: float
 
@@ -68,7 +76,7 @@ class Approach:
         """Return the velocity over a way to a goal that moves at a rate: it can be braked."""
         far = math.hypot(*way)
         braked = math.sqrt(2.0 * _BRAKING * self.acceleration * far)
-        velocity = way * (min(self.gain * far, braked, self.speed) / max(far, 1e-9))
+        velocity = way * (min(_GAIN * far, braked, self.speed) / max(far, 1e-9))
         if rate is None:
             return velocity
         velocity += rate
@@ -80,18 +88,6 @@ class Approach:
         """Return the velocity after a tick on the way from one velocity to another."""
         change = wanted - now
         return now + change * min(1.0, self.acceleration * dt / max(math.hypot(*change), 1e-12))
-
-
-_BY_SERVOS = (0.0, 16.0, 0.0)
-"""Servos follow by themselves and carry what there is: nothing is learned, and at rest there is no
-stiffness. Sag in motion, or what ticks that failed have missed, is taken back at 2 /s, half the
-root of the stiffness."""
-
-_STIFFEN = 0.5
-"""Time in which limbs become stiff in motion, and soft again at rest [s]."""
-
-_BIAS_MAX = 30.0
-"""Largest acceleration that is learned for what a hand carries [rad/s^2]."""
 
 
 class Goal(NamedTuple):
@@ -141,10 +137,10 @@ class Limb:
         own = frame.jacobian[:, self._columns]
         self._jacobian = np.concatenate((turn @ own[:3], turn @ own[3:]))
 
-    def go(self, v: Float64[np.ndarray, " n"]) -> None:
-        """Request the frame velocity of given joint velocities."""
+    def go(self, v: Float64[np.ndarray, " k"]) -> None:
+        """Request the frame velocity of given velocities of its joints."""
         self.reset()
-        self._asked = (self._jacobian @ v[self.own]).reshape(2, 3)
+        self._asked = (self._jacobian @ v).reshape(2, 3)
         self._ask(self.place, self.rotation)
 
     def follow(self, goal: Goal) -> None:
@@ -180,25 +176,25 @@ class Limb:
     def look(self, v: Float64[np.ndarray, " n"]) -> None:
         """Update `blocked` and `stuck` by the solved joint velocities."""
         found = (self._jacobian @ v[self.own]).reshape(2, 3)
-        self.blocked = _is_stuck(self._asked[0], found[0], _SHORT)
-        self.stuck = _is_stuck(self._asked[1], found[1], _SLOW)
-        change = -self._dt / _OUT if self.blocked else self._dt / _IN
-        self._share = min(max(self._share + change, 0.0), 1.0)
+        self.blocked = _is_stuck(self._asked[0], found[0])
+        self.stuck = _is_stuck(self._asked[1], found[1])
+        self._share = _faded(self._share, self._dt, grows=not self.blocked)
 
 
-def _is_stuck(
-    asked: Float64[np.ndarray, "3"], found: Float64[np.ndarray, "3"], least: float
-) -> bool:
+def _is_stuck(asked: Float64[np.ndarray, "3"], found: Float64[np.ndarray, "3"]) -> bool:
     """Test for joints that reach hardly any of a requested velocity."""
     speed = math.hypot(*asked)
-    return speed > least and float(asked @ found) < _HARDLY * speed * speed
+    return speed > _SHORT and float(asked @ found) < _HARDLY * speed * speed
+
+
+def _faded(share: float, dt: float, *, grows: bool) -> float:
+    return min(max(share + (dt if grows else -dt) / _FADE, 0.0), 1.0)
 
 
 class LedLimbs:
     """Task of limbs' joints towards goals of their frames: smooth, and stiffer in motion."""
 
-    # By torques the task has a stiffness at rest and in motion [1/s^2], and at a rate [1/s^3] the
-    # lag of the joints becomes a `bias`.
+    # By torques the lag of the joints becomes a `bias` within a second.
 
     def __init__(
         self,
@@ -208,24 +204,22 @@ class LedLimbs:
         *,
         move: Approach | None,
         turn: Approach,
-        home: Approach,
-        margin: float,
-        by_torques: tuple[float, float, float],
         dt: float,
         weight: float,
         name: str,
         servos: bool,
+        home_speed: float = 1.2,
     ) -> None:
         q_rest = robot.q_home if q_rest is None else q_rest
-        self.names, self._dt, self._move, self._home = tuple(chains), dt, move, home
-        self._servos, self._stiffness = servos, _BY_SERVOS if servos else by_torques
+        self.names, self._dt, self._move, self._servos = tuple(chains), dt, move, servos
+        self._home = Approach(home_speed, _JOINT_ACCELERATION)
         self.index = index = np.sort(np.concatenate([*chains.values(), np.zeros(0, np.int64)]))
         joints = tuple(robot.joint_names[j] for j in index)
         self._q_rest, self._still = q_rest.copy(), np.zeros(robot.nv)
         self._at = index + robot.nq - robot.nj
         self._rest = q_rest[self._at]
-        self._lower = np.minimum(robot.q_min[index] + margin, self._rest)
-        self._upper = np.maximum(robot.q_max[index] - margin, self._rest)
+        self._lower = np.minimum(robot.q_min[index] + _JOINT_MARGIN, self._rest)
+        self._upper = np.maximum(robot.q_max[index] - _JOINT_MARGIN, self._rest)
         self._dynamics = dynamics = Dynamics(robot)
         dynamics.update(RobotState(q_rest, self._still))
         self.limbs = limbs = [
@@ -236,17 +230,16 @@ class LedLimbs:
         if joints:
             self.task = JointTask(joints, weight=weight, name=name)
             self.task.bind(robot)
-            self._posture, self._homing = JointTask(joints, weight=_POSTURE), JointTask(joints)
-            first = [] if move is None else [[limb.place_task] for limb in limbs]
+            self._posture = JointTask(joints, weight=_POSTURE)
+            first = [] if move is None else [[limb.place_task for limb in limbs]]
             second = [*(limb.turn_task for limb in limbs), self._posture]
-            self._leads = self._controller(joints, [*first, second])
-            self._homes = self._controller(joints, [[self._homing]])
+            self._model = self._controller(joints, [*first, second])
         self.reset()
 
     def _controller(
         self, joints: tuple[str, ...], levels: Sequence[Sequence[Task]]
     ) -> DifferentialIK:
-        robot, dynamics, move = self._dynamics.robot, self._dynamics, self._move
+        robot, move = self._dynamics.robot, self._move
         limit = SelfCollisionLimit(enabled=False)
         if move is not None:
             # In which the fastest frame stops without braking harder than it may.
@@ -272,8 +265,8 @@ class LedLimbs:
             dt=self._dt,
             strategy="hqp",
             joints=joints,
-            limit_time=_LIMIT_TIME,
-            dynamics=dynamics,
+            limit_time=_FASTEST / _JOINT_ACCELERATION,
+            dynamics=self._dynamics,
         )
 
     def reset(self) -> None:
@@ -281,7 +274,7 @@ class LedLimbs:
         self._settle()
         self._stiff, self.bias = 0.0, np.zeros(len(self.q))
         if self.task is not None:
-            self.task.set_gains(self._stiffness[0])
+            self.task.set_gains(0.0 if self._servos else REST_STIFFNESS)
             self.task.set_target(self.q, self.v, self.a)
 
     def _settle(self) -> None:
@@ -300,20 +293,20 @@ class LedLimbs:
         self, goals: Sequence[Goal | None], q: Float64[np.ndarray, " nq"] | None = None
     ) -> None:
         """Move on by a tick; limbs without a goal go back to rest."""
-        led, task, (rest, most, learning) = any(goals), self.task, self._stiffness
+        led, task, servos = any(goals), self.task, self._servos
         if task is None or (self.rests and not led):
             return
         self.advance(goals)
         # Servos follow all the way to rest; by torques limbs that go there are soft.
-        stiffens = led or (self._servos and bool(self.v.any()))
-        change = self._dt / _STIFFEN if stiffens else -self._dt / _STIFFEN
-        before, self._stiff = self._stiff, min(max(self._stiff + change, 0.0), 1.0)
+        stiffens = led or (servos and bool(self.v.any()))
+        before, self._stiff = self._stiff, _faded(self._stiff, self._dt, grows=stiffens)
+        rest, most = (0.0, _BY_SERVOS) if servos else (REST_STIFFNESS, _STIFFNESS)
         if self._stiff != before:
             task.set_gains(rest + self._stiff * (most - rest))
         if self._stiff == 0.0:
             self.bias = np.zeros(task.dim)
-        elif q is not None and learning > 0.0 and all_finite(lag := self.q - q[self._at]):
-            bias = self._stiff * (self.bias + self._dt * learning * lag)
+        elif not (servos or q is None) and all_finite(lag := self.q - q[self._at]):
+            bias = self._stiff * (self.bias + self._dt * _STIFFNESS * lag)
             self.bias = np.clip(bias, -_BIAS_MAX, _BIAS_MAX)
         task.set_target(self.q, self.v, self.a + self.bias)
 
@@ -326,25 +319,17 @@ class LedLimbs:
                 self._settle()
             if self._arrived:
                 return
-        self._arrived = False
-        dt, home, found = self._dt, self._home, self.v
-        posture = _BACK_GAIN * (self._rest - self.q)
-        led = [(limb, goal) for limb, goal in zip(self.limbs, goals, strict=True) if goal]
-        resting = [limb for limb, goal in zip(self.limbs, goals, strict=True) if not goal]
-        if resting:
-            asked = self.v.copy()
-            for limb in resting:
-                asked[limb.own] = home.velocity(self._rest[limb.own] - self.q[limb.own])
-            self._homing.set_velocity(asked)
-            found = self._solve(self._homes)
-            for limb in resting:
-                limb.go(found)
-                posture[limb.own] = found[limb.own]
-        if led:
-            for limb, goal in led:
+        self._arrived, dt, home = False, self._dt, self._home
+        # What frames leave to their joints goes back to rest, by what is missing in a second.
+        posture = self._rest - self.q
+        for limb, goal in zip(self.limbs, goals, strict=True):
+            if goal:
                 limb.follow(goal)
-            self._posture.set_velocity(posture)
-            found = self._solve(self._leads)
+            else:
+                posture[limb.own] = home.velocity(posture[limb.own])
+                limb.go(posture[limb.own])
+        self._posture.set_velocity(posture)
+        found = self._solve()
         v = self.v.copy()
         for limb in self.limbs:
             own = limb.own
@@ -356,8 +341,8 @@ class LedLimbs:
         self.q, self.v, self.a = self.q + dt * v, v, (v - self.v) / dt
         self._update()
 
-    def _solve(self, controller: DifferentialIK) -> Float64[np.ndarray, " n"]:
-        velocity = controller.step(self._dynamics.state).velocity
+    def _solve(self) -> Float64[np.ndarray, " n"]:
+        velocity = self._model.step(self._dynamics.state).velocity
         return self.v if velocity is None else velocity[self.index]
 
     def _update(self) -> None:

@@ -2,14 +2,14 @@
 
 import logging
 import math
-import reprlib
+import re
 from collections.abc import Sequence
-from typing import Annotated, Any, Protocol, TypeVar, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
-from msgspec.structs import asdict, fields
+from msgspec.structs import asdict
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # Of a rotation, (x, y, z, w)
@@ -148,20 +148,12 @@ class Device(Protocol):
 
 _LOG = logging.getLogger("poise")
 
-# Kinds whose `repr` is no longer than a number's
-_PLAIN = type(None) | bool | float | complex | np.number | np.bool_
-_MOST_BITS = 64  # the time of writing longer whole numbers grows with the square of their length
-_MOST_NUMBERS = 16  # larger arrays are shown by their shape; no field has more than 4 numbers
-_ARRAYS = (np.ndarray, np.generic)
+_READ = ("time", "feet", "hands", "head", "body", "velocity", "upright", "rest")
+"""Members that controllers read: without buttons and sticks."""
 
-_PARTS = ("left foot", "right foot", "left hand", "right hand", "head")
-_LENGTHS = {"position": 3, "orientation": 4, "velocity": 3}  # of the vectors of a tracked part
+_SIDES = {"feet": ("left foot", "right foot"), "hands": ("left hand", "right hand")}
+_VECTORS = {"position": NOWHERE, "orientation": (math.nan,) * 4, "velocity": NOWHERE}
 _FLAGS = ("upright", "rest", "clutch")
-_WANTED = {"time": "a number", "height": "a number", "torso": "3 numbers", "turns": "2 numbers"}
-_WANTED |= {name: f"{count} numbers" for name, count in _LENGTHS.items()}
-_WANTED |= dict.fromkeys(_FLAGS, "true or false")
-
-T = TypeVar("T")
 
 
 class FieldError(TypeError):
@@ -191,114 +183,72 @@ def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | 
     """Return a sample of floats, in which bad vectors of parts are NaN, and what is bad in it."""
     if sample is None:
         return None, None
-    whole = _of_kind("sample", sample, OperatorSample)
-    given = (*_two("feet", whole.feet), *_two("hands", whole.hands), whole.head)
-    parts = {
-        name: None if part is None else asdict(_of_kind(name, part, TrackedPose))
-        for name, part in zip(_PARTS, given, strict=True)
-    }
-    left, right, one, other, head = parts.values()
-    # Without buttons and sticks, which no controller reads.
-    members = {
-        "time": whole.time,
-        "feet": (left, right),
-        "hands": (one, other),
-        "head": head,
-        "body": asdict(_of_kind("body", whole.body, BodyCommand)),
-        "velocity": whole.velocity,
-        "upright": whole.upright,
-        "rest": whole.rest,
-    }
+    if not isinstance(sample, OperatorSample):
+        words = f"sample: expected an OperatorSample, got {type(sample).__name__}"
+        raise FieldError(("sample",), words)
+    members: dict[str, Any] = {name: getattr(sample, name) for name in _READ}
     try:
+        for name in _SIDES:
+            members[name] = tuple(map(_as_dict, members[name]))
+        members["head"], members["body"] = _as_dict(sample.head), _as_dict(sample.body)
         return msgspec.convert(members, OperatorSample), None
-    except msgspec.ValidationError:
-        return _mended(members, parts)
+    except (TypeError, msgspec.ValidationError):
+        return _mended({name: _plain(value) for name, value in members.items()})
 
 
 def checked_reading(arm: str, reading: object) -> TrackedPose | None:
     """Validate what an arm of a foot returned: its position, and whether its clutch is closed."""
     if reading is None:
         return None
-    place, clutch = _two(f"reading of {arm}", reading)
-    place = NOWHERE if place is None else _read(f"position of {arm}", place, Vector)
-    return TrackedPose(place, bool(_read(f"clutch of {arm}", clutch, bool | int)))
-
-
-def _mended(
-    members: dict[str, Any], parts: dict[str, dict[str, Any] | None]
-) -> tuple[OperatorSample, FieldError | None]:
-    """Convert NumPy's numbers in a sample, and make vectors of parts NaN that are none."""
-    faults = dict[str, str]()
-    for label, part in (*parts.items(), ("body", members["body"]), ("", members)):
-        kind = BodyCommand if label == "body" else TrackedPose if label else OperatorSample
-        for info in fields(kind):
-            key = info.name
-            if part is None or key not in part or key in ("feet", "hands", "head", "body"):
-                continue
-            field = f"{key} of {label}" if kind is TrackedPose else key
-            flag = key in _FLAGS
-            try:
-                value = _read(field, part[key], info.type | int if flag else info.type)
-                part[key] = bool(value) if flag and value is not None else value
-            except FieldError as fault:
-                if kind is not TrackedPose or flag:
-                    raise
-                faults[field], part[key] = str(fault), (math.nan,) * _LENGTHS[key]
-    good = msgspec.convert(members, OperatorSample)
-    return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
-
-
-def _of_kind(field: str, value: object, kind: type[T]) -> T:
-    if not isinstance(value, kind):
-        raise FieldError((field,), f"{field} is {_BRIEF.repr(value)}, no {kind.__name__}")
-    return value
-
-
-def _two(field: str, values: object) -> tuple[Any, Any]:
-    if not isinstance(values, tuple | list) or len(values) != 2:
-        raise FieldError((field,), f"{field} is {_BRIEF.repr(values)}, not a tuple of two")
-    return values[0], values[1]
-
-
-def _read(field: str, value: object, kind: Any) -> Any:
     try:
-        return msgspec.convert(_bare(value), kind)
-    except msgspec.ValidationError:
-        wanted = _WANTED[field.partition(" of ")[0]]
-        words = f"{field} is {_BRIEF.repr(value)}, not {wanted}"
-        raise FieldError((field,), words) from None
+        place, clutch = msgspec.convert(_plain(reading), tuple[Vector | None, bool | int])
+    except msgspec.ValidationError as error:
+        field, words = f"reading of {arm}", str(error).partition(" - at")[0]
+        raise FieldError((field,), f"{field}: {words}") from None
+    return TrackedPose(NOWHERE if place is None else place, bool(clutch))
 
 
-def _bare(value: Any) -> Any:
-    """Plain numbers or lists of them, where there are few."""
-    if type(value) in (tuple, list):
-        few = len(value) <= _MOST_NUMBERS
-        return [item if type(item) is float else _plain(item) for item in value] if few else value
-    return _plain(value)
+def _mended(members: dict[str, Any]) -> tuple[OperatorSample, FieldError | None]:
+    """Convert members of plain numbers; vectors of parts that are none become NaN."""
+    faults = dict[str, str]()
+    while True:
+        try:
+            good = msgspec.convert(members, OperatorSample)
+        except msgspec.ValidationError as error:
+            words, _, path = str(error).rpartition(" - at `$.")
+            first, *names = re.findall(r"\w+", path)
+            holder, part = members, ""
+            if first in _SIDES and names:
+                side = int(names.pop(0))
+                holder, part = members[first][side], _SIDES[first][side]
+            elif first in ("head", "body"):
+                holder, part = members[first], first
+            else:
+                names = [first]
+            name = names[0] if names else ""
+            if name in _FLAGS and isinstance(holder[name], int):
+                holder[name] = bool(holder[name])
+                continue
+            field = f"{name} of {part}" if name and part else name or part or first
+            faults[field] = f"{field}: {words}"
+            if part == "body" or name not in _VECTORS or not part:
+                raise FieldError((field,), faults[field]) from None
+            holder[name] = _VECTORS[name]
+        else:
+            return good, FieldError(tuple(faults), "; ".join(faults.values())) if faults else None
 
 
-def _plain(value: Any) -> Any:
-    """Lists and numbers of Python in place of small arrays and NumPy's numbers."""
-    small = isinstance(value, _ARRAYS) and value.size <= _MOST_NUMBERS
-    return value.tolist() if small and value.dtype.kind in "biuf" else value
+def _as_dict(part: object) -> object:
+    return asdict(part) if isinstance(part, Struct) else part
 
 
-class _Brief(reprlib.Repr):
-    """`repr` in a tick's time: that of an unknown object may take any."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.maxlevel, self.maxstring = 2, 60
-
-    def repr1(self, x: object, level: int) -> str:
-        if isinstance(x, np.ndarray):
-            brief = x.size <= _MOST_NUMBERS and x.dtype.kind in "biufc"
-            return repr(x) if brief else f"an array of {x.dtype.name} and shape {x.shape}"
-        if type(x) is int and x.bit_length() > _MOST_BITS:
-            return f"a whole number of {x.bit_length()} bits"
-        if type(x) in (int, str, list, tuple):
-            return super().repr1(x, level)
-        return repr(x) if isinstance(x, _PLAIN) else f"a {type(x).__name__}"
-
-
-_BRIEF = _Brief()
+def _plain(value: Any, most: int = 4) -> Any:
+    """Lists and numbers of Python in place of NumPy's, in what has no more parts than a field."""
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()} if len(value) <= most else value
+    if isinstance(value, tuple | list):
+        return [_plain(part) for part in value] if len(value) <= most else value
+    if isinstance(value, Struct):
+        return _plain(asdict(value))
+    plain = isinstance(value, np.ndarray | np.generic) and value.size <= most
+    return value.tolist() if plain and value.dtype.kind in "biuf" else value

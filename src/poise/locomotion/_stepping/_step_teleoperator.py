@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
@@ -12,7 +12,15 @@ from poise.control import CONTROLLERS, Controller, is_usable
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion._pendulum import ComShifter
-from poise.locomotion._stepping._by_torque import POSTURE_WEIGHT, TorqueLevel
+from poise.locomotion._stepping._biped import (
+    TeleopParameters,
+    biped_of,
+    checked_actuation,
+    checked_start,
+    scaled_parameters,
+)
+from poise.locomotion._stepping._estimator import StanceEstimator
+from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._guard import DeviceStatus, OperatorGuard
 from poise.locomotion._stepping._hands import GazeLeader, HandLeader, HandStatus
 from poise.locomotion._stepping._sample import (
@@ -22,15 +30,8 @@ from poise.locomotion._stepping._sample import (
     OperatorSample,
     TrackedPose,
 )
-from poise.locomotion._stepping._stance import (
-    Footing,
-    StanceEstimator,
-    TeleopParameters,
-    biped_of,
-    checked_actuation,
-    checked_start,
-    scaled_parameters,
-)
+from poise.locomotion._stepping._torque_level import TorqueLevel
+from poise.locomotion._stepping._torque_tasks import POSTURE_WEIGHT
 from poise.locomotion._stepping._velocity_level import ComDriver, VelocityLevel, check_sway
 from poise.locomotion._stepping._velocity_tasks import velocity_numbers
 from poise.locomotion._support import Rotation, SupportPolygon, Vector2, Vector3, two_soles
@@ -80,10 +81,6 @@ class TeleopStatus:
     hand_rotations: tuple[Rotation | None, ...] = ()
     gaze: HandStatus | None = None
     ended: StepEnd | None = None
-
-
-_STRAIGHT = 0.1
-"""Largest heading of a robot to be stepped at velocity level [rad]."""
 
 
 class StepTeleoperator:
@@ -147,7 +144,6 @@ class StepTeleoperator:
         actuation: str = "torque",
         solved_by: str | None = None,
         servo_gains: tuple[float, float] = (70.0, 2.5),
-        _numbers: Mapping[str, float] | None = None,
     ) -> None:
         self.robot = checked_kind(robot, Robot, "the robot of the teleoperation")
         self.device = None if device is None else checked_kind(device, Device, "the device")
@@ -164,14 +160,13 @@ class StepTeleoperator:
         )
         self.estimator = StanceEstimator(biped, q_start, p.dt, inertial=not servos)
         _check_start(actuation, driver, self._faces())
-        self._numbers = numbers = replace(velocity_numbers(biped), **(_numbers or {}))
+        self._numbers = numbers = velocity_numbers(biped)
         if driver is None:
             driver = ComShifter(biped.height, kp=p.kp, acceleration_max=numbers.acceleration_max)
         self.driver = driver
         if servos and isinstance(driver, ComShifter):
             dynamics, leak = self.estimator.dynamics, numbers.velocity_leak
             check_sway(biped, dynamics, driver, servo_gains, leak)
-        reach = biped.foot_range(p, servos=servos)
         self.hands = HandLeader(
             robot,
             dt=p.dt,
@@ -192,12 +187,10 @@ class StepTeleoperator:
         self._level: VelocityLevel | TorqueLevel
         if servos:
             self._level = VelocityLevel(
-                biped, p, numbers, reach, self.estimator, limbs, driver, rotator=rotator
+                biped, p, numbers, self.estimator, limbs, driver, rotator=rotator
             )
         else:
-            self._level = TorqueLevel(
-                biped, p, reach, self.estimator, limbs, self.solved_by, q_start
-            )
+            self._level = TorqueLevel(biped, p, self.estimator, limbs, self.solved_by, q_start)
         # What is compiled is compiled now, not in the first tick.
         SupportPolygon([], 0.0)
         self.reset()
@@ -372,7 +365,7 @@ class StepTeleoperator:
 
 def _check_start(actuation: str, driver: ComDriver | ComShifter | None, ahead: float) -> None:
     """Refuse another driver than the COM shifter for torques, a turned start for velocities."""
-    if actuation == "velocity" and abs(ahead) > _STRAIGHT:
+    if actuation == "velocity" and abs(ahead) > 0.1:
         raise ConfigurationError(
             "at velocity level soles keep the world's yaw, and the robot starts turned",
             got=f"{ahead:.2f} rad",

@@ -14,20 +14,15 @@ from poise.control import Controller
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import BodyRotator, ComShifter
+from poise.locomotion._stepping._biped import Biped, TeleopParameters
+from poise.locomotion._stepping._estimator import POSITION_GAIN, StanceEstimator
 from poise.locomotion._stepping._feet import LevelTick, SteppingLevel
+from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._guard import OperatorGuard
 from poise.locomotion._stepping._sample import BodyCommand, OperatorSample
-from poise.locomotion._stepping._stance import (
-    POSITION_GAIN,
-    Biped,
-    Footing,
-    StanceEstimator,
-    TeleopParameters,
-)
 from poise.locomotion._stepping._velocity_tasks import VelocityNumbers, VelocityTasks
 from poise.locomotion._support import SingleSupportRegion, Vector2, Vector3
 from poise.locomotion._walking import (
-    GIVES,
     LIFT,
     FootRange,
     Mode,
@@ -202,15 +197,8 @@ class ComHeight:
         numbers: VelocityNumbers,
     ) -> None:
         self._height, self._range, self._numbers = height, reach, numbers
-        self._dt, self._stoop_max = parameters.dt, parameters.stoop_max
+        self._dt, self.lowest = parameters.dt, (1.0 - parameters.stoop_max) * height
         self._velocity = self.offset = 0.0
-
-    def room(self, footing: Footing) -> tuple[float, bool]:
-        """Return how far the CoM may come down [m], and whether the stance leg gives way."""
-        stance = footing.stance
-        too_weak = self._too_weak(footing, stance, self._range.hip(stance, footing.dynamics))
-        below = min(float(footing.dynamics.com[2]) - self._lowest(footing), -too_weak)
-        return max(0.0, below), footing.mode.single and too_weak > GIVES
 
     def velocity(self, footing: Footing, target: Vector3) -> float:
         """Velocity of the COM upwards [m/s]."""
@@ -224,15 +212,14 @@ class ComHeight:
         braked = math.sqrt(2.0 * braking * max(-too_low, 0.0))
         carries = footing.mode.support
         if carries is not None:
-            room = max(-self._too_weak(footing, carries, hips[carries]), 0.0)
+            foot = footing.anchors[carries]
+            too_weak = self._range.too_weak(carries, foot, hips[carries], footing.heading)
+            room = max(-too_weak, 0.0)
             braked = min(braked, braking * (math.sqrt(_LATE**2 + 2.0 * room / braking) - _LATE))
         velocity = max(-min(p.lift_speed, braked), min(p.lift_speed, POSITION_GAIN * way))
         change = self._dt * p.lift_acceleration
         self._velocity = max(self._velocity - change, min(self._velocity + change, velocity))
         return self._velocity
-
-    def _too_weak(self, footing: Footing, foot: int, hip: Vector3) -> float:
-        return self._range.too_weak(foot, footing.anchors[foot], hip, footing.heading)
 
     def _too_low(self, footing: Footing, hips: Sequence[Vector3]) -> float:
         """Return the depth of the hips below where the legs hold them; negative for room [m]."""
@@ -256,13 +243,10 @@ class ComHeight:
         for foot, place in ((stance, anchors[stance]), (footing.other, _felt(footing, target))):
             for shift in ((0.0, 0.0), (zmp_x - x, zmp_y - y)):
                 too_high = max(too_high, reach.too_high(foot, place, hips[foot], shift))
-        lowest = max(height + too_low, self._lowest(footing))
+        lowest = max(height + too_low, self.lowest + footing.ground)
         usual = self._height + footing.ground
         asked = max(usual + self.offset, min(usual, lowest))
         return min(asked, max(height - too_high, lowest))
-
-    def _lowest(self, footing: Footing) -> float:
-        return (1.0 - self._stoop_max) * self._height + footing.ground
 
 
 def _felt(footing: Footing, target: Vector3) -> Vector3:
@@ -282,7 +266,6 @@ class VelocityLevel(SteppingLevel):
         biped: Biped,
         parameters: TeleopParameters,
         numbers: VelocityNumbers,
-        reach: FootRange,
         estimator: StanceEstimator,
         limbs: Sequence[JointTask],
         driver: ComDriver | ComShifter,
@@ -290,7 +273,7 @@ class VelocityLevel(SteppingLevel):
         rotator: bool,
     ) -> None:
         self._tasks = VelocityTasks(biped, parameters.dt, numbers, limbs, rotator=rotator)
-        super().__init__(biped, parameters, reach, estimator, self._tasks.stack)
+        super().__init__(biped, parameters, estimator, self._tasks.stack, servos=True)
         self._driver, self._numbers = driver, numbers
         self._rotator = BodyRotator(biped.weight) if rotator else None
         self._region = SingleSupportRegion(
@@ -341,8 +324,8 @@ class VelocityLevel(SteppingLevel):
         com.drive(footing)
         cart_table_zmp = com.cart_table_zmp(footing.com[:2])
         self._turn(footing, cart_table_zmp)
-        devices.room_below, gives_way = self._height.room(footing)
-        devices.falling = gives_way or (footing.mode.single and footing.capture_depth < 0.0)
+        devices.limit_descent(self._height.lowest)
+        devices.falling |= footing.mode.single and footing.capture_depth < 0.0
         target = devices.aim()
         self._tasks.ask(
             footing,

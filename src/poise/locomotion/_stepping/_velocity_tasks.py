@@ -15,7 +15,8 @@ from poise.control import (
     refuse_solver_settings,
 )
 from poise.dynamics import Dynamics, rotation_vector, saturate
-from poise.locomotion._stepping._stance import BASE_JOINT, LEVEL, Biped, Footing, TrunkPose
+from poise.locomotion._stepping._biped import Biped
+from poise.locomotion._stepping._footing import LEVEL, Footing, TrunkPose
 from poise.locomotion._support import Rotation, Vector2, Vector3
 from poise.locomotion._walking import CLEARANCE, LOADED, Mode
 from poise.stack import (
@@ -34,13 +35,13 @@ from poise.stack import (
 class VelocityNumbers:
     """Numbers of Zhang and Kikuuwe, section 3 to 5, and those that the paper leaves open."""
 
-    acceleration_max: float  # a_lim [m/s^2]
     r_lift: float  # distance of ZMP and reference at which a foot may leave the ground [m]
     capture_max: float  # largest distance of the DCM from the stance foot at lift-off [m]
     ct_zmp_max: float  # largest distance of the CT-ZMP from there [m]
     w_L: float  # weight of the angular momentum in single support
     lift_speed: float  # largest vertical speed of the COM [m/s]
     lift_acceleration: float  # largest vertical acceleration of the COM [m/s^2]
+    acceleration_max: float = 0.8  # a_lim [m/s^2]
     shift_time: float = 0.01  # time for which a weight shift has to be complete [s]
     k_omega: float = 10.0  # gain of the angular velocities [1/s]
     omega_lim: float = 0.8  # largest angular velocity [rad/s]
@@ -58,12 +59,11 @@ class VelocityNumbers:
 def velocity_numbers(biped: Biped) -> VelocityNumbers:
     """Scale the numbers from the paper's robot: 65 kg, feet 0.42 m apart.
 
-    The first swing of the ZMP, a_lim / omega^2, keeps its ratio to the COM's height; `r_lift` keeps
-    its ratio to the distance of the feet, within half a sole. Angular momentum weighs as much as
-    the paper's beside the swing foot's velocity: it goes with m h.
+    With a_lim as it is, the first swing of the ZMP, a_lim / omega^2, keeps its ratio to the COM's
+    height; `r_lift` keeps its ratio to the distance of the feet, within half a sole. Angular
+    momentum weighs as much as the paper's beside the swing foot's velocity: it goes with m h.
     """
     return VelocityNumbers(
-        acceleration_max=biped.by_stiffness(0.8 * biped.tall),
         r_lift=min(0.12 * biped.apart / 0.42, biped.half_sole),
         capture_max=0.06 * biped.wide,
         ct_zmp_max=0.12 * biped.wide,
@@ -215,10 +215,6 @@ def _between(footing: Footing) -> Vector2:
     return (footing.sole(footing.other) - footing.sole(footing.stance))[:2]
 
 
-_LIMIT_TIME = 0.05
-"""Time in which a joint may at most reach its position limit [s]."""
-
-
 class VelocityTasks:
     """The two levels of (19) as tasks of a stack, with (17b) and (17d) for torso and sole."""
 
@@ -271,7 +267,7 @@ class VelocityTasks:
             dt=self._dt,
             joints=[robot.joint_names[j] for leg in self._biped.legs for j in leg.joints],
             led=self._led,
-            limit_time=_LIMIT_TIME,
+            limit_time=10.0 * self._dt,
             dynamics=dynamics,
         )
 
@@ -299,8 +295,9 @@ class VelocityTasks:
         rate = self._righting(footing, stance)
         frames = biped.frames
         (centre, _), (place, _) = (dynamics.placement(frames[foot]) for foot in (stance, other))
-        # Turned by its base alone the robot is rigid: A_G has its inertia about the base's axes.
-        world_R_base = dynamics.joint_rotation(BASE_JOINT)
+        # Turned by its base alone, joint 1, the robot is rigid: A_G has its inertia about the
+        # base's axes.
+        world_R_base = dynamics.joint_rotation(1)
         turned = dynamics.momentum_matrix[3:5, 3:6].dot(rate.dot(world_R_base))
         _, torso = footing.torso
         self._com.set_velocity(com - _across(rate, dynamics.com - centre))

@@ -15,7 +15,7 @@ from poise.estimation import (
     StampedPredictor,
     StateEstimator,
 )
-from poise.locomotion._stepping._stance._parameters import Biped
+from poise.locomotion._stepping._biped import Biped
 from poise.locomotion._support import Rotation, Vector3
 from poise.locomotion._walking import CLEARANCE, Mode, WalkSense
 
@@ -31,8 +31,8 @@ POSITION_GAIN = 10.0
 LANDED = 0.047
 """Load at which a foot has landed, over the weight: 30 N of the paper's robot."""
 
-_PRESS_SPEED = 0.1
-"""Largest speed downwards of a foot without load in double support, for the paper's soles [m/s]."""
+TOUCH_SPEED = 0.15
+"""Largest speed of a foot downwards at the height of the ground, for the paper's soles [m/s]."""
 
 _LOAD_RATIO = 1.2
 """In double support a foot becomes the stance that carries this many times the other's load."""
@@ -64,7 +64,7 @@ class StanceEstimator:
         self._sense = WalkSense(robot, soles, self.dynamics, gain=dt / (_ZMP_TIME + dt))
         self._soles = biped.frames
         self._least_load = LANDED * biped.weight
-        self._press_speed, self._dt = _PRESS_SPEED * biped.wide, dt
+        self._press_speed, self._dt = TOUCH_SPEED * biped.wide, dt
         self._start = RobotState(q_start, np.zeros(robot.nv))
         self._inertial = StateEstimator(robot, _CORRECTED, q_start=q_start) if inertial else None
         self.payload = PayloadEstimator(robot, attitude=True) if inertial else None

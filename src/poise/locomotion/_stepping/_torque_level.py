@@ -8,14 +8,14 @@ from jaxtyping import Float64
 
 from poise.control import Controller, ControllerPlan, make_controller
 from poise.dynamics import Dynamics, RobotState
-from poise.locomotion._stepping._by_torque._torque_tasks import TorqueTasks
+from poise.locomotion._stepping._biped import Biped, TeleopParameters
+from poise.locomotion._stepping._estimator import StanceEstimator
 from poise.locomotion._stepping._feet import LevelTick, SteppingLevel
+from poise.locomotion._stepping._footing import Footing
 from poise.locomotion._stepping._guard import DeviceStatus, OperatorGuard
 from poise.locomotion._stepping._sample import BodyCommand, OperatorSample
-from poise.locomotion._stepping._stance import Biped, Footing, StanceEstimator, TeleopParameters
+from poise.locomotion._stepping._torque_tasks import TorqueTasks
 from poise.locomotion._walking import (
-    GIVES,
-    FootRange,
     Mode,
     SteppingEngine,
     VelocityLimits,
@@ -52,14 +52,13 @@ class TorqueLevel(SteppingLevel):
         self,
         biped: Biped,
         parameters: TeleopParameters,
-        reach: FootRange,
         estimator: StanceEstimator,
         limbs: Sequence[JointTask],
         solved_by: str,
         q_start: Float64[np.ndarray, " nq"],
     ) -> None:
         self._tasks, self._solved_by = TorqueTasks(biped, parameters.dt, limbs), solved_by
-        super().__init__(biped, parameters, reach, estimator, self._tasks.stack)
+        super().__init__(biped, parameters, estimator, self._tasks.stack, servos=False)
         stand = stand_of(biped.robot, q_start)
         gait = usual_gait(stand.com[2] - stand.middle[2])
         gait = replace(gait, swing_height=_HIGHER * gait.swing_height)
@@ -152,13 +151,7 @@ class TorqueLevel(SteppingLevel):
         usual = self._engine.parts.height
         lowest = (1.0 - self._parameters.stoop_max) * usual
         if footing.mode.support is not None:
-            reach, dynamics, stance = self._reach, footing.dynamics, footing.stance
-            hip = reach.hip(stance, dynamics)
-            too_weak = reach.too_weak(stance, footing.anchors[stance], hip, footing.heading)
-            height = float(footing.com[2]) - footing.ground
-            lowest = max(lowest, height + too_weak)
-            self._devices.room_below = max(height - lowest, 0.0)
-            self._devices.falling = footing.mode.single and too_weak > GIVES
+            lowest = self._devices.limit_descent(lowest)
         self._engine.lowest = lowest / usual
 
     def _drive(self, velocity: tuple[float, float, float]) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._stepping._stance._estimator import StanceEstimator
-from poise.locomotion._stepping._stance._parameters import Biped
+from poise.locomotion._stepping._biped import Biped
+from poise.locomotion._stepping._estimator import StanceEstimator
 from poise.locomotion._support import (
     Rotation,
     SingleSupportRegion,
@@ -121,11 +121,8 @@ class Footing:
         return min(1.0, max(0.0, (float(self.sole(self.other)[2]) - ground) / clear))
 
 
-_RATE = 0.3
-"""Rate of the lean over a foot, and back [rad/s]."""
-
-_TURN_RATE, _POSE_RATE = 0.5, 0.6
-"""Rates of the trunk towards the heading of the feet, and towards the command [rad/s]."""
+_RATE = 0.5
+"""Rate of the trunk towards a lean over a foot, the heading of the feet and the command [rad/s]."""
 
 TORSO_MOST = (0.3, 0.4, 0.5)
 """Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
@@ -164,7 +161,7 @@ class TrunkPose:
         self._lean = _towards(self._lean, goal, _RATE * self._dt)
         before = facing if self._facing is None else self._facing
         # The shorter way, also where angles pass from pi to -pi.
-        self._facing = _towards(before, before + wrapped(facing - before), _TURN_RATE * self._dt)
+        self._facing = _towards(before, before + wrapped(facing - before), _RATE * self._dt)
         pelvis = LEVEL
         if self._lean != 0.0:
             x, y = footing.heading.tolist()
@@ -174,7 +171,7 @@ class TrunkPose:
             pelvis = turn if pelvis is LEVEL else pelvis.dot(turn)
         if torso != self._torso:
             roll, pitch, yaw = (
-                _towards(now, max(-most, min(most, angle)), _POSE_RATE * self._dt)
+                _towards(now, max(-most, min(most, angle)), _RATE * self._dt)
                 for now, angle, most in zip(self._torso, torso, TORSO_MOST, strict=True)
             )
             self._torso = roll, pitch, yaw

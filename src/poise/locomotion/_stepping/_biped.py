@@ -29,10 +29,6 @@ from poise.robots import Robot
 _HEIGHT, _HALF_SOLE = 0.765, 0.12
 """Height of the COM and half the width of a sole of the paper's robot [m]."""
 
-
-BASE_JOINT = 1
-"""Pinocchio's index of the floating base; joint 0 is the world."""
-
 _NARROW_GAP = 0.09
 """Least distance of narrow soles' edges by torques, over the COM's height, to hold a push aside."""
 
@@ -87,10 +83,6 @@ class Biped:
         """Ratio of the soles' widths, at most 1: the kick of a landing has to stay within it."""
         return min(1.0, self.half_sole / _HALF_SOLE)
 
-    def by_stiffness(self, value: float) -> float:
-        """Scale by omega^2 = g / H, so that poles keep their ratio to the robot's own time."""
-        return value * natural_frequency(self.height) ** 2 / natural_frequency(_HEIGHT) ** 2
-
     def foot_range(self, parameters: "TeleopParameters", *, servos: bool) -> FootRange:
         """Return the workspace of its feet."""
         narrow = self.narrow and not servos
@@ -117,7 +109,14 @@ def biped_of(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Biped:
             "the feet stand too close for step teleoperation", got=apart, wanted="> 0 m apart"
         )
     height = float(dynamics.com[2] - 0.5 * (left[2] + right[2]))
-    left_leg, right_leg = (_measured(dynamics, sole, q) for sole in soles)
+    left_leg, right_leg = legs = tuple(measure_leg(dynamics, sole, q) for sole in soles)
+    for sole, leg in zip(soles, legs, strict=True):
+        if len(leg.joints) < 6:
+            raise ConfigurationError(
+                f"the leg of {sole} has too few joints for step teleoperation",
+                got=[robot.joint_names[j] for j in leg.joints],
+                wanted="six joints or more",
+            )
     half = 0.5 * min(*left_leg.size, *right_leg.size)
     region = single_support_region(robot, natural_frequency(height), min(0.02, 0.25 * half))
     return Biped(
@@ -134,42 +133,7 @@ def biped_of(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Biped:
     )
 
 
-def _measured(dynamics: Dynamics, sole: str, q: Float64[np.ndarray, " nq"]) -> Leg:
-    leg = measure_leg(dynamics, sole, q)
-    if len(leg.joints) < 6:
-        raise ConfigurationError(
-            f"the leg of {sole} has too few joints for step teleoperation",
-            got=[dynamics.robot.joint_names[j] for j in leg.joints],
-            wanted="six joints or more",
-        )
-    return leg
-
-
-_REMOVED = {
-    name: replacement
-    for names, replacement in (
-        (
-            "acceleration_max r_lift k_omega k_level omega_lim w_B w_S1 w_S2 w_L w_B1 epsilon "
-            "momentum_leak capture_max ct_zmp_max shift_time tilt_soft velocity_leak lift_speed "
-            "lift_acceleration",
-            "none: the velocity level has the paper's number, scaled to the robot",
-        ),
-        (
-            "v_lim clear_height support_margin touch_speed press_speed feet_gap fold_min",
-            "none: it follows from the robot's CoM height and soles",
-        ),
-        (
-            "k_v land_load unload_load unload_time shift_timeout zmp_time swing_time knee_min "
-            "reach_margin",
-            "none: it is the same for every robot",
-        ),
-        ("servo_stiffness servo_damping", "servo_gains of the StepTeleoperator"),
-    )
-    for name in names.split()
-}
-
-
-@checked(removed=_REMOVED)
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class TeleopParameters:
     """Settings of the step teleoperator; the defaults are for `biped20`, at velocity level.
@@ -210,44 +174,32 @@ class TeleopParameters:
             )
 
 
-_TORQUE_DT = 0.002
-"""Length of a tick where torques are commanded [s]."""
-
 _NARROW_STEP, _NARROW_LIFT = 0.75, 0.5
 """Limits ahead and upwards of a foot beside a sole too narrow for a push, over
 `step_max` and `lift_max`: from farther away it does not come down in time to catch the robot."""
-
-
-_ACTUATIONS = ("velocity", "torque")
 
 
 def checked_start(robot: Robot, q_start: Any) -> Float64[np.ndarray, " nq"]:
     """A configuration to start in."""
     if q_start is None:
         return robot.q_home
+    what, wanted = f"the start is no configuration of {robot.name}", "one like Robot.q_home"
     try:
         q = np.array(q_start, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ConfigurationError(
-            f"the start is no configuration of {robot.name}",
-            got=q_start,
-            wanted="one like Robot.q_home",
-        ) from None
+        raise ConfigurationError(what, got=q_start, wanted=wanted) from None
     fault = fault_of(RobotState(q, np.zeros(robot.nv)), robot)
     if fault:
-        raise ConfigurationError(
-            f"the start is no configuration of {robot.name}: {fault}",
-            wanted="one like Robot.q_home",
-        )
+        raise ConfigurationError(f"{what}: {fault}", wanted=wanted)
     return q
 
 
 def checked_actuation(actuation: str) -> str:
     """Return a known actuation."""
-    if actuation not in _ACTUATIONS:
-        raise UnknownNameError(
-            "no such actuation of step teleoperation", got=actuation, choices=_ACTUATIONS
-        )
+    choices = ("velocity", "torque")
+    if actuation not in choices:
+        what = "no such actuation of step teleoperation"
+        raise UnknownNameError(what, got=actuation, choices=choices)
     return actuation
 
 
@@ -284,7 +236,7 @@ def scaled_parameters(biped: Biped, actuation: str) -> TeleopParameters:
     paper = TeleopParameters()
     scaled = replace(
         paper,
-        kp=biped.by_stiffness(paper.kp),
+        kp=paper.kp / biped.tall,
         press_depth=paper.press_depth * biped.tall,
         lower_speed=paper.lower_speed * biped.tall,
         stoop_max=0.5 * (1.0 + biped.wide) * paper.stoop_max,
@@ -296,7 +248,7 @@ def scaled_parameters(biped: Biped, actuation: str) -> TeleopParameters:
     farthest, highest = (_NARROW_STEP, _NARROW_LIFT) if biped.narrow else (1.0, 1.0)
     return replace(
         scaled,
-        dt=_TORQUE_DT,
+        dt=0.002,
         stoop_max=paper.stoop_max,
         step_max=farthest * scaled.step_max,
         lift_max=highest * scaled.lift_max,
