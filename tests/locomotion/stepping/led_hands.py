@@ -20,8 +20,8 @@ def both(time, left=None, right=None, rest=False):
 class Hand:
     """The left hand of a guard, a tick of which says how far the hand goes."""
 
-    def __init__(self, begin=None):
-        self._guard = OperatorGuard(dt=DT)
+    def __init__(self, begin=None, dt=DT):
+        self._guard = OperatorGuard(dt=dt)
         if begin is not None:
             self.tick(TrackedPose(begin.position, False, begin.orientation), 0.0)
             self.tick(begin, DT)

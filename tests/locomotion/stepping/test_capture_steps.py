@@ -10,7 +10,6 @@ from slow import slow
 from walker import hands, sample
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, run_teleop
-from poise.dynamics import RobotState
 from poise.locomotion import DeviceStatus, Mode, StepTeleoperator, WayPoint
 
 STATUSES, MODES = list(DeviceStatus), list(Mode)
@@ -214,30 +213,6 @@ def test_walking_by_velocity_and_stepping_by_hand_change_over(get_robot, height)
     # Nothing jumps where one hands over to the other.
     assert np.abs(np.diff(log.com, axis=0)).max() < 0.005
     assert log.tilt.max() < 0.3
-
-
-def test_what_was_learned_of_the_soles_is_forgotten_by_a_reset(get_robot):
-    robot = get_robot("g1")
-    teleoperator = StepTeleoperator(robot, actuation="torque")
-    whole = [contact.cone.copy() for contact in teleoperator.stack.contacts]
-    changed = []
-    for run in range(2):
-        for tick in range(120):
-            time = 0.002 * tick
-            # Pressed at the left edge of a sole that turns to the left.
-            half = 0.5 * robot.weight
-            wrench = np.array([0.0, 0.0, half, 0.02 * half, 0.0, 0.0])
-            contacts = dict.fromkeys(teleoperator.soles, wrench)
-            v = np.zeros(robot.nv)
-            v[6 + robot.joint_index("left_ankle_roll_joint")] = -1.0
-            measured = RobotState(robot.q_home, v if run == 0 else 0.0 * v, contacts, time)
-            teleoperator.lead(teleoperator.estimator.update(measured))
-        changed.append(np.abs(teleoperator.stack.contacts[0].cone - whole[0]).max())
-        teleoperator.reset()
-        for contact, cone in zip(teleoperator.stack.contacts, whole, strict=True):
-            np.testing.assert_allclose(contact.cone, cone, atol=1e-12)
-    assert changed[0] > 0.001
-    assert changed[1] < 1e-12
 
 
 class StickInMidStep:

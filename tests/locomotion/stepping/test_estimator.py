@@ -13,23 +13,19 @@ from poise.locomotion import Mode, StepTeleoperator
 from poise.sim import Plant, SensorConfig, rollout
 
 
-def test_soles_and_com_are_where_the_simulator_has_them(get_robot):
+@pytest.mark.parametrize(
+    ("plant", "off"),
+    [(VELOCITY_TELEOP_PLANT, 5e-3), (VELOCITY_TELEOP_PLANT.with_noise(), 1e-2)],
+    ids=["exact", "noise"],
+)
+def test_soles_and_com_are_where_the_simulator_has_them(get_robot, plant, off):
     robot = get_robot("biped20")
-    run = walk(robot, up_and_down(lift=0.1, lower=1.0), 2.4)
+    run = walk(robot, up_and_down(lift=0.1, lower=1.0), 2.4, plant=plant, seed=3)
     assert run.log.when(Mode.SL).any()
-    plant = run.plant
-    soles = [plant.data.site(name).xpos for name in list(robot.soles)[:2]]
-    estimated = run.teleoperator.status.soles
-    for truth, ours in zip(soles, estimated, strict=True):
-        assert np.abs(truth - ours).max() < 5e-3
-    assert np.abs(plant.com - run.teleoperator.status.com).max() < 5e-3
-
-
-def test_with_noise_the_estimate_drifts_by_millimetres(get_robot):
-    plant = VELOCITY_TELEOP_PLANT.with_noise()
-    run = walk(get_robot("biped20"), up_and_down(lift=0.1, lower=1.0), 2.4, plant=plant, seed=3)
-    assert run.log.when(Mode.SL).any()
-    assert np.abs(run.plant.com - run.teleoperator.status.com).max() < 1e-2
+    status, data = run.teleoperator.status, run.plant.data
+    for name, ours in zip(run.teleoperator.soles, status.soles, strict=True):
+        assert np.abs(data.site(name).xpos - ours).max() < off
+    assert np.abs(run.plant.com - status.com).max() < off
 
 
 @pytest.mark.parametrize("garbage", [1e4, np.nan], ids=["far away", "nan"])

@@ -8,6 +8,7 @@ from walker import hands as device_of
 
 from poise.apps.teleoperation import (
     TORQUE_TELEOP_PLANT,
+    VELOCITY_TELEOP_PLANT,
     replay_teleop,
     run_teleop,
 )
@@ -163,12 +164,19 @@ def test_further_than_the_neck_goes_it_says_so_and_without_one_the_torso_turns(g
     assert robot.leader.status is HandStatus.REACH
 
 
-@pytest.mark.parametrize(("name", "frame"), [("humanoid33", "head_link"), slow("g1", "torso")])
-def test_robots_look_there_and_the_run_replays(get_robot, name, frame, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "frame", "plant"),
+    [
+        ("humanoid33", "head_link", TORQUE_TELEOP_PLANT), slow("g1", "torso", TORQUE_TELEOP_PLANT),
+        slow("humanoid33", "head_link", VELOCITY_TELEOP_PLANT),
+    ],
+)  # fmt: skip
+def test_robots_look_there_and_the_run_replays(get_robot, name, frame, plant, tmp_path):
     robot, path = get_robot(name), tmp_path / "gaze.mcap"
     points = [WayPoint(at=0.1, head=(0.0, 0.0, 0.0)), WayPoint(at=0.4, head=(0.0, 0.0, 0.4))]
-    plant = TORQUE_TELEOP_PLANT.with_noise()
-    run = run_teleop(robot, device_of(*points), plant, duration=1.0, seed=2, recording=path)
+    run = run_teleop(
+        robot, device_of(*points), plant.with_noise(), duration=1.0, seed=2, recording=path
+    )
     assert not run.fell
     assert run.teleoperator.status.gaze is HandStatus.LED
     dynamics = Dynamics(robot)

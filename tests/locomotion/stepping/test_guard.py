@@ -87,31 +87,6 @@ def test_between_two_samples_of_a_device_nothing_changes():
     assert DT * (said.index(DeviceStatus.STALE) + 1 - 95) == pytest.approx(0.1, abs=1.5 * DT)
 
 
-def bad(tick):
-    return sample(tick * DT, (np.nan, 0.0, 0.0), (np.nan, 0.0, 0.0))
-
-
-@pytest.mark.parametrize(
-    ("gives", "says"),
-    [
-        (bad, DeviceStatus.REFUSED),
-        (lambda tick: sample(tick * DT - 1.0), DeviceStatus.REFUSED),
-        (lambda tick: sample(tick * DT + 10.0), DeviceStatus.REFUSED),
-        (lambda tick: sample(19 * DT), DeviceStatus.STALE),
-        (lambda tick: None, DeviceStatus.STALE),
-    ],
-    ids=["bad", "old", "ahead", "frozen", "silent"],
-)
-def test_what_is_refused_on_and_on_is_no_silence(gives, says):
-    made, said = held(), []
-    for tick in range(1, 100):
-        check(made, sample(tick * DT) if tick < 20 else gives(tick), tick * DT)
-        said.append(made.status)
-    assert said[:19] == [DeviceStatus.OK] * 19
-    # For a moment nothing is no news.
-    assert set(said[45:]) == {says}
-
-
 @pytest.mark.parametrize(
     "elsewhere", [(0.0, 0.135, 0.1), (1.0, 0.135, 0.0), (0.0, 0.135, 0.02)], ids=str
 )

@@ -11,7 +11,7 @@ from walker import hands as device_of, up_and_down
 
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, replay_teleop, run_teleop
 from poise.dynamics import Dynamics, RobotState
-from poise.errors import ConfigurationError, UnknownNameError
+from poise.errors import ConfigurationError
 from poise.locomotion import (
     HandLeader,
     HandStatus,
@@ -287,23 +287,6 @@ def test_a_load_that_the_model_is_told_of_leaves_the_com_where_it_should_be(get_
         off.append(np.linalg.norm(run.record["com"][-1, :2] - run.log.zmp_reference[-1]))
     assert off[1] < 0.001
     assert off[0] > 5.0 * off[1]
-
-
-def test_what_a_robot_carries_is_in_its_model(get_robot):
-    robot = get_robot("g1")
-    loaded = robot.carrying("left_hand", 2.0, (0.1, 0.0, 0.0))
-    assert loaded.mass == pytest.approx(robot.mass + 2.0)
-    dynamics, without = Dynamics(loaded), Dynamics(robot)
-    for each in (dynamics, without):
-        each.update(RobotState(robot.q_home, np.zeros(robot.nv)))
-    held = without.frame(robot.frame_id("left_hand"))
-    load = held.position + held.rotation @ [0.1, 0.0, 0.0]
-    expected = (robot.mass * without.com + 2.0 * load) / (robot.mass + 2.0)
-    np.testing.assert_allclose(dynamics.com, expected, atol=1e-9)
-    with pytest.raises(UnknownNameError, match="third_hand"):
-        robot.carrying("third_hand", 1.0)
-    with pytest.raises(ConfigurationError, match="of the load"):
-        robot.carrying("left_hand", -1.0)
 
 
 def test_hands_stand_below_the_balance(get_robot):

@@ -165,26 +165,6 @@ def turned(yaw):
     return TrackedPose(None, True, (0.0, 0.0, float(np.sin(0.5 * yaw)), float(np.cos(0.5 * yaw))))
 
 
-@pytest.mark.slow
-def test_a_neck_looks_there_and_the_run_replays(get_robot, tmp_path):
-    robot, path = get_robot("humanoid33"), tmp_path / "gaze.mcap"
-    points = [
-        WayPoint(at=0.2, head=(0.0, 0.0, 0.0), left=DOWN, right=DOWN),
-        WayPoint(at=0.7, head=(0.0, 0.0, 0.4)),
-    ]
-    plant = VELOCITY_TELEOP_PLANT.with_noise()
-    run = run_teleop(robot, device_of(*points), plant, duration=1.6, seed=2, recording=path)
-    assert not run.fell
-    assert run.teleoperator.status.gaze is HandStatus.LED
-    dynamics, heads = Dynamics(robot), []
-    for q in (run.log.q[-1], robot.q_home):
-        dynamics.update(RobotState(q, np.zeros(robot.nv)))
-        heads.append(dynamics.frame(robot.frame_id("head_link")).rotation)
-    turn = pin.log3(heads[0] @ heads[1].T)
-    np.testing.assert_allclose(turn, [0.0, 0.0, 0.4], atol=0.03)
-    assert np.array_equal(replay_teleop(path, robot).log.command, run.log.command)
-
-
 def test_a_neck_back_at_rest_is_asked_for_nothing(get_robot):
     leader = GazeLeader(get_robot("humanoid33"), dt=DT, servos=True)
     guard = OperatorGuard(dt=DT)

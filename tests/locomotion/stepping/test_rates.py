@@ -35,7 +35,7 @@ def test_a_velocity_counts_for_a_tenth_of_a_second():
 
 def told(claims, moves, period=DT, seconds=1.0):
     """The velocities that count of a device that claims one velocity and moves by another."""
-    hand, found, place = Hand(TrackedPose((0.0, 0.0, 0.0), True)), [], np.zeros(3)
+    hand, found, place = Hand(TrackedPose((0.0, 0.0, 0.0), True), period), [], np.zeros(3)
     for k in range(1, 1 + round(seconds / period)):
         hand.tick(TrackedPose.of(place, True, velocity=claims(k * period)), DT + k * period)
         found.append(hand.velocity(DT + k * period))
