@@ -1,6 +1,11 @@
 """Robots: what a robot is, how one is loaded, and the catalog of names."""
 
-from poise.robots._capsules import LinkCapsules as LinkCapsules, capsules_of as capsules_of
+from poise.robots._capsules import (
+    LinkCapsules as LinkCapsules,
+    are_neighbours as are_neighbours,
+    capsules_of as capsules_of,
+    random_postures as random_postures,
+)
 from poise.robots._catalog import (
     CatalogEntry as CatalogEntry,
     catalog,
