@@ -17,14 +17,6 @@ def forward(robot):
     return data
 
 
-def test_the_catalog_lists_the_papers_robots_and_the_real_ones():
-    assert {"humanoid33", "biped20", "arm6", "upper17"} <= set(NAMES)
-    assert {"g1", "talos", "icub", "romeo", "human", "simple_humanoid", "panda", "ur5"} <= set(
-        NAMES
-    )
-    assert len(NAMES) == len(set(NAMES))
-
-
 @pytest.mark.parametrize("robot", NAMES, indirect=True)
 def test_joints_and_mass_are_what_the_catalog_says(robot):
     entry = next(e for e in catalog() if e.name == robot.name)
@@ -157,12 +149,6 @@ def test_a_robot_cannot_be_changed_by_mistake(robot):
             array[0] = 1.0
     with pytest.raises(TypeError):
         robot.soles["left_sole"] = None
-
-
-def test_a_name_that_is_close_is_suggested_first():
-    with pytest.raises(UnknownNameError, match="choices: humanoid33") as error:
-        load_robot("humanoid")
-    assert "g1" in error.value.choices
 
 
 @pytest.mark.parametrize("name", ["humanoid19", "humanoid61", "humanoid999"])
