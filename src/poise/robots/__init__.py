@@ -13,11 +13,8 @@ from poise.robots._catalog import (
 )
 from poise.robots._describe import describe
 from poise.robots._document import free_name as free_name
-from poise.robots._files_digest import (
-    description_of as description_of,
-    files_digest as files_digest,
-)
 from poise.robots._geometry import is_binary_stl as is_binary_stl, load_mesh as load_mesh
+from poise.robots._inputs import description_of as description_of, files_digest as files_digest
 from poise.robots._inverse_kinematics import (
     frame_error as frame_error,
     inverse_kinematics as inverse_kinematics,

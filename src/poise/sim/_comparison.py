@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
+from poise._show import few
 from poise.errors import RobotError
 from poise.robots import GRAVITY, Robot
 from poise.sim._drives import Drives, Joints
@@ -38,7 +39,6 @@ _COM_TOLERANCE = 2e-3
 _RELATIVE_TOLERANCE = 1e-2  # of other quantities: smaller differences are left out
 _COARSE_STEP = 5e-3  # feet chatter on the ground with longer time steps [s]
 _WRONG_WHERE_SPARSE = "4.0.0"  # MuJoCo whose sparse Cholesky factorization is wrong (issue 3767)
-_SHOWN = 8  # joints that a message names
 
 
 def find_base(robot: Robot, model: mujoco.MjModel, prefix: str) -> pin.SE3 | None:
@@ -60,10 +60,12 @@ def find_base(robot: Robot, model: mujoco.MjModel, prefix: str) -> pin.SE3 | Non
         order = [k for k in np.argsort(-mismatch).tolist() if mismatch[k] > 1.0]
         raise RobotError(
             f"joints of robot {robot.name!r} stand or turn elsewhere in the MuJoCo model",
-            got=[
-                f"{robot.joint_names[k]}: {1e3 * apart[k, 0]:.3g} mm, {apart[k, 1]:.3g} rad"
-                for k in order[:_SHOWN]
-            ],
+            got=few(
+                [
+                    f"{robot.joint_names[k]}: {1e3 * apart[k, 0]:.3g} mm, {apart[k, 1]:.3g} rad"
+                    for k in order
+                ]
+            ),
             wanted="the same zeros, signs and places of all joints, and the free joint in a body "
             "that is rigidly one with the robot's base: load the robot from the MJCF of this model",
         )
