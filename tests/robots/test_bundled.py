@@ -10,7 +10,7 @@ from bundled_robots.__main__ import main
 from bundled_robots.documents import differences, make_documents, read_archive, write_archive
 from poise.robots import load_robot
 
-HUMANOIDS = ("humanoid20", "humanoid33", "humanoid45", "humanoid60", "biped20")
+HUMANOIDS = ("humanoid33", "humanoid60", "biped20")
 
 
 @pytest.fixture(scope="module")

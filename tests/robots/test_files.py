@@ -9,49 +9,6 @@ from poise.errors import RobotError
 from poise.robots import files_digest, load_robot
 from poise.robots._noise import captured
 
-MJCF = """<mujoco model="tiny">
-  <compiler angle="degree"/>
-  <default><default class="leg">
-    <joint axis="0 1 0" range="-60 60" actuatorfrcrange="-50 50"/></default></default>
-  <worldbody>
-    <geom type="plane" size="1 1 0.1"/>
-    <body name="trunk" pos="0 0 1" euler="0 0 30">
-      <freejoint name="free"/>
-      <inertial pos="0 0 0.2" mass="10" diaginertia="0.3 0.3 0.1"/>
-      {legs}
-    </body>
-  </worldbody>
-  <actuator><motor joint="left_hip"/></actuator>
-  <keyframe><key qpos="0 0 1 1 0 0 0 0 0 0 0"/></keyframe>
-</mujoco>"""
-LEG = """<body name="{side}_shin" pos="0 {y} 0"><joint name="{side}_hip" class="leg"/>
-  <geom type="capsule" size="0.04" fromto="0 0 0 0 0 -0.4" mass="2"/>
-  <body name="{side}_foot" pos="0 0 -0.4"><joint name="{side}_ankle" class="leg"/>
-    <geom type="box" size="0.1 0.05 0.02" pos="0 0 -0.03" mass="1"/></body></body>"""
-
-
-@pytest.fixture
-def mjcf():
-    legs = "".join(LEG.format(side=s, y=y) for s, y in (("left", 0.1), ("right", -0.1)))
-    return MJCF.format(legs=legs)
-
-
-@pytest.fixture
-def mjcf_facts(facts):
-    return facts | {"limits": {"velocity": {".*": 8.0}}}
-
-
-def test_an_mjcf_file_may_include_others(tmp_path, mjcf, mjcf_facts):
-    body = mjcf[mjcf.index("<worldbody>") : mjcf.index("</worldbody>") + len("</worldbody>")]
-    (tmp_path / "body.xml").write_text(f"<mujocoinclude>{body}</mujocoinclude>")
-    (tmp_path / "tiny.xml").write_text(mjcf.replace(body, '<include file="body.xml"/>'))
-    robot = load_robot(tmp_path / "tiny.xml", mjcf_facts)
-    assert robot.nj == 4
-    assert "include" not in robot.source.text
-    (tmp_path / "body.xml").unlink()
-    with pytest.raises(RobotError, match=r"included.*body\.xml"):
-        load_robot(tmp_path / "tiny.xml", mjcf_facts)
-
 
 def test_a_floating_joint_in_the_document_is_not_doubled(load, urdf, facts):
     base = (
