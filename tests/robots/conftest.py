@@ -2,7 +2,6 @@ import copy
 
 import pytest
 
-from poise.errors import MissingExtraError
 from poise.robots import load_robot
 
 BIPED = """<robot name="tiny">
@@ -67,9 +66,6 @@ def load(tmp_path):
 
 
 @pytest.fixture
-def robot(request):
+def robot(request, get_robot):
     """The robot of the catalog that the test's parameter names."""
-    try:
-        return load_robot(request.param)
-    except MissingExtraError as error:
-        pytest.skip(str(error))
+    return get_robot(request.param)

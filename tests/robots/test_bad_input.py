@@ -31,46 +31,25 @@ def good(load, urdf, facts):
     return load(urdf, facts)
 
 
-def test_the_unspoilt_input_loads(good):
-    assert good.joint_names == ("left_hip", "left_ankle", "right_hip", "right_ankle")
-    assert good.q_home[2] == pytest.approx(0.4 * 0.9553365 + 0.05, abs=1e-6)
-
-
 SPOILT = {
     "base missing": ("base", None, "lacks the key 'base'"),
     "base unknown": ("base", "flying", "unknown base.*'flying'.*floating, fixed"),
     "pelvis missing": ("pelvis", None, r"facts missing.*\['pelvis'\]"),
-    "soles missing": ("soles", None, r"facts missing.*\['soles'\]"),
-    "soles empty": ("soles", {}, "at least one sole"),
     "unknown key": ("sole", {}, "unknown key.*'sole'.*choices: soles"),
-    "unknown key of a sole": ("soles/left_sole/lenght", 0.2, "unknown key.*'lenght'.*length"),
     "sole without length": ("soles/left_sole/length", None, "lacks the key 'length'"),
-    "negative length": ("soles/left_sole/length", -0.2, "length is out of range.*-0.2.*positive"),
     "zero width": ("soles/left_sole/width", 0, "width is out of range"),
     "length with a unit": ("soles/left_sole/length", "0.2 m", "wrong kind.*'0.2 m'.*number"),
-    "length that is not a number": ("soles/left_sole/length", float("nan"), "out of range.*nan"),
-    "length that is true": ("soles/left_sole/length", True, "wrong kind"),
     "two coordinates": ("soles/left_sole/position", [0, 0], "wrong kind.*3 numbers"),
-    "infinite coordinate": ("soles/left_sole/position", [0, 0, float("inf")], "out of range.*inf"),
     "sole not on a link": ("soles/left_sole/link", "left_toe", "left_sole.*'left_toe'.*left_foot"),
-    "pelvis not on a link": ("pelvis", "hips", "pelvis.*'hips'.*trunk"),
-    "hand not on a link": ("hands/left_hand", "palm", "left_hand.*'palm'"),
     "hand named as a sole": ("hands/left_sole", "trunk", "stands twice.*'left_sole'"),
     "home of no joint": ("home/knee", 0.1, "home names no joint.*'knee'.*left_hip"),
     "home outside limits": ("home/left_ankle", 2.0, "'left_ankle'.*outside.*2.0.*-1 to 1"),
-    "home that is text": ("home/left_ankle", "bent", "wrong kind.*'bent'"),
     "pattern that is none": ("home/left_(", 0.1, "cannot be read.*'left_\\('"),
     "soles not flat": ("home/left_ankle", 0.5, "does not lie in the plane|left_sole|right_sole"),
     "negative torque limit": ("limits/torque/.*", -5.0, "out of range.*-5.0"),
-    "limit of no joint": ("limits/velocity/elbow", 5.0, "velocity names no joint.*'elbow'"),
     "crossed limits": ("limits/position/left_hip", [1.0, -1.0], "cross.*1.0, -1.0"),
-    "unknown limit": ("limits/power/left_hip", 1.0, "unknown key.*'power'.*torque"),
     "negative armature": ("armature", -0.1, r"armature.* is out of range; got -0.1"),
-    "armature that is text": ("armature", "big", "wrong kind.*'big'"),
     "locked joint that is none": ("locked", ["finger"], "locked names no joint.*'finger'"),
-    "locked not a list": ("locked", "left_hip", "wrong kind.*list"),
-    "licence that is a number": ("licence", 3, "wrong kind.*3"),
-    "soles a list": ("soles", [1, 2], "wrong kind"),
 }
 
 
@@ -200,74 +179,21 @@ def test_limbs_may_cross_and_legs_may_be_locked(load, urdf, facts):
     assert load(urdf, facts | {"locked": [".*_hip", ".*_ankle"]}).nj == 0
 
 
-DOCUMENTS = {
-    "not XML": ("<robot", "not valid XML"),
-    "empty": ("", "not valid XML"),
-    "another format": ("<sdf/>", "neither URDF nor MJCF.*<sdf>.*<mujoco>"),
-    "no links": ("<robot name='r'/>", "no links"),
-}
-
-
-@pytest.mark.parametrize("case", DOCUMENTS)
-def test_a_file_that_is_no_robot_is_refused(load, facts, case):
-    text, message = DOCUMENTS[case]
-    with pytest.raises(RobotError, match=message):
-        load(text, facts)
-
-
 EDITS = {
     "no mass": (r'<mass value="\d+"/>', '<mass value="0"/>', "without mass.*left_hip"),
-    "no inertials": (r"(?s)<inertial>.*?</inertial>", "", "without mass.*left_hip"),
     "no limits at all": (r"<limit [^>]*/>", "", "limits.position.*left_hip"),
-    "joints without end": (r'type="revolute"', 'type="continuous"', "limits.position.*left_hip"),
-    "crossed limits": (
-        'lower="-1" upper="1"',
-        'lower="1" upper="-0.5"',
-        "lower limit is above.*left_ankle: lower 1, upper -0.5; right_ankle.*wanted lower below",
-    ),
-    "an axis of zeros": (
-        '<axis xyz="0 1 0"/>',
-        '<axis xyz="0 0 0"/>',
-        "^tiny.urdf: the axis of joint 'left_hip' has no direction; got '0 0 0'; wanted three",
-    ),
     "a mass without inertia": (
         r"(?s)(<mass value=.2./>)\s*<inertia [^>]*/>",
         r"\1",
         "^tiny.urdf: the <inertial> of link 'left_shin' has no <inertia>.*got '<origin>, <mass>'",
     ),
-    "an inertia without mass": (
-        '<mass value="2"/>',
-        "",
-        "^tiny.urdf: the <inertial> of link 'left_shin' has no <mass>.*wanted both",
-    ),
-    "a joint of no link": ('link="left_foot"', 'link="foot"', "no link.*'foot'.*left_foot"),
     "a loop": (r'<child link="left_shin"/>', '<child link="trunk"/>', "not a tree.*trunk"),
     "a link with two parents": ('link="right_foot"', 'link="left_foot"', "single root.*right_foot"),
-    "two roots": (r"</robot>", '<link name="other"/></robot>', "single root.*trunk.*other"),
-    "two joints of one name": ("right_hip", "left_hip", "two joints of one name.*left_hip"),
-    "a joint of six freedoms": (
-        r'"left_hip" type="revolute"',
-        '"left_hip" type="floating"',
-        "base",
-    ),
-    "a planar joint": (r'"left_hip" type="revolute"', '"left_hip" type="planar"', "left_hip"),
-    "letters for numbers": (
-        'xyz="0 0 -0.4"',
-        'xyz="0 0 low"',
-        "<origin> of joint 'left_ankle'.*'0 0 low'.*numbers",
-    ),
-    "an inertia turned by two angles": (
-        '<origin xyz="0 0 -0.2"/>',
-        '<origin xyz="0 0 -0.2" rpy="0 0"/>',
-        "rpy in <origin> of link 'left_shin' is not 3 numbers; got '0 0'.*3 finite",
-    ),
     "an inertia at two coordinates": (
         '<origin xyz="0 0 -0.2"/>',
         '<origin xyz="0 0"/>',
         "xyz in <origin> of link 'left_shin'.*'0 0'",
     ),
-    "two masses": ('<mass value="1"/>', '<mass value="1 2"/>', "value in <mass>.*foot.*'1 2'"),
-    "two moments": ('ixx="0.01"', 'ixx="0.01 2"', "ixx in <inertia>.*'0.01 2'.*a finite number"),
     "two lower limits": ('lower="-1"', 'lower="-1 2"', "lower in <limit>.*left_ankle.*'-1 2'"),
 }
 
@@ -283,45 +209,25 @@ def test_a_document_with_something_missing_is_refused_by_name(load, urdf, facts,
     assert capfd.readouterr().err == ""
 
 
-def test_a_joint_that_is_fixed_needs_no_axis(load, urdf, facts):
-    weld = '<joint name="weld" type="fixed"><parent link="trunk"/><child link="tag"/>'
-    text = f'{weld}<axis xyz="0 0 0"/></joint><link name="tag"/></robot>'
-    assert load(urdf.replace("</robot>", text), facts).nj == 4
-
-
 SHAPES = {
     "a box of two sizes": ('<box size="1 2"/>', "size in <box> of link 'left_foot'.*'1 2'"),
     "a ball of letters": ('<sphere radius="big"/>', "radius in <sphere>.*'big'.*a finite number"),
-    "a cylinder of two lengths": ('<cylinder radius="1" length="1 2"/>', "length in <cylinder>"),
-    "a capsule of letters": ('<capsule radius="x" length="1"/>', "radius in <capsule>.*'x'"),
-    "a mesh scaled by letters": ('<mesh filename="toe.stl" scale="abc"/>', "scale in <mesh>"),
     "a mesh scaled by one": ('<mesh filename="toe.stl" scale="2"/>', "scale in <mesh>.*3 finite"),
 }
 
 
-@pytest.mark.parametrize("kind", ["visual", "collision"])
 @pytest.mark.parametrize("case", SHAPES)
-def test_a_shape_without_the_numbers_it_needs_is_refused_by_name(load, urdf, facts, case, kind):
+def test_a_shape_without_the_numbers_it_needs_is_refused_by_name(load, urdf, facts, case):
     solid, message = SHAPES[case]
-    shape = f"{FOOT}<{kind}><geometry>{solid}</geometry></{kind}>"
+    shape = f"{FOOT}<visual><geometry>{solid}</geometry></visual>"
     with pytest.raises(RobotError, match=message):
         load(urdf.replace(FOOT, shape), facts)
 
 
-@pytest.mark.parametrize("kind", ["visual", "collision"])
-def test_a_shape_at_two_coordinates_is_refused_by_name(load, urdf, facts, kind):
-    shape = f'<geometry><sphere radius="1"/></geometry><origin xyz="1 2"/></{kind}>'
-    with pytest.raises(RobotError, match="xyz in <origin> of link 'left_foot'.*'1 2'"):
-        load(urdf.replace(FOOT, f"{FOOT}<{kind}>{shape}"), facts)
-
-
-@pytest.mark.parametrize("nested", ["<inertial><mass value='-1'/></inertial>", ""])
-@pytest.mark.parametrize("around", ["gazebo", "transmission"])
-def test_what_other_programs_put_into_a_file_is_no_part_of_the_robot(
-    load, urdf, facts, around, nested
-):
+def test_what_other_programs_put_into_a_file_is_no_part_of_the_robot(load, urdf, facts):
+    nested = "<inertial><mass value='-1'/></inertial>"
     mesh = '<visual><geometry><mesh filename="model://toe.dae"/></geometry></visual>'
-    foreign = f"<{around}><plugin><link name='extra'>{nested}{mesh}</link></plugin></{around}>"
+    foreign = f"<gazebo><plugin><link name='extra'>{nested}{mesh}</link></plugin></gazebo>"
     robot = load(urdf.replace("</robot>", f"{foreign}</robot>"), facts)
     assert robot.mass == pytest.approx(16.0)
     assert "extra" not in robot.source.text
@@ -335,7 +241,6 @@ GAPS = {
     "no torque limits": (r'effort="\d+"', 'effort="0"', "torque limits of .* N m.*left_hip"),
     "no velocity limits": (r'velocity="\d+"', "", "velocity limits of 10 rad/s.*left_hip"),
     "a mesh that is missing": (FOOT, with_mesh("package://feet/toe.stl"), "pictures.*feet/toe.stl"),
-    "a mesh beside the file that is missing": (FOOT, with_mesh("toe.stl"), "pictures: toe.stl"),
 }
 
 
@@ -372,25 +277,6 @@ def test_a_mesh_with_nothing_in_it_is_refused(tmp_path, load, urdf, facts, conte
     (tmp_path / "toe.stl").write_bytes(content)
     with pytest.raises(RobotError, match=r"toe\.stl.*tiny.*bytes in .*toe\.stl.*git lfs pull"):
         load(urdf.replace(FOOT, with_mesh("toe.stl")), facts)
-
-
-def test_a_missing_file_is_named():
-    with pytest.raises(RobotError, match=r"No such file.*nowhere\.urdf"):
-        load_robot("nowhere.urdf")
-
-
-def test_a_folder_is_no_robot(tmp_path):
-    folder = tmp_path / "robot.urdf"
-    folder.mkdir()
-    with pytest.raises(RobotError, match="cannot read"):
-        load_robot(folder)
-
-
-def test_a_file_of_bytes_is_no_robot(tmp_path):
-    path = tmp_path / "robot.urdf"
-    path.write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(RobotError, match="not text"):
-        load_robot(path)
 
 
 def test_without_a_description_the_message_says_how_to_get_one(tmp_path, urdf):
@@ -436,13 +322,6 @@ def test_a_description_file_that_is_none_is_refused(tmp_path, urdf, text, messag
     assert "\n" not in str(error.value)
 
 
-def test_a_description_that_is_missing_is_named(tmp_path, urdf):
-    path = tmp_path / "tiny.urdf"
-    path.write_text(urdf)
-    with pytest.raises(RobotError, match=r"facts\.yaml"):
-        load_robot(path, tmp_path / "facts.yaml")
-
-
 def test_unknown_frames_and_joints_list_those_there_are(good):
     with pytest.raises(UnknownNameError, match=r"unknown frame.*'left_foott'.*choices: left_foot"):
         good.frame_id("left_foott")
@@ -461,12 +340,6 @@ def test_what_is_no_name_is_no_frame(good, name):
 def test_a_load_at_no_place_is_refused(good, offset):
     with pytest.raises(ConfigurationError, match=r"offset of the load \[m\].*3 finite numbers"):
         good.carrying("left_sole", 1.0, offset)
-
-
-@pytest.mark.parametrize("q", ["home", [0.0] * 3, [float("nan")] * 11, [[0.0] * 11]])
-def test_a_posture_that_is_none_is_not_drawn(good, q):
-    with pytest.raises(ConfigurationError, match=r"configuration \[m, rad\].*11 finite numbers"):
-        good.show(q)
 
 
 @pytest.mark.parametrize("spelling", ["urdf", "mjcf"])
@@ -493,10 +366,10 @@ BOTH = """<mujoco><worldbody><body name="trunk">
 
 
 def test_random_descriptions_give_a_poise_error_or_a_robot(load, urdf, facts):
-    """300 descriptions with one value replaced at random; seed 7."""
+    """100 descriptions with one value replaced at random; seed 7."""
     rng = np.random.default_rng(7)
     junk = [None, -1, 0, 1e9, float("nan"), "x", "", [], [1, 2, 3], {}, {"a": 1}, True, ".*", "("]
-    for trial in range(300):
+    for trial in range(100):
         spoilt = yaml.safe_load(yaml.safe_dump(facts))
         place = spoilt
         while True:

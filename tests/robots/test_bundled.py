@@ -10,7 +10,7 @@ from bundled_robots.__main__ import main
 from bundled_robots.documents import differences, make_documents, read_archive, write_archive
 from poise.robots import load_robot
 
-HUMANOIDS = ("humanoid20", "humanoid33", "humanoid45", "humanoid60", "biped20")
+HUMANOIDS = ("humanoid33", "humanoid60", "biped20")
 
 
 @pytest.fixture(scope="module")
@@ -33,12 +33,6 @@ def test_the_check_names_the_documents_that_differ(made, monkeypatch, capsys):
         "arm6.urdf",
         "upper17.urdf",
     ]
-
-
-def test_a_last_digit_is_no_difference_but_a_word_is(made):
-    text = made["arm6.urdf"]
-    assert differences({"a": text}, {"a": text.replace('"5.0"', '"5.000000000000001"')}) == []
-    assert differences({"a": text}, {"a": text.replace("joint1", "joint7")}) == ["a"]
 
 
 def test_two_archives_of_the_same_documents_are_the_same_bytes(made, tmp_path):
@@ -64,14 +58,6 @@ def test_a_humanoid_has_the_joints_it_is_asked_for(joints):
     )
     assert left == right >= 6 + 4
     assert left + right + waist + neck == joints
-
-
-def test_the_tocabi_class_humanoid_shares_its_joints_as_the_paper_says():
-    names = load_robot("humanoid33").joint_names
-    arm = ("clavicle", "shoulder", "elbow", "forearm", "wrist")
-    assert sum(n.startswith("left_") and any(a in n for a in arm) for n in names) == 8
-    assert sum(n.startswith("waist_") for n in names) == 3
-    assert sum(n.startswith("neck_") for n in names) == 2
 
 
 def top_of(robot, q):
@@ -130,15 +116,6 @@ def test_the_upper_body_of_the_operational_space_paper_is_as_described():
     assert sum(n.startswith("left_") for n in robot.joint_names) == 6
 
 
-def test_the_six_joint_arm_reaches_nine_tenths_of_a_metre():
-    robot = load_robot("arm6")
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
-    shoulder = data.oMi[robot.model.getJointId("joint2")].translation
-    hand = data.oMf[robot.frame_id("hand")].translation
-    assert np.linalg.norm(hand - shoulder) == pytest.approx(0.9, abs=0.05)
-
-
 @pytest.mark.parametrize("name", HUMANOIDS)
 def test_feet_touch_the_ground_with_their_collision_box(name):
     robot = load_robot(name)
@@ -189,16 +166,6 @@ def test_left_and_right_are_mirror_images(name):
     np.testing.assert_allclose(
         data_mirror.Ig.inertia, mirror @ data.Ig.inertia @ mirror, rtol=0, atol=1e-6
     )
-
-
-def test_mass_is_where_a_humanoid_has_it():
-    robot = load_robot("humanoid33")
-    legs = sum(
-        inertia.mass
-        for name, inertia in zip(robot.model.names, robot.model.inertias, strict=True)
-        if any(part in name for part in ("hip", "knee", "ankle"))
-    )
-    assert legs == pytest.approx(45.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["humanoid33", "biped20", "upper17", "arm6"])

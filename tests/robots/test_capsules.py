@@ -5,21 +5,22 @@ import pinocchio as pin
 import pytest
 
 from poise.robots import capsules_of
-from poise.robots._capsules import segment_distances
 from poise.robots._geometry import link_shapes
 
 
-def test_distances_of_segments_are_the_least_of_their_points():
-    rng = np.random.default_rng(0)
-    a, b, c, d = rng.normal(size=(4, 30, 3))
-    # Parallel ones, and points, too.
-    b[0], d[0] = a[0] + [1.0, 0.0, 0.0], c[0] + [2.0, 0.0, 0.0]
-    b[1], d[2] = a[1], c[2]
-    s = np.linspace(0.0, 1.0, 201)[:, None]
-    for k, found in enumerate(segment_distances(a, b, c, d)):
-        one, other = a[k] + s * (b[k] - a[k]), c[k] + s * (d[k] - c[k])
-        least = np.linalg.norm(one[:, None] - other[None], axis=2).min()
-        assert least - 0.02 < found <= least + 1e-9
+def test_distances_are_the_least_of_points_of_the_axes(get_robot):
+    robot = get_robot("biped20")
+    capsules, data = capsules_of(robot), robot.model.createData()
+    found = capsules.distances(robot, robot.q_home)
+    np.testing.assert_array_equal(found, capsules.at_home)
+    pin.forwardKinematics(robot.model, data, robot.q_home)
+    shares, axes = np.linspace(0.0, 1.0, 201), []
+    for joint, a, b in zip(capsules.joints, capsules.starts, capsules.ends, strict=True):
+        axes.append([data.oMi[int(joint)] * (a + s * (b - a)) for s in shares])
+    for (i, j), distance in zip(capsules.pairs, found, strict=True):
+        apart = np.linalg.norm(np.array(axes[i])[:, None] - np.array(axes[j]), axis=2).min()
+        least = apart - capsules.radii[i] - capsules.radii[j]
+        assert least - 0.005 < distance <= least + 1e-9
 
 
 @pytest.mark.parametrize("name", ["humanoid33", "biped20"])
@@ -33,18 +34,13 @@ def test_capsules_hold_what_their_links_are_made_of(get_robot, name):
         shape = shapes[link].collision or shapes[link].visual
         for balls in shape:
             points = balls.moved(frame.placement)
-            for point, radius in zip(points.centres, points.radii, strict=True):
-                gaps = [
-                    segment_distances(
-                        point[None],
-                        point[None],
-                        capsules.starts[i : i + 1],
-                        capsules.ends[i : i + 1],
-                    )[0]
-                    - capsules.radii[i]
-                    for i in own
-                ]
-                assert min(gaps) + radius < 1e-9
+            gaps = []
+            for k in own:
+                start, axis = capsules.starts[k], capsules.ends[k] - capsules.starts[k]
+                along = np.clip((points.centres - start) @ axis / max(axis @ axis, 1e-12), 0, 1)
+                aside = np.linalg.norm(points.centres - start - along[:, None] * axis, axis=1)
+                gaps.append(aside + points.radii - capsules.radii[k])
+            assert np.min(gaps, axis=0).max() < 1e-9
 
 
 def test_arms_are_pairs_with_trunk_legs_and_each_other_and_neighbours_are_none(get_robot):

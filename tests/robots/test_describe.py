@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
-import yaml
 
 from poise.errors import RobotError
 from poise.robots import describe, load_robot
@@ -18,12 +17,6 @@ JOINT = """<joint name="{name}" type="{type}"><origin xyz="{xyz}" rpy="{rpy}"/>
 LIMIT = '<limit lower="-1.6" upper="1.6" effort="60" velocity="12"/>'
 BOX = """<collision><origin xyz="0.04 0 -0.04"/><geometry><box size="0.2 0.1 0.03"/></geometry>
   </collision>"""
-SPHERES = "".join(
-    f'<collision><origin xyz="{x} {y} -0.05"/><geometry><sphere radius="0.005"/></geometry>'
-    "</collision>"
-    for x in (-0.06, 0.14)
-    for y in (-0.05, 0.05)
-)
 WHEEL = """<collision><origin rpy="1.5708 0 0"/><geometry><cylinder radius="0.06" length="0.04"/>
   </geometry></collision>"""
 SIX = (("hip_z", "0 0 1"), ("hip_x", "1 0 0"), ("hip_y", "0 1 0"), ("knee", "0 1 0"),
@@ -132,9 +125,7 @@ def test_soles_of_real_robots_are_near_those_that_people_measured(get_robot, nam
 
 LEGS = {
     "six joints": {},
-    "five joints": {"joints": FIVE},
     "tilted hips": {"tilt": 0.5},
-    "contact balls": {"shape": SPHERES},
 }
 
 
@@ -155,17 +146,6 @@ def test_home_stands_level_with_the_com_over_the_soles(save, case):
     assert abs(knee) > 0.1
     assert robot.soles["left_sole"].length == pytest.approx(0.2, abs=2e-3)
     assert robot.soles["left_sole"].width == pytest.approx(0.1, abs=2e-3)
-
-
-def test_the_text_is_a_description_with_a_reason_beside_each_guess(save):
-    path = save(walker())
-    proposal = describe(path)
-    assert yaml.safe_load(proposal.text) == proposal.facts
-    for words in ("flat lower face of its collision geometry", "knees a little bent",
-                  "estimated, as the file has none", "no arms were found"):  # fmt: skip
-        assert words in proposal.text
-    path.with_suffix(".poise.yaml").write_text(proposal.text)
-    assert load_robot(path).joint_names == load_robot(path, proposal.facts).joint_names
 
 
 def test_a_plain_file_is_described_in_memory_with_one_warning(save):
@@ -239,9 +219,7 @@ def test_an_arm_by_itself_is_fixed_has_a_hand_and_its_gripper_is_locked(save):
 @pytest.mark.parametrize(
     ("name", "home"),
     [("talos", {"arm_left_4_joint": -0.8, "arm_right_4_joint": -0.8}),
-     ("romeo", {"LElbowYaw": -0.8, "RElbowYaw": 0.8}),
      ("icub", {"l_elbow": 0.8, "r_elbow": 0.8}),
-     ("panda", {"panda_joint4": -0.89}),
      ("g1", {})],
 )  # fmt: skip
 def test_straight_arms_of_real_robots_are_bent_at_the_elbow(get_robot, name, home):
@@ -257,10 +235,6 @@ def test_straight_arms_of_real_robots_are_bent_at_the_elbow(get_robot, name, hom
 REFUSED = {
     "a foot without a flat face": (walker(shape=WHEEL), "foot 'left_ankle_x_link' of walker.urdf.*"
                                    "no flat face.*cm\\^2.*measured"),
-    "a foot without a shape": (walker(shape=" "), "left_ankle_x_link' of walker.urdf.*no shape"),
-    "limits that cross": (
-        walker().replace(LIMIT, LIMIT.replace('"-1.6"', '"2"'), 1),
-        "walker.urdf has joints whose lower.*got 'left_hip_z: lower 2, upper 1.6'"),
     "a robot without feet": (
         walker(joints=SIX[:2]), "no feet are found in walker.urdf.*description_template"),
     "a robot on four legs": (
@@ -276,17 +250,6 @@ def test_what_cannot_be_described_is_refused_with_a_remedy(save, case):
     text, message = REFUSED[case]
     with pytest.raises(RobotError, match=message):
         load_robot(save(text))
-
-
-def test_a_symmetrical_robot_that_is_not_is_remarked_on(save):
-    longer = BOX.replace("0.2 0.1", "0.25 0.1")
-    proposal = describe(save(walker(right=longer)))
-    assert "left and right differ: soles of 200 x 100 mm and 250 x 100 mm" in proposal.remarks
-    heavy = walker().replace('<link name="left_knee_link"><inertial><origin xyz="0 0 -0.1"/>'
-                             '<mass value="1.0"/>', '<link name="left_knee_link"><inertial>'
-                             '<origin xyz="0 0 -0.1"/><mass value="3.0"/>')  # fmt: skip
-    remarks = describe(save(heavy)).remarks
-    assert any("masses behind left_knee (3 and 1 kg)" in remark for remark in remarks)
 
 
 def with_arms(legs, names=("left_", "right_")):
@@ -313,9 +276,6 @@ COM_UP = '<inertial><origin xyz="0 0 0.1"/><mass value="1.0"/>'
 ODD = {
     "a COM of the wrong sign": (
         knee(COM_UP), "left and right differ: centres of mass behind left_knee \\(0.2 m from"),
-    "an inertia of other units": (
-        walker().replace('ixx="0.02"', 'ixx="20"', 2).replace('iyy="0.02"', 'iyy="20"', 2),
-        "left and right differ: largest.*left_hip_z \\(20 and 0.02 kg m.2"),
     "arms of the other side": (
         with_arms(exchanged(walker())),
         "left arm \\(left_shoulder_y.*is on the side of the right leg \\(right_hip_z"),
@@ -342,13 +302,6 @@ def test_a_mirrored_robot_is_not_remarked_on(save):
     assert not describe(save(with_arms(walker()))).remarks
 
 
-def test_torques_that_are_not_given_and_joints_without_end_are_no_mistake_of_units(save):
-    text = walker().replace('effort="60"', 'effort="0.06"', 8).replace('effort="60"', 'effort="0"')
-    assert not describe(save(text)).remarks
-    endless = with_arms(walker()).replace(LIMIT, LIMIT.replace("1.6", "1e4"), 1)
-    assert not describe(save(endless)).remarks
-
-
 def test_remarks_stand_in_the_warning_of_a_load(save):
     path = save(knee(COM_UP))
     (remark,) = describe(path).remarks
@@ -361,14 +314,7 @@ def test_remarks_stand_in_the_warning_of_a_load(save):
     assert str(said[0].message).count("made possible: trunk") == 1
 
 
-def test_arms_without_sides_in_their_names_have_those_of_the_legs(save):
-    path = save(with_arms(exchanged(walker()), names=("one_", "two_")))
-    hands = describe(path).facts["hands"]
-    assert hands["left_hand"]["link"] == "two_wrist_link"
-    assert load_robot(path, describe(path).facts).hands == ("left_hand", "right_hand")
-
-
-@pytest.mark.parametrize("name", ["axis(1)", "axis[1]", "axis+", "(x", "a.b", "axis 1", "ä-/_1"])
+@pytest.mark.parametrize("name", ["axis(1)", "a.b", "ä-/_1"])
 def test_a_joint_may_be_named_like_a_pattern(save, name):
     """Beside one that the name as a pattern would match, too, and one that is locked."""
     links = ("base", "tip", "end", "last")
@@ -448,3 +394,10 @@ def test_left_is_left_by_name_and_ahead_follows_from_it(save):
     # Ahead is x: the root link is turned round.
     np.testing.assert_allclose(data.oMi[1].rotation[:, 0], [-1.0, 0.0, 0.0], atol=1e-4)
     assert data.oMf[robot.frame_id("left_sole")].translation[1] > 0.05
+
+
+def test_arms_without_sides_in_their_names_have_those_of_the_legs(save):
+    path = save(with_arms(exchanged(walker()), names=("one_", "two_")))
+    hands = describe(path).facts["hands"]
+    assert hands["left_hand"]["link"] == "two_wrist_link"
+    assert load_robot(path, describe(path).facts).hands == ("left_hand", "right_hand")

@@ -9,78 +9,6 @@ from poise.errors import RobotError
 from poise.robots import files_digest, load_robot
 from poise.robots._noise import captured
 
-MJCF = """<mujoco model="tiny">
-  <compiler angle="degree"/>
-  <default><default class="leg">
-    <joint axis="0 1 0" range="-60 60" actuatorfrcrange="-50 50"/></default></default>
-  <worldbody>
-    <geom type="plane" size="1 1 0.1"/>
-    <body name="trunk" pos="0 0 1" euler="0 0 30">
-      <freejoint name="free"/>
-      <inertial pos="0 0 0.2" mass="10" diaginertia="0.3 0.3 0.1"/>
-      {legs}
-    </body>
-  </worldbody>
-  <actuator><motor joint="left_hip"/></actuator>
-  <keyframe><key qpos="0 0 1 1 0 0 0 0 0 0 0"/></keyframe>
-</mujoco>"""
-LEG = """<body name="{side}_shin" pos="0 {y} 0"><joint name="{side}_hip" class="leg"/>
-  <geom type="capsule" size="0.04" fromto="0 0 0 0 0 -0.4" mass="2"/>
-  <body name="{side}_foot" pos="0 0 -0.4"><joint name="{side}_ankle" class="leg"/>
-    <geom type="box" size="0.1 0.05 0.02" pos="0 0 -0.03" mass="1"/></body></body>"""
-
-
-@pytest.fixture
-def mjcf():
-    legs = "".join(LEG.format(side=s, y=y) for s, y in (("left", 0.1), ("right", -0.1)))
-    return MJCF.format(legs=legs)
-
-
-@pytest.fixture
-def mjcf_facts(facts):
-    return facts | {"limits": {"velocity": {".*": 8.0}}}
-
-
-def test_an_mjcf_file_loads_as_the_same_kind_of_robot(load, mjcf, mjcf_facts):
-    robot = load(mjcf, mjcf_facts, ".xml")
-    assert robot.source.kind == "mjcf"
-    assert robot.joint_names == ("left_hip", "left_ankle", "right_hip", "right_ankle")
-    np.testing.assert_allclose(robot.q_max, np.pi / 3, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(robot.tau_max, 50.0)
-    np.testing.assert_allclose(robot.v_max, 8.0)
-    assert robot.mass == pytest.approx(16.0)
-    np.testing.assert_allclose(robot.q_home[3:7], [0, 0, 0, 1], rtol=0, atol=1e-9)
-
-
-def test_an_mjcf_robot_is_equal_in_both_engines(load, mjcf, mjcf_facts):
-    mujoco = pytest.importorskip("mujoco")
-    robot = load(mjcf, mjcf_facts | {"armature": 0.0}, ".xml")
-    spec = mujoco.MjSpec.from_string(robot.source.text)
-    spec.body("trunk").add_freejoint(name="free")
-    model = spec.compile()
-    theirs, M = mujoco.MjData(model), np.zeros((robot.nv, robot.nv))
-    q = robot.q_home.copy()
-    q[7:] = [0.3, -0.2, 0.1, 0.4]
-    theirs.qpos[:3], theirs.qpos[3:7], theirs.qpos[7:] = q[:3], q[[6, 3, 4, 5]], q[7:]
-    mujoco.mj_forward(model, theirs)
-    mujoco.mj_fullM(model, theirs, M)
-    ours = np.triu(pin.crba(robot.model, robot.model.createData(), q))
-    # The base is not turned, so that both base velocities are the same; the joints' order too.
-    assert q[6] == pytest.approx(1.0)
-    np.testing.assert_allclose(M, ours + np.triu(ours, 1).T, rtol=0, atol=1e-9)
-
-
-def test_an_mjcf_file_may_include_others(tmp_path, mjcf, mjcf_facts):
-    body = mjcf[mjcf.index("<worldbody>") : mjcf.index("</worldbody>") + len("</worldbody>")]
-    (tmp_path / "body.xml").write_text(f"<mujocoinclude>{body}</mujocoinclude>")
-    (tmp_path / "tiny.xml").write_text(mjcf.replace(body, '<include file="body.xml"/>'))
-    robot = load_robot(tmp_path / "tiny.xml", mjcf_facts)
-    assert robot.nj == 4
-    assert "include" not in robot.source.text
-    (tmp_path / "body.xml").unlink()
-    with pytest.raises(RobotError, match=r"included.*body\.xml"):
-        load_robot(tmp_path / "tiny.xml", mjcf_facts)
-
 
 def test_a_floating_joint_in_the_document_is_not_doubled(load, urdf, facts):
     base = (
@@ -117,14 +45,6 @@ def test_what_libraries_print_goes_to_the_log(capfd, caplog):
     assert caplog.messages == [noise.text]
     os.write(2, b"after")
     assert capfd.readouterr().err == "after"
-
-
-def test_a_fixed_base_needs_no_more_than_that_fact(load, urdf):
-    robot = load(urdf, {"base": "fixed"})
-    assert not robot.floating_base
-    assert robot.nv == robot.nq == 4
-    assert robot.roles["pelvis"].link == "trunk"
-    assert not robot.soles
 
 
 def test_locked_joints_are_welded_at_zero_with_their_mass(load, urdf, facts):
@@ -165,21 +85,6 @@ def test_limits_of_the_description_replace_those_of_the_file(load, urdf, facts):
     np.testing.assert_allclose(robot.v_max, [8.0, 8.0, 3.0, 3.0])
     assert (robot.q_min[0], robot.q_max[0]) == (-0.5, 0.5)
     assert 'lower="-0.5"' in robot.source.text
-
-
-def test_limits_that_cross_are_mended_by_the_description_or_by_locking(load, urdf, facts):
-    text = urdf.replace('lower="-1" upper="1"', 'lower="1" upper="-1"')
-    locked = load(text, {**facts, "home": {}, "locked": [".*_ankle"]})
-    assert locked.joint_names == ("left_hip", "right_hip")
-    facts["limits"] = {"position": {".*_ankle": [-1.0, 1.0]}}
-    assert load(text, facts).q_max.tolist() == [1.5, 1.0, 1.5, 1.0]
-
-
-def test_a_joint_without_end_becomes_a_hinge_with_the_limits_given(load, urdf, facts):
-    text = urdf.replace('"left_hip" type="revolute"', '"left_hip" type="continuous"')
-    robot = load(text, facts | {"limits": {"position": {"left_hip": [-3.0, 3.0]}}})
-    assert robot.nq == 11
-    assert robot.q_max[0] == 3.0
 
 
 def test_rotor_inertias_are_given_by_pattern(load, urdf, facts):
@@ -252,14 +157,6 @@ def test_the_description_in_the_documentation_is_a_right_one():
     }
 
 
-@pytest.mark.parametrize("name", ["humanoid33", "g1", "biped20"])
-def test_limits_of_a_model_go_both_ways(get_robot, name):
-    """Pinocchio refuses to reduce a model whose least velocity is above its largest."""
-    model = get_robot(name).model
-    assert (model.lowerVelocityLimit == -model.velocityLimit).all()
-    assert (model.lowerEffortLimit == -model.effortLimit).all()
-
-
 URDF = """<robot name="r"><link name="a">
   <visual><geometry><mesh filename="a.obj"/></geometry></visual></link></robot>"""
 INCLUDING = """<mujoco><compiler meshdir="meshes"/><include file="legs.xml"/>
@@ -298,10 +195,3 @@ def test_a_digest_is_of_all_files_of_a_robot_and_of_no_other(tmp_path, name, tex
     assert len({*seen}) == 1 + len(beside)
     (tmp_path / "other.yaml").write_text("two")
     assert files_digest(tmp_path / name) == seen[-1]
-
-
-def test_a_robot_without_description_and_meshes_has_a_digest_too(tmp_path):
-    (tmp_path / "r.urdf").write_text(URDF)
-    assert len(files_digest(tmp_path / "r.urdf")) == 8
-    with pytest.raises(RobotError, match="No such file"):
-        files_digest(tmp_path / "none.urdf")

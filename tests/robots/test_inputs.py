@@ -1,7 +1,6 @@
 """Inputs that a new user brings: each is loaded with a remark, or refused in one line."""
 
 import os
-import re
 import types
 import warnings
 
@@ -12,7 +11,7 @@ import pytest
 from unchecked import run_unchecked
 
 from poise.errors import PoiseError, RobotError
-from poise.robots import describe, load_robot
+from poise.robots import load_robot
 from poise.sim import Plant
 
 INERTIA = '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/>'
@@ -141,18 +140,10 @@ def kinds(tmp_path):
     }  # fmt: skip
 
 
-KINDS = [
-    "a path as text", "a path", "URDF text", "MJCF text", "an MJCF file", "a xacro file",
-    "a Pinocchio model", "a MuJoCo model", "a MuJoCo specification", "a module with a URDF",
-    "a module with an MJCF", "a module with a xacro", "a name",
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_input_is_loaded_under_the_name_of_its_model(tmp_path, kind):
-    given, options, name, joints = kinds(tmp_path)[kind]
-    robot, _ = loaded(given, **options)
-    assert (robot.name, robot.nj) == (name, joints)
+def test_every_kind_of_input_is_loaded_under_the_name_of_its_model(tmp_path):
+    for kind, (given, options, name, joints) in kinds(tmp_path).items():
+        robot, _ = loaded(given, **options)
+        assert (robot.name, robot.nj) == (name, joints), kind
 
 
 ACCEPTED = {
@@ -177,26 +168,17 @@ ACCEPTED = {
     "a speed below zero": (
         biped().replace('velocity="8"', 'velocity="-1"', 1), "velocity limits of 1 joint",
     ),
-    "an inertia that is off by rounding": (
-        biped().replace('izz="0.02"', 'izz="0.04000000001"', 1), "",
-    ),
-    "a joint with the name of the plant's base": (
-        biped(HEAD + joint("floating_base", "trunk", "head", "0 0 0.3")), "",
-    ),
     "names of the plant's own": (
         arm(before='<asset><texture name="sky" type="2d" builtin="flat" width="8" height="8"/>'
             '<material name="floor" texture="sky"/></asset>',
             tip='<geom name="floor" size="0.01" material="floor"/>'),
         "",
     ),
-    "sites with the names of roles": (arm(tip='<site name="hand"/><site name="hand_site"/>'), ""),
     "bodies that MuJoCo repeats": (
         arm(side='<replicate count="2" offset="0 0.1 0"><body name="stick" pos="0.2 0 0"><joint '
             'name="peg" range="-1 1"/><geom size="0.02"/></body></replicate>'),
         "velocity limits of 5 joints",
     ),
-    "a shape without size": (biped(foot=BOX + BOX.replace("0.2 0.1 0.04", "0 0 0")), ""),
-    "shapes of one name": (biped(foot=BOX.replace("<collision>", '<collision name="c">')), ""),
     "an inertia that no body has": (
         biped().replace('izz="0.02"', 'izz="0.5"', 1),
         "inertias that no body has are made possible: trunk",
@@ -209,11 +191,6 @@ ACCEPTED = {
         biped(HEAD + joint("neck", "trunk", "head", "0 0 0.3", kind="continuous", inside="")),
         "position limits of 1 joint",
     ),
-    "a revolute joint without bounds": (
-        biped(HEAD + joint("neck", "trunk", "head", "0 0 0.3",
-                                   inside='<limit effort="5" velocity="2"/>')),
-        "position limits of 1 joint",
-    ),
     "a joint without room": (
         biped(HEAD + joint("neck", "trunk", "head", "0 0 0.3",
                                    inside='<limit lower="0" upper="0" effort="5" velocity="2"/>')),
@@ -222,10 +199,6 @@ ACCEPTED = {
     "a joint that mimics another": (
         biped(finger("one", "") + finger("two", '<mimic joint="one_joint"/>')),
         "joints that mimic others are locked at zero: two_joint",
-    ),
-    "limits in degrees": (
-        biped().replace('lower="-1.5"', 'lower="-90"', 1),
-        "look like degrees in place of radians: left_hip_yaw",
     ),
     "an absurd torque limit": (
         biped().replace('effort="60"', 'effort="50000"', 2),
@@ -236,10 +209,6 @@ ACCEPTED = {
         arm(world='<body name="door" pos="2 0 0"><joint range="-1 1"/><geom size="0.1"/></body>'
             '<body name="ball"><freejoint/><geom size="0.1"/></body>'),
         "the world is the base, from which several limbs hang: door, base",
-    ),
-    "a tendon": (
-        arm(after='<tendon><fixed name="cord"><joint joint="elbow" coef="1"/></fixed></tendon>'),
-        "tendons are left out: cord",
     ),
     "a loop": (
         arm(after='<equality><connect name="rod" body1="palm" body2="base" anchor="0 0 0"/>'
@@ -267,7 +236,6 @@ def test_a_fault_that_published_models_have_is_repaired_with_a_remark(case, capf
     assert capfd.readouterr() == ("", "")
 
 
-LONG = "x" * 5000
 KINDS_WANTED = (
     "wanted a name of `poise robots`, a path to URDF, MJCF or xacro, XML text, a pinocchio"
 )
@@ -275,23 +243,6 @@ SDF = "<sdf version='1.7'/>"
 
 REFUSED = {
     "a number": (3, f"this is no robot; got 3; {KINDS_WANTED}"),
-    "nothing": (None, f"this is no robot; got None; {KINDS_WANTED}"),
-    "a list": (["g1"], f"this is no robot; got ['g1']; {KINDS_WANTED}"),
-    "bytes": (b"<robot/>", f"this is no robot; got b'<robot/>'; {KINDS_WANTED}"),
-    "a module of something else": (
-        types.ModuleType("json5"),
-        "module json5 names no model; got <module 'json5'>; wanted URDF_PATH or MJCF_PATH or",
-    ),
-    "a module of a number": (
-        module_of(URDF_PATH=3), "module some_description names no model; got <module 'some_descr",
-    ),
-    "a path with a zero byte": (
-        "a\0b.urdf", "cannot read a file (embedded null byte); got 'a\\x00b.urdf'; wanted a read",
-    ),
-    "an empty Pinocchio model": (pin.Model(), "pin.Model has nothing that moves; got ["),
-    "digits of another script": ("humanoid3\u0663", "unknown robot; got 'humanoid3\u0663'; "),
-    "too many joints": ("humanoid999", "no parametric humanoid has that many joints; got 'humanoi"),
-    "more digits than an integer has": ("humanoid" + "9" * 5000, "unknown robot; got 'humanoid99"),
     "a link called world": (
         biped(link("world") + joint("tie", "trunk", "world", "0 0 0", kind="fixed")),
         "text has a link 'world' that is not its root; wanted another name for it",
@@ -302,7 +253,6 @@ REFUSED = {
     ),
     "an unknown name": ("g2", "unknown robot; got 'g2'; choices: g1,"),
     "a missing file": ("g2.urdf", "cannot read a file (No such file or directory); got 'g2.urdf'"),
-    "a text that is no name": (LONG, "unknown robot; got 'xxx"),
     "text that is not XML": ("<robot", "text is not valid XML: "),
     "another format": (
         SDF,
@@ -319,7 +269,6 @@ REFUSED = {
         biped(HEAD + joint("left_knee", "trunk", "head", "0 0 0.3")),
         "text has two joints of one name; got ['left_knee']",
     ),
-    "a link without a name": (biped("<link/>"), "text has a link without a name; wanted names for"),
     "a mimic of an unknown joint": (
         biped(finger("two", '<mimic joint="thumb"/>')),
         "text: joint 'two_joint' mimics a joint that does not exist; got 'thumb'; choices: ",
@@ -340,10 +289,6 @@ REFUSED = {
         biped().replace('lower="-1.5"', 'lower="2"', 1),
         "text has joints whose lower limit is above the upper one; got 'left_hip_yaw: lower 2, ",
     ),
-    "two inertials of a link": (
-        biped().replace("</inertial>", "</inertial><inertial/>", 1),
-        "text: link 'trunk' has two <inertial>; wanted one of them",
-    ),
     "a negative mass": (
         biped().replace('value="10.0"', 'value="-1"'),
         "text: link 'trunk' has a negative mass or inertia; got 'mass -1 kg, principal inertias",
@@ -357,22 +302,10 @@ REFUSED = {
         biped(joint("neck", "trunk", "hat", "0 0 0.3")),
         "text: child of joint 'neck' is no link; got 'hat'; choices: ",
     ),
-    "a ball joint": (
-        arm(tip='<body name="eye"><joint name="socket" type="ball"/><geom size="0.01"/></body>'),
-        "text: joint 'socket' is a ball joint; got 'three degrees of freedom'; wanted three hinges",
-    ),
     "several robots": (
         arm(root="<freejoint/>", world='<body name="other"><freejoint/><geom size="0.1"/><body '
             'name="tail"><joint range="-1 1"/><geom size="0.1"/></body></body>'),
         "text has several robots; got ['other', 'base']; wanted one body with joints under",
-    ),
-    "nothing that moves": (
-        '<mujoco><worldbody><body name="rock"><geom size="1"/></body></worldbody></mujoco>',
-        "text has nothing that moves; got ['rock']; wanted one body with joints under",
-    ),
-    "a missing include": (
-        '<mujoco><include file="gone.xml"/></mujoco>',
-        "a file included by text cannot be found; got ",
     ),
     "a base that floats without legs": (
         arm(root="<freejoint/>"),
@@ -385,14 +318,6 @@ REFUSED = {
             for k, (x, y) in enumerate([(0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)]))),
         "no feet are found in text; got 'a free base, and joints that turn without end, as wheels "
         "do: wheel0, wheel1, wheel2, wheel3'; wanted two legs",
-    ),
-    "feet that are balls": (
-        biped(foot='<collision><geometry><sphere radius="0.05"/></geometry></collision>'),
-        "foot 'left_foot' of text has no flat face to stand on; got ",
-    ),
-    "no mass": (
-        re.sub(r"<inertial>.*?</inertial>", "", biped()),
-        "text has no mass; got 'no link with one'; wanted an <inertial> with a positive mass",
     ),
 }  # fmt: skip
 
@@ -448,18 +373,6 @@ def test_a_mesh_that_is_none_is_refused_in_one_line(tmp_path, case):
     assert "\n" not in str(error.value)
 
 
-def test_files_are_included_from_the_folder_of_the_file_that_includes_them(tmp_path):
-    (tmp_path / "parts").mkdir()
-    (tmp_path / "parts/arm.xml").write_text('<mujoco><include file="leaf.xml"/></mujoco>')
-    (tmp_path / "parts/leaf.xml").write_text(arm())
-    main = tmp_path / "main.xml"
-    main.write_text('<mujoco model="main"><include file="parts/arm.xml"/></mujoco>')
-    assert loaded(main)[0].joint_names == ("shoulder", "elbow", "wrist")
-    (tmp_path / "parts/leaf.xml").write_bytes(b"\xff\xfe")
-    with pytest.raises(RobotError, match=r"^file is not text; got .*leaf.xml"):
-        loaded(main)
-
-
 def test_models_that_a_document_attaches_are_part_of_the_robot(tmp_path):
     hand = '<body name="finger"><joint name="bend" range="-1 1"/><geom size="0.02"/></body>'
     (tmp_path / "hand.xml").write_text(f"<mujoco><worldbody>{hand}</worldbody></mujoco>")
@@ -481,11 +394,6 @@ def test_nan_leaves_no_log_of_mujocos(tmp_path, monkeypatch, capfd):
         loaded(model, FIXED)
     assert capfd.readouterr() == ("", "")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_robot_of_the_catalog_takes_no_other_description():
-    with pytest.raises(RobotError, match=r"^a robot of the catalog has a description; got "):
-        load_robot("arm6", FIXED)
 
 
 OF_OTHER_KINDS = """
@@ -520,39 +428,12 @@ def test_things_of_other_kinds_are_refused():
     ]
 
 
-def test_a_robot_without_a_joint_to_move_is_refused():
-    with pytest.raises(RobotError, match=r"^text has no joint to move; got \('shoulder', 'elbow'"):
-        loaded(arm(), FIXED | {"locked": [".*"]})
-
-
-def test_places_at_infinity_are_refused():
-    text = arm().replace('pos="0 0 0.3"', 'pos="0 0 inf"')
-    with pytest.raises(RobotError, match=r"^text can move without inertia; got "):
-        loaded(text, FIXED)
-
-
 def test_a_screw_of_pinocchios_is_no_hinge():
     model = pin.Model()
     screw = model.addJoint(0, pin.JointModelHX(0.1), pin.SE3.Identity(), "screw")
     model.appendBodyToJoint(screw, pin.Inertia.Identity(), pin.SE3.Identity())
     with pytest.raises(RobotError, match=r"^joint 'screw' of pin.Model is neither hinge nor slide"):
         loaded(model, FIXED)
-
-
-def test_inertias_of_a_pinocchio_model_are_made_possible():
-    text = biped().replace('izz="0.02"', 'izz="0.5"', 1)
-    model = pin.buildModelFromXML(text)
-    robot, said = loaded(model, FIXED)
-    assert "inertias that no body has are made possible: trunk" in said
-    simulated(robot)
-
-
-def test_geometry_alone_is_refused():
-    text = biped()
-    model = pin.buildModelFromXML(text)
-    geometry = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
-    with pytest.raises(RobotError, match=r"^geometry comes with a model; got .*pinocchio.Model"):
-        load_robot(text, geometry=geometry)
 
 
 def test_a_robot_is_the_same_from_text_from_pinocchio_and_from_mujoco():
@@ -633,11 +514,6 @@ def test_a_gear_of_a_gear_passes_on_its_drive_in_any_order():
     assert said.endswith("speed and rotor: shoulder")
 
 
-def test_a_coupling_that_is_not_linear_is_remarked_on():
-    _, said = loaded(gears().replace('polycoef="0 -0.5 0', 'polycoef="0 -0.5 0.3'), FIXED)
-    assert "couplings are taken as linear: shoulder" in said
-
-
 def test_a_joint_is_welded_below_a_joint_with_the_name_of_its_link():
     text = arm().replace('body name="lower"', 'body name="elbow"')
     robot, _ = loaded(text, FIXED | {"locked": ["wrist"]})
@@ -667,7 +543,30 @@ def test_a_gear_and_its_output_move_as_mujoco_moves_them_coupled():
     np.testing.assert_allclose(ours, theirs, rtol=2e-3)
 
 
-def test_the_keyframe_is_clipped_into_the_home_posture():
-    proposal = describe(arm(after='<keyframe><key name="home" qpos="3 0.5 0"/></keyframe>'))
-    assert proposal.facts["home"]["shoulder"] <= 2.0
-    assert proposal.facts["home"]["elbow"] == pytest.approx(0.5)
+def test_a_robot_without_a_joint_to_move_is_refused():
+    with pytest.raises(RobotError, match=r"^text has no joint to move; got \('shoulder', 'elbow'"):
+        loaded(arm(), FIXED | {"locked": [".*"]})
+
+
+def test_places_at_infinity_are_refused():
+    text = arm().replace('pos="0 0 0.3"', 'pos="0 0 inf"')
+    with pytest.raises(RobotError, match=r"^text can move without inertia; got "):
+        loaded(text, FIXED)
+
+
+def test_files_are_included_from_the_folder_of_the_file_that_includes_them(tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/arm.xml").write_text('<mujoco><include file="leaf.xml"/></mujoco>')
+    (tmp_path / "parts/leaf.xml").write_text(arm())
+    main = tmp_path / "main.xml"
+    main.write_text('<mujoco model="main"><include file="parts/arm.xml"/></mujoco>')
+    assert loaded(main)[0].joint_names == ("shoulder", "elbow", "wrist")
+    (tmp_path / "parts/leaf.xml").write_bytes(b"\xff\xfe")
+    with pytest.raises(RobotError, match=r"^file is not text; got .*leaf.xml"):
+        loaded(main)
+    (tmp_path / "parts/leaf.xml").write_text('<mujoco><include file="../parts/arm.xml"/></mujoco>')
+    with pytest.raises(RobotError, match=r"^a file included by leaf.xml includes it"):
+        loaded(main)
+    (tmp_path / "parts/leaf.xml").unlink()
+    with pytest.raises(RobotError, match=r"^a file included by arm.xml cannot be found"):
+        loaded(main)

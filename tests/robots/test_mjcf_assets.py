@@ -64,13 +64,9 @@ def compare(path):
 
 
 COMPILERS = {
-    "none": ("", "toe.stl", "toe.stl"),
     "one": ('<compiler meshdir="meshes"/>', "toe.stl", "meshes/toe.stl"),
     "another after it": (
         '<compiler meshdir="meshes"/><compiler angle="radian"/>', "toe.stl", "meshes/toe.stl",
-    ),
-    "another before it": (
-        '<compiler autolimits="true"/><compiler assetdir="all"/>', "toe.stl", "all/toe.stl",
     ),
     "one that wins": (
         '<compiler meshdir="meshes"/><compiler assetdir="all"/>', "toe.stl", "all/toe.stl",
@@ -111,8 +107,6 @@ TOE = {"assets": '<mesh name="toe" file="toe.stl"/>'}
 PICTURE = TOE | {"shape": '<geom class="picture" mesh="toe"/>'}
 SPARED = {
     "no mass": TOE | {"shape": '<geom type="mesh" mesh="toe" mass="0"/>'},
-    "no mass by its class": PICTURE | {"picture": 'mass="0"'},
-    "no density": PICTURE | {"picture": 'density="0"'},
     "a group that has no mass": PICTURE
     | {"picture": 'group="4"', "compiler": '<compiler inertiagrouprange="0 3"/>'},
     "a mass of the body's own": PICTURE | {"inertial": INERTIAL},
@@ -132,7 +126,6 @@ def test_a_picture_that_weighs_nothing_may_be_missing(write, case):
 
 
 WEIGHING = {
-    "a mass by its density": PICTURE,
     "a mass": PICTURE | {"picture": 'mass="3" density="0"'},
     "a mass in a frame": TOE
     | {"shape": '<frame><geom class="picture" mesh="toe" mass="3"/></frame>'},

@@ -50,10 +50,6 @@ def test_a_leg_that_cannot_put_its_sole_aside_gives_up_no_turn(get_robot_without
     assert [sole.controlled for sole in robot.soles.values()] == [ALL, ALL]
 
 
-def test_a_robot_without_soles_has_nothing_to_control(get_robot):
-    assert not get_robot("arm6").soles
-
-
 HOPPER = """<robot name="hopper">
   <link name="trunk">{inertial}</link><link name="foot">{inertial}</link>
   <joint name="leg" type="prismatic"><origin xyz="0 0 -0.8"/><parent link="trunk"/>

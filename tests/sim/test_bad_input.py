@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_biped import document, torque, velocity
 
-from poise.errors import ConfigurationError, PoiseError, RobotError, TargetError, UnknownNameError
+from poise.errors import ConfigurationError, RobotError, TargetError, UnknownNameError
 from poise.robots import ModelSource
 from poise.sim import Block, Plant, PlantConfig, Push, SensorConfig
 
@@ -19,38 +19,25 @@ Servo, Payload, LinkError = PlantConfig.Servo, PlantConfig.Payload, PlantConfig.
     ("make", "says"),
     [
         (lambda: PlantConfig(control_dt=0.0), "control_dt"),
-        (lambda: PlantConfig(physics_dt=-1e-3), "physics_dt"),
-        (lambda: PlantConfig(control_dt=NAN), "control_dt"),
         (lambda: PlantConfig(control_dt=1e-3, physics_dt=3e-4), "multiple"),
         (lambda: PlantConfig(control_dt=1e-3, physics_dt=2e-3), "multiple|shorter"),
         (lambda: PlantConfig(physics_dt=1e-3, contact_time_constant=1e-3), "contact_time"),
         (lambda: PlantConfig(friction=-0.5), "friction"),
-        (lambda: PlantConfig(mass_scale=0.0), "mass_scale"),
-        (lambda: PlantConfig(inertia_scale=INF), "inertia_scale"),
-        (lambda: PlantConfig(joint_damping=-1.0), "joint_damping"),
-        (lambda: PlantConfig(joint_friction=NAN), "joint_friction"),
+        (lambda: PlantConfig(actuation="velocity", torque_bandwidth=9.0), "velocity actuation"),
+        (lambda: PlantConfig(actuation="force"), "'force'; choices: torque, position, velocity"),
         (lambda: PlantConfig(floor_slope=(0.0, 1.2)), "floor_slope"),
-        (lambda: PlantConfig(floor_slope=(NAN, 0.0)), "floor_slope"),
         (lambda: PlantConfig(fall_height_ratio=1.5), "fall_height_ratio"),
         (lambda: PlantConfig(sensors=SensorConfig(delay=0.0015)), "delay"),
         (lambda: SensorConfig(gyro_noise=-0.1), "gyro_noise"),
-        (lambda: SensorConfig(encoder_resolution=NAN), "encoder_resolution"),
-        (lambda: Servo(stiffness=0.0), "stiffness"),
         (lambda: Servo(damping=-1.0), "damping"),
         (lambda: Payload(frame="left_hand", mass=-1.0), "mass"),
-        (lambda: Payload(frame="left_hand", mass=NAN), "mass"),
-        (lambda: Payload(frame="left_hand", mass=1.0, radius=0.0), "radius"),
         (
             lambda: Payload(frame="left_hand", mass=1.0, offset=(0.0, INF, 0.0)),
             "offset",
         ),
         (lambda: Push(body="torso", force=(NAN, 0.0, 0.0), start=0.0, duration=1.0), "force"),
-        (lambda: Push(body="torso", force=(1.0, 0.0, 0.0), start=-1.0, duration=1.0), "start"),
-        (lambda: Push(body="torso", force=(1.0, 0.0, 0.0), start=0.0, duration=0.0), "duration"),
-        (lambda: LinkError(link="chest", mass_scale=-1.0), "mass_scale"),
         (lambda: LinkError(link="chest", com_offset=(0.0, 0.0, NAN)), "com_offset"),
         (lambda: Block(center=(0.0, 0.0), size=(1.0, 1.0, 0.0)), "size"),
-        (lambda: Block(center=(0.0, NAN), size=(1.0, 1.0, 0.1)), "center"),
         (lambda: Block(center=(0.0, 0.0), size=(1.0, 1.0, 0.1), tilt=(0.8, 0.0)), "tilt"),
         (lambda: Block(center=(0.0, 0.0), size=(1.0, 1.0, 0.1), tilt=(0.1, 0.0)), "told: false"),
     ],
@@ -58,11 +45,6 @@ Servo, Payload, LinkError = PlantConfig.Servo, PlantConfig.Payload, PlantConfig.
 def test_values_that_cannot_be_are_refused(make, says):
     with pytest.raises(ConfigurationError, match=says):
         make()
-
-
-def test_an_unknown_actuation_is_refused_with_the_choices():
-    with pytest.raises(ConfigurationError, match="'force'; choices: torque, position, velocity"):
-        PlantConfig(actuation="force")
 
 
 @pytest.mark.parametrize(
@@ -149,8 +131,3 @@ def test_without_mujoco_the_message_names_the_extra():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert 'pip install "poise[sim]"' in done.stdout
-
-
-def test_every_refusal_is_a_poise_error():
-    for kind in (ConfigurationError, RobotError, TargetError, UnknownNameError):
-        assert issubclass(kind, PoiseError)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from small_biped import random_state, small_biped, torque, velocity
+from small_biped import random_state, torque, velocity
 
 import poise
 from poise.errors import ConfigurationError, RobotError, UnknownNameError
@@ -15,7 +15,7 @@ from poise.sim import MujocoBridge, Plant, PlantConfig
 from poise.sim._build import build_model
 from poise.sim._document import parse_document
 
-SEEDS = range(5)
+SEEDS = range(2)
 
 
 def user_spec(robot, *, integrator=mujoco.mjtIntegrator.mjINT_IMPLICITFAST):
@@ -152,7 +152,6 @@ ACTUATORS = {
     "geared motors": lambda spec, robot: add_motors(spec, robot, gear=-12.5),
     "motors in another order": shuffled,
     "servos": add_servos,
-    "geared servos": lambda spec, robot: add_servos(spec, robot, gear=3.0),
     "motors beside velocity servos": lambda spec, robot: with_dampers(
         add_motors(spec, robot), robot
     ),
@@ -290,22 +289,18 @@ def test_servos_follow_velocities_from_where_the_joints_are(biped):
     np.testing.assert_allclose(data.qfrc_actuator, 0.0, atol=1e-9)
 
 
-def test_motors_cannot_be_sent_a_velocity(biped):
+def test_commands_and_data_that_do_not_fit_are_refused(biped):
     model = add_motors(user_spec(biped), biped).compile()
     bridge, data = quiet_bridge(biped, model), mujoco.MjData(model)
-    data.ctrl[:] = 1.0
-    with pytest.raises(ConfigurationError, match=r"cannot be sent a velocity.*left_knee.*no servo"):
-        bridge.apply(velocity(np.zeros(biped.nj)), data)
-    assert (data.ctrl == 1.0).all()
-
-
-def test_a_command_of_the_wrong_shape_is_refused(biped):
-    model = add_motors(user_spec(biped), biped).compile()
-    bridge, data = quiet_bridge(biped, model), mujoco.MjData(model)
-    with pytest.raises(ConfigurationError, match="wrong command"):
-        bridge.apply(torque(np.zeros(3)), data)
-    with pytest.raises(ConfigurationError, match="neither torque nor velocity"):
-        bridge.apply(poise.Command(poise.CommandStatus.OK), data)
+    for command, message in (
+        (velocity(np.zeros(biped.nj)), r"cannot be sent a velocity.*left_knee.*no servo"),
+        (torque(np.zeros(3)), "wrong command"),
+        (poise.Command(poise.CommandStatus.OK), "neither torque nor velocity"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            bridge.apply(command, data)
+    with pytest.raises(ConfigurationError, match="another model"):
+        bridge.state(mujoco.MjData(scene(biped).compile()))
 
 
 def edit(change):
@@ -358,6 +353,10 @@ REFUSALS = {
     "a joint with another zero": (set_zero, r"stand or turn elsewhere.*left_ankle_pitch"),
     "a joint elsewhere": (move_waist, r"waist: 10 mm, .*load the robot from the MJCF"),
     "a base that is not free": (make_fixed, r"floating base.*body 'base'.*no free joint"),
+    "a slide for a hinge": (
+        lambda spec: setattr(spec.joint("left_ankle_roll"), "type", mujoco.mjtJoint.mjJNT_SLIDE),
+        r"of another kind in the MuJoCo.*'left_ankle_roll'",
+    ),
     "a muscle": (add_muscle, r"cannot be sent.*left_knee_motor of joint left_knee.*MUSCLE"),
     "a tendon": (add_tendon, r"through tendons.*winch on left_hip_pitch, left_knee"),
 }
@@ -392,16 +391,6 @@ def test_of_two_robots_in_a_scene_one_has_to_be_named(biped):
     assert set(data.ctrl[biped.nj :]) == {1.0}
 
 
-def test_a_slide_is_not_taken_for_the_hinge_of_its_name(biped):
-    """Also where the joint moves no other, so that nothing else shows it."""
-
-    def change(spec):
-        spec.joint("left_ankle_roll").type = mujoco.mjtJoint.mjJNT_SLIDE
-
-    with pytest.raises(RobotError, match=r"of another kind in the MuJoCo.*'left_ankle_roll'"):
-        MujocoBridge(biped, edit(change)(biped))
-
-
 EQ, OBJ = mujoco.mjtEq, mujoco.mjtObj
 
 
@@ -426,14 +415,6 @@ def couple_tendons(spec):
     couple(spec, EQ.mjEQ_TENDON, OBJ.mjOBJ_TENDON, "cable")
 
 
-def couple_by_a_rope(spec):
-    rope = spec.add_tendon(name="rope")
-    for link in ("base", "left_foot"):
-        spec.body(link).add_site(name=f"{link}_site", pos=(0.0, 0.0, 0.02))
-        rope.wrap_site(f"{link}_site")
-    couple(spec, EQ.mjEQ_TENDON, OBJ.mjOBJ_TENDON, "rope")
-
-
 def couple_by_cloth(spec):
     cloth = spec.add_flex(name="cloth", dim=2, elem=[0, 1, 2])
     cloth.vertbody = ["left_foot", "right_foot", "chest"]
@@ -444,9 +425,6 @@ COUPLINGS = {
     "(connect): left_foot, right_foot": lambda spec: couple(
         spec, EQ.mjEQ_CONNECT, OBJ.mjOBJ_BODY, "left_foot", "right_foot"
     ),
-    "(weld): chest, world": lambda spec: couple(
-        spec, EQ.mjEQ_WELD, OBJ.mjOBJ_BODY, "chest", "world"
-    ),
     "(weld): left_foot_site, right_foot_site": couple_sites,
     "(joint): left_knee, right_knee": lambda spec: couple(
         spec, EQ.mjEQ_JOINT, OBJ.mjOBJ_JOINT, "left_knee", "right_knee"
@@ -454,9 +432,7 @@ COUPLINGS = {
     "(joint): left_knee, left_hip_pitch": lambda spec: couple(
         spec, EQ.mjEQ_JOINT, OBJ.mjOBJ_UNKNOWN, "left_knee", "left_hip_pitch"
     ),
-    "(joint): waist": lambda spec: couple(spec, EQ.mjEQ_JOINT, OBJ.mjOBJ_JOINT, "waist"),
     "(tendon): cable": couple_tendons,
-    "(tendon): rope": couple_by_a_rope,
     "(flex): cloth": couple_by_cloth,
 }
 
@@ -500,12 +476,6 @@ def add_fingers(spec):
 
 
 HARMLESS = {
-    "joints that the robot lacks": (
-        EQ.mjEQ_JOINT, OBJ.mjOBJ_JOINT, "left_foot_finger0", "right_foot_finger0",
-    ),
-    "such joints as MJCF text ties them": (
-        EQ.mjEQ_JOINT, OBJ.mjOBJ_UNKNOWN, "left_foot_finger0", "right_foot_finger0",
-    ),
     "a loop within what one link carries": (
         EQ.mjEQ_CONNECT, OBJ.mjOBJ_BODY, "left_foot_finger0", "left_foot_finger1",
     ),
@@ -529,15 +499,6 @@ def test_an_equality_that_moves_no_joint_of_the_robot_is_left_alone(biped, case)
     rows = jacobian[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
     assert np.abs(rows).max() > 0.05
     np.testing.assert_allclose(rows[:, bridge.map.dof_order], 0.0, atol=1e-12)
-
-
-def test_a_crossed_equality_between_two_links_is_not_taken_for_harmless(biped):
-    def change(spec):
-        add_fingers(spec)
-        couple(spec, EQ.mjEQ_CONNECT, OBJ.mjOBJ_BODY, "left_foot_finger0", "right_foot_finger0")
-
-    with pytest.raises(RobotError, match=r"\(connect\): left_foot_finger0"):
-        MujocoBridge(biped, edit(change)(biped))
 
 
 def shift_foot_frame(spec):
@@ -564,11 +525,9 @@ DIFFERENCES = {
     "frames of 1 links, most left_foot: 20 mm": shift_foot_frame,
     "mass: 47 kg in the model, 47 kg to the controller; most what left_knee": move_mass,
     "tendons that resist or limit its joints: cable": add_spring,
-    "mass: ": lambda spec: setattr(spec.body("base"), "mass", 12.4),
     "centre of mass at home": lambda spec: setattr(spec.body("chest"), "ipos", (0.1, 0, 0.25)),
     "armature of 1 joints, most waist": lambda spec: setattr(spec.joint("waist"), "armature", 0.5),
     "joint damping of 1 joints": lambda spec: setattr(spec.joint("waist"), "damping", (0.5, 0, 0)),
-    "dry friction of 1 joints": lambda spec: setattr(spec.joint("waist"), "frictionloss", 0.5),
     "upper position limits of 1 joints, most waist": lambda spec: setattr(
         spec.joint("waist"), "range", (-2.5, 1.0)
     ),
@@ -592,7 +551,6 @@ def test_what_the_controller_does_not_know_is_said(biped, sentence):
     [
         ("4.0.0", mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtJacobian.mjJAC_SPARSE, 1),
         ("4.0.0", mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtJacobian.mjJAC_AUTO, 0),
-        ("4.0.0", mujoco.mjtSolver.mjSOL_CG, mujoco.mjtJacobian.mjJAC_SPARSE, 0),
         ("4.0.1", mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtJacobian.mjJAC_SPARSE, 0),
     ],
 )
@@ -608,10 +566,6 @@ def test_a_sparse_constraint_jacobian_is_said_where_mujoco_goes_wrong_with_it(
     assert all(line.startswith("constraint Jacobian: sparse") for line in bridge.differences)
     # The model is the user's: nothing in it is changed.
     assert model.opt.jacobian == jacobian
-
-
-def test_a_model_that_is_the_robot_needs_no_word(biped):
-    assert MujocoBridge(biped, edit(lambda spec: None)(biped)).differences == ()
 
 
 @pytest.mark.parametrize("kind", ["motors", "servos"])
@@ -661,7 +615,7 @@ def squat(robot, model, seconds=1.0):
     return error
 
 
-@pytest.mark.fast_cases(3)
+@pytest.mark.fast_cases(2)
 @pytest.mark.parametrize("kind", ["motors", "motors in another order", "servos", "scene"])
 @pytest.mark.parametrize("name", ["g1", "humanoid33"])
 def test_robots_squat_in_a_plain_loop(get_robot, name, kind):
@@ -671,57 +625,6 @@ def test_robots_squat_in_a_plain_loop(get_robot, name, kind):
     else:
         model = add_floor(ACTUATORS[kind](user_spec(robot), robot)).compile()
     assert squat(robot, model) < 2e-3
-
-
-@pytest.mark.slow
-def test_a_robot_walks_in_a_plain_loop_on_position_servos(get_robot):
-    from poise.locomotion import Gait, Stride, Walker, plan_footsteps
-
-    robot = get_robot("humanoid33")
-    spec = add_floor(add_servos(user_spec(robot), robot))
-    spec.option.timestep = 0.002
-    model = spec.compile()
-    bridge, data = quiet_bridge(robot, model), mujoco.MjData(model)
-    bridge.place(data)
-    stack = poise.Stack(
-        contacts=[poise.SurfaceContact(sole) for sole in robot.soles],
-        levels=[
-            [
-                poise.ComTask(kp=40.0),
-                poise.FrameTask("pelvis", axes="orientation"),
-                *(poise.FrameTask(sole, kp=300.0) for sole in robot.soles),
-            ],
-            [poise.PostureTask()],
-        ],
-    )
-    gait = Gait(step_time=0.8, crouch=0.02, settle_time=0.8)
-    walker = Walker(robot, stack, plan=plan_footsteps(robot, [Stride(steps=1, length=0.15)], gait))
-    controller = poise.WholeBodyController(robot, stack)
-    while data.time < walker.plan.duration + 0.1:
-        state = bridge.state(data)
-        walker.lead(state)
-        bridge.apply(controller.step(state), data)
-        mujoco.mj_step(model, data)
-    assert walker.status.value == "standing"
-    assert bridge.state(data).q[0] - robot.q_home[0] == pytest.approx(0.15, abs=0.03)
-
-
-def test_joint_velocities_move_a_users_servos(get_robot):
-    robot = get_robot("humanoid33")
-    model = add_floor(add_servos(user_spec(robot), robot, kp=4000.0, kv=200.0)).compile()
-    bridge, data = quiet_bridge(robot, model), mujoco.MjData(model)
-    bridge.place(data)
-    controller = poise.DifferentialIK(robot, dt=1e-3)
-    hand = controller.stack.task("right_hand pose")
-    place = controller.dynamics.frame(robot.frame_id("right_hand")).position.copy()
-    hand.set_target(position=place + [0.05, 0.0, 0.05])
-    while data.time < 1.5:
-        command = controller.step(bridge.state(data))
-        assert command.status.ok
-        bridge.apply(command, data)
-        mujoco.mj_step(model, data)
-    assert np.linalg.norm(hand.error) < 0.01
-    assert bridge.state(data).q[2] > 0.9 * robot.q_home[2]
 
 
 def test_a_fixed_base_is_driven_and_has_to_stand_where_it_should(get_robot):
@@ -738,9 +641,3 @@ def test_a_fixed_base_is_driven_and_has_to_stand_where_it_should(get_robot):
     world.worldbody.add_frame(pos=(0, 0, 1)).attach_body(spec.worldbody.first_body(), "a/", "")
     with pytest.raises(RobotError, match=r"fixed base.*stands elsewhere.*1\.0"):
         MujocoBridge(robot, world.compile())
-
-
-def test_data_of_another_model_is_refused(biped):
-    model = add_motors(user_spec(biped), biped).compile()
-    with pytest.raises(ConfigurationError, match="another model"):
-        quiet_bridge(biped, model).state(mujoco.MjData(scene(small_biped()).compile()))

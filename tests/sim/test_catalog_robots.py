@@ -1,15 +1,12 @@
 """The robots of the catalog, in Pinocchio and in MuJoCo: one document, two independent models."""
 
-import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from poise.errors import MissingExtraError
 from poise.robots import load_robot
 from poise.sim import Plant, PlantConfig
 
-MODELS = ("humanoid33", "biped20", "g1", "talos")
 STANDING = ("humanoid33", "biped20", "g1", "talos", "romeo", "human", "simple_humanoid")
 
 
@@ -18,58 +15,6 @@ def load(name):
         return load_robot(name)
     except MissingExtraError as error:
         pytest.skip(str(error))
-
-
-@pytest.fixture(scope="module", params=MODELS)
-def plant(request):
-    return Plant(load(request.param))
-
-
-def mujoco_from_pinocchio(plant, q, v):
-    """T and its derivative with v_mujoco = T v_pinocchio."""
-    nv = plant.robot.nv
-    world_R_base = pin.Quaternion(q[3:7]).toRotationMatrix()
-    order = plant.map.dof_order
-    T, Tdot = np.zeros((nv, nv)), np.zeros((nv, nv))
-    T[order, np.arange(nv)] = 1.0
-    T[:3, :3] = world_R_base
-    Tdot[:3, :3] = world_R_base @ pin.skew(v[3:6])
-    return T, Tdot
-
-
-def assert_close(ours, theirs):
-    scale = max(1.0, np.abs(theirs).max())
-    np.testing.assert_allclose(ours / scale, theirs / scale, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_dynamics_and_kinematics_agree_with_pinocchio(plant, seed):
-    robot = plant.robot
-    rng = np.random.default_rng(seed)
-    q = pin.integrate(robot.model, robot.q_home, rng.uniform(-0.8, 0.8, robot.nv))
-    v = rng.uniform(-2.0, 2.0, robot.nv)
-    plant.data.qpos[:], plant.data.qvel[:] = plant.map.qpos(q), plant.map.qvel(q, v)
-    mujoco.mj_forward(plant.model, plant.data)
-    data = robot.model.createData()
-    pin.computeAllTerms(robot.model, data, q, v)
-    pin.updateFramePlacements(robot.model, data)
-
-    T, Tdot = mujoco_from_pinocchio(plant, q, v)
-    M = np.zeros((robot.nv, robot.nv))
-    mujoco.mj_fullM(plant.model, plant.data, M)
-    assert_close(T.T @ M @ T, np.triu(data.M) + np.triu(data.M, 1).T)
-    assert_close(T.T @ (plant.data.qfrc_bias + M @ Tdot @ v), data.nle)
-    assert_close(plant.data.subtree_com[1], data.com[0])
-    for name in robot.roles:
-        linear, angular = np.zeros((3, robot.nv)), np.zeros((3, robot.nv))
-        site = plant.model.site(name).id
-        mujoco.mj_jacSite(plant.model, plant.data, linear, angular, site)
-        frame = robot.frame_id(name)
-        assert_close(
-            np.vstack([linear, angular]) @ T,
-            pin.getFrameJacobian(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED),
-        )
-        assert_close(plant.data.site_xpos[site], data.oMf[frame].translation)
 
 
 def vertical_force(plant):

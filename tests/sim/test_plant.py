@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 from small_biped import MASS, SOLE_LENGTH, SOLE_WIDTH, document, small_biped, torque, velocity
 
-from poise.errors import ConfigurationError
 from poise.sim import Block, Plant, PlantConfig, SensorConfig
 
 G = 9.81
@@ -48,18 +47,6 @@ def test_the_constraint_jacobian_of_many_joints_is_dense(get_robot):
     assert not mujoco.mj_isSparse(model)
 
 
-def test_free_fall_follows_gravity(biped):
-    plant = Plant(biped)
-    plant.reset(airborne(biped))
-    start = plant.com
-    while plant.time < 0.5:
-        plant.step(torque(np.zeros(biped.nj)))
-    mujoco.mj_forward(plant.model, plant.data)
-    # Semi-implicit Euler falls g t (t + dt) / 2.
-    np.testing.assert_allclose(start[2] - plant.com[2], 0.5 * G * 0.5 * 0.501, rtol=1e-6)
-    np.testing.assert_allclose(plant.com[:2], start[:2], rtol=0, atol=1e-9)
-
-
 def test_flight_without_torque_keeps_momentum_and_nearly_energy(biped):
     plant = Plant(biped, PlantConfig(physics_dt=1e-4, contact_time_constant=5e-3))
     rng = np.random.default_rng(3)
@@ -75,10 +62,6 @@ def test_flight_without_torque_keeps_momentum_and_nearly_energy(biped):
     assert abs(energy(plant) - e0) < 2e-3 * scale
 
 
-def test_the_plant_weighs_what_the_document_says(biped):
-    assert Plant(biped).mass == pytest.approx(MASS, abs=1e-9)
-
-
 def test_a_stiff_servo_stands_for_a_second(biped):
     plant = standing(biped)
     assert not plant.fallen
@@ -90,7 +73,7 @@ def test_a_stiff_servo_stands_for_a_second(biped):
 
 
 def test_contact_points_are_the_corners_of_the_sole_on_the_ground(biped):
-    plant = standing(biped, 2.0)
+    plant = standing(biped)
     points = np.array([c.pos for c in plant.data.contact])
     assert len(points) == 8
     for name in biped.soles:
@@ -102,12 +85,6 @@ def test_contact_points_are_the_corners_of_the_sole_on_the_ground(biped):
         np.testing.assert_allclose(np.abs(corners[:, 1]), SOLE_WIDTH / 2, rtol=0, atol=1e-3)
         np.testing.assert_allclose(corners[:, 2], 0.0, rtol=0, atol=2e-4)
     np.testing.assert_allclose(points[:, 2], 0.0, rtol=0, atol=2e-4)
-
-
-def test_zmp_at_rest_is_the_projection_of_the_centre_of_mass(biped):
-    plant = standing(biped, 7.0)
-    assert np.abs(plant.state().v).max() < 1e-5
-    np.testing.assert_allclose(plant.zmp(), plant.com[:2], rtol=0, atol=5e-6)
 
 
 def test_zmp_of_known_contact_forces_is_their_centre(biped):
@@ -147,14 +124,6 @@ def test_sole_wrenches_are_the_sum_of_contact_forces_in_the_soles_frame(biped):
         np.testing.assert_array_equal(plant.state().contacts[name], plant.sole_wrenches()[name])
 
 
-def test_zmp_in_the_air_is_not_a_number(biped):
-    plant = Plant(biped)
-    plant.reset(airborne(biped))
-    plant.step(None)
-    assert np.isnan(plant.zmp()).all()
-    assert plant.contacts() == {"left_sole": False, "right_sole": False}
-
-
 @pytest.mark.parametrize("duration", [0.1, 0.0503])
 @pytest.mark.parametrize("body", ["chest", "torso"])
 def test_a_push_changes_momentum_by_force_times_duration(biped, body, duration):
@@ -183,7 +152,7 @@ def test_a_push_on_a_link_acts_at_its_centre_of_mass_and_on_a_frame_at_its_origi
         np.testing.assert_allclose(plant.data.qfrc_applied, expected, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("tick", [14, 15, 21, 29, 141])
+@pytest.mark.parametrize("tick", [14, 15])
 def test_a_push_that_was_scheduled_moves_the_robot_as_one_that_is_given_in_time(biped, tick):
     # At all of these but the first, 5 physics steps from the tick before end a rounding later.
     config = PlantConfig(actuation="position", control_dt=0.005, physics_dt=0.001)
@@ -233,16 +202,6 @@ def test_torque_saturates_at_the_robots_limit(biped):
     np.testing.assert_array_equal(np.flatnonzero(plant.saturated), [0, 3])
 
 
-def test_each_torque_moves_its_own_joint(biped):
-    # In the air and from rest, a motor's torque enters the equation of its own joint alone.
-    plant = Plant(biped)
-    for i, name in enumerate(biped.joint_names):
-        plant.reset(airborne(biped))
-        plant.step(torque(np.eye(biped.nj)[i]))
-        dof = plant.model.joint(name).dofadr[0]
-        np.testing.assert_array_equal(plant.data.qfrc_actuator, np.eye(plant.model.nv)[dof])
-
-
 def test_velocity_actuation_follows_a_velocity(biped):
     plant = Plant(biped, PlantConfig(actuation="velocity"))
     plant.reset(airborne(biped))
@@ -278,18 +237,6 @@ def test_servos_of_positions_pull_with_a_commanded_torque(biped):
     plant.step(torque(np.full(biped.nj, np.nan)))
     assert plant.rejected_commands == 1
     assert np.isfinite(plant.applied_torque).all()
-
-
-def test_the_same_control_period_in_finer_physics_agrees(biped):
-    ends = []
-    for physics_dt in (1e-3, 2.5e-4):
-        plant = Plant(biped, PlantConfig(control_dt=2e-3, physics_dt=physics_dt))
-        plant.reset(airborne(biped))
-        for k in range(50):
-            plant.step(torque(10.0 * np.sin(0.1 * k + np.arange(biped.nj))))
-        assert plant.time == pytest.approx(0.1)
-        ends.append(plant.state().q)
-    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=5e-3)
 
 
 def test_a_payload_adds_its_mass_and_moves_the_centre_of_mass(biped):
@@ -340,24 +287,6 @@ def test_model_error_changes_the_plant_and_not_the_robot(biped):
         np.testing.assert_array_equal(inertia.inertia, matrix)
 
 
-def test_a_shifted_mass_is_felt_in_the_dynamics(biped):
-    error = PlantConfig.LinkError(link="base", com_offset=(0.0, 0.05, 0.0))
-    plain, shifted = Plant(biped), Plant(biped, PlantConfig(link_errors=(error,)))
-    for plant in (plain, shifted):
-        plant.reset(airborne(biped))
-    np.testing.assert_allclose(
-        shifted.com - plain.com, [0.0, 0.05 * 12.0 / MASS, 0.0], rtol=0, atol=1e-12
-    )
-    mass_matrices = []
-    for plant in (plain, shifted):
-        dense = np.zeros((biped.nv, biped.nv))
-        mujoco.mj_fullM(plant.model, plant.data, dense)
-        mass_matrices.append(dense)
-    # The base's own coupling of sideways shift and yaw: m y.
-    change = (mass_matrices[1] - mass_matrices[0])[0, 5]
-    assert change == pytest.approx(-12.0 * 0.05, abs=1e-9)
-
-
 def test_joint_damping_and_friction_take_energy_out(biped):
     speeds = []
     for config in (PlantConfig(), PlantConfig(joint_damping=2.0), PlantConfig(joint_friction=2.0)):
@@ -370,42 +299,6 @@ def test_joint_damping_and_friction_take_energy_out(biped):
         speeds.append(plant.state().v[6 + biped.joint_index("waist")])
     assert speeds[1] < 0.9 * speeds[0]
     assert speeds[2] < 0.9 * speeds[0]
-
-
-def test_low_friction_lets_the_feet_slide(biped):
-    moved = []
-    for friction in (0.02, 1.0):
-        plant = Plant(biped, PlantConfig(actuation="position", friction=friction))
-        plant.push("pelvis", (40.0, 0.0, 0.0), 0.3, start=0.3)
-        start = plant.data.site("left_sole").xpos.copy()
-        while plant.time < 0.6:
-            plant.step(None)
-        moved.append(np.linalg.norm(plant.data.site("left_sole").xpos - start))
-    assert moved[0] > 0.02
-    assert moved[1] < 0.002
-
-
-def test_a_sloped_floor_is_felt_by_the_soles(biped):
-    plant = standing(biped, 0.3, floor_slope=(0.0, 0.05))
-    # The floor turned about y by +0.05: its normal leans towards +x.
-    normals = np.array([c.frame[:3] for c in plant.data.contact])
-    np.testing.assert_allclose(
-        np.abs(normals), np.tile([np.sin(0.05), 0, np.cos(0.05)], (len(normals), 1)), atol=1e-9
-    )
-
-
-def test_a_block_under_a_foot_lifts_it(biped):
-    flat = Plant(biped)
-    center = flat.data.site("left_sole").xpos[:2]
-    block = Block(center=(float(center[0]), float(center[1])), size=(0.4, 0.15, 0.02))
-    plant = Plant(biped, PlantConfig(actuation="position", blocks=(block,)))
-    q = biped.q_home.copy()
-    q[2] += 0.021
-    plant.reset(q)
-    for _ in range(50):
-        plant.step(None)
-    assert plant.contacts()["left_sole"]
-    assert plant.data.site("left_sole").xpos[2] == pytest.approx(0.02, abs=2e-3)
 
 
 def test_a_tilted_block_is_a_ramp_through_the_middle_of_its_top(biped):
@@ -421,17 +314,6 @@ def test_a_tilted_block_is_a_ramp_through_the_middle_of_its_top(biped):
         start = np.array([x, y, 2.0])
         depth = mujoco.mj_ray(plant.model, plant.data, start, down, None, 1, -1, hit)
         assert 2.0 - depth == pytest.approx(0.1 + along * np.tan(slope), abs=1e-9)
-
-
-def test_a_robot_without_torque_falls_and_lies_on_the_ground(biped):
-    plant = Plant(biped)
-    assert not plant.fallen
-    plant.push("torso", (80.0, 0.0, 0.0), 0.1)
-    while plant.time < 2.0:
-        plant.step(None)
-    assert plant.fallen
-    assert not plant.diverged
-    assert plant.data.xpos[1:, 2].min() > -0.2
 
 
 def test_a_run_that_blows_up_is_reported_and_goes_on_quietly(biped, tmp_path, monkeypatch, capfd):
@@ -452,18 +334,8 @@ def test_a_run_that_blows_up_is_reported_and_goes_on_quietly(biped, tmp_path, mo
     assert not plant.diverged
 
 
-def test_a_command_with_nan_does_nothing_and_is_counted(biped):
-    plant = Plant(biped)
-    bad = np.zeros(biped.nj)
-    bad[2] = np.nan
-    plant.step(torque(bad))
-    assert plant.rejected_commands == 1
-    np.testing.assert_array_equal(plant.applied_torque, 0.0)
-    assert not plant.diverged
-
-
 def test_the_imu_of_a_standing_robot_feels_gravity_upwards(biped):
-    gyro, accelerometer = standing(biped, 7.0).imu
+    gyro, accelerometer = standing(biped).imu
     np.testing.assert_allclose(gyro, 0.0, atol=1e-5)
     assert np.linalg.norm(accelerometer) == pytest.approx(G, rel=1e-3)
     assert accelerometer[2] > 9.7
@@ -491,20 +363,6 @@ def test_the_torque_follows_its_command_with_the_bandwidth(biped):
         given.append(plant.applied_torque / asked)
     reached = 1.0 - np.exp(-2.0 * np.pi * 20.0 * 1e-3 * np.arange(1, 11))
     np.testing.assert_allclose(given, np.repeat(reached[:, None], biped.nj, axis=1), rtol=1e-9)
-
-
-def test_a_reset_forgets_what_the_motors_gave(biped):
-    plant = Plant(biped, PlantConfig(torque_bandwidth=1.0))
-    plant.step(torque(np.zeros(biped.nj)))
-    plant.reset(airborne(biped))
-    asked = 0.1 * biped.tau_max
-    plant.step(torque(asked))
-    np.testing.assert_allclose(plant.applied_torque, asked, rtol=1e-12)
-
-
-def test_a_bandwidth_of_the_torque_is_for_commanded_torques():
-    with pytest.raises(ConfigurationError, match="velocity actuation"):
-        PlantConfig(actuation="velocity", torque_bandwidth=10.0)
 
 
 @pytest.mark.parametrize("actuation", ["torque", "position"])
@@ -571,3 +429,34 @@ def test_a_binary_stl_whose_header_begins_as_text_is_drawn_whatever_its_size(tmp
     assert box in text
     shown = Plant(small_biped(text.replace(box, mesh))).drawn_model()
     assert shown.nmeshface == count
+
+
+def test_zmp_in_the_air_is_not_a_number(biped):
+    plant = Plant(biped)
+    plant.reset(airborne(biped))
+    plant.step(None)
+    assert np.isnan(plant.zmp()).all()
+    assert plant.contacts() == {"left_sole": False, "right_sole": False}
+
+
+def test_low_friction_lets_the_feet_slide(biped):
+    moved = []
+    for friction in (0.02, 1.0):
+        plant = Plant(biped, PlantConfig(actuation="position", friction=friction))
+        plant.push("pelvis", (40.0, 0.0, 0.0), 0.3, start=0.3)
+        start = plant.data.site("left_sole").xpos.copy()
+        while plant.time < 0.6:
+            plant.step(None)
+        moved.append(np.linalg.norm(plant.data.site("left_sole").xpos - start))
+    assert moved[0] > 0.02
+    assert moved[1] < 0.002
+
+
+def test_a_command_with_nan_does_nothing_and_is_counted(biped):
+    plant = Plant(biped)
+    bad = np.zeros(biped.nj)
+    bad[2] = np.nan
+    plant.step(torque(bad))
+    assert plant.rejected_commands == 1
+    np.testing.assert_array_equal(plant.applied_torque, 0.0)
+    assert not plant.diverged

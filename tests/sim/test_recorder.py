@@ -15,11 +15,9 @@ from small_biped import torque
 
 from poise.control import CommandStatus
 from poise.errors import (
-    ConfigurationError,
     MissingExtraError,
     PoiseError,
     TargetError,
-    UnknownNameError,
 )
 from poise.sim import (
     Plant,
@@ -68,24 +66,6 @@ def recording(plant, path=None, **options):
 @pytest.fixture
 def plant(biped):
     return Plant(biped, PlantConfig(actuation="position"))
-
-
-def test_memory_keeps_every_sample_exactly(plant):
-    recorder = Recorder()
-    recorder.begin(plant)
-    qs, torques = [], []
-    for k in range(2500):
-        recorder.look()
-        recorder.sample(plant.time, error=float(k))
-        qs.append(plant.true_state().q)
-        torques.append(plant.applied_torque)
-        plant.step(None)
-    record = recorder.record
-    np.testing.assert_array_equal(record["q"], qs)
-    np.testing.assert_array_equal(record["torque"], torques)
-    np.testing.assert_array_equal(record["error"], np.arange(2500.0))
-    np.testing.assert_allclose(record.times("q"), np.arange(2500) * 1e-3, rtol=0, atol=1e-12)
-    assert {"v", "com", "zmp", "wrench/left_sole"} <= set(record.names)
 
 
 def test_a_finished_log_holds_the_record_and_shows_it(plant, tmp_path):
@@ -178,14 +158,6 @@ def test_foxglove_can_show_the_robot(plant, tmp_path):
     assert {e["frame_id"] for e in scene[1]["entities"]} <= set(frames)
 
 
-def test_nan_and_infinity_are_shown_as_they_are(plant, tmp_path):
-    path = tmp_path / "log.mcap"
-    with recording(plant, path) as recorder:
-        recorder.sample(0.0, zmp=np.array([np.nan, 1.5]), scalar=np.inf)
-    np.testing.assert_array_equal(read_signal(path, "zmp")[1], [[np.nan, 1.5]])
-    np.testing.assert_array_equal(read_signal(path, "scalar")[1], [np.inf])
-
-
 def test_shapes_and_kinds_of_number_are_shown_as_numbers(plant, tmp_path):
     path = tmp_path / "log.mcap"
     with recording(plant, path) as recorder:
@@ -199,10 +171,9 @@ def test_shapes_and_kinds_of_number_are_shown_as_numbers(plant, tmp_path):
     assert mode[1] == {"time": 0.0, "value": "up \N{GREEK SMALL LETTER ALPHA}"}
 
 
-@pytest.mark.parametrize("flush_dt", [0.01, 1e9])
-def test_a_reader_that_goes_by_the_index_finds_every_message(plant, tmp_path, flush_dt):
+def test_a_reader_that_goes_by_the_index_finds_every_message(plant, tmp_path):
     path = tmp_path / "log.mcap"
-    with recording(plant, path, config=RecorderConfig(flush_dt=flush_dt)) as recorder:
+    with recording(plant, path, config=RecorderConfig(flush_dt=0.01)) as recorder:
         for k in range(1500):
             recorder.look()
             recorder.sample(plant.time, **{"odd": 1.0} if k % 2 else {"odd": 1.0, "even": 2.0})
@@ -298,24 +269,6 @@ def test_a_killed_run_leaves_its_log_readable_up_to_the_last_second(tmp_path):
     assert read_topics(path)["/scene"]
 
 
-def test_a_log_cut_anywhere_is_read_up_to_the_cut(plant, tmp_path):
-    path, cut = tmp_path / "log.mcap", tmp_path / "cut.mcap"
-    with recording(plant, path, config=RecorderConfig(flush_dt=0.02)) as recorder:
-        for _ in range(1000):
-            recorder.look()
-            plant.step(None)
-    data = path.read_bytes()
-    ends = []
-    for share in np.linspace(0.05, 0.999, 40):
-        cut.write_bytes(data[: int(share * len(data))])
-        log = read_log(cut)
-        assert not log.complete
-        ends.append(log.end)
-    assert ends == sorted(ends)
-    assert ends[-1] > 0.9
-    assert ends[0] < 0.5
-
-
 def test_a_log_that_is_damaged_anywhere_is_read_up_to_there(plant, tmp_path):
     """As by a disc: a byte or a page is another one; nothing of it passes for what was recorded."""
     path, bad = tmp_path / "log.mcap", tmp_path / "bad.mcap"
@@ -361,10 +314,6 @@ def test_of_two_runs_that_write_to_one_file_that_of_the_later_is_whole(plant, tm
     ("first", "then"),
     [
         (np.zeros(3), np.zeros(4)),
-        (np.zeros(3), np.zeros(1)),
-        (np.zeros(3), 0.0),
-        (np.zeros((3, 3)), np.zeros(3)),
-        (np.zeros((2, 3)), np.zeros((2, 1))),
         (np.zeros((2, 3)), np.zeros(6)),
         (0.0, np.zeros(3)),
     ],
@@ -379,16 +328,6 @@ def test_a_signal_keeps_its_shape(plant, first, then):
     np.testing.assert_array_equal(recorder.record.times("x"), [0.0, 0.2])
 
 
-def test_unknown_signals_are_named_with_choices(plant, tmp_path):
-    path = tmp_path / "log.mcap"
-    with recording(plant, path) as recorder:
-        recorder.look()
-    with pytest.raises(UnknownNameError, match="com"):
-        _ = recorder.record["con"]
-    with pytest.raises(UnknownNameError, match="com"):
-        _ = read_log(path)["con"]
-
-
 def test_files_that_are_no_logs_are_refused(tmp_path):
     with pytest.raises(PoiseError, match="does not exist"):
         read_log(tmp_path / "nothing.mcap")
@@ -396,21 +335,6 @@ def test_files_that_are_no_logs_are_refused(tmp_path):
         (tmp_path / "bad.mcap").write_bytes(content)
         with pytest.raises(PoiseError, match="not an MCAP file"):
             read_log(tmp_path / "bad.mcap")
-
-
-def test_a_writer_that_fails_otherwise_is_reported_too(plant, tmp_path, monkeypatch):
-    recorder = Recorder(tmp_path / "log.mcap", config=RecorderConfig(flush_dt=1e-6))
-    recorder.begin(plant)
-
-    def broken(*_):
-        raise ValueError("a bug")
-
-    monkeypatch.setattr(recorder._log._topics, "messages", broken)
-    for _ in range(300):
-        recorder.look()
-        plant.step(None)
-    with pytest.raises(PoiseError, match=r"cannot be written: a bug"):
-        recorder.end()
 
 
 @pytest.mark.parametrize("library", ["poise", "somebody else"])
@@ -429,7 +353,7 @@ def test_logs_of_other_versions_and_of_others_are_refused(tmp_path, library):
 
 
 @pytest.mark.parametrize(
-    "holds", ["nothing", "[]", "{}", '[["x", "m", "O", []]]', '[["x", "m", "<f8", [3]]]', "notes"]
+    "holds", ["nothing", '[["x", "m", "O", []]]', '[["x", "m", "<f8", [3]]]', "notes"]
 )
 def test_a_log_that_says_what_it_does_not_hold_is_refused(plant, tmp_path, holds):
     from mcap.writer import Writer
@@ -486,23 +410,6 @@ def test_a_copy_of_a_log_is_finished_behind_what_is_whole(plant, tmp_path):
     assert times[1] > times[-1] > 0.0
 
 
-@pytest.mark.parametrize(
-    "bad",
-    [{"record_dt": -1.0}, {"scene_dt": np.nan}, {"flush_dt": 0.0}],
-)
-def test_a_recorder_that_cannot_be_is_refused(bad):
-    with pytest.raises(ConfigurationError):
-        RecorderConfig(**bad)
-
-
-def test_a_full_disk_is_reported_when_the_log_is_closed(plant):
-    full = Path("/dev/full")
-    if not full.exists():
-        pytest.skip("needs /dev/full")
-    with pytest.raises(PoiseError, match=r"cannot be written.*space"):
-        Recorder(full).begin(plant)
-
-
 def test_a_disk_that_fills_up_during_a_run_does_not_stop_it(plant, tmp_path, monkeypatch):
     config = RecorderConfig(flush_dt=1e-6)
     recorder = Recorder(tmp_path / "log.mcap", config=config)
@@ -518,11 +425,6 @@ def test_a_disk_that_fills_up_during_a_run_does_not_stop_it(plant, tmp_path, mon
     assert len(recorder.record["q"]) == 300
     with pytest.raises(PoiseError, match=r"cannot be written.*space"):
         recorder.end()
-
-
-def test_a_folder_that_does_not_exist_is_reported_at_once(plant, tmp_path):
-    with pytest.raises(PoiseError, match="cannot be written"):
-        Recorder(tmp_path / "no" / "log.mcap").begin(plant)
 
 
 def test_a_run_that_breaks_off_leaves_a_whole_log(biped, tmp_path):
@@ -591,23 +493,6 @@ def test_a_table_of_a_record(plant):
     assert table["mode"].tolist() == ["", "", "", "up", "up"]
 
 
-def test_a_table_calls_numbers_by_the_joints_names(plant, tmp_path):
-    pytest.importorskip("pandas")
-    path = tmp_path / "log.mcap"
-    with recording(plant, path) as recorder:
-        recorder.look()
-        plant.step(None)
-    robot, joint = plant.robot, plant.robot.joint_names[-1]
-    for record in (recorder.record, read_log(path)):
-        table = record.to_pandas()
-        for name in ("q", "v", "torque"):
-            np.testing.assert_array_equal(table[f"{name}[{joint}]"], record[name][:, -1])
-        columns = list(table.columns)
-        first = [f"q[{k}]" for k in range(7)] + [f"q[{name}]" for name in robot.joint_names]
-        assert columns[: robot.nq] == first
-        assert "com[2]" in columns
-
-
 @pytest.mark.parametrize(
     ("joints", "columns"),
     [
@@ -627,16 +512,3 @@ def test_a_table_without_pandas_says_what_to_install(plant, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(MissingExtraError, match=r'pip install "poise\[tables\]"'):
         Recorder().record.to_pandas()
-
-
-def test_a_table_has_one_row_a_time_also_where_one_came_twice(plant):
-    pytest.importorskip("pandas")
-    recorder = Recorder()
-    recorder.begin(plant)
-    for k, at in enumerate((0.0, 0.1, 0.1, 0.2, 0.3)):
-        signals = {"x": float(k)} | ({} if k == 4 else {"y": float(k)})
-        recorder.sample(at, **signals)
-    table = recorder.record.to_pandas()
-    assert table.index.tolist() == [0.0, 0.1, 0.2, 0.3]
-    assert table["x"].tolist() == [0.0, 2.0, 3.0, 4.0]
-    assert table["y"].tolist()[:3] == [0.0, 2.0, 3.0]

@@ -73,17 +73,6 @@ def test_no_robot_touches_itself_at_home(name):
     assert plant.self_contacts == {}
 
 
-def test_feet_stand_as_they_do_without(humanoid):
-    forces = []
-    for self_contact in (False, True):
-        plant = Plant(humanoid, PlantConfig(actuation="position", self_contact=self_contact))
-        for _ in range(200):
-            plant.step(None)
-        forces.append(np.concatenate(list(plant.sole_wrenches().values())))
-        assert plant.self_contacts == {}
-    np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=1e-6)
-
-
 @pytest.mark.parametrize(("self_contact", "stopped"), [(False, False), (True, True)])
 def test_a_link_that_is_drawn_only_is_stopped_by_a_block(humanoid, self_contact, stopped):
     data = humanoid.model.createData()

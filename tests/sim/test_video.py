@@ -6,7 +6,6 @@ import pytest
 
 from poise.errors import ConfigurationError, MissingExtraError, TargetError
 from poise.sim import (
-    Block,
     Camera,
     Marker,
     NoDisplayError,
@@ -98,17 +97,6 @@ def test_an_arrow_is_as_long_as_it_says(plant, biped, opengl_here):
     assert arrow == pytest.approx(ball, rel=0.1)
 
 
-def test_the_camera_follows_the_robot(plant, biped, opengl_here):
-    q = biped.q_home.copy()
-    with Camera(biped, plant.model, SMALL) as camera:
-        here = camera.picture(q).astype(int)
-        q[0] += 4.0
-        for _ in range(100):
-            there = camera.picture(q, dt=0.1).astype(int)
-    # Four floor tiles further on everything looks the same again.
-    assert np.abs(here - there).mean() < 6.0
-
-
 def test_the_viewer_shows_the_plant_and_pulls_it(plant, monkeypatch):
     viewer = pytest.importorskip("mujoco.viewer")
     shown = []
@@ -190,31 +178,6 @@ def test_a_recorded_run_is_drawn_with_its_forces(plant, biped):
     np.testing.assert_allclose(balls[1].position[:2], recorder.record["zmp"][299])
 
 
-def test_slow_motion_has_more_pictures(plant, biped, opengl_here):
-    from poise.sim._video import frame_indices
-
-    times = np.arange(0.0, 1.0, 1e-3)
-    assert len(frame_indices(times, VideoConfig(speed=0.5))) == 60
-    assert frame_indices(times, VideoConfig(fps=10.0)) == list(range(0, 1000, 100))
-
-
-def test_without_opengl_the_reason_names_what_to_install(plant, biped, monkeypatch, tmp_path):
-    find_opengl.cache_clear()
-    for variable in ("MUJOCO_GL", "PYOPENGL_PLATFORM"):
-        monkeypatch.delenv(variable, raising=False)
-
-    def fails(*_, **__):
-        return subprocess.CompletedProcess([], returncode=1)
-
-    monkeypatch.setattr(subprocess, "run", fails)
-    try:
-        assert find_opengl() is None
-        with pytest.raises(MissingExtraError, match=r"libegl1.*libosmesa6"):
-            render_video(plant, np.zeros(1), biped.q_home[None], tmp_path / "x.mp4")
-    finally:
-        find_opengl.cache_clear()
-
-
 def test_a_variable_that_names_a_platform_is_named_where_it_does_not_draw(
     plant, biped, monkeypatch, tmp_path
 ):
@@ -234,15 +197,6 @@ def test_a_variable_that_names_a_platform_is_named_where_it_does_not_draw(
         assert tried == ["osmesa"]
     finally:
         find_opengl.cache_clear()
-
-
-def test_looking_for_opengl_leaves_the_environment_alone(monkeypatch):
-    import os
-
-    find_opengl.cache_clear()
-    before = dict(os.environ)
-    find_opengl()
-    assert dict(os.environ) == before
 
 
 def test_without_a_screen_the_viewer_says_so(plant, monkeypatch):
@@ -274,23 +228,3 @@ def test_recordings_that_do_not_fit_are_refused(plant, biped, tmp_path):
 def test_pictures_that_cannot_be_are_refused(make):
     with pytest.raises(ConfigurationError):
         make()
-
-
-def test_a_block_underfoot_is_seen_whole(biped, opengl_here):
-    block = Block(center=(0.2, 0.0), size=(0.5, 0.6, 0.05))
-    bare, there = (Plant(biped, PlantConfig(blocks=b)).model for b in ((), (block,)))
-    with Camera(biped, there, SMALL) as camera:
-        camera.picture(biped.q_home)
-        shown = camera.picture(biped.q_home).astype(int)
-        distance = camera._view.distance
-    with Camera(biped, bare, SMALL) as camera:
-        camera.picture(biped.q_home)
-        nearer = camera._view.distance
-        camera._follow = lambda dt: setattr(camera._view, "distance", distance)
-        plain = camera.picture(biped.q_home).astype(int)
-    changed = np.nonzero(np.abs(shown - plain).sum(axis=2) > 30)
-    assert distance > nearer
-    assert len(changed[0]) > 100
-    for pixels, size in zip(changed, (180, 320), strict=True):
-        assert pixels.min() > 0
-        assert pixels.max() < size - 1

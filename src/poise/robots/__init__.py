@@ -1,6 +1,11 @@
 """Robots: what a robot is, how one is loaded, and the catalog of names."""
 
-from poise.robots._capsules import LinkCapsules as LinkCapsules, capsules_of as capsules_of
+from poise.robots._capsules import (
+    LinkCapsules as LinkCapsules,
+    are_neighbours as are_neighbours,
+    capsules_of as capsules_of,
+    random_postures as random_postures,
+)
 from poise.robots._catalog import (
     CatalogEntry as CatalogEntry,
     catalog,
@@ -8,11 +13,8 @@ from poise.robots._catalog import (
 )
 from poise.robots._describe import describe
 from poise.robots._document import free_name as free_name
-from poise.robots._files_digest import (
-    description_of as description_of,
-    files_digest as files_digest,
-)
 from poise.robots._geometry import is_binary_stl as is_binary_stl, load_mesh as load_mesh
+from poise.robots._inputs import description_of as description_of, files_digest as files_digest
 from poise.robots._inverse_kinematics import (
     frame_error as frame_error,
     inverse_kinematics as inverse_kinematics,

@@ -27,7 +27,6 @@ class AssembledModel:
     source: ModelSource  # the settled document
     root: str  # its root link
     grips: frozenset[str]  # joints that drive others, as those of grippers do
-    lost_meshes: tuple[str, ...]  # files that are not there
     poses: dict[str, dict[str, float]]  # joint positions by keyframe, within the limits [rad, m]
     clipped: tuple[str, ...]  # keyframes that were not, as sentences
     remarks: tuple[str, ...]  # what was repaired, left out and welded, as sentences
@@ -85,7 +84,6 @@ def assemble(
         source=source,
         root=root,
         grips=frozenset(c.leader for c in free if c.leader and c.leader not in gears),
-        lost_meshes=tuple(lost),
         remarks=tuple(remarks),
     )
 

@@ -1,9 +1,10 @@
 """`LinkCapsules`: a robot's links as capsules, and which pairs of them can come near each other."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
+import coal
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
@@ -11,23 +12,15 @@ from jaxtyping import Float64, Int64
 from poise.robots._geometry import Balls, link_shapes, union
 from poise.robots._robot import Robot, once_a_robot
 
-_MOST_STRIPS = 3  # Capsules side by side that stand for a flat link at most
-_STICK = 0.12  # Radius of a link without any geometry, as a part of its length
-
 _NEIGHBOURS, _COMPOUND = 2, 0.1
 """Links with so many joints between them or fewer, or joints no further apart than this [m], are
 kept apart by their joints' limits."""
 
-_POSTURES, _REACH, _MOST = 100, 0.5, 0.5
-"""Random postures, half way at most from home to the joints' limits, in the larger part of which
-capsules that overlap are taken to be drawn into each other."""
-
-_RANGE, _FAR = 300, 0.15
-"""Random postures within the joints' limits in all of which capsules that stay farther apart than
-this never come near each other [m]."""
+_FAR = 0.15
+"""Capsules that stay farther apart in all random postures never come near each other [m]."""
 
 _FEW, _SHALLOW = 5, 0.04
-"""Joints between two links that so many random postures try out well; if their capsules, which are
+"""Joints between two links that the random postures try out well; if their capsules, which are
 larger than the links, never overlap by more than this then [m], joint limits keep them apart."""
 
 _LEAST_AT_HOME = -0.01
@@ -50,41 +43,44 @@ class LinkCapsules:
         self, robot: Robot, q: Float64[np.ndarray, " nq"]
     ) -> Float64[np.ndarray, " pairs"]:
         """Distance of each pair in a posture [m], negative where they overlap."""
-        data = robot.model.createData()
-        pin.forwardKinematics(robot.model, data, q)
-        return self.distances_at(data)
+        return self._distances(robot, robot.model.createData(), self._geometry.createData(), q)
 
-    def distances_at(self, data: pin.Data) -> Float64[np.ndarray, " pairs"]:
-        """The same after `pin.forwardKinematics`."""
-        R = np.array([data.oMi[int(j)].rotation for j in self.joints]).reshape(-1, 3, 3)
-        p = np.array([data.oMi[int(j)].translation for j in self.joints]).reshape(-1, 3)
-        starts, ends = (p + np.einsum("kij,kj->ki", R, x) for x in (self.starts, self.ends))
-        i, j = self.pairs.T
-        axes = segment_distances(starts[i], ends[i], starts[j], ends[j])
-        return axes - self.radii[i] - self.radii[j]
+    def at_random(self, robot: Robot, count: int = 300) -> Float64[np.ndarray, "count pairs"]:
+        """Distances in random postures within the joints' limits [m]."""
+        data, shapes = robot.model.createData(), self._geometry.createData()
+        return np.array(
+            [self._distances(robot, data, shapes, q) for q in random_postures(robot, count)]
+        )
+
+    def _distances(
+        self, robot: Robot, data: pin.Data, shapes: pin.GeometryData, q: Float64[np.ndarray, " nq"]
+    ) -> Float64[np.ndarray, " pairs"]:
+        pin.computeDistances(robot.model, data, self._geometry, shapes, q)
+        return np.array([found.min_distance for found in shapes.distanceResults])
+
+    @cached_property
+    def _geometry(self) -> pin.GeometryModel:
+        """The capsules and pairs for Pinocchio."""
+        geometry = pin.GeometryModel()
+        for k, (joint, start, end) in enumerate(
+            zip(self.joints, self.starts, self.ends, strict=True)
+        ):
+            axis, up = end - start, np.array([0.0, 0.0, 1.0])
+            turn = pin.Quaternion.FromTwoVectors(up, axis if axis.any() else up)
+            solid = coal.Capsule(float(self.radii[k]), float(np.linalg.norm(axis)))
+            place = pin.SE3(turn, 0.5 * (start + end))
+            geometry.addGeometryObject(pin.GeometryObject(str(k), int(joint), place, solid))
+        for i, j in self.pairs.tolist():
+            geometry.addCollisionPair(pin.CollisionPair(i, j))
+        return geometry
 
 
-def segment_distances(
-    a: Float64[np.ndarray, "n 3"],
-    b: Float64[np.ndarray, "n 3"],
-    c: Float64[np.ndarray, "n 3"],
-    d: Float64[np.ndarray, "n 3"],
-) -> Float64[np.ndarray, " n"]:
-    """Distances of the segments from a to b from those from c to d (Ericson 2005, 5.1.9) [m]."""
-    u, v, w = b - a, d - c, a - c
-    uu, uv, vv, uw, vw = (_dot(x, y) for x, y in ((u, u), (u, v), (v, v), (u, w), (v, w)))
-    tiny, eps = np.finfo(np.float64).tiny, np.finfo(np.float64).eps
-    # Of parallel segments any point of one will do to begin with.
-    apart = uu * vv - uv**2
-    parallel = apart <= eps * uu * vv
-    s = np.where(parallel, 0.0, (uv * vw - vv * uw) / np.where(parallel, 1.0, apart))
-    t = np.clip((uv * np.clip(s, 0.0, 1.0) + vw) / np.maximum(vv, tiny), 0.0, 1.0)
-    s = np.clip((uv * t - uw) / np.maximum(uu, tiny), 0.0, 1.0)
-    return np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=1)
-
-
-def _dot(a: Float64[np.ndarray, "n 3"], b: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
-    return np.einsum("ni,ni->n", a, b)
+def random_postures(robot: Robot, count: int) -> Float64[np.ndarray, "count nq"]:
+    """The home posture with joints anywhere within their limits, the same at each call."""
+    q = np.tile(robot.q_home, (count, 1))
+    joints = np.random.default_rng(0).uniform(robot.q_min, robot.q_max, (count, robot.nj))
+    q[:, robot.nq - robot.nj :] = joints
+    return q
 
 
 @once_a_robot
@@ -93,50 +89,37 @@ def capsules_of(robot: Robot) -> LinkCapsules:
 
     They hold the corners of a link's collision shapes, or where it has none, of its visual ones.
     Left out are pairs with few joints between them or joints close together, those that overlap at
-    home or in most postures, and those that joint limits keep apart.
+    home or in three of four postures, and those that joint limits keep apart.
     """
     fitted = [
-        (joint, name, capsule)
+        (joint, name, *capsule)
         for joint, (name, parts) in _solids(robot).items()
         if (balls := union(parts)) is not None
         for capsule in _fit(balls)
     ]
-    joints = [joint for joint, _, _ in fitted]
-    all_pairs = [
+    joints, names, starts, ends, radii = zip(*fitted, strict=True) if fitted else ((),) * 5
+    pairs = [
         (i, j)
         for i, j in combinations(range(len(joints)), 2)
-        if not _are_neighbours(*_joints_between(robot, joints[i], joints[j]), robot)
+        if not are_neighbours(robot, joints[i], joints[j])
     ]
     whole = LinkCapsules(
         joints=np.array(joints, dtype=np.int64),
-        names=tuple(name for _, name, _ in fitted),
-        starts=np.array([start for _, _, (start, _, _) in fitted]).reshape(-1, 3),
-        ends=np.array([end for _, _, (_, end, _) in fitted]).reshape(-1, 3),
-        radii=np.array([radius for _, _, (_, _, radius) in fitted]),
-        pairs=np.array(all_pairs, dtype=np.int64).reshape(-1, 2),
-        at_home=np.zeros(len(all_pairs)),
+        names=names,
+        starts=np.array(starts).reshape(-1, 3),
+        ends=np.array(ends).reshape(-1, 3),
+        radii=np.array(radii),
+        pairs=np.array(pairs, dtype=np.int64).reshape(-1, 2),
+        at_home=np.zeros(len(pairs)),
     )
-    at_home = whole.distances(robot, robot.q_home)
-    overlapping = sum(d < 0.0 for d in _at_random(robot, whole, _POSTURES, _REACH))
-    nearest = np.min([*_at_random(robot, whole, _RANGE, 1.0)], axis=0)
-    kept = (at_home >= _LEAST_AT_HOME) & (nearest < _FAR)
-    kept &= overlapping <= _MOST * _POSTURES
-    apart = [sum(map(len, _joints_between(robot, joints[i], joints[j]))) for i, j in all_pairs]
-    kept &= (np.array(apart) > _FEW) | (nearest < -_SHALLOW)
+    at_home, postures = whole.distances(robot, robot.q_home), whole.at_random(robot)
+    nearest, overlapping = postures.min(axis=0), (postures < 0.0).mean(axis=0)
+    apart = np.array(
+        [sum(map(len, _joints_between(robot, joints[i], joints[j]))) for i, j in pairs]
+    )
+    kept = (at_home >= _LEAST_AT_HOME) & (nearest < _FAR) & (overlapping <= 0.75)
+    kept &= (apart > _FEW) | (nearest < -_SHALLOW)
     return replace(whole, pairs=whole.pairs[kept], at_home=at_home[kept])
-
-
-def _at_random(
-    robot: Robot, capsules: LinkCapsules, count: int, reach: float
-) -> Iterator[Float64[np.ndarray, " pairs"]]:
-    """Distances of the pairs in random postures, so far from home to the joints' limits at most."""
-    q, joints = robot.q_home.copy(), slice(robot.nq - robot.nj, None)
-    lower, upper = robot.q_min - q[joints], robot.q_max - q[joints]
-    data = robot.model.createData()
-    for part in np.random.default_rng(0).uniform(0.0, 1.0, (count, robot.nj)):
-        q[joints] = robot.q_home[joints] + reach * (lower + part * (upper - lower))
-        pin.forwardKinematics(robot.model, data, q)
-        yield capsules.distances_at(data)
 
 
 def _solids(robot: Robot) -> dict[int, tuple[str, list[Balls]]]:
@@ -151,7 +134,7 @@ def _solids(robot: Robot) -> dict[int, tuple[str, list[Balls]]]:
         if balls is not None:
             own = found.setdefault(int(frame.parentJoint), (link, []))
             own[1].append(balls.moved(frame.placement))
-    return found or _sticks(robot)
+    return found or _sticks(robot.model)
 
 
 def _renamed(frame: pin.Frame, robot: Robot) -> bool:
@@ -160,16 +143,15 @@ def _renamed(frame: pin.Frame, robot: Robot) -> bool:
     }
 
 
-def _sticks(robot: Robot) -> dict[int, tuple[str, list[Balls]]]:
-    """From each joint to those that it carries."""
+def _sticks(model: pin.Model, slenderness: float = 0.12) -> dict[int, tuple[str, list[Balls]]]:
+    """From each joint to those that it carries, of a radius in proportion to their length."""
     found: dict[int, tuple[str, list[Balls]]] = {}
-    model = robot.model
     for joint in range(1, model.njoints):
         ends = (model.jointPlacements[child].translation for child in model.children[joint])
         points = np.array([np.zeros(3), *ends])
         length = float(np.linalg.norm(points, axis=1).max())
         if length > 0.0:
-            radii = np.full(len(points), _STICK * length)
+            radii = np.full(len(points), slenderness * length)
             found[joint] = model.names[joint], [Balls(points, radii)]
     return found
 
@@ -178,53 +160,41 @@ _Capsule = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"], float]
 """Both ends of the axis and the radius [m]."""
 
 
-def _fit(balls: Balls) -> list[_Capsule]:
+def _fit(balls: Balls, most: int = 3) -> list[_Capsule]:
     """Capsules side by side along a shape's longest side that hold all of its points."""
-    axes, centre, size = _box(balls)
-    local = (balls.centres - centre) @ axes
-    count = int(np.clip(round(size[1] / max(size[2], 1e-6)), 1, _MOST_STRIPS))
-    width = size[1] / count
+    axes, low, high = _box(balls)
+    points, (_, width, height) = balls.centres @ axes, high - low
+    count = int(np.clip(round(width / max(height, 1e-6)), 1, most))
+    strip = np.clip((points[:, 1] - low[1]) * count // max(width, 1e-6), 0, count - 1)
     capsules: list[_Capsule] = []
-    for middle in width * (np.arange(count) + 0.5) - 0.5 * size[1]:
-        nearest = np.abs(local[:, 1] - middle) <= 0.5 * width + 1e-9
-        if nearest.any():
-            own, radii = local[nearest] - [0.0, middle, 0.0], balls.radii[nearest]
-            capsules.append(_around(own, radii, axes, centre + middle * axes[:, 1]))
+    for k in np.unique(strip):
+        own, radii = points[strip == k], balls.radii[strip == k]
+        middle = 0.5 * (low + high)
+        middle[1] = low[1] + (k + 0.5) * width / count
+        aside = np.linalg.norm((own - middle)[:, 1:], axis=1)
+        radius = float((aside + radii).max())
+        # As far along the axis as each ball lets the capsule's round end come short of it.
+        short = np.sqrt(np.maximum((radius - radii) ** 2 - aside**2, 0.0))
+        ends = np.array([(own[:, 0] - short).max(), (own[:, 0] + short).min()])
+        ends = ends if ends[0] >= ends[1] else np.full(2, ends.mean())
+        start, end = (axes @ [end, *middle[1:]] for end in ends)
+        capsules.append((start, end, radius))
     return capsules
-
-
-def _around(
-    points: Float64[np.ndarray, "n 3"],
-    radii: Float64[np.ndarray, " n"],
-    axes: Float64[np.ndarray, "3 3"],
-    origin: Float64[np.ndarray, "3"],
-) -> _Capsule:
-    """The shortest capsule about the first axis of as little a radius as holds balls."""
-    aside = np.hypot(points[:, 1], points[:, 2])
-    radius = float((aside + radii).max())
-    # As far along the axis as each ball lets the capsule's round end come short of it.
-    short = np.sqrt(np.maximum((radius - radii) ** 2 - aside**2, 0.0))
-    high, low = float((points[:, 0] - short).max()), float((points[:, 0] + short).min())
-    high, low = (high, low) if high >= low else (0.5 * (high + low),) * 2
-    return origin + high * axes[:, 0], origin + low * axes[:, 0], radius
 
 
 def _box(
     balls: Balls,
 ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
-    """Axes, longest first, centre and sides of the smaller box along the link's or main axes."""
+    """Axes, longest first, and ends of the smaller box along the link's or its main axes."""
     points, radii = balls.centres, balls.radii[:, None]
-    choices: list[Float64[np.ndarray, "3 3"]] = [np.eye(3)]
-    if len(points) > 3:
-        choices.append(np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2].T)
     boxes: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-    for axes in choices:
-        local = points @ axes
-        low, high = (local - radii).min(axis=0), (local + radii).max(axis=0)
+    for axes in (np.eye(3), np.linalg.eigh(np.cov(points.T, bias=True))[1]):
+        low, high = (points @ axes - radii).min(axis=0), (points @ axes + radii).max(axis=0)
         order = np.argsort(low - high)
-        boxes.append((axes[:, order], axes @ (0.5 * (low + high)), (high - low)[order]))
+        boxes.append((axes[:, order], low[order], high[order]))
+    volumes = [float((high - low).prod()) for _, low, high in boxes]
     # The link's own axes unless others are clearly better: mirrored links then have mirrored boxes.
-    return min(boxes, key=lambda box: box[2].prod() * (1.0 if box is boxes[0] else 1.1))
+    return boxes[int(1.1 * volumes[1] < volumes[0])]
 
 
 def _joints_between(robot: Robot, one: int, other: int) -> tuple[list[int], list[int]]:
@@ -234,8 +204,9 @@ def _joints_between(robot: Robot, one: int, other: int) -> tuple[list[int], list
     return first, second
 
 
-def _are_neighbours(first: list[int], second: list[int], robot: Robot) -> bool:
-    """True for links of one compound joint, or the same, or next ones but one."""
+def are_neighbours(robot: Robot, one: int, other: int) -> bool:
+    """True where joint limits keep what two joints move apart: of one compound joint, or near."""
+    first, second = _joints_between(robot, one, other)
     if len(first) + len(second) <= _NEIGHBOURS:
         return True
     places = robot.model.jointPlacements

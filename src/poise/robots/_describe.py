@@ -27,7 +27,6 @@ _SIDES = ("left", "right")
 _Y_UP = pin.utils.rotate("x", 0.5 * math.pi)  # turns a link whose y points up
 _FOREARM = 0.4  # of an arm: in a person the hand is 0.25 of it, forearm and hand are 0.6
 _GRIP = 0.9  # of a forearm without a hand, where it takes hold
-_SEEN = 0.01  # [rad] from which a home posture leans by its reason
 _SAME_SOLE = 0.015  # [m] that left and right meshes of one sole differ by
 _BESIDE = 1.15  # distance of feet by their width: they do not touch
 _RUN_UP = 0.004  # [s] to top speed of a motor alone: published rotors of G1 and T1 take 3 to 6 ms
@@ -200,8 +199,8 @@ class _Describer:
         lacking = f"no posture with level soles and the COM over them was found ({ends})"
         if self._remark(not stance.reached, lacking):
             reason = f"NOT a standing posture: {off} at best"
-        reason += f"; the root leans by {stance.tilt:.2f} rad" if stance.tilt > _SEEN else ""
-        reason += f"; toes point {stance.yaw:.2f} rad off ahead" if stance.yaw > _SEEN else ""
+        reason += f"; the root leans by {stance.tilt:.2f} rad" if round(stance.tilt, 2) else ""
+        reason += f"; toes point {stance.yaw:.2f} rad off ahead" if round(stance.yaw, 2) else ""
         self._reasons["home"] = f"{reason} [rad]"
         return stance.q
 

@@ -12,9 +12,6 @@ from poise.robots._robot import Robot
 _VIEWS = (("from the front", 1, "y [m]"), ("from the right", 0, "x [m]"))
 """Title, the coordinate that is drawn across, and its label."""
 
-_LEAST_SHARE = 0.4
-"""Least width of a view by its height: three labels of six letters fit below it."""
-
 
 def draw_robot(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Any:
     """A matplotlib figure: links as lines between joints, soles, hands, pelvis, torso and COM."""
@@ -38,10 +35,10 @@ def draw_robot(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Any:
     return figure
 
 
-def _widen(axes: Any) -> None:
-    """Make room beside a slender robot, so that the labels below it do not overlap."""
+def _widen(axes: Any, share: float = 0.4) -> None:
+    """Widen the view of a slender robot to a share of its height: three labels fit below it."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    half = max(0.5 * (right - left), _LEAST_SHARE * 0.5 * (high - low))
+    half = max(0.5 * (right - left), share * 0.5 * (high - low))
     axes.set_xlim(0.5 * (left + right) - half, 0.5 * (left + right) + half)
     axes.locator_params(axis="x", nbins=3)
 

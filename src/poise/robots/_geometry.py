@@ -16,9 +16,6 @@ from poise.robots._mesh_files import mesh_path
 from poise.robots._mjcf_compile import compile_mjcf, mujoco_module, pose_of
 from poise.robots._robot import ModelSource
 
-_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-"""Samples of the rim of a cylinder [rad]."""
-
 
 @dataclass(frozen=True)
 class Balls:
@@ -146,8 +143,9 @@ def _box(half: Float64[np.ndarray, "3"]) -> Balls:
     return Balls(corners, np.zeros(len(corners)))
 
 
-def _cylinder(radius: float, half: float) -> Balls:
-    ring = np.stack([np.cos(_CIRCLE), np.sin(_CIRCLE), np.zeros_like(_CIRCLE)], axis=1) * radius
+def _cylinder(radius: float, half: float, corners: int = 24) -> Balls:
+    angles = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(corners)], axis=1) * radius
     rims = np.concatenate([ring + [0.0, 0.0, half], ring - [0.0, 0.0, half]])
     return Balls(rims, np.zeros(len(rims)))
 

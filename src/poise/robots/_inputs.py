@@ -1,5 +1,6 @@
-"""`open_document`: one document from whatever a user has of a robot."""
+"""`open_document`: one document from whatever a user has of a robot; a digest of its files."""
 
+import hashlib
 import os
 from pathlib import Path
 from types import ModuleType
@@ -99,3 +100,26 @@ def _expanded(path: Path) -> str:
         wanted="a file that needs no arguments and whose packages are above it or beside its own, "
         "or the URDF that xacro makes of it",
     )
+
+
+def description_of(path: Path) -> Path:
+    """The description beside a model file."""
+    name = path.name.removesuffix(XACRO)
+    stem = Path(name).stem if Path(name).suffix in (".urdf", ".xml", ".mjcf") else name
+    return path.with_name((stem if name != path.name else path.stem) + ".poise.yaml")
+
+
+def files_digest(path: str | Path) -> str:
+    """The first letters of a digest of a model file and of all that is loaded along with it.
+
+    These are the files that it includes, the meshes that are there, and the description beside it.
+    """
+    document = open_document(Path(path))
+    digest = hashlib.sha256(document.text.encode())
+    for file in document.meshes().values():
+        if file is not None:
+            digest.update(file.read_bytes())
+    description = description_of(Path(path))
+    if description.is_file():
+        digest.update(description.read_bytes())
+    return digest.hexdigest()[:8]

@@ -16,8 +16,6 @@ from poise.robots._urdf import crossed_limits
 _MIN_INERTIA = 1e-9
 """Smallest eigenvalue of the mass matrix that still counts as a mass [kg or kg m^2]."""
 
-_PART_OF_MOTION = 0.1  # Joints with a smaller part in a unit motion are not named
-
 
 def hinges(model: pin.Model) -> list[tuple[str, pin.JointModel]]:
     """Names and joints of a model, without the world and a free base."""
@@ -90,7 +88,8 @@ def check_inertia(model: pin.Model, where: str) -> None:
     still = {
         names[i]
         for i in range(1, model.njoints)
-        if np.abs(vectors[model.joints[i].idx_v, 0]) > _PART_OF_MOTION
+        # With a part in the motion of unit norm.
+        if np.abs(vectors[model.joints[i].idx_v, 0]) > 0.1
     }
     raise RobotError(
         f"{where} can move without inertia",

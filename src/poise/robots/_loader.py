@@ -18,8 +18,7 @@ from poise.robots._catalog import catalog_names, find_entry, open_entry
 from poise.robots._describe import describe
 from poise.robots._description import Description, Mount, match_joints, parse_description
 from poise.robots._document import Document, free_name, read_document
-from poise.robots._files_digest import description_of
-from poise.robots._inputs import RobotInput, open_document, path_of
+from poise.robots._inputs import RobotInput, description_of, open_document, path_of
 from poise.robots._limits import (
     assume_limits,
     check_inertia,

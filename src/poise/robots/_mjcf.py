@@ -18,7 +18,6 @@ from poise.robots._document import BLANK, Base, Coupling, Document, Facts, free_
 from poise.robots._mjcf_compile import (
     asset_folder,
     compile_mjcf,
-    compile_spec,
     mujoco_module,
     parse_mjcf,
     rotation_of,
@@ -44,8 +43,6 @@ _PLACEMENT = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 
 _BASE, _CARRIED, _GROUND = "base", ("body", "frame", "geom", "site"), ("plane", "hfield")
 """The body that stands for a world from which limbs hang, what it holds, and what it does not."""
-
-_DEEPEST = 10  # Files that include each other in a circle are never deeper than this otherwise
 
 _QPOS_SIZE = {"FREE": 7, "BALL": 4}
 """Positions of a joint in MuJoCo's `qpos`; a hinge or slide has one."""
@@ -139,7 +136,7 @@ class MjcfDocument(Document):
         return Facts(
             fixed=not _free_joints(robot),
             free=bool(_free_joints(robot)),
-            upright=self._orientation() if upright is None else upright,
+            upright=_orientation(mujoco, spec, robot) if upright is None else upright,
             poses=poses,
             torque=_torques(mujoco, spec),
             couplings=tuple(
@@ -149,20 +146,6 @@ class MjcfDocument(Document):
             ),
             remarks=tuple(f"{said}: {few(names)}" for said, names in left_out.items() if names),
         )
-
-    def _orientation(self) -> Float64[np.ndarray, "3 3"]:
-        """Orientation of the root body in the world, with the frames around it."""
-        alone = ET.Element("mujoco")
-        for compiler in self.root.findall("compiler"):
-            units = {k: v for k, v in compiler.attrib.items() if k in ("angle", "eulerseq")}
-            ET.SubElement(alone, "compiler", units)
-        place = ET.SubElement(alone, "worldbody")
-        worlds = self.root.findall("worldbody")
-        for frame in (f for world in worlds for f in _frames_in(world, self._robot)):
-            place = ET.SubElement(place, "frame", _placement_of(frame))
-        ET.SubElement(place, "body", _placement_of(self._robot))
-        spec = parse_mjcf(alone, None, self.where)
-        return rotation_of(compile_spec(spec, self.where).body_quat[1])
 
     def settle(self, base: Base) -> str:
         robot, floating = self._robot, base == "floating"
@@ -284,8 +267,17 @@ def _frames_in(place: ET.Element, body: ET.Element) -> list[ET.Element]:
     return []
 
 
-def _placement_of(element: ET.Element) -> dict[str, str]:
-    return {key: element.attrib[key] for key in _PLACEMENT if key in element.attrib}
+def _orientation(mujoco: ModuleType, spec: Any, robot: ET.Element) -> Float64[np.ndarray, "3 3"]:
+    """Orientation of the root body in the world, with the frames around it."""
+    place, rotation, given = spec.body(robot.get("name")), np.eye(3), mujoco.mjtOrientation
+    while place is not None:
+        quat = place.quat
+        if place.alt.type != given.mjORIENTATION_QUAT:
+            compiler = spec.compiler
+            quat = spec.resolve_orientation(compiler.degree, compiler.eulerseq, place.alt)
+        rotation = rotation_of(np.array(quat)) @ rotation
+        place = place.frame
+    return rotation
 
 
 def _torques(mujoco: ModuleType, spec: Any) -> dict[str, float]:
@@ -347,23 +339,26 @@ def _poses(
     return poses, upright
 
 
-def _include(element: ET.Element, folders: Sequence[Path], where: str) -> None:
+def _include(
+    element: ET.Element, folders: Sequence[Path], where: str, around: Sequence[Path] = ()
+) -> None:
     """Put the content of files, sought from the first folder on, in the place of each <include>."""
     for index, child in reversed(list(enumerate(element))):
         if child.tag != "include":
-            _include(child, folders, where)
+            _include(child, folders, where, around)
             continue
         paths = [folder / child.get("file", "") for folder in folders]
-        path = next((path for path in paths if path.is_file()), paths[0])
-        if len(folders) > _DEEPEST or not path.is_file():
-            what = f"a file included by {where} cannot be found"
+        path = next((path for path in paths if path.is_file()), paths[0]).resolve()
+        if path in around or not path.is_file():
+            wrong = "includes it" if path in around else "cannot be found"
+            what = f"a file included by {where} {wrong}"
             wanted = "the file at that place, or the <include> taken out"
             raise RobotError(what, got=str(path), wanted=wanted)
         try:
             included = ET.fromstring(read_text(path, error=RobotError).lstrip(BLANK))
         except ET.ParseError as error:
             raise RobotError(f"{path} is not valid XML: {error}") from None
-        _include(included, [*folders, path.parent], path.name)
+        _include(included, [*folders, path.parent], path.name, [*around, path])
         element.remove(child)
         for k, inner in enumerate(included):
             element.insert(index + k, inner)

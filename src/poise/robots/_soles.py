@@ -18,7 +18,6 @@ _DEPTH = 0.003  # [m] above the lowest plane that counts as on it: edges of sole
 _FLAT_PART = 0.3  # of a foot's outline from below; a wheel touches with less
 _STEEPEST = float(np.cos(np.radians(40.0)))  # from a steeper face rubber of friction 0.8 slides
 _CLEARLY = 1.1  # ratio of areas from which one face or rectangle is larger: meshes are uneven
-_PLACES = 100  # for a rectangle's ends along a foot
 _SAME_FOOT = 0.02  # [m] of height within which faces are of one foot, as sole and toes are
 _LARGER = 1.5  # ratio of areas: the smaller face leaves out too much, as contact points may
 _OFF, _BESIDE = 0.005, 0.01  # [m] errors of a described sole to remark on: contacts give less
@@ -185,10 +184,10 @@ def _largest_inside(corners: Points) -> tuple[Float64[np.ndarray, "2 2"], Corner
     return best
 
 
-def _inside(corners: Points) -> tuple[Corner, Corner]:
+def _inside(corners: Points, places: int = 100) -> tuple[Corner, Corner]:
     """Middle and size of the largest rectangle along the axes inside a convex outline."""
     ends = corners[:, 0]
-    x = np.union1d(ends, np.linspace(ends.min(), ends.max(), _PLACES))
+    x = np.union1d(ends, np.linspace(ends.min(), ends.max(), places))
     a, b, c = (column[:, None] for column in _hull(corners).equations.T)
     y = -(a * x + c) / np.where(b == 0.0, np.nan, b)
     top = np.where(b > 1e-9, y, np.inf).min(axis=0)

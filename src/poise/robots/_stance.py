@@ -9,14 +9,13 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.robots._inverse_kinematics import Bounds, Level, inverse_kinematics
+from poise.robots._limbs import MARGIN
 
 _KNEES = (0.6, 0.3, 0.9, 1.2)
 """Angles of the knees to try [rad]; a leg of two equal parts is cos(angle / 2) of its length."""
 
 REACHED = 1e-6
 """A stance misses what must hold by no more [m, rad]."""
-
-_MARGIN = 0.02  # Distance from position limits, for a controller to move both ways [rad]
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ def _inner_limits(model: pin.Model) -> Bounds:
     """Position limits with a margin, at most to the middle of a short range."""
     low, high = model.lowerPositionLimit, model.upperPositionLimit
     margin = np.zeros(model.nq)
-    margin[7:] = np.minimum(_MARGIN, 0.5 * (high[7:] - low[7:]))
+    margin[7:] = np.minimum(MARGIN, 0.5 * (high[7:] - low[7:]))
     return low + margin, high - margin
 
 

@@ -8,7 +8,6 @@ from poise.sim._mujoco import refusal, silence as silence
 if (_refusal := refusal()) is not None:
     raise _refusal
 
-from poise.sim._blocks import BlockWatch as BlockWatch
 from poise.sim._bridge import MujocoBridge
 from poise.sim._camera import Camera, Marker, find_opengl as find_opengl
 from poise.sim._config import (
@@ -22,7 +21,12 @@ from poise.sim._log import finish_log as finish_log, read_log, write_log as writ
 from poise.sim._mapping import StateMap as StateMap
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord, Value as Value
-from poise.sim._recorder import HasSignals as HasSignals, Recorder, RecorderConfig as RecorderConfig
+from poise.sim._recorder import (
+    BlockWatch as BlockWatch,
+    HasSignals as HasSignals,
+    Recorder,
+    RecorderConfig as RecorderConfig,
+)
 from poise.sim._rollout import (
     AnyController as AnyController,
     Body,

@@ -22,9 +22,7 @@ from poise.sim._mujoco import asked_platform, missing_library
 
 _PLATFORMS = ("egl", "osmesa")  # EGL first: it uses a graphics card where there is one
 _TRIAL = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 64, 64)"
-_TRIAL_SECONDS = 60.0  # a driver that hangs counts as none
 
-_ARROW_WIDTH = 0.016  # radius of an arrow's shaft [m]
 _FILLED = 0.9  # of the picture's height and width by the robot; the rest is for the lag
 _FOLLOW_SECONDS = 0.4  # lag of the camera, so that the picture does not shake with the robot
 _GROUND = 0.35  # ground about the robot that is seen, in robot heights: a step ahead and behind
@@ -44,7 +42,7 @@ def find_opengl() -> str | None:
                 [sys.executable, "-c", _TRIAL],
                 env=os.environ | {"MUJOCO_GL": platform, "PYOPENGL_PLATFORM": platform},
                 capture_output=True,
-                timeout=_TRIAL_SECONDS,
+                timeout=60.0,  # a driver that hangs counts as none
                 check=False,
             )
         except subprocess.TimeoutExpired:
@@ -224,7 +222,7 @@ def _renderer(model: mujoco.MjModel, config: CameraConfig) -> mujoco.Renderer:
     return renderer
 
 
-def _add_marker(scene: mujoco.MjvScene, marker: Marker) -> None:
+def _add_marker(scene: mujoco.MjvScene, marker: Marker, shaft: float = 0.016) -> None:
     """Add a marker to a scene; one that has no room left in the scene is not drawn."""
     if scene.ngeom >= scene.maxgeom:
         return
@@ -236,5 +234,5 @@ def _add_marker(scene: mujoco.MjvScene, marker: Marker) -> None:
     if marker.arrow is not None:
         # MuJoCo draws half of what it is given (seen with 4.0, and held by a test).
         tip = position + 2.0 * np.array(marker.arrow)
-        mujoco.mjv_connector(geom, int(mujoco.mjtGeom.mjGEOM_ARROW), _ARROW_WIDTH, position, tip)
+        mujoco.mjv_connector(geom, int(mujoco.mjtGeom.mjGEOM_ARROW), shaft, position, tip)
     scene.ngeom += 1

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Bool, Float64, Int
+from jaxtyping import Float64
 
+from poise._show import few
 from poise.errors import RobotError
 from poise.robots import GRAVITY, Robot
 from poise.sim._drives import Drives, Joints
@@ -38,7 +39,6 @@ _COM_TOLERANCE = 2e-3
 _RELATIVE_TOLERANCE = 1e-2  # of other quantities: smaller differences are left out
 _COARSE_STEP = 5e-3  # feet chatter on the ground with longer time steps [s]
 _WRONG_WHERE_SPARSE = "4.0.0"  # MuJoCo whose sparse Cholesky factorization is wrong (issue 3767)
-_SHOWN = 8  # joints that a message names
 
 
 def find_base(robot: Robot, model: mujoco.MjModel, prefix: str) -> pin.SE3 | None:
@@ -60,10 +60,12 @@ def find_base(robot: Robot, model: mujoco.MjModel, prefix: str) -> pin.SE3 | Non
         order = [k for k in np.argsort(-mismatch).tolist() if mismatch[k] > 1.0]
         raise RobotError(
             f"joints of robot {robot.name!r} stand or turn elsewhere in the MuJoCo model",
-            got=[
-                f"{robot.joint_names[k]}: {1e3 * apart[k, 0]:.3g} mm, {apart[k, 1]:.3g} rad"
-                for k in order[:_SHOWN]
-            ],
+            got=few(
+                [
+                    f"{robot.joint_names[k]}: {1e3 * apart[k, 0]:.3g} mm, {apart[k, 1]:.3g} rad"
+                    for k in order
+                ]
+            ),
             wanted="the same zeros, signs and places of all joints, and the free joint in a body "
             "that is rigidly one with the robot's base: load the robot from the MJCF of this model",
         )
@@ -147,7 +149,7 @@ def _bodies(robot: Robot, model: mujoco.MjModel, mapping: StateMap) -> list[str]
     data, ours = mapping.at(robot.q_home), robot.model.createData()
     pin.forwardKinematics(robot.model, ours, robot.q_home)
     masses, centers = np.zeros(robot.model.njoints), np.zeros((robot.model.njoints, 3))
-    for body, joint in _movers(robot, model, mapping).items():
+    for body, joint in mapping.movers().items():
         masses[joint] += model.body_mass[body]
         centers[joint] += model.body_mass[body] * data.xipos[body]
     own = np.array([inertia.mass for inertia in robot.model.inertias])
@@ -175,27 +177,6 @@ def _bodies(robot: Robot, model: mujoco.MjModel, mapping: StateMap) -> list[str]
             f"{names[k]} moves: {1e3 * apart[k]:.1f} mm"
         )
     return lines
-
-
-def _movers(robot: Robot, model: mujoco.MjModel, mapping: StateMap) -> dict[int, int]:
-    """Bodies of the robot's tree, with Pinocchio's last joint that moves each; 0 for none."""
-    first = robot.model.njoints - robot.nj
-    joint_of = {j: first + k for k, j in enumerate(mapping.joints)}
-    joint_of |= {mapping.free_joint: first - 1}
-    movers = {0: 0}
-    # MuJoCo has a body after its parent.
-    for body in np.flatnonzero(_in_tree(model, mapping, model.body_rootid)).tolist():
-        start = int(model.body_jntadr[body])
-        own = [j for j in range(start, start + int(model.body_jntnum[body])) if j in joint_of]
-        movers[body] = joint_of[own[-1]] if own else movers[int(model.body_parentid[body])]
-    return movers
-
-
-def _in_tree(
-    model: mujoco.MjModel, mapping: StateMap, roots: Int[np.ndarray, " n"]
-) -> Bool[np.ndarray, " n"]:
-    """Which of some roots of bodies are that of the robot."""
-    return roots == model.body_rootid[model.jnt_bodyid[mapping.joints[0]]]
 
 
 def _frames(robot: Robot, model: mujoco.MjModel, mapping: StateMap, prefix: str) -> list[str]:
@@ -231,8 +212,8 @@ def _frames(robot: Robot, model: mujoco.MjModel, mapping: StateMap, prefix: str)
 
 def _strangers(model: mujoco.MjModel, mapping: StateMap) -> list[str]:
     """Joints in the robot's tree of bodies that are not the robot's."""
-    there = _in_tree(model, mapping, model.body_rootid[model.jnt_bodyid])
-    others = set(np.flatnonzero(there).tolist()) - {*mapping.joints, mapping.free_joint}
+    there = np.flatnonzero(np.isin(model.jnt_bodyid, [*mapping.movers()])).tolist()
+    others = set(there) - {*mapping.joints, mapping.free_joint}
     return [model.joint(j).name or f"joint {j}" for j in sorted(others)]
 
 

@@ -11,7 +11,6 @@ from jaxtyping import Bool, Int
 from poise.errors import RobotError, UnknownNameError
 from poise.robots import Robot
 
-_POSTURES = 3  # random ones: in one alone an entry of a Jacobian may vanish by chance
 _ROUNDING = 1e-9  # entries of Jacobians below this are rounding
 
 
@@ -33,7 +32,7 @@ def find_couplings(model: mujoco.MjModel, own: Int[np.ndarray, " n"]) -> Couplin
     lengths, moments = np.zeros(found.tendons.shape), np.zeros(found.outputs.shape)
     pattern = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
     random = np.random.default_rng(0)
-    for _ in range(_POSTURES):
+    for _ in range(3):  # In one alone an entry may vanish by chance.
         # All else stays where it is, so that a loop within what one link carries stays closed.
         motion = np.zeros(nv)
         motion[own] = random.normal(size=len(own))

@@ -18,21 +18,18 @@ from poise.robots import (
     settled_spec,
 )
 
-_THICKNESS = 0.12  # radius of a stick, as a part of its length
-_SHORTEST = 0.01  # shorter links [m] are not drawn
 
-
-def add_sticks(spec: mujoco.MjSpec) -> None:
+def add_sticks(spec: mujoco.MjSpec, *, slenderness: float = 0.12, shortest: float = 0.01) -> None:
     """Draw each link as sticks, without collision, from its own joint to those of its children."""
     for body in spec.bodies[1:]:
         for child in body.bodies:
             length = float(np.linalg.norm(child.pos))
-            if length < _SHORTEST:
+            if length < shortest:
                 continue
             body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_CAPSULE,
                 fromto=(0.0, 0.0, 0.0, *child.pos),
-                size=(_THICKNESS * length, 0.0, 0.0),
+                size=(slenderness * length, 0.0, 0.0),
                 contype=0,
                 conaffinity=0,
                 mass=0.0,

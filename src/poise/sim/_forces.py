@@ -12,7 +12,7 @@ from poise.robots import Robot
 from poise.sim._config import Push
 
 _FORCE_FIRST = np.array([3, 4, 5, 0, 1, 2])  # order of a wrench, in that of MuJoCo
-_MIN_LOAD = 1.0  # with less vertical force [N] there is no zero-moment point
+LOADED = 1.0  # a sole with less force on it carries nothing [N]
 
 
 class PushSchedule:
@@ -113,7 +113,7 @@ class SoleForces:
     def zmp(self, height: float) -> Float64[np.ndarray, "2"]:
         """Zero-moment point of all soles on the plane z = height, in the world [m]."""
         n_x, n_y, _, f_x, f_y, f_z = self._total.tolist()
-        if not f_z > _MIN_LOAD:
+        if not f_z > LOADED:
             return np.full(2, np.nan)
         x, y, z = self._origin.tolist()
         n_x += y * f_z - (z - height) * f_y

@@ -87,7 +87,6 @@ _SCENE = Topic(
 _DRAWN = {"q", "v", "torque"}  # signals of the rows that are drawn
 _SLACK = 5e-10  # of a rate [s]: one that the control period divides stays exact
 _XYZW = [1, 2, 3, 0]  # order of ROS in a quaternion of MuJoCo
-_FLAT = 1e-3  # boxes are at least this thick [m], so that they can be seen
 
 
 class Pace:
@@ -165,14 +164,14 @@ class RobotTopics:
         return json.dumps({"deletions": [], "entities": entities}).encode()
 
 
-def _box(model: mujoco.MjModel, k: int) -> dict[str, Any]:
-    """The bounding box of a geometry, as a cube in its body's frame [m]."""
+def _box(model: mujoco.MjModel, k: int, thinnest: float = 1e-3) -> dict[str, Any]:
+    """The bounding box of a geometry, as a cube in its body's frame that can be seen [m]."""
     turned, geom, box = np.empty(3), model.geom(k), model.geom_aabb[k]
     mujoco.mju_rotVecQuat(turned, box[:3], geom.quat)
     position, orientation = _named("xyz", geom.pos + turned), _named("wxyz", geom.quat)
     return {
         "pose": {"position": position, "orientation": orientation},
-        "size": _named("xyz", np.maximum(2.0 * box[3:], _FLAT)),
+        "size": _named("xyz", np.maximum(2.0 * box[3:], thinnest)),
         "color": _named("rgba", geom.rgba),
     }
 

@@ -43,13 +43,26 @@ class StateMap:
         self._qpos_of_q = np.array([*base_q, *q_mj], dtype=np.int64)
         self._qvel_of_v = np.array([*base_v, *v_mj], dtype=np.int64)
         self._quaternion = slice(base_q[6], base_q[6] + 4) if base_q else slice(0)
-        self._model = model
+        self._model, self._first = model, robot.model.njoints - robot.nj
         self._unturn, self._linear = np.empty(4), np.empty(3)
 
     @property
     def dof_order(self) -> Int[np.ndarray, " nv"]:
         """Index in MuJoCo's velocity of each of Pinocchio's (base frames still differ)."""
         return self._qvel_of_v.copy()
+
+    def movers(self) -> dict[int, int]:
+        """Bodies of the world and the robot, with Pinocchio's joint that moves each; 0 for none."""
+        model, joint_of = self._model, {j: self._first + k for k, j in enumerate(self.joints)}
+        if self.free_joint is not None:
+            joint_of[self.free_joint] = self._first - 1
+        root, movers = model.body_rootid[model.jnt_bodyid[self.joints[0]]], {0: 0}
+        # MuJoCo has a body after its parent.
+        for body in np.flatnonzero(model.body_rootid == root).tolist():
+            start = int(model.body_jntadr[body])
+            own = [j for j in range(start, start + int(model.body_jntnum[body])) if j in joint_of]
+            movers[body] = joint_of[own[-1]] if own else movers[int(model.body_parentid[body])]
+        return movers
 
     def q(self, qpos: Float64[np.ndarray, " nqpos"]) -> Float64[np.ndarray, " nq"]:
         """Pinocchio's configuration from MuJoCo's [m, rad]."""

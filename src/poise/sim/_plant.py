@@ -17,13 +17,12 @@ from poise.robots import Robot
 from poise.sim._actuators import Actuators, ServoSteps
 from poise.sim._build import build_model
 from poise.sim._config import PlantConfig, Push
-from poise.sim._forces import PushSchedule, SoleForces
+from poise.sim._forces import LOADED, PushSchedule, SoleForces
 from poise.sim._mapping import StateMap
 from poise.sim._rest import find_rest
 from poise.sim._self_contact import SelfContacts
 from poise.sim._sensors import InertialUnit, Sensors
 
-_TOUCHING = 1.0  # a sole that carries more than this [N] counts as in contact
 _QUATERNION_TOLERANCE = 1e-6  # rounding of a quaternion written down with seven digits or more
 
 # MuJoCo's warnings after which a run means nothing.
@@ -299,7 +298,7 @@ class Plant:
     def contacts(self) -> dict[str, bool]:
         """Return for each sole whether it carries load."""
         wrenches = self._true.contacts
-        return {n: bool(np.linalg.norm(w[:3]) > _TOUCHING) for n, w in wrenches.items()}
+        return {n: bool(np.linalg.norm(w[:3]) > LOADED) for n, w in wrenches.items()}
 
     def zmp(self, height: float = 0.0) -> Float64[np.ndarray, "2"]:
         """Zero-moment point from the true sole forces, on the plane z = height, in the world [m].

@@ -101,13 +101,10 @@ class Observer(Protocol[B_contra]):
         """Once after the last tick, however the rollout ended."""
 
 
-_SAME_PERIOD = 1e-9  # periods that differ by less are the same [s]
-
-
 def check_period(leader: object, dt: float) -> None:
     """Refuse a leader that has to be called at another period than `dt` [s]: its own `dt`."""
     period = getattr(leader, "dt", dt)
-    if isinstance(leader, Leader) and abs(period - dt) > _SAME_PERIOD:
+    if isinstance(leader, Leader) and not math.isclose(period, dt, rel_tol=1e-6):
         raise ConfigurationError(
             f"{type(leader).__name__} and plant have different control periods",
             got=f"{period:g} s and {dt:g} s",

@@ -8,21 +8,12 @@ import mujoco
 import numpy as np
 from jaxtyping import Float64
 
-from poise.robots import Robot
+from poise.robots import Robot, are_neighbours, random_postures
 from poise.sim._mapping import StateMap
 
 _OWN = 2  # collision bit of geometry that meets other links of the robot; the ground has bit 1
 
-# Links with so many joints between them or fewer, or joints no further apart than this [m], do not
-# meet: housings of compound joints run into each other in most models, and joint limits are what
-# keeps such links apart.
-_NEIGHBOURS, _COMPOUND = 2, 0.1
-
 _NEAR_AT_HOME = 1e-3  # links no further apart than this in the home posture do not meet [m]
-
-# Random postures, half way at most from home to the joints' limits, in the larger part of which
-# links that touch are taken to be drawn into each other.
-_POSTURES, _REACH, _MOST = 100, 0.5, 0.5
 
 _FRICTION = 0.5  # of covers on covers
 
@@ -40,59 +31,34 @@ def let_touch(geoms: Iterable[mujoco.MjsGeom], time_constant: float) -> None:
 def exclude_lasting_contacts(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> None:
     """Keep those links from touching that are neighbours, or touch at home, or nearly always."""
     solid = {int(b) for b in model.geom_bodyid[(model.geom_contype & _OWN) > 0]}
-    welds, lasting = model.body_weldid.tolist(), _lasting_contacts(model, robot)
+    places = StateMap(robot, model)
+    joints, lasting = places.movers(), _lasting_contacts(model, robot, places)
     for i, j in combinations(sorted(solid), 2):
-        if welds[i] == welds[j]:
-            continue
-        if _are_neighbours(model, welds[i], welds[j]) or frozenset((welds[i], welds[j])) in lasting:
+        one, other = joints[i], joints[j]
+        lasts = frozenset((one, other)) in lasting
+        if one != other and (lasts or are_neighbours(robot, one, other)):
             spec.add_exclude(bodyname1=model.body(i).name, bodyname2=model.body(j).name)
 
 
-def _lasting_contacts(model: mujoco.MjModel, robot: Robot) -> set[frozenset[int]]:
-    """Rigid groups of bodies that touch at home or in most postures."""
-    data, places = mujoco.MjData(model), StateMap(robot, model)
-    counts = Counter[frozenset[int]]()
-    q, joints = robot.q_home.copy(), slice(robot.nq - robot.nj, None)
-    lower, upper = robot.q_min - q[joints], robot.q_max - q[joints]
-    for part in np.random.default_rng(0).uniform(0.0, 1.0, (_POSTURES, robot.nj)):
-        q[joints] = robot.q_home[joints] + _REACH * (lower + part * (upper - lower))
-        counts.update(_touching(model, data, places.qpos(q)))
+def _lasting_contacts(model: mujoco.MjModel, robot: Robot, places: StateMap) -> set[frozenset[int]]:
+    """Pairs of joints that move links which touch at home or in three of four postures."""
+    data, counts, count = mujoco.MjData(model), Counter[frozenset[int]](), 100
+    joints = np.zeros(model.nbody, dtype=np.int64)
+    joints[[*places.movers()]] = [*places.movers().values()]
+
+    def touching(q: Float64[np.ndarray, " nq"]) -> set[frozenset[int]]:
+        data.qpos[:] = places.qpos(q)
+        mujoco.mj_fwdPosition(model, data)
+        pairs = joints[model.geom_bodyid[data.contact.geom[: data.ncon]]]
+        return {frozenset(pair) for pair in pairs.tolist()}
+
+    for q in random_postures(robot, count):
+        counts.update(touching(q))
     margins = model.geom_margin.copy()
     model.geom_margin[:] = _NEAR_AT_HOME
-    at_home = _touching(model, data, places.qpos(robot.q_home))
+    at_home = touching(robot.q_home)
     model.geom_margin[:] = margins
-    return at_home | {pair for pair, count in counts.items() if count > _MOST * _POSTURES}
-
-
-def _touching(
-    model: mujoco.MjModel, data: mujoco.MjData, qpos: Float64[np.ndarray, " n"]
-) -> set[frozenset[int]]:
-    """Rigid groups of bodies that touch in a posture."""
-    data.qpos[:] = qpos
-    mujoco.mj_fwdPosition(model, data)
-    groups = model.body_weldid[model.geom_bodyid[data.contact.geom[: data.ncon]]]
-    return {frozenset(pair) for pair in groups.tolist()}
-
-
-def _are_neighbours(model: mujoco.MjModel, one: int, other: int) -> bool:
-    """Return True where two rigid groups are links of one compound joint, or next but one."""
-    ways = [_way_to_world(model, group) for group in (one, other)]
-    chains = [[g for g in way if g not in ways[1 - i]] for i, way in enumerate(ways)]
-    joints = [*chains[0], *reversed(chains[1])]
-    if len(joints) <= _NEIGHBOURS:
-        return True
-    places = [model.body_pos[group] for chain in chains for group in chain[:-1]]
-    # The two joints nearest to what both chains hang on stand side by side there.
-    roots = [model.body_pos[chain[-1]] for chain in chains if chain]
-    apart = np.linalg.norm(roots[0] - roots[1]) if len(roots) == 2 else 0.0
-    return float(sum(np.linalg.norm(p) for p in places) + apart) <= _COMPOUND
-
-
-def _way_to_world(model: mujoco.MjModel, group: int) -> list[int]:
-    way = [group]
-    while way[-1] != 0:
-        way.append(int(model.body_weldid[model.body_parentid[way[-1]]]))
-    return way
+    return at_home | {pair for pair, times in counts.items() if times > 0.75 * count}
 
 
 class SelfContacts:

@@ -14,7 +14,6 @@ import numpy as np
 from poise.errors import PoiseError
 from poise.sim._plant import Plant
 
-_FRAME_SECONDS = 1.0 / 60.0
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 
@@ -49,7 +48,7 @@ class Viewer:
         if ahead > 0.0:
             time.sleep(ahead)
         if time.monotonic() >= self._next:
-            self._next = time.monotonic() + _FRAME_SECONDS
+            self._next = time.monotonic() + 1.0 / 60.0
             self._show()
             self.handle.sync()
             # Pulled with the mouse.
