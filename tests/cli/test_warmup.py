@@ -184,7 +184,7 @@ def test_a_bar_where_somebody_looks_on_with_no_extra_installed(partly):
 @pytest.mark.parametrize("script", [IN_ONE, NO_PROCESS])
 def test_one_process_does_it_where_no_other_can(partly, script):
     # Two jobs: one alone needs no other process anyway.
-    forget(partly, "estimation_*/_operations.run-*")
+    forget(partly, "estimation_*/_tick.run-*")
     done = run(partly, "-c", script)
     assert (done.returncode, done.stderr) == (0, "")
     assert "functions=0" not in done.stdout

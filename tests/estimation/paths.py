@@ -134,11 +134,3 @@ def exponential(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The element of a tangent vector: (Gamma_0(phi), Gamma_1(phi) rho_i)."""
     rows = xi.reshape(-1, 3)
     return gamma(0, rows[0]), rows[1:] @ gamma(1, rows[0]).T
-
-
-def adjoint(R: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Ad_X with X exp(xi) X^-1 = exp(Ad_X xi)."""
-    out = np.kron(np.eye(len(vectors) + 1), R)
-    for i, vector in enumerate(vectors):
-        out[3 * i + 3 : 3 * i + 6, :3] = hat(vector) @ R
-    return out

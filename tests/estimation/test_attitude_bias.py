@@ -52,14 +52,6 @@ def test_it_is_found_along_the_base_whatever_the_robot_weighs_and_does(get_robot
     assert estimator.mass == pytest.approx(0.2 * robot.mass, rel=0.05)
 
 
-def test_an_attitude_less_its_error_is_the_true_one(get_robot):
-    estimator = learnt(get_robot("g1"), (0.01, -0.005), 6.0)
-    true = pin.Quaternion(pin.exp3(np.array([0.1, -0.2, 1.0])))
-    off = true * pin.Quaternion(pin.exp3(np.array([0.01, -0.005, 0.0])))
-    corrected = pin.Quaternion(estimator.corrected(off.coeffs()))
-    assert true.angularDistance(corrected) < 1e-3
-
-
 def test_little_is_believed_of_a_sudden_push(get_robot):
     """0.2 m/s in 0.1 s: the soles' friction answers with a fifth of the weight."""
     estimator = learnt(
@@ -99,14 +91,6 @@ def test_what_is_of_no_use_changes_nothing(get_robot, force):
     assert not estimator.tilt.any()
 
 
-def test_a_clock_that_jumps_changes_nothing(get_robot):
-    robot = get_robot("g1")
-    estimator = PayloadEstimator(robot, attitude=True)
-    for state in leaning(robot, (0.0, 10.0, 3.0, 3.0, math.nan, 8.0)):
-        estimator.update(state)
-    assert not estimator.tilt.any()
-
-
 def test_without_it_an_attitude_stays_as_it_is(get_robot):
     robot = get_robot("g1")
     estimator = PayloadEstimator(robot)
@@ -114,20 +98,6 @@ def test_without_it_an_attitude_stays_as_it_is(get_robot):
         estimator.update(state)
     assert not estimator.tilt.any()
     np.testing.assert_array_equal(estimator.corrected(robot.q_home[3:7]), robot.q_home[3:7])
-
-
-def test_a_stamp_that_comes_twice_and_a_force_that_is_missing_change_nothing(get_robot):
-    robot = get_robot("g1")
-    clean, spoiled = (PayloadEstimator(robot, attitude=True) for _ in range(2))
-    for tick, state in enumerate(leaning(robot, 0.002 * np.arange(2000))):
-        clean.update(state)
-        spoiled.update(state)
-        if tick % 50 == 0:
-            spoiled.update(state)
-            lost = dict.fromkeys(robot.soles, np.full(6, np.nan))
-            spoiled.update(replace(state, contacts=lost, time=state.time + 0.001))
-    assert np.linalg.norm(clean.tilt) > 1e-3
-    np.testing.assert_allclose(spoiled.tilt, clean.tilt, rtol=1e-6)
 
 
 def test_payload_gyro_bias_and_zeros_are_found_beside_each_other_on_a_walk(get_robot):

@@ -269,29 +269,6 @@ def test_without_force_sensors_the_torques_say_what_is_in_contact(walked):
     assert np.sqrt(np.mean(np.square(observer_error))) < 0.15 * robot.weight
 
 
-def test_a_torque_that_is_no_number_is_forgotten(walked):
-    robot, measured, truths = walked
-    estimator = StateEstimator(robot, q_start=truths[0].q)
-    for k, state in enumerate(measured[:400]):
-        readings = state.readings
-        if k == 200:
-            torque = readings.torque.copy()
-            torque[3] = np.nan
-            readings = readings._replace(torque=torque)
-        estimator.update(replace(state, contacts={}, readings=readings))
-        assert estimator.status.ok
-    assert np.isfinite([*estimator.wrenches.values()]).all()
-    assert max(estimator.probability.values()) > 0.9
-
-
-def test_it_may_be_started_twice(walked):
-    robot, measured, truths = walked
-    estimator = StateEstimator(robot, q_start=truths[0].q)
-    for _ in range(2):
-        estimator.start(measured[:50])
-    np.testing.assert_allclose(estimator.update(measured[50]).q[:2], truths[0].q[:2], atol=5e-3)
-
-
 def test_with_neither_forces_nor_torques_all_soles_are_contacts_until_they_move(walked):
     robot, measured, truths = walked
     estimator, estimates = StateEstimator(robot, q_start=truths[0].q), []
@@ -398,15 +375,6 @@ def test_a_unit_that_says_nothing_for_a_while_is_stood_in_for(walked):
     assert np.abs(velocity).max() < 0.3
 
 
-def test_a_unit_that_never_says_anything_is_said(walked):
-    robot, measured, _ = walked
-    estimator = StateEstimator(robot)
-    silent = replace(measured[0], readings=None)
-    assert estimator.update(silent) is silent
-    assert estimator.status is EstimatorStatus.NO_IMU
-    assert not estimator.status.ok
-
-
 @pytest.mark.parametrize("jump", [0.3, -0.5])
 def test_a_clock_that_jumps_is_said_and_survived(walked, jump):
     robot, measured, truths = walked
@@ -420,16 +388,6 @@ def test_a_clock_that_jumps_is_said_and_survived(walked, jump):
     assert_within_bounds(estimates, truths)
 
 
-def test_a_clock_that_stands_still_changes_nothing(walked):
-    robot, measured, truths = walked
-    estimator = StateEstimator(robot, q_start=truths[0].q)
-    for state in measured[:100]:
-        estimate = estimator.update(state)
-    again = estimator.update(measured[99])
-    np.testing.assert_array_equal(again.q, estimate.q)
-    assert estimator.status.ok
-
-
 def test_a_clock_that_nobody_sets_is_said(walked):
     robot, measured, truths = walked
     estimator, said = StateEstimator(robot, q_start=truths[0].q), []
@@ -438,23 +396,12 @@ def test_a_clock_that_nobody_sets_is_said(walked):
         said.append(estimator.status)
     assert said[0].ok
     assert set(said[1:]) == {EstimatorStatus.CLOCK_STILL}
-    assert not EstimatorStatus.CLOCK_STILL.ok
     for state in measured[100:110]:
-        estimator.update(state)
+        estimate = estimator.update(state)
     assert estimator.status.ok
-
-
-def test_wrenches_of_something_else_are_none_of_the_soles(walked):
-    robot, measured, truths = walked
-    estimates = []
-    for rename in (lambda contacts: {}, lambda contacts: {"foot": contacts["left_sole"]}):
-        estimator = StateEstimator(robot, q_start=truths[0].q)
-        for state in measured[:300]:
-            estimate = estimator.update(replace(state, contacts=rename(state.contacts)))
-        assert estimator.status is EstimatorStatus.OK
-        assert min(estimator.probability.values()) > 0.5
-        estimates.append(estimate)
-    np.testing.assert_array_equal(*(estimate.q for estimate in estimates))
+    # The same state twice changes nothing.
+    np.testing.assert_array_equal(estimator.update(measured[109]).q, estimate.q)
+    assert estimator.status.ok
 
 
 def test_a_state_of_no_use_comes_back_as_it_is(walked):
@@ -478,7 +425,7 @@ def test_a_state_of_no_use_comes_back_as_it_is(walked):
 
 @pytest.mark.parametrize(
     "wrench",
-    [np.zeros(3), np.zeros((1, 6)), "none", [0.0] * 5, np.full(6, np.nan), np.zeros(6, object)],
+    [np.zeros(3), "none", np.full(6, np.nan)],
     ids=str,
 )
 def test_a_wrench_that_is_none_says_nothing_and_ends_no_loop(walked, wrench):
@@ -495,29 +442,17 @@ def test_a_wrench_that_is_none_says_nothing_and_ends_no_loop(walked, wrench):
     assert estimator.probability[left] == 0.0
 
 
-def test_a_wrench_may_be_a_list(walked):
-    _, measured, _ = walked
-    name, wrench = next(iter(measured[1].contacts.items()))
-    listed = odd(measured[1], contacts={name: wrench.tolist()})
-    np.testing.assert_array_equal(listed.wrench(name), wrench)
-
-
 @pytest.mark.parametrize(
     "readings",
-    [
-        SensorReadings([0.0] * 3, [0.0, 0.0, 9.81], []),
-        SensorReadings(None, None, None),
-        SensorReadings(np.zeros(2), np.zeros(3), np.zeros(0)),
-    ],
-    ids=["lists", "nothing", "two numbers"],
+    [SensorReadings(None, None, None), SensorReadings(np.zeros(2), np.zeros(3), np.zeros(0))],
+    ids=["nothing", "two numbers"],
 )
-@pytest.mark.parametrize("contacts", [True, False])
-def test_readings_that_are_none_end_no_loop(walked, readings, contacts):
+def test_readings_that_are_none_end_no_loop(walked, readings):
     robot, measured, truths = walked
     estimator = StateEstimator(robot, q_start=truths[0].q)
     estimator.update(measured[0])
     good = measured[1]
-    bad = odd(good, readings=readings, contacts=good.contacts if contacts else {})
+    bad = odd(good, readings=readings)
     assert np.isfinite(estimator.update(bad).q).all()
     assert estimator.status is EstimatorStatus.NO_IMU
     silent = SensorReadings(good.readings.angular_velocity, good.readings.specific_force, None)
@@ -525,7 +460,7 @@ def test_readings_that_are_none_end_no_loop(walked, readings, contacts):
     assert estimator.status.ok
 
 
-@pytest.mark.parametrize("force", [100.0, 280.0, 2e4, np.inf])
+@pytest.mark.parametrize("force", [280.0, np.inf])
 def test_readings_beyond_all_bounds_do_not_spoil_it_for_good(walked, force):
     """One tick of 280 m/s^2 along each axis is an error of half a metre a second."""
     robot, measured, truths = walked
@@ -584,6 +519,9 @@ def test_joint_velocities_are_smoothed_where_that_is_asked_for(walked):
     for k, row in enumerate(rough):
         expected += gain * (row - expected) if k else 0.0
         np.testing.assert_allclose(smooth[k], expected, atol=1e-12)
+    # After a clock that goes back it begins anew.
+    np.testing.assert_array_equal(estimator.update(measured[10]).v[6:], measured[10].v[6:])
+    assert estimator.status is EstimatorStatus.CLOCK_JUMP
 
 
 def rolled(robot, faster, since, time):
@@ -680,29 +618,3 @@ def test_a_base_that_points_backwards_is_estimated(get_robot):
         assert np.linalg.norm(tick.estimate.v[:6] - before.v[:6]) < 0.01
         before = tick.truth
     assert not plant.fallen
-
-
-def test_a_clock_that_jumps_back_far_raises_nothing_where_joints_are_smoothed(walked):
-    robot, measured, truths = walked
-    config = EstimatorConfig(joint_bandwidth=100.0)
-    estimator = StateEstimator(robot, config, q_start=truths[0].q)
-    for state in measured[:10]:
-        estimator.update(replace(state, time=state.time + 10.0))
-    found = estimator.update(measured[10])
-    assert estimator.status is EstimatorStatus.CLOCK_JUMP
-    np.testing.assert_array_equal(found.v[6:], measured[10].v[6:])
-
-
-def test_whoever_reads_the_sensors_may_write_over_what_was_given(walked):
-    robot, measured, truths = walked
-    estimator = StateEstimator(robot, q_start=truths[0].q)
-    rate, force = np.zeros(3), np.zeros(3)
-    for k, state in enumerate(measured[:220]):
-        rate[:], force[:] = state.readings[:2]
-        if k >= 200:
-            rate[:] = force[:] = np.nan
-        readings = SensorReadings(rate, force, state.readings.torque)
-        found = estimator.update(replace(state, readings=readings))
-        assert np.isfinite(found.v).all()
-        expected = EstimatorStatus.OK if k < 200 else EstimatorStatus.NO_IMU
-        assert estimator.status is expected

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from paths import DT, Path, adjoint, drive, exponential, gamma, hat
+from paths import DT, Path, drive, exponential, gamma, hat
 from scipy.linalg import expm
 from scipy.stats import chi2
 
@@ -38,7 +38,7 @@ def at_a_random_state(seed, noise=NOISELESS, deviation=SURE):
 # --- propagation --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_mean_is_exact_for_constant_readings(seed):
     f, rng = at_a_random_state(seed)
     w, a = 3.0 * rng.standard_normal((2, 3))
@@ -56,7 +56,7 @@ def test_the_mean_is_exact_for_constant_readings(seed):
     np.testing.assert_array_equal(f.points, x[2:])
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_without_biases_the_error_is_linear_however_large_it_is(seed):
     """The log-linear property: the group's error moves by the same matrix at any size."""
     f, rng = at_a_random_state(seed)
@@ -76,7 +76,7 @@ def test_without_biases_the_error_is_linear_however_large_it_is(seed):
     np.testing.assert_allclose(right_error(element(g), element(f)), expected, atol=1e-11)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_covariance_moves_as_finite_differences_of_the_true_error_do(seed):
     """Column by column, biases among them."""
     step, dt = 1e-6, 1e-4
@@ -107,47 +107,10 @@ def test_the_covariance_moves_as_finite_differences_of_the_true_error_do(seed):
     assert np.abs(expected - root @ root.T).max() > 1e-3
 
 
-def test_noise_spreads_the_error_as_the_covariance_says():
-    """Monte Carlo: six hundred runs of a twentieth of a second under noise."""
-    seed, noise = 0, ImuNoise(gyro=0.02, accelerometer=0.1, gyro_bias=0.05, accelerometer_bias=0.2)
-    runs, ticks = 600, 25
-    start, rng = at_a_random_state(seed, noise)
-    R, x = element(start)
-    w, a = rng.standard_normal((ticks, 2, 3)).transpose(1, 0, 2)
-    biases = np.vstack([start.gyro_bias, start.accelerometer_bias])
-    for k in range(ticks):
-        start.propagate(w[k], a[k], DT, 0.05)
-    f, _ = at_a_random_state(seed, noise)
-    errors = np.zeros((runs, 21))
-    root = np.sqrt(DT)
-    for run in range(runs):
-        # The truth moves with readings less noise and true biases; the estimate is `start`.
-        place(f, R, x)
-        bias = biases.copy()
-        for k in range(ticks):
-            f.gyro_bias[:], f.accelerometer_bias[:] = bias
-            f.points += root * 0.05 * rng.standard_normal((2, 3))
-            f.propagate(
-                w[k] - noise.gyro / root * rng.standard_normal(3),
-                a[k] - noise.accelerometer / root * rng.standard_normal(3),
-                DT,
-            )
-            bias += root * rng.standard_normal((2, 3)) * [[0.05], [0.2]]
-        errors[run, :15] = right_error(element(start), element(f))
-        errors[run, 15:] = (biases - bias).ravel()
-    P = start.covariance
-    # Whitened, the sample covariance has eigenvalues of (1 -+ sqrt(21 / 600))^2.
-    L = np.linalg.cholesky(P)
-    white = np.linalg.solve(L, errors.T)
-    spectrum = np.linalg.eigvalsh(white @ white.T / runs)
-    assert spectrum[0] > 0.6
-    assert spectrum[-1] < 1.5
-
-
 # --- contacts -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_contact_point_comes_with_the_covariance_of_the_joint_error(seed):
     """xi_d = xi_p + R noise: sampled, and against the block that `hold` makes."""
     f, rng = at_a_random_state(seed)
@@ -182,7 +145,7 @@ def test_a_contact_point_that_leaves_takes_nothing_of_the_others_along():
     assert not f.covariance[9:12].any()
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_correction_is_that_of_a_kalman_filter_in_the_textbook(seed):
     f, rng = at_a_random_state(seed)
     root = 0.05 * rng.standard_normal((21, 21))
@@ -278,14 +241,3 @@ def test_numbers_that_are_not_finite_make_it_unsound_and_nothing_is_raised():
     assert not f.sound
     f.start(np.eye(3), np.zeros(3))
     assert f.sound
-
-
-def test_the_adjoint_moves_an_error_from_the_body_to_the_world():
-    """How noise of the unit enters: a turn by its gyro is Ad_X of it in the world."""
-    f, rng = at_a_random_state(4)
-    R, x = element(f)
-    small = 1e-6 * rng.standard_normal(3)
-    xi = np.concatenate([small, np.zeros(12)])
-    S, y = exponential(xi)
-    error = right_error((R @ S, x + y @ R.T), (R, x))
-    np.testing.assert_allclose(error, adjoint(R, x) @ xi, atol=1e-11)

@@ -108,21 +108,6 @@ def test_a_hand_at_rest_tells_nothing_and_the_body_has_it(get_robot):
 
 
 @pytest.mark.slow
-def test_what_is_let_go_is_unlearned_as_the_hand_goes_on(get_robot):
-    robot = get_robot("g1")
-    loaded = robot.carrying(robot.hands[1], 1.0)
-    estimator = PayloadEstimator(robot)
-    full, empty = moved(robot, loaded, 10.0), moved(robot, robot, 10.0)
-    for with_load, without in zip(full, empty, strict=True):
-        state = with_load if with_load.time < 5.0 else without
-        held = estimator.update(state).payload
-        if abs(state.time - 4.9) < 0.5 * DT:
-            assert held.held[1] == pytest.approx(1.0, abs=0.1)
-    assert estimator.held.max() < 0.1
-    assert abs(estimator.mass) < 0.1
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("leans", "bound"), [(False, 0.02), (True, 0.5)])
 def test_pushes_are_no_loads_and_nothing_is_that_a_hand_leans_on(get_robot, leans, bound):
     robot = get_robot("g1")

@@ -41,14 +41,6 @@ def test_what_a_sole_says_in_the_air_is_taken_off_on_the_ground():
     np.testing.assert_array_equal(state.contacts["right"], [0.0, 0.0, WEIGHT, 0.0, 0.0, 0.0])
 
 
-def test_until_a_sole_has_been_in_the_air_states_come_back_as_they_are():
-    tare = LoadCellTare(("left", "right"), WEIGHT)
-    contacts = {"left": ZERO, "right": ZERO}
-    state = RobotState(np.zeros(7), np.zeros(6), contacts, 0.1)
-    assert tare.update(state, (False, False)) is state
-    assert not tare.zeros
-
-
 def test_a_zero_that_drifts_is_followed():
     tare = LoadCellTare(("left", "right"), WEIGHT)
     told(tare, 5000, off, (True, False))

@@ -122,11 +122,3 @@ def test_a_share_of_what_was_commanded_may_count(robot):
     np.testing.assert_allclose(found.v, 4.0 * T)
     with pytest.raises(ConfigurationError, match="share"):
         StampedPredictor(robot, 1.5)
-
-
-def test_commands_of_before_a_clock_went_back_do_not_count(robot):
-    predictor = StampedPredictor(robot)
-    for i in range(30):
-        predictor.command(np.ones(robot.nv), 10.0 + i * T)
-    first = poise.RobotState(robot.q_home, np.zeros(robot.nv), {}, 0.0)
-    assert predictor.predict(first) is first

@@ -7,12 +7,13 @@ from poise.estimation._config import (
     InitialDeviation as InitialDeviation,
     PayloadBelief as PayloadBelief,
 )
-from poise.estimation._estimator import EstimatorStatus, StateEstimator
+from poise.estimation._estimator import StateEstimator
 from poise.estimation._filter import InvariantFilter
 from poise.estimation._load_cells import LoadCellTare as LoadCellTare, LoadCellVote as LoadCellVote
 from poise.estimation._momentum import MomentumObserver
 from poise.estimation._payload import PayloadEstimator
 from poise.estimation._prediction import StampedPredictor as StampedPredictor, StatePredictor
+from poise.estimation._tick import EstimatorStatus
 
 __all__ = [
     "EstimatorConfig",

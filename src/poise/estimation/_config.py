@@ -10,6 +10,10 @@ Deviation = Annotated[float, Bounds(least=0.0, most=1e6)]
 """A standard deviation, or the density of a noise."""
 
 
+LONGEST_STEP = 0.05
+"""Longest time between two states over which motion goes on as it was [s]."""
+
+
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class ImuNoise:
@@ -91,7 +95,7 @@ class EstimatorConfig:
     contact: ContactBelief = field(default_factory=ContactBelief)
     # cut-off frequency of a first-order low-pass on the joints' velocities; none where None [Hz]
     joint_bandwidth: Annotated[float, Bounds(positive=True, most=1e6, unit="Hz")] | None = None
-    longest_step: Duration = 0.05  # longest time between two states to integrate over [s]
+    longest_step: Duration = LONGEST_STEP  # longest time between two states to integrate over [s]
     ground: float = 0.0  # height of the ground under the soles at the start [m]
     tare: bool = True  # learn the zeros of load cells in the air, by `LoadCellTare`
     vote: bool = True  # replace wrenches of faulty and missing cells, by `LoadCellVote`

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import astuple
-from enum import Enum
 
 import numpy as np
 import pinocchio as pin
@@ -11,44 +10,15 @@ from jaxtyping import Float64
 
 from poise._checks import is_array, is_time
 from poise._compiled import allocate
-from poise.dynamics import RobotState, frames_of, motion_of
+from poise.dynamics import KINEMATICS, RobotState, frames_of, motion_of
 from poise.errors import ConfigurationError
 from poise.estimation._config import EstimatorConfig
 from poise.estimation._filter import InvariantFilter
 from poise.estimation._load_cells import LoadCellTare, LoadCellVote
-from poise.estimation._memory import OFFSET, SPEED, EstimatorMemory
-from poise.estimation._operations import BAD_STATE, JUMP, SEE, STEP, TAKE, WAIT, run
+from poise.estimation._memory import EstimatorMemory
 from poise.estimation._payload import PayloadEstimator
+from poise.estimation._tick import BAD_STATE, JUMP, SEE, STEP, TAKE, WAIT, EstimatorStatus, run
 from poise.robots import GRAVITY, Robot
-
-
-class EstimatorStatus(Enum):
-    """Quality of an estimate.
-
-    Attributes:
-        OK: everything was measured and used.
-        FLYING: no sole is in contact, so the inertial unit is all there is.
-        NO_IMU: no usable readings of the inertial unit; the last ones replace them.
-        CLOCK_JUMP: time went back, or on by more than `EstimatorConfig.longest_step`; contacts
-            begin anew.
-        CLOCK_STILL: other readings than those of a state of the same time; they are not used.
-        BAD_STATE: the measured state is none of this robot; it is returned as it is.
-        RESTARTED: the filter's numbers were no longer sound, and it begins anew.
-    """
-
-    OK = "ok"
-    FLYING = "flying"
-    NO_IMU = "no imu"
-    CLOCK_JUMP = "clock jump"
-    CLOCK_STILL = "clock stands still"
-    BAD_STATE = "bad state"
-    RESTARTED = "restarted"
-
-    @property
-    def ok(self) -> bool:
-        """True for `OK` and `FLYING`."""
-        return self in (EstimatorStatus.OK, EstimatorStatus.FLYING)
-
 
 _STATUSES = tuple(EstimatorStatus)
 
@@ -115,10 +85,10 @@ class StateEstimator:
         robot, c = self._robot, self.config
         soles = [robot.frame_id(name) for name in self._names]
         belief = (*astuple(c.contact), c.encoder, c.joint_velocity, c.point, robot.weight)
-        sizes = {"contacts": len(self._names), "nq": robot.nq, "nv": robot.nv}
+        sizes = {"contacts": len(self._names), "nq": robot.nq, "nv": robot.nv, "room": KINEMATICS}
         return allocate(
             EstimatorMemory,
-            sizes | {str(n): n for n in (1, 2, 3, 6, 7, 27)},
+            sizes | {str(n): n for n in (1, 3, 6, 7)},
             filter=self.filter.memory,
             motion=motion_of(robot.model, self._data),
             frames=frames_of(robot.model, soles),
@@ -176,7 +146,8 @@ class StateEstimator:
         if not used:
             return
         up = self._base_R_unit @ np.mean([r.specific_force for r in readings], axis=0)
-        world_R_base = _upright(up, _yaw(self._q_start))
+        yaw = _yaw(pin.Quaternion(self._q_start[3:7]).toRotationMatrix())
+        world_R_base = _upright(up, yaw)
         bias = np.mean([r.angular_velocity for r in readings], axis=0)
         calibrated = len(used) >= _CALIBRATING
         self._take(used[-1])
@@ -284,7 +255,7 @@ class StateEstimator:
         lever = world_R_base @ self._base_p_unit
         position = m.pose[:3] + lever
         if self._last is None:
-            position[2] = self.config.ground - (m.seen[:, OFFSET:SPEED] @ R[2]).min()
+            position[2] = self.config.ground - (m.place @ R[2]).min()
         self.filter.start(R, position, gyro_bias=gyro_bias, deviation=self.config.start)
         self._started, m.airborne[:] = True, 0
         self._sense(state)
@@ -309,21 +280,16 @@ class StateEstimator:
         self._smooth = self._speeds.copy()
 
 
-def _yaw(q: Float64[np.ndarray, " nq"]) -> float:
-    x, y, z, w = q[3:7].tolist()
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+def _yaw(rotation: Float64[np.ndarray, "3 3"]) -> float:
+    return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
 def _upright(up: Float64[np.ndarray, "3"], yaw: float) -> Float64[np.ndarray, "3 3"]:
     """Return world_R_body by the upward direction along the body's axes, and the yaw [rad]."""
-    norm = float(np.linalg.norm(up))
-    z = up / norm if norm > 0.1 * GRAVITY else np.array([0.0, 0.0, 1.0])
-    y = np.array([0.0, z[2], -z[1]])
-    length = float(np.linalg.norm(y))
-    y = y / length if length > 1e-6 else np.array([0.0, 1.0, 0.0])
-    c, s = math.cos(yaw), math.sin(yaw)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return turn @ np.array([np.cross(y, z), y, z])
+    vertical = np.array([0.0, 0.0, 1.0])
+    falls = float(np.linalg.norm(up)) <= 0.1 * GRAVITY
+    level = pin.Quaternion.FromTwoVectors(vertical if falls else up, vertical).matrix()
+    return pin.utils.rotate("z", yaw - _yaw(level)) @ level
 
 
 def _mounting(

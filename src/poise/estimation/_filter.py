@@ -15,7 +15,7 @@ from poise._compiled import allocate, say_if_slow
 from poise.estimation._config import ImuNoise, InitialDeviation
 from poise.estimation._group import right_error
 from poise.estimation._memory import CONTACTS, POSITION, VELOCITY, FilterMemory
-from poise.estimation._operations import (
+from poise.estimation._tick import (
     CHECK,
     CORRECT,
     HOLD,
@@ -86,18 +86,17 @@ class InvariantFilter:
         m.R[:], m.x[:], m.bias[:], m.active[:], m.P[:] = rotation, 0.0, 0.0, 0, 0.0
         m.x[POSITION] = position
         m.bias[0] = 0.0 if gyro_bias is None else gyro_bias
-        n = len(m.P)
-        np.fill_diagonal(m.P[:9, :9], np.repeat([d.tilt, d.velocity, d.position], 3) ** 2)
-        m.P[2, 2] = d.yaw**2
-        biases = np.repeat([d.gyro_bias, d.accelerometer_bias], 3) ** 2
-        np.fill_diagonal(m.P[n - 6 :, n - 6 :], biases)
-        self._tip(m.P[:3, :3].copy())
+        self._widen(np.array([d.tilt, d.tilt, d.yaw]), d.velocity)
+        variances = np.einsum("ii->i", m.P)
+        variances[6:9] += d.position**2
+        variances[-6:] = np.repeat([d.gyro_bias, d.accelerometer_bias], 3) ** 2
 
-    def _tip(self, about: Float64[np.ndarray, "3 3"]) -> None:
-        """Move a covariance of the orientation, in P about the unit, to the world's origin."""
+    def _widen(self, turn: Float64[np.ndarray, "3"], velocity: float) -> None:
+        """Add deviations of orientation, about the unit, and velocity to the covariance."""
+        # P is about the world's origin.
         lever = np.vstack([np.eye(3), pin.skew(self.velocity), pin.skew(self.position)])
-        self.memory.P[:3, :3] -= about
-        self.memory.P[:9, :9] += lever @ about @ lever.T
+        self.memory.P[:9, :9] += lever @ np.diag(turn**2) @ lever.T
+        self.memory.P[3:6, 3:6] += velocity**2 * np.eye(3)
 
     def propagate(
         self,
@@ -196,18 +195,10 @@ class InvariantFilter:
             tilt: further deviation of the orientation about horizontal axes [rad].
             velocity: further deviation of the velocity [m/s].
         """
-        P, about = self.memory.P, np.diag([tilt**2, tilt**2, 0.0])
-        P[:3, :3] += about
-        P[3:6, 3:6] += velocity**2 * np.eye(3)
-        self._tip(about)
+        self._widen(np.array([tilt, tilt, 0.0]), velocity)
 
     def _run(self, operation: int, *, contact: int = 0, dt: float = 0.0) -> float:
         return run(self.memory.address, operation, contact, 0.0, dt)
-
-    @property
-    def holds(self) -> bool:
-        """True where any contact point is held."""
-        return 1 in self.held.tolist()
 
     @property
     def sound(self) -> bool:

@@ -10,8 +10,6 @@ A tangent vector is [phi; rho_1; ...; rho_m], as Hartley, Ghaffari, Eustice and 
 "Contact-aided invariant extended Kalman filtering for robot state estimation") order it.
 """
 
-import math
-
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
@@ -21,33 +19,17 @@ from poise._compiled import part
 Rotation = Float64[np.ndarray, "3 3"]
 Vectors = Float64[np.ndarray, "m 3"]
 
-_SERIES_BELOW = 1.0
-"""Angles below this [rad] take the power series: the closed forms lose 1 / angle^4 of their digits
-there, and `_TERMS` terms leave nothing out."""
-
-_TERMS = 10
-
 
 @part
-def _coefficient(order: int, angle: float) -> float:
-    """sum_j (-1)^j angle^(2 j) / (2 j + order)!, for an order of 1 to 4."""
-    square = angle * angle
-    if angle < _SERIES_BELOW:
-        term = 1.0
-        for k in range(2, order + 1):
-            term /= k
-        total = term
-        for j in range(1, _TERMS):
-            term *= -square / ((2 * j + order - 1) * (2 * j + order))
-            total += term
-        return total
-    if order == 1:
-        return math.sin(angle) / angle
-    if order == 2:
-        return (1.0 - math.cos(angle)) / square
-    if order == 3:
-        return (angle - math.sin(angle)) / (square * angle)
-    return (0.5 * square + math.cos(angle) - 1.0) / (square * square)
+def _coefficient(order: int, square: float) -> float:
+    """sum_j (-square)^j / (2 j + order)!, to rounding for angles up to 5 rad."""
+    term, total = 1.0, 0.0
+    for k in range(2, order + 1):
+        term /= k
+    for k in range(order, order + 36, 2):
+        total += term
+        term *= -square / ((k + 1) * (k + 2))
+    return total
 
 
 @part
@@ -59,8 +41,7 @@ def fill_gamma(
     # specific force becomes in position while the body turns (Hartley et al. 2020, eq. (60)).
     x, y, z = scale * phi[0], scale * phi[1], scale * phi[2]
     square = x * x + y * y + z * z
-    angle = math.sqrt(square)
-    a, b = _coefficient(order + 1, angle), _coefficient(order + 2, angle)
+    a, b = _coefficient(order + 1, square), _coefficient(order + 2, square)
     c = (0.5 if order == 2 else 1.0) - b * square
     out[0, 0], out[0, 1], out[0, 2] = c + b * x * x, b * x * y - a * z, b * x * z + a * y
     out[1, 0], out[1, 1], out[1, 2] = b * x * y + a * z, c + b * y * y, b * y * z - a * x

@@ -10,6 +10,7 @@ from jaxtyping import Float64
 
 from poise._checks import all_finite, is_array
 from poise.dynamics import CheckedWrenches, RobotState
+from poise.estimation._config import LONGEST_STEP
 from poise.estimation._momentum import MomentumObserver
 from poise.robots import GRAVITY, Robot
 
@@ -53,7 +54,9 @@ class LoadCellTare:
         zeros: of each sole that has been in the air, by name [N, N m].
     """
 
-    def __init__(self, soles: Sequence[str], weight: float, *, longest: float = 0.05) -> None:
+    def __init__(
+        self, soles: Sequence[str], weight: float, *, longest: float = LONGEST_STEP
+    ) -> None:
         self._soles, self._longest = tuple(soles), longest
         self._force = _FARTHEST * weight
         self._moment = _REACH * self._force
@@ -114,7 +117,7 @@ class LoadCellVote:
         estimated: soles whose wrenches in the last state are estimates.
     """
 
-    def __init__(self, robot: Robot, *, longest: float = 0.05) -> None:
+    def __init__(self, robot: Robot, *, longest: float = LONGEST_STEP) -> None:
         self._joints, self._weight, self._longest = robot.nj, robot.weight, longest
         self._names, self._observer = tuple(robot.soles), MomentumObserver(robot)
         self.reset()

@@ -12,11 +12,6 @@ VELOCITY, POSITION, CONTACTS = 0, 1, 2
 GYRO, ACCELEROMETER = 0, 1
 """Rows of an inertial unit's readings, and of its biases."""
 
-OFFSET, SPEED, TURNING, SPREAD, TURNING_SPREAD, SEEN = 0, 3, 6, 9, 18, 27
-"""First numbers in a row of `EstimatorMemory.seen`, and their count: a sole's position from the
-unit, its velocity and angular velocity by the joints, all along the unit's axes, and J J^T of both,
-which turn a variance of the joints into one of these."""
-
 
 class FilterMemory(MemoryBlock):
     """State and covariance of an invariant filter."""
@@ -33,12 +28,13 @@ class FilterMemory(MemoryBlock):
     contact_density: Float64[np.ndarray, " contacts"]  # of walks [m/s/sqrt(Hz)]
     offset: Float64[np.ndarray, "3"]  # of a contact point, from the unit [m]
     spread: Float64[np.ndarray, "3 3"]  # its covariance [m^2]
-    turned: Float64[np.ndarray, "4 3 3"]  # scratch: rotations
+    turned: Float64[np.ndarray, "2 3 3"]  # scratch: rotations
+    A: Float64[np.ndarray, "n n"]  # of the error's dynamics
+    Y: Float64[np.ndarray, "n n"]  # scratch: A's effect on P
     G: Float64[np.ndarray, "n 3"]  # scratch: from the gyro's noise to the error
     W: Float64[np.ndarray, "n 3"]  # scratch: covariance with what is observed
-    S: Float64[np.ndarray, "2 3 3"]  # scratch: covariance of the innovation, its factor
+    S: Float64[np.ndarray, "3 3"]  # scratch: covariance of the innovation, its factor
     r: Float64[np.ndarray, "3"]  # scratch: innovation
-    K: Float64[np.ndarray, "n 3"]  # scratch: gain
     delta: Float64[np.ndarray, " n"]  # scratch: correction
 
 
@@ -62,8 +58,15 @@ class EstimatorMemory(MemoryBlock):
     wrenches: Float64[np.ndarray, "contacts 6"]  # measured or estimated, or NaN [N, N m]
     sensed: Float64[np.ndarray, "6"]  # rate [rad/s], force [m/s^2]
     before: Float64[np.ndarray, "6"]  # the last usable ones
+    room: Float64[np.ndarray, " room"]  # scratch: of one frame
     axes: Float64[np.ndarray, "6"]  # scratch: motion of a sole by a joint
-    seen: Float64[np.ndarray, "contacts 27"]  # see `OFFSET`
+    # of each sole from the unit, along its axes: position [m], velocity and angular velocity by the
+    # joints, and J J^T of both, which turn a variance of the joints into one of these
+    place: Float64[np.ndarray, "contacts 3"]
+    speed: Float64[np.ndarray, "contacts 3"]
+    turning: Float64[np.ndarray, "contacts 3"]
+    spread: Float64[np.ndarray, "contacts 3 3"]
+    turning_spread: Float64[np.ndarray, "contacts 3 3"]
     probability: Float64[np.ndarray, " contacts"]  # of contact
     slip_end: Float64[np.ndarray, " contacts"]  # [s]
     fitted: Float64[np.ndarray, "1"]  # last time of a contact point at rest [s]

@@ -7,18 +7,23 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._compiled import allocate
-from poise.dynamics import KINEMATICS, Payload, RobotState, frames_of, motion_of
+from poise._compiled import MemoryBlock, allocate, compiled, part, view
+from poise.dynamics import (
+    KINEMATICS,
+    ROTATION,
+    VELOCITY,
+    Frames,
+    Motion,
+    Payload,
+    RobotState,
+    frames_of,
+    motion_of,
+    place_frame,
+    turn_to_world,
+)
 from poise.errors import ConfigurationError
-from poise.estimation._config import PayloadBelief
-from poise.estimation._hands import HandLoads
-from poise.estimation._payload_memory import HAND, SOLES, PayloadMemory, measure
+from poise.estimation._config import LONGEST_STEP, PayloadBelief
 from poise.robots import GRAVITY, Robot
-
-_GRAVITY = np.array([0.0, 0.0, -GRAVITY])
-
-_LONGEST = 0.05
-"""Longest time between two states that the low-pass goes on over [s]."""
 
 _PERIOD = 0.02
 """Of the filter, whose unknowns are slow [s]."""
@@ -27,9 +32,18 @@ _SETTLED = 2.0
 """Time constants of the low-pass after which masses are learned: until then it has the first
 sample, in which soles may not yet carry their share."""
 
-_MASS_STEP, _OFFSET_STEP, _HELD_STEP = 0.002, 0.0005, 0.001
-"""Smallest changes of the output, by the robot's mass, [m], and in a hand by the robot's mass: each
-costs the controllers an update of their model."""
+_STEP = 0.03
+"""Smallest change of the output over its likely deviation: each costs the controllers an update of
+their model."""
+
+_AT_REST = 0.05
+"""Motion in the torso that counts as none: resting arms swing as much when a robot walks [m]."""
+
+_VIOLENT = 1e6
+"""Bound of the square of a change of the force over `PayloadBelief.push`."""
+
+_BODY, _TILT, _HELD = slice(0, 6), slice(4, 6), slice(6, None)
+"""Unknowns: mass, first moment and error of the attitude; that error; masses in the hands."""
 
 
 class PayloadEstimator:
@@ -43,11 +57,19 @@ class PayloadEstimator:
         F - (p' - m g) = sigma (p' - m g) + F_z (B phi) x z
         N - L'         = sigma L' + m R e x (a - g)                a = p' / m
 
-    and masses in the hands beside that, which show as they move (`HandLoads`).
     A Kalman filter finds sigma, e, and where `attitude` is set phi about the base's x and y. Of
     sigma and e, four numbers, gravity shows three; the last stays near zero until the torso has
     leaned. Both sides go through one low-pass, so that rates are differences to it,
     h' = (h - h_low) / smoothing, and nothing is differentiated.
+
+    A mass mu in a hand, at the place r with velocity v, takes mu (a - g) of force and, about c,
+    mu (r - c) x (a - g) of moment. With hands at rest a mass and an offset of the body do the same;
+    when a hand moves, its moment goes along and the body's stays. So both, the moment y that
+    nothing else explains and the columns B of unit masses, go through a washout in the torso's
+    axes, and the filter follows mu by y - y_slow = (B - B_slow) mu. At rest mu stays as it is; its
+    random walk is by the way of the hand. It counts little while the force changes, and until the
+    washout has forgotten that. With (r - c) x a = ((r - c) x v)' + c' x v nothing is differentiated
+    there either.
 
     No measurement counts where a sole measures nothing, where the soles carry next to nothing, or
     where the robot moves violently, and all count the less the more something pushes: no mass and
@@ -83,44 +105,53 @@ class PayloadEstimator:
                 got="no soles" if robot.floating_base else "a fixed base",
                 wanted="a floating base and soles",
             )
-        self.belief = belief if belief is not None else PayloadBelief()
+        self.belief = b = belief if belief is not None else PayloadBelief()
         self._model, self._data, self._mass = robot.model, robot.model.createData(), robot.mass
         self._shapes = (robot.nq,), (robot.nv,)
         self._soles, self._torso = tuple(robot.soles), robot.frame_id(robot.torso)
-        names = (*self._soles, *robot.hands)
-        self._hands = HandLoads(robot, self.belief)
-        b, hands, soles = self.belief, len(self._hands), len(self._soles)
-        frame_ids = [robot.frame_id(name) for name in names]
+        self._frames = [robot.frame_id(name) for name in robot.hands]
+        hands = len(self._frames)
+        frame_ids = [*map(robot.frame_id, self._soles), *self._frames]
         self._memory = allocate(
-            PayloadMemory,
-            {"soles": soles, "6": 6, "room": KINEMATICS, "k": SOLES + HAND * hands},
+            _PayloadMemory,
+            {"soles": len(self._soles), "6": 6, "room": KINEMATICS, "k": _SOLES + _HAND * hands},
             motion=motion_of(robot.model, self._data),
             frames=frames_of(robot.model, frame_ids),
             momentum=self._data.hg.vector,
         )
         self._rows = list(self._memory.wrenches)
-        self._steps = np.array([_MASS_STEP, *[_OFFSET_STEP] * 3, *[_HELD_STEP] * hands])
-        self._rates = np.array([b.mass_rate, *[b.offset_rate] * 3, *[b.held_rate] * hands])
-        likely = np.array([b.likely_mass, *[b.likely_offset] * 3, *[b.likely_tilt] * 2])
-        walk = np.array([b.mass_walk, *[b.offset_walk] * 3, *[b.tilt_walk] * 2])
+
+        def each(mass: float, offset: float, tilt: float, held: float) -> Float64[np.ndarray, " n"]:
+            return np.repeat([mass, offset, tilt, held], [1, 3, 2, hands])
+
+        self._attitude, tilts = attitude, float(attitude)
+        self._likely = each(b.likely_mass, b.likely_offset, tilts * b.likely_tilt, b.likely_held)
+        self._walk = each(b.mass_walk, b.offset_walk, tilts * b.tilt_walk, 0.0) ** 2
+        self._least = each(-b.lost_mass, -b.offset_max, -b.tilt_max, 0.0)
+        self._most = each(b.added_mass, b.offset_max, b.tilt_max, b.held_max)
+        self._rates = each(b.mass_rate, b.offset_rate, b.tilt_rate, b.held_rate)
         self._noise = np.repeat([b.force_noise, b.moment_noise], 3) * GRAVITY
         if attitude:
             self._noise[:2] = b.tilt_noise * GRAVITY
-        else:
-            likely[4:], walk[4:] = 0.0, 0.0
-        self._attitude, self._likely, self._walk = attitude, np.diag(likely**2), walk**2
         # Compiled now, not in the first tick.
-        measure(self._memory.address, 1.0)
+        _measure(self._memory.address, 1.0)
         self.reset()
 
     def reset(self) -> None:
         """Restart with the robot as described and an attitude that is right."""
         self.payload: Payload | None = None
         self._time, self._since, self._settling = math.nan, 0.0, 0.0
-        self._mean, self._covariance = np.zeros(4), self._likely.copy()
-        self.tilt: Float64[np.ndarray, "2"] = np.zeros(2)
-        self._told, self._last = np.zeros(4 + len(self._hands)), np.zeros(4 + len(self._hands))
-        self._hands.reset()
+        # By the robot's mass.
+        self._mean, self._covariance = np.zeros(len(self._likely)), np.diag(self._likely**2)
+        self.tilt, self._on_hands = self._mean[_TILT], self._mean[_HELD]
+        self._told, self._last = self._mean.copy(), self._mean.copy()
+        self._restart_hands()
+
+    def _restart_hands(self) -> None:
+        """Discard the motion of the hands."""
+        self._anchors: list[list[float] | None] = [None] * len(self._frames)
+        self._slow: Float64[np.ndarray, "6 k"] | None = None
+        self._pushed = 0.0
 
     @property
     def mass(self) -> float:
@@ -130,12 +161,12 @@ class PayloadEstimator:
     @property
     def offset(self) -> Float64[np.ndarray, "3"]:
         """Offset of the centre of mass along the torso's axes, ahead of `payload` [m]."""
-        return self._mean[1:] / (1.0 + self._mean[0])
+        return self._mean[1:4] / (1.0 + self._mean[0])
 
     @property
     def held(self) -> Float64[np.ndarray, " h"]:
         """Mass in each hand, ahead of `payload` [kg]."""
-        return self._hands.held * self._mass
+        return self._on_hands * self._mass
 
     def corrected(self, quaternion: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "4"]:
         """Return an attitude of the base less its error `tilt`.
@@ -143,12 +174,8 @@ class PayloadEstimator:
         Args:
             quaternion: x, y, z, w.
         """
-        (x, y, z, w), (tilt_x, tilt_y) = quaternion.tolist(), self.tilt.tolist()
-        half = 0.5 * math.hypot(tilt_x, tilt_y)
-        ratio = -0.5 * math.sin(half) / half if half > 0.0 else -0.5
-        a, b, c = ratio * tilt_x, ratio * tilt_y, math.cos(half)
-        back = (w * a + x * c - z * b, w * b + y * c + z * a, x * b - y * a + z * c)
-        return np.array((*back, w * c - x * a - y * b))
+        back = pin.exp3(np.array([-self.tilt[0], -self.tilt[1], 0.0]))
+        return (pin.Quaternion(quaternion) * pin.Quaternion(back)).coeffs()
 
     def update(self, state: RobotState) -> RobotState:
         """Return the state with the payload.
@@ -158,28 +185,22 @@ class PayloadEstimator:
                 unusable numbers, changes nothing.
         """
         dt = state.time - self._time
-        goes_on = 0.0 < dt <= _LONGEST
+        goes_on = 0.0 < dt <= LONGEST_STEP
         gain = -math.expm1(-dt / self.belief.smoothing) if goes_on else 1.0
-        if dt == 0.0 or not self._measure(state, gain):
-            # The low-pass goes on where the next state comes soon.
-            return self._with_payload(state)
-        self._time = state.time
-        if not goes_on:
-            self._since, self._settling = 0.0, _SETTLED * self.belief.smoothing
-            self._hands.restart()
-        else:
-            self._since += dt
-            if self._since >= _PERIOD:
-                self._correct(self._since)
-                self._output(self._since)
-                self._settling -= self._since
-                self._since = 0.0
-        return self._with_payload(state)
-
-    def _with_payload(self, state: RobotState) -> RobotState:
-        if state.payload is self.payload:
-            return state
-        return replace(state, payload=self.payload)
+        # The low-pass goes on where the next usable state comes soon.
+        if dt != 0.0 and self._measure(state, gain):
+            self._time = state.time
+            if not goes_on:
+                self._since, self._settling = 0.0, _SETTLED * self.belief.smoothing
+                self._restart_hands()
+            else:
+                self._since += dt
+                if self._since >= _PERIOD:
+                    self._correct(self._since)
+                    self._output(self._since)
+                    self._settling -= self._since
+                    self._since = 0.0
+        return state if state.payload is self.payload else replace(state, payload=self.payload)
 
     def _measure(self, state: RobotState, gain: float) -> bool:
         """Smooth wrenches and motion; return False where they are missing or unusable."""
@@ -191,7 +212,7 @@ class PayloadEstimator:
                 return False
             row[:] = wrench
         pin.computeCentroidalMomentum(self._model, self._data, state.q, state.v)
-        return measure(self._memory.address, gain)
+        return _measure(self._memory.address, gain)
 
     def _correct(self, dt: float) -> None:
         """Advance the filter, all by the robot's mass."""
@@ -200,65 +221,191 @@ class PayloadEstimator:
         if not (settled or self._attitude):
             return
         rate = (measured[6:12] - low[6:12]) / b.smoothing
-        self._covariance.flat[::7] += self._walk * dt
+        self._covariance.flat[:: len(self._mean) + 1] += self._walk * dt
         if low[2] < b.least_load * GRAVITY:
-            self._hands.restart()
+            self._restart_hands()
             return
         if max(map(abs, rate[:3].tolist())) > b.shock:
             return
         torso = pin.updateFramePlacement(self._model, self._data, self._torso)
-        reaction = rate[:3] - _GRAVITY
+        reaction = rate[:3] + np.array([0.0, 0.0, GRAVITY])
         left = np.concatenate((low[:3] - reaction, low[3:6] - rate[3:]))
-        if settled and len(self._hands):
-            left -= self._held(left, rate, torso, dt)
+        if settled and self._frames:
+            left -= self._correct_hands(left, rate, torso, dt)
         H = np.zeros((6, 6))
         H[:3, 0], H[3:, 0] = reaction, rate[3:]
         H[3:, 1:4] = pin.skew(-reaction).dot(torso.rotation)
         # The state's attitude is corrected by `tilt` already.
-        left -= H[:, :4].dot(self._mean)
+        left -= H[:, :4].dot(self._mean[:4])
         if not settled:
             H[:, :4] = 0.0
         world_R_base = self._data.oMi[1].rotation
-        H[0, 4:], H[1, 4:] = low[2] * world_R_base[1, :2], -low[2] * world_R_base[0, :2]
+        H[0, _TILT], H[1, _TILT] = low[2] * world_R_base[1, :2], -low[2] * world_R_base[0, :2]
         pushed = math.hypot(float(left[0]), float(left[1])) / (b.push * GRAVITY)
-        noise = self._noise * (1.0 + pushed**2)
-        HP = H.dot(self._covariance)
-        spread = HP.dot(H.T)
-        spread.flat[::7] += noise**2 / dt
-        gain = np.linalg.solve(spread, HP).T
-        covariance = self._covariance - gain.dot(HP)
-        self._covariance = 0.5 * (covariance + covariance.T)
-        change = gain.dot(left)
-        mass, *offset = (self._mean + change[:4]).tolist()
-        offset = (min(max(x, -b.offset_max), b.offset_max) for x in offset)
-        self._mean[:] = (min(max(mass, -b.lost_mass), b.added_mass), *offset)
-        if self._attitude:
-            most = b.tilt_rate * dt
-            tilt = self.tilt + np.clip(change[4:], -most, most)
-            self.tilt = np.clip(tilt, -b.tilt_max, b.tilt_max)
+        change = self._filter(_BODY, H, left, self._noise * (1.0 + pushed**2), dt)
+        change[_TILT] = np.clip(change[_TILT], -b.tilt_rate * dt, b.tilt_rate * dt)
+        self._move(_BODY, change)
 
-    def _held(
+    def _correct_hands(
         self,
         left: Float64[np.ndarray, "6"],
         rate: Float64[np.ndarray, "6"],
         torso: pin.SE3,
         dt: float,
     ) -> Float64[np.ndarray, "6"]:
-        """Return force and moment of the loads in the hands, after an update of these."""
+        """Update the masses in the hands; return their force and moment."""
+        b, columns, mean = self.belief, self._unit_loads(), self._mean
+        for k, way in enumerate(self._moved(torso), _BODY.stop):
+            self._covariance[k, k] += b.held_walk**2 * way
         # The body's weight stays in: its offset follows the hands, late, and would take their part.
-        columns = self._hands.columns(self._memory.measured[SOLES:], self._memory.low[SOLES:])
-        more, offset = float(self._mean[0]), torso.rotation.dot(self._mean[1:])
-        changing = left - more * rate
-        changing[3:] -= pin.skew(offset).dot(rate[:3])
-        self._mean -= self._hands.correct(changing, columns, self._data, torso, dt)
-        return columns.dot(self._hands.held)
+        changing = left - float(mean[0]) * rate
+        changing[3:] -= pin.skew(torso.rotation.dot(mean[1:4])).dot(rate[:3])
+        seen = np.empty((6, 1 + len(self._frames)))
+        seen[:, 0], seen[:, 1:] = changing, columns
+        seen = torso.rotation.T.dot(seen.reshape(2, 3, -1)).transpose(1, 0, 2).reshape(6, -1)
+        kept = math.exp(-dt / b.washout)
+        self._slow = slow = seen + kept * ((seen if self._slow is None else self._slow) - seen)
+        changed, before = seen - slow, self._on_hands.copy()
+        left = changed[:, 0] - changed[:, 1:].dot(before)
+        pushed = min(float(left[:3].dot(left[:3])) / (b.push * GRAVITY) ** 2, _VIOLENT)
+        # A push passes through zero as it changes; the washout has its moment for longer.
+        self._pushed = pushed = max(pushed, kept * self._pushed)
+        noise = np.full(3, b.held_noise * GRAVITY * (1.0 + pushed))
+        self._move(_HELD, self._filter(_HELD, changed[3:, 1:], left[3:], noise, dt))
+        given = self._on_hands - before
+        # The body's mass and first moment are less by what the hands have.
+        m_x, m_y, _ = slow[3:, 1:].dot(given).tolist()
+        mean[:3] -= np.array([given.sum(), -m_y / GRAVITY, m_x / GRAVITY])
+        return columns.dot(self._on_hands)
+
+    def _unit_loads(self) -> Float64[np.ndarray, "6 h"]:
+        """Return B, force and moment of a unit mass in each hand."""
+        measured, low = (
+            x[_SOLES:].reshape(-1, _HAND) for x in (self._memory.measured, self._memory.low)
+        )
+        found = (measured[:, :6] - low[:, :6]) / self.belief.smoothing
+        found[:, 2] += GRAVITY
+        found[:, 3:] += low[:, 6:]
+        return found.T
+
+    def _moved(self, torso: pin.SE3) -> list[float]:
+        """Return the way of each hand in the torso since the last call [m]."""
+        ways = [0.0] * len(self._frames)
+        for k, frame in enumerate(self._frames):
+            place = pin.updateFramePlacement(self._model, self._data, frame).translation
+            here, anchor = torso.actInv(place).tolist(), self._anchors[k]
+            way = 0.0 if anchor is None else math.dist(here, anchor)
+            if anchor is None or way > _AT_REST:
+                ways[k], self._anchors[k] = way, here
+        return ways
+
+    def _filter(
+        self,
+        unknowns: slice,
+        H: Float64[np.ndarray, "m k"],
+        left: Float64[np.ndarray, " m"],
+        noise: Float64[np.ndarray, " m"],
+        dt: float,
+    ) -> Float64[np.ndarray, " k"]:
+        """Update the covariance of some unknowns by a measurement; return their change."""
+        P = self._covariance[unknowns, unknowns]
+        HP = H.dot(P)
+        spread = HP.dot(H.T)
+        spread.flat[:: len(left) + 1] += noise**2 / dt
+        gain = np.linalg.solve(spread, HP).T
+        P -= gain.dot(HP)
+        P[:] = 0.5 * (P + P.T)
+        return gain.dot(left)
+
+    def _move(self, unknowns: slice, change: Float64[np.ndarray, " k"]) -> None:
+        """Change some unknowns, within their bounds."""
+        found = self._mean[unknowns] + change
+        self._mean[unknowns] = np.clip(found, self._least[unknowns], self._most[unknowns])
 
     def _output(self, dt: float) -> None:
         """Rate-limit the output, and update it where it changes by enough."""
         told, most = self._told, self._rates * dt
-        found = np.concatenate((self._mean[:1], self.offset, self._hands.held))
+        found = self._mean.copy()
+        # The error of the attitude is no part of it: `corrected` takes it off.
+        found[1:4], found[_TILT] = self.offset, 0.0
         told += np.minimum(np.maximum(found - told, -most), most)
-        if (np.abs(told - self._last) > self._steps).any():
+        if (np.abs(told - self._last) > _STEP * self._likely).any():
             self._last = told.copy()
-            mass, held = float(told[0]) * self._mass, told[4:] * self._mass
+            mass, held = float(told[0]) * self._mass, told[_HELD] * self._mass
             self.payload = Payload(mass, told[1:4], held)
+
+
+_SOLES, _HAND = 12, 9
+"""Numbers of all soles and of the momentum, and of each hand."""
+
+
+class _PayloadMemory(MemoryBlock):
+    """Memory of a `PayloadEstimator`."""
+
+    motion: Motion
+    frames: Frames  # the soles, then the hands
+    momentum: Float64[np.ndarray, "6"]  # centroidal, linear before angular
+    wrenches: Float64[np.ndarray, "soles 6"]  # along the soles' axes [N, N m]
+    room: Float64[np.ndarray, " room"]  # scratch: of one frame
+    measured: Float64[np.ndarray, " k"]
+    low: Float64[np.ndarray, " k"]  # `measured`, smoothed
+
+
+@compiled
+def _measure(address: int, gain: float) -> bool:
+    """Fill in `measured` and the low-pass `low`; return False for what is not finite."""
+    # Force, moment and momentum, then of each hand, with its place r and velocity v: v,
+    # (r - c) x v and c' x v - (r - c) x g. All is along the world's axes, about the centre of mass
+    # c, and but for the hands by the mass.
+    m = view(_PayloadMemory, address)
+    motion, frames, room, measured, low = m.motion, m.frames, m.room, m.measured, m.low
+    com, mass, soles = motion.com, motion.mass[0], len(m.wrenches)
+    for i in range(6):
+        measured[i], measured[6 + i] = 0.0, m.momentum[i] / mass
+    for k in range(soles):
+        place_frame(motion, frames, k, room, 0)
+        x, y, z = room[0] - com[0], room[1] - com[1], room[2] - com[2]
+        wrench = m.wrenches[k]
+        force = _turned(room, wrench[0], wrench[1], wrench[2])
+        moment = _turned(room, wrench[3], wrench[4], wrench[5])
+        lever = _cross(x, y, z, force[0], force[1], force[2])
+        for i in range(3):
+            measured[i] += force[i] / mass
+            measured[3 + i] += (lever[i] + moment[i]) / mass
+    for k in range((len(measured) - _SOLES) // _HAND):
+        place_frame(motion, frames, soles + k, room, 0)
+        turn_to_world(room, 0)
+        x, y, z = room[0] - com[0], room[1] - com[1], room[2] - com[2]
+        v_x, v_y, v_z = room[VELOCITY], room[VELOCITY + 1], room[VELOCITY + 2]
+        out = measured[_SOLES + _HAND * k :]
+        out[0], out[1], out[2] = v_x, v_y, v_z
+        out[3], out[4], out[5] = _cross(x, y, z, v_x, v_y, v_z)
+        out[6], out[7], out[8] = _cross(measured[6], measured[7], measured[8], v_x, v_y, v_z)
+        out[6] += GRAVITY * y
+        out[7] -= GRAVITY * x
+    for i in range(len(measured)):
+        if not abs(measured[i]) < math.inf:
+            return False
+    for i in range(len(measured)):
+        low[i] = measured[i] if gain == 1.0 else low[i] + gain * (measured[i] - low[i])
+    return True
+
+
+@part
+def _turned(
+    place: Float64[np.ndarray, " room"], x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Turn a vector from a frame of `place_frame` to the world's axes."""
+    R = place[ROTATION:VELOCITY]
+    return (
+        R[0] * x + R[1] * y + R[2] * z,
+        R[3] * x + R[4] * y + R[5] * z,
+        R[6] * x + R[7] * y + R[8] * z,
+    )
+
+
+@part
+def _cross(
+    x: float, y: float, z: float, a: float, b: float, c: float
+) -> tuple[float, float, float]:
+    return y * c - z * b, z * a - x * c, x * b - y * a

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +11,7 @@ from jaxtyping import Float64
 from poise._checks import all_finite
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
+from poise.estimation._config import LONGEST_STEP
 from poise.robots import Robot
 
 
@@ -47,11 +49,8 @@ class StatePredictor:
                 got=(delay, period),
                 wanted="delay >= 0 s, a multiple of the period",
             )
-        self._model, self._period = robot.model, period
-        self._still = np.zeros(robot.nv)
+        self._model, self._period, self._still = robot.model, period, np.zeros(robot.nv)
         self._commanded = deque([self._still] * count, maxlen=count)
-        left = (count - np.arange(count) - 0.5) * period * period
-        self._left: Float64[np.ndarray, " n"] = left
 
     def reset(self) -> None:
         """Restart with a robot that stands still."""
@@ -74,17 +73,11 @@ class StatePredictor:
         """
         if not self._commanded or state.q.shape != (self._model.nq,):
             return state
-        return _integrated(self._model, state, np.array(self._commanded), self._left, self._period)
+        return _integrated(self._model, state, np.array(self._commanded), self._period)
 
-
-_OLDEST = 25
-"""Largest number of commands to integrate over."""
 
 _JUMP = 1.0
 """Age of a state at the last command beyond which a clock has gone back [s]."""
-
-_LONGEST = 0.05
-"""Time between commands beyond which the later one follows a pause [s]."""
 
 
 class StampedPredictor:
@@ -107,19 +100,18 @@ class StampedPredictor:
             raise ConfigurationError(
                 "share of the commanded accelerations", got=share, wanted="0 <= share <= 1"
             )
-        self._model, self._share = robot.model, share
-        self._still = np.zeros(robot.nv)
+        self._model, self._share, self._still = robot.model, share, np.zeros(robot.nv)
         self.reset()
 
     def reset(self) -> None:
         """Discard all commands."""
-        self._commanded: deque[tuple[float, Float64[np.ndarray, " nv"]]] = deque(maxlen=_OLDEST)
+        self._commanded: deque[tuple[float, Float64[np.ndarray, " nv"]]] = deque(maxlen=25)
 
     def command(self, acceleration: Float64[np.ndarray, " nv"] | None, time: float) -> None:
         """Take the last command, as `StatePredictor.command`, and its time [s]."""
         if not math.isfinite(time):
             return
-        if self._commanded and not 0.0 < time - self._commanded[-1][0] < _LONGEST:
+        if self._commanded and not 0.0 < time - self._commanded[-1][0] < LONGEST_STEP:
             self.reset()
         self._commanded.append((time, _usable(acceleration, self._still)))
 
@@ -133,34 +125,23 @@ class StampedPredictor:
         # No command came since a state that is not late, or has no time.
         if not newest > measured or newest - state.time > _JUMP:
             return state
-        since = [a for time, a in self._commanded if time > measured]
-        left = (len(since) - np.arange(len(since)) - 0.5) * period * period
-        return _integrated(self._model, state, self._share * np.array(since), left, period)
+        since = np.array([a for time, a in self._commanded if time > measured])
+        return _integrated(self._model, state, self._share * since, period)
 
 
 def _usable(
     acceleration: Float64[np.ndarray, " nv"] | None, still: Float64[np.ndarray, " nv"]
 ) -> Float64[np.ndarray, " nv"]:
     """Return a copy of a commanded acceleration, or zeros where it is missing or not finite."""
-    if acceleration is None or not all_finite(acceleration):
-        return still.copy()
-    return acceleration.copy()
+    return (still if acceleration is None or not all_finite(acceleration) else acceleration).copy()
 
 
 def _integrated(
-    model: pin.Model,
-    state: RobotState,
-    commanded: Float64[np.ndarray, "n nv"],
-    left: Float64[np.ndarray, " n"],
-    period: float,
+    model: pin.Model, state: RobotState, commanded: Float64[np.ndarray, "n nv"], period: float
 ) -> RobotState:
     """Return the state after n commands of one period each."""
-    delay = len(commanded) * period
-    return RobotState(
-        pin.integrate(model, state.q, delay * state.v + left @ commanded),
-        state.v + period * commanded.sum(axis=0),
-        state.contacts,
-        state.time + delay,
-        state.readings,
-        state.payload,
-    )
+    count = len(commanded)
+    left = (count - np.arange(count) - 0.5) * period
+    q = pin.integrate(model, state.q, period * (count * state.v + left @ commanded))
+    v = state.v + period * commanded.sum(axis=0)
+    return replace(state, q=q, v=v, time=state.time + count * period)

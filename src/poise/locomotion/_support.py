@@ -32,13 +32,6 @@ class SupportPolygon:
             nx, ny = nx / length, ny / length
             self._edges.append([nx, ny, nx * ax + ny * ay + margin])
 
-    @classmethod
-    def of_edges(cls, edges: list[list[float]]) -> "SupportPolygon":
-        """The polygon of inward unit normals and offsets, counter-clockwise."""
-        polygon = cls.__new__(cls)
-        polygon._edges = edges
-        return polygon
-
     def depth(self, point: Point) -> float:
         """Return the depth of a point inside the shrunk polygon; negative outside [m]."""
         x, y = point
@@ -156,31 +149,6 @@ def _common(middle: float, size: float, lower: float, upper: float) -> tuple[flo
     return 0.5 * (begin + end), end - begin
 
 
-def one_sole(
-    part: SolePart, position: Vector3, rotation: Rotation, margin: float
-) -> SupportPolygon:
-    """Return the support polygon of a part of one foot, a parallelogram seen from above."""
-    (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
-    (x, y, _), length, width = position.tolist(), max(part.length, _THIN), max(part.width, _THIN)
-    x, y = x + part.x * forward_x + part.y * left_x, y + part.x * forward_y + part.y * left_y
-    edges: list[list[float]] = []
-    # Inward normals of the left and of the front edge, and halves of the sides across them.
-    area = forward_x * left_y - forward_y * left_x
-    for (along_x, along_y), half in (
-        ((forward_x, forward_y), 0.5 * width),
-        ((left_x, left_y), 0.5 * length),
-    ):
-        size = math.hypot(along_x, along_y)
-        nx, ny = along_y / size, -along_x / size
-        middle, inside = nx * x + ny * y, margin - half * abs(area) / size
-        edges.append([nx, ny, middle + inside])
-        edges.append([-nx, -ny, inside - middle])
-    left, right, back, front = edges
-    return SupportPolygon.of_edges(
-        [left, back, right, front] if area > 0.0 else [left, front, right, back]
-    )
-
-
 def both_soles(
     placements: Sequence[tuple[Vector3, Rotation]],
     sizes: Sequence[Point],
@@ -294,18 +262,18 @@ class SingleSupportRegion:
 
     def support(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
         """Return the sole, less the margin."""
-        return one_sole(self._widened(foot), place, rotation, self.margin)
+        return SupportPolygon(self._widened(foot).corners(place, rotation, 0.0), self.margin)
 
     def held(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
         """Return where the DCM is held."""
         part = self._widened(foot, self.inner, self.outer)
-        return one_sole(part, place, rotation, self.margin)
+        return SupportPolygon(part.corners(place, rotation, 0.0), self.margin)
 
     def asked(self, foot: int, place: Vector3, rotation: Rotation) -> SupportPolygon:
         """Return the region of the CT-ZMP: beyond the outer edge of a narrow sole only."""
         inner = -_INNER_MARGIN if self.narrow else _MOMENTUM
         part = self._widened(foot, inner, self.momentum, _MOMENTUM)
-        return one_sole(part, place, rotation, 0.0)
+        return SupportPolygon(part.corners(place, rotation, 0.0), 0.0)
 
     def caught(self, foot: int, place: Vector3, rotation: Rotation) -> list[Point] | None:
         """Return corners of the foothold that a swing foot offers beside a narrow sole [m]."""

@@ -43,10 +43,6 @@ def test_a_short_window_leaves_a_steady_error(length, gain):
     assert (control.c @ state)[0] == pytest.approx(0.21 * control.dc_gain, abs=1e-6)
 
 
-def test_an_endless_window_leaves_none():
-    assert PreviewControl(0.765, 0.005, 1600).dc_gain == pytest.approx(1.0, abs=1e-6)
-
-
 def test_the_dc_gain_is_where_the_zmp_settles_with_any_weights():
     control = PreviewControl(0.6, 0.01, 80, Q=3.0, R=1e-5)
     state, reference = np.zeros((3, 1)), np.ones((80, 1))

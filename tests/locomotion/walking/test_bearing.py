@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from poise.locomotion._support import SolePart, bearing
+from poise.locomotion._support import bearing
 from poise.locomotion._walking._footsteps import stand_of
 from poise.locomotion._walking._ground import Placement
 
@@ -33,27 +33,6 @@ def test_a_weak_ankle_bears_where_its_torque_holds_the_weight(get_robot):
     assert bearing(robot, "left_sole", 1.0) == pytest.approx((-0.01, 0.0, 0.26, 0.14))
     robot = weakened(get_robot("humanoid33"), "ankle_roll", 0.05)
     assert bearing(robot, "left_sole", 1.0) == pytest.approx((0.0, 0.0, 0.28, 0.1))
-
-
-def test_what_two_rectangles_share_bears():
-    whole = SolePart(0.02, 0.0, 0.2, 0.06)
-    assert whole.within((-math.inf, -0.01), (0.03, math.inf)) == pytest.approx(
-        (-0.025, 0.01, 0.11, 0.04)
-    )
-    # Nothing in common: the edge that is nearest.
-    assert whole.within((-0.3, -1.0), (-0.2, 1.0)) == pytest.approx((-0.08, 0.0, 0.0, 0.06))
-
-
-def test_it_rests_in_the_world_where_the_sole_lies():
-    ahead = SolePart(0.05, 0.01, 0.0, 0.0)
-    assert ahead.rest_at((1.0, 2.0), 0.5 * math.pi) == pytest.approx((0.99, 2.05))
-
-
-def test_the_zmp_rests_in_the_soles_centre_or_near_the_middle_of_what_bears():
-    assert SolePart(-0.006, 0.0, 0.15, 0.06).rest == (0.0, 0.0)
-    weak = SolePart(-0.045, 0.024, 0.06, 0.0)
-    assert weak.rest == pytest.approx((-0.039, 0.024))
-    assert weak.room == pytest.approx((0.024, 0.0))
 
 
 def test_a_sole_that_leans_bears_on_its_outer_edge(get_robot_without):

@@ -5,7 +5,6 @@ import pytest
 
 import poise
 from poise.locomotion import walking_stack
-from poise.locomotion._support import SolePart
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._stance import CarryingArea, Stance
 from poise.locomotion._walking._step_planner import Lifted
@@ -93,17 +92,6 @@ def test_while_feet_are_held_the_contact_has_the_average(turned):
     np.testing.assert_allclose(turned.contact.cone, turned.whole, atol=1e-12)
 
 
-def test_the_zmp_of_a_walk_stays_on_what_carries(turned):
-    whole = SolePart(-0.01, 0.0, 0.26, 0.14)
-    assert turned.area.bearing(whole) == whole
-    turned.look(pressure=(0.02, 0.01), turning=(0.0, 1.0))
-    # A plan does not jump because a foot rocks for a moment.
-    assert turned.area.bearing(whole).length > 0.24
-    turned.look(pressure=(0.02, 0.01), turning=(0.0, 1.0), ticks=round(1.0 / DT))
-    # The toes go down: nothing carries ahead of the pressure; the other edges are the sole's own.
-    assert turned.area.bearing(whole) == pytest.approx((-0.06, 0.0, 0.16, 0.14), abs=1e-3)
-
-
 def test_steps_are_chosen_by_what_carries_of_the_foot_that_stands(get_robot):
     robot = get_robot("humanoid33")
     walker = poise.locomotion.Walker(robot, walking_stack(robot))
@@ -143,35 +131,6 @@ def test_two_feet_hold_no_more_than_what_carries_of_them(turned):
     turned.look(ticks=round(2.0 / DT))
     stance.refresh()
     assert stance.support.depth(ahead) == pytest.approx(whole)
-
-
-def test_an_area_that_is_forgotten_is_that_of_the_sole(turned):
-    turned.look(turning=(2.0, 2.0), ticks=5)
-    turned.look(turning=(-2.0, -2.0), ticks=5)
-    assert not turned.area.lies
-    turned.area.forget()
-    np.testing.assert_allclose(turned.contact.cone, turned.whole, atol=1e-12)
-    assert turned.area.lies
-
-
-def test_a_foot_that_hardly_carries_says_nothing(turned):
-    turned.look(pressure=(0.0, 0.0), turning=(2.0, 2.0), load=0.05)
-    np.testing.assert_array_equal(turned.contact.cone, turned.whole)
-
-
-def test_a_foot_that_was_lifted_begins_anew(turned):
-    turned.look(turning=(2.0, 2.0), ticks=5)
-    turned.contact.release(0.0)
-    turned.contact.advance(0.0)
-    turned.look()
-    np.testing.assert_allclose(turned.contact.cone, turned.whole, atol=1e-12)
-
-
-def test_something_is_always_left(turned):
-    turned.look(turning=(1.0, 1.0), pressure=(0.5, 0.5))
-    turned.look(turning=(-1.0, -1.0), pressure=(0.5, 0.5))
-    x, y = turned.contact.pressure_reach
-    assert turned.bears(x - 0.002, y - 0.002)
 
 
 def test_a_sole_on_an_edge_says_nothing_of_the_slope(turned):

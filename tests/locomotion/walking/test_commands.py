@@ -83,23 +83,6 @@ def test_a_velocity_that_is_no_number_is_ignored_and_said(bad):
     assert "not finite" in leader.notice
 
 
-def test_velocities_change_gradually():
-    leader = commands(rise_time=1.0)
-    leader.set_velocity(0.7, 0.0, 0.0)
-    leader.advance(0.1)
-    assert leader.velocity[0] == pytest.approx(0.1 * VelocityLimits().ahead)
-
-
-def test_a_foothold_within_reach_is_exact():
-    leader = commands()
-    place = Placement(position=(0.21, 0.13, 0.0), yaw=0.2)
-    leader.add_foothold(Foothold(0, place))
-    first = leader.steps(0, RIGHT, 3)[0]
-    assert first.position == pytest.approx(place.position, abs=1e-12)
-    assert first.yaw == pytest.approx(0.2)
-    assert leader.notice == ""
-
-
 @pytest.mark.parametrize("place", [(2.0, 0.1), (0.1, -0.3), (0.0, 3.0)])
 def test_one_beyond_it_or_across_the_other_foot_is_moved_and_said(place):
     leader = commands()
@@ -108,24 +91,6 @@ def test_one_beyond_it_or_across_the_other_foot_is_moved_and_said(place):
     assert abs(x) <= 0.5
     assert y - RIGHT.position[1] >= ROOM.near(0.0) - 1e-9
     assert "out of reach" in leader.notice
-
-
-@pytest.mark.parametrize(("asked", "kept"), [(1.5, 0.6), (-0.5, -0.12)])
-def test_one_that_is_turned_farther_than_the_legs_turn_it_is_turned_back_and_said(asked, kept):
-    leader = commands()
-    place = Placement(position=(0.1, 0.2, 0.0), yaw=asked)
-    leader.add_foothold(Foothold(0, place))
-    first = leader.steps(0, RIGHT, 1)[0]
-    assert first.yaw == pytest.approx(kept)
-    assert first.position == pytest.approx(place.position)
-    assert f"turned by {abs(asked - kept):.2f} rad" in leader.notice
-
-
-def test_one_as_exactly_turned_as_a_foot_stands_is_not_worth_a_word():
-    leader = commands()
-    leader.add_foothold(Foothold(0, Placement(position=(0.1, 0.2, 0.0), yaw=-0.14)))
-    assert leader.steps(0, RIGHT, 1)[0].yaw == pytest.approx(-0.12)
-    assert leader.notice == ""
 
 
 @pytest.mark.parametrize(("known", "kept"), [(1.0, 1.0), (-0.3, -0.3)])
@@ -146,17 +111,3 @@ def test_a_foothold_on_an_edge_moves_to_where_it_is_level():
     leader.advance(10.0)
     for place in leader.steps(0, RIGHT, 4):
         assert leader.carries(0, place)
-
-
-def test_a_foot_is_no_quicker_than_its_hip():
-    way, ticks = 0.4, 2001
-    phase = np.linspace(0.0, 1.0, ticks)
-    travelled = way * (10.0 * phase**3 - 15.0 * phase**4 + 6.0 * phase**5)
-    tick = ROOM.shortest_swing(way) / (ticks - 1)
-    peak = np.abs(np.diff(travelled, 2)).max() / tick**2
-    assert peak == pytest.approx(ROOM.quickness, rel=1e-3)
-
-
-def test_a_foot_that_catches_goes_farther_than_one_that_is_led():
-    assert ROOM.bounds(0.0).reach == ROOM.ahead
-    assert ROOM.bounds(0.0, far=True).reach == ROOM.far

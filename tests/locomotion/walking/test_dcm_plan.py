@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 from poise.locomotion._walking._dcm import (
     LegMomentum,
     StepTimes,
-    before_transfer,
     hermite_step,
     touchdown_dcm,
     transfer_gain,
@@ -25,14 +24,6 @@ def integrate(xi, zmp, time):
         lambda t, x: OMEGA * (x - zmp(t)), (0.0, time), np.array(xi), rtol=1e-10, atol=1e-12
     )
     return solution.y[:, -1]
-
-
-def test_a_transfer_ends_where_it_should():
-    start, end, goal = np.array((0.0, 0.1)), np.array((0.2, -0.1)), (0.21, -0.05)
-    xi = before_transfer(goal, tuple(start), tuple(end), OMEGA, 0.3)
-    assert integrate(xi, lambda t: start + t / 0.3 * (end - start), 0.3) == pytest.approx(
-        goal, abs=1e-8
-    )
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.07])

@@ -6,27 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from poise.locomotion._walking._step_choice import LastStep, beyond
+from poise.locomotion._walking._step_planner import LastStep
 
 HERE, NOWHERE = (0.0, 0.0), (0.0, 0.0)
 
 
 def placed(low, high):
     return st.tuples(*(st.floats(*ends) for ends in zip(low, high, strict=True)))
-
-
-def test_a_component_on_the_way_between_the_feet_moves_nothing():
-    last, foothold = LastStep(0.0, (0.03, 0.01)), (0.2, 0.25)
-    for part in (0.0, 0.15, 0.45, 0.75):
-        xi = (part * foothold[0] + 0.02, part * foothold[1] - 0.009)
-        assert last.move(xi, foothold, HERE) == NOWHERE
-        assert last.off(xi, foothold, HERE) == NOWHERE
-
-
-def test_what_the_zmp_does_until_touchdown_counts():
-    last, foothold, xi = LastStep(0.0, (0.0, 0.0)), (0.0, 0.2), (0.04, 0.09)
-    assert last.move(xi, foothold, HERE)[0] > 0.04
-    assert last.move(xi, foothold, (0.04, 0.0)) == pytest.approx(NOWHERE)
 
 
 @given(placed((-0.3, 0.05), (0.3, 0.3)), placed((-0.3, -0.1), (0.3, 0.4)), st.floats(0.0, 0.1))
@@ -50,9 +36,3 @@ def test_the_foothold_moves_the_least_way():
     assert by == pytest.approx(min(held), abs=0.015)
     # To the side of it, and not farther out along the line.
     assert last.move(xi, foothold, HERE)[0] < -0.1
-
-
-def test_a_miss_is_what_the_room_leaves():
-    assert beyond(0.03, 0.01) == pytest.approx(0.02)
-    assert beyond(-0.03, 0.01) == pytest.approx(-0.02)
-    assert beyond(0.01, 0.03) == 0.0

@@ -48,11 +48,3 @@ def test_velocity_is_how_fast_c_moves(name, get_robot):
         ends.append(parts.legs.joined(tuple(com), (lifted, parts.stance.feet[1].position[:2])))
     expected = (np.array(ends[1]) - np.array(ends[0])) / (2.0 * STEP)
     assert np.array(velocity) == pytest.approx(expected, abs=1e-6)
-
-
-def test_a_foot_that_does_not_move_has_no_momentum_whatever_was_planned(get_robot):
-    robot = get_robot("g1")
-    walker, state = _in_flight(robot)
-    walker._engine.steps.flight.velocity = np.array([2.0, 1.0, 0.5, 0.0, 0.0, 0.0])
-    _, velocity = _mass(walker, state)
-    assert velocity == pytest.approx((0.0, 0.0), abs=1e-12)

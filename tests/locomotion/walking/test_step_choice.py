@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from poise.locomotion._walking._step_choice import (
+from poise.locomotion._walking._step_planner import (
     Pendulum,
     StepBounds,
     SwingLimits,
@@ -36,12 +36,6 @@ def pushed(by, **changes):
     return plan._replace(xi=(plan.xi[0] + by[0], plan.xi[1] + by[1]))
 
 
-def test_a_step_on_plan_stays_what_it_is():
-    step = choose_step(on_plan(), BOUNDS, SWING)
-    assert (step.x, step.y, step.left) == pytest.approx((0.15, 0.2, 0.32))
-    assert step.missed == pytest.approx(0.0, abs=1e-12)
-
-
 def test_what_the_sole_can_do_is_left_to_it():
     step = choose_step(pushed((0.02, -0.004)), BOUNDS, SWING)
     assert (step.x, step.y, step.left) == pytest.approx((0.15, 0.2, 0.32))
@@ -66,10 +60,6 @@ def test_the_foothold_lies_where_the_pendulum_gets_to(push):
     for axis in (0, 1):
         if abs(push[axis]) > 0.03:
             assert xi[axis] == pytest.approx(moved[axis], abs=1e-4)
-
-
-def test_a_push_brings_the_foot_down_sooner():
-    assert choose_step(pushed((0.1, 0.0)), BOUNDS, SWING).left < 0.32
 
 
 def test_every_choice_is_within_bounds_reach_and_time():

@@ -7,23 +7,10 @@ import pytest
 from poise.control import WholeBodyController
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import TargetError
-from poise.locomotion import CarriedTarget, Stride, Walker, plan_footsteps, walking_stack
-from poise.locomotion._walking._tasks import find_walk_tasks
+from poise.locomotion import CarriedTarget, Walker, walking_stack
 from poise.robots import GRAVITY
 from poise.sim import Plant, PlantConfig, rollout
 from poise.stack import FrameTask
-
-
-@pytest.mark.parametrize("robot", ["humanoid33", "g1"])
-def test_a_walk_sets_the_com_and_each_foots_own_task_and_contact(get_robot, robot):
-    robot = get_robot(robot)
-    plan, stack = plan_footsteps(robot, [Stride(steps=2)]), walking_stack(robot)
-    stack.bind(robot)
-    found = find_walk_tasks(robot, plan, stack, None)
-    assert found.com is stack.task("com")
-    assert [task.frame for task in found.feet] == list(plan.soles)
-    assert [contact.frame for contact in found.contacts] == list(plan.soles)
-    assert not {task.name for task in found.feet} & set(found.carried)
 
 
 @pytest.mark.parametrize("robot", ["humanoid33", "g1"])
@@ -48,15 +35,6 @@ def test_trunk_and_arms_give_most_of_what_an_edge_lacks_and_nothing_inside(get_r
     assert max(inside) < 1e-6
     assert beyond[1] > 1.0
     assert beyond[0] < 0.1 * beyond[1]
-
-
-@pytest.mark.parametrize("robot", ["humanoid33", "g1", "talos", "icub"])
-def test_legs_alone_stop_hard_before_their_limits(get_robot, robot):
-    robot = get_robot(robot)
-    limit = walking_stack(robot).joint_limit
-    legs = {robot.model.names[j] for sole in robot.soles for j in robot.leg_joints(sole)}
-    assert set(limit.braking_of) == legs
-    assert min(limit.braking_of.values()) > limit.braking
 
 
 def test_arms_at_their_stops_do_not_throw_a_robot_that_is_pushed_as_it_walks(get_robot):
@@ -133,47 +111,6 @@ def test_a_carried_pose_moves_and_turns_with_the_body_and_so_do_its_rates(get_ro
 
 POSE = pin.SE3(pin.exp3(np.array([-0.2, 0.4, 1.1])), np.array([0.5, 0.1, 0.9]))
 QUATERNION = pin.Quaternion(POSE.rotation).coeffs()
-RATES = np.arange(1.0, 13.0).reshape(2, 6)
-CALLS = {
-    "pose": [
-        ((POSE,), {}),
-        (([0.1, 0.2, 0.3],), {"velocity": RATES[0]}),
-        ((None, QUATERNION), {"acceleration": RATES[1].tolist()}),
-        ((POSE.translation, POSE.rotation, RATES[0], RATES[1]), {}),
-        ((), {"velocity": RATES[1]}),
-        (((POSE.translation, QUATERNION),), {}),
-    ],
-    "position": [
-        (([0.1, 0.2, 0.3],), {"velocity": RATES[0, :3]}),
-        ((POSE.translation, None, RATES[0], RATES[1, 3:]), {}),
-        ((), {"acceleration": RATES[1]}),
-    ],
-    "orientation": [
-        ((None, QUATERNION), {"velocity": RATES[0, 3:]}),
-        ((POSE,), {}),
-        ((), {"acceleration": RATES[1, :3].tolist()}),
-    ],
-}
-
-
-@pytest.mark.parametrize("axes", CALLS)
-def test_where_the_body_is_still_a_carried_target_is_the_tasks_own(get_robot, axes):
-    robot = get_robot("humanoid33")
-    hand, task = CarriedHand(robot, axes), FrameTask("left_hand", axes)
-    task.bind(robot)
-    task.set_target(HOME)
-    for values, named in CALLS[axes]:
-        hand.target.set_target(*values, **named)
-        task.set_target(*values, **named)
-        # Twice: what was written stays.
-        for _ in range(2):
-            found = hand.follow(np.zeros((3, 4)))
-            for ours, own in zip(found[2:], followed(task, Dynamics(robot))[2:], strict=True):
-                np.testing.assert_allclose(ours, own, atol=1e-12)
-            if hand.task.turns:
-                np.testing.assert_allclose(found[1], task.target_rotation, atol=1e-12)
-            if axes != "orientation":
-                np.testing.assert_allclose(found[0], task.target_position, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -158,48 +158,6 @@ def test_a_foot_that_has_bounced_off_looks_for_the_ground_again(get_robot, bounc
     assert held.active() == [foot == 1, foot == 0]
 
 
-def test_a_foot_is_on_its_way_until_it_is_near_its_foothold_or_due(held):
-    foot = held.swing(ahead=0.3)
-    flight = held.walker._engine.steps.flight
-    sense = held.walker._engine.parts.sense
-    assert flight.on_its_way(sense)
-    begin = held.q[0]
-    for left, nearer, on_its_way in ((0.3, 0.2, True), (0.3, 0.25, False), (0.02, 0.0, False)):
-        flight.left = left
-        held.q[0] = begin + nearer
-        sense.update(poise.RobotState(held.q, held.v, {}, held.time))
-        way = flight.goal.position[0] - sense.lower_edge(foot)[0][0]
-        assert way == pytest.approx(0.3 - nearer, abs=0.01)
-        assert flight.on_its_way(sense) is on_its_way
-
-
-@pytest.mark.parametrize("on_its_way", [True, False])
-def test_what_a_foot_meets_on_its_way_is_not_its_ground(held, monkeypatch, on_its_way):
-    held.swing()
-    flight = held.walker._engine.steps.flight
-    held.until(held.time + 0.51 * held.walker.gait.swing_time)
-    monkeypatch.setattr(type(flight), "on_its_way", lambda *_: on_its_way)
-    held.loads = [0.5, 0.5]
-    held.until(held.time + 2 * DT)
-    assert held.walker._engine.steps.flight is (flight if on_its_way else None)
-    assert held.walker.steps_made == (0 if on_its_way else 1)
-
-
-def test_a_foot_that_meets_something_before_it_could_be_down_carries_at_once(held):
-    """Its capture step begins half a metre up: until it is down it counts as not yet lifted."""
-    robot = held.robot
-    for joint, angle in (("left_hip_pitch", -1.2), ("left_knee", 1.9), ("left_ankle_pitch", -0.7)):
-        held.q[7 + robot.joint_index(joint)] += angle
-    held.until(0.01)
-    held.loads = [0.0, 1.0]
-    held.walker._engine.steps.put_down(0)
-    held.until(held.time + DT)
-    flight = held.walker._engine.steps.flight
-    assert flight.elapsed < 0.0
-    held.walker._engine.steps._land(flight)
-    assert held.active() == [True, True]
-
-
 @pytest.mark.parametrize("foot", [0, 1])
 def test_a_foot_that_stands_and_hangs_is_one_in_the_air(held, foot):
     """What its contact is asked to carry would move nothing but its leg."""
@@ -216,13 +174,6 @@ def test_a_foot_that_stands_and_hangs_is_one_in_the_air(held, foot):
     held.until(held.time + 0.1)
     assert held.active() == [True, True]
     assert held.walker._engine.at_rest
-
-
-def test_a_foot_that_carries_little_does_not_hang(held):
-    held.loads = [0.02, 0.98]
-    held.until(0.8)
-    assert held.walker.lifting is None
-    assert held.walker.steps_made == 0
 
 
 def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
@@ -245,34 +196,6 @@ def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
     while swing.phase < 0.7:
         held.until(held.time + DT)
     assert swing.position[0] > stood[0] + 0.05
-
-
-@pytest.mark.parametrize("idle", [0.06, 1.0])
-def test_a_foot_that_carries_again_does_not_hang(held, idle):
-    watch, sense = held.walker._engine._hang_watch, held.walker._engine.parts.sense
-
-    def carry(left, right, time):
-        for _ in range(round(time / DT)):
-            loads = zip(held.robot.soles, (left, right), strict=True)
-            wrenches = {s: np.array([0, 0, k * held.robot.weight, 0, 0, 0]) for s, k in loads}
-            sense.update(poise.RobotState(held.q, held.v, wrenches, 0.0))
-            watch.update(DT)
-
-    carry(0.0, 1.0, idle)
-    assert watch.foot == 0
-    carry(0.5, 0.5, 0.012)
-    assert watch.foot is None
-
-
-def test_after_a_bounce_the_foothold_is_still_where_it_was_asked_for(held):
-    foot = held.swing(ahead=0.05)
-    asked = held.walker.commands.footholds[0]
-    held.land()
-    assert not held.walker.commands.footholds
-    held.loads = [0.0, 1.0] if foot == 0 else [1.0, 0.0]
-    held.until(held.time + held.walker.settings.bounce_time + 4 * DT)
-    assert held.walker._engine.steps.flight is not None
-    assert [*held.walker.commands.footholds] == [asked]
 
 
 LATER = [("left_sole", 0.3, 0.15, 0.2), ("right_sole", 0.3, -0.1, 0.0)]
@@ -298,19 +221,6 @@ def test_a_foothold_given_for_the_foot_in_the_air_is_its_next_step(held):
     assert walker.notice == ""
 
 
-def test_one_given_while_a_foot_that_bounced_off_seemed_to_stand_is_its_next_step(held):
-    held.walker.set_velocity(0.3)
-    held.lift()
-    held.land()
-    held.walker.step_to(*LATER[0])
-    given = [*held.walker.commands.footholds]
-    held.loads = [0.0, 1.0]
-    held.until(held.time + held.walker.settings.bounce_time + 4 * DT)
-    assert held.walker._engine.steps.flight is not None
-    held.land()
-    assert [*held.walker.commands.footholds] == given
-
-
 def test_a_foot_that_is_caught_costs_no_command(held):
     held.until(0.1)
     held.walker.set_velocity(0.3, 0.0, 0.0)
@@ -322,20 +232,6 @@ def test_a_foot_that_is_caught_costs_no_command(held):
     held.walker.commands.footholds.clear()
     assert held.walker.commands.moving
     assert held.walker.commands.closes
-
-
-def test_who_begins_another_run_knows_of_no_slope(held):
-    held.walker._engine.parts.stance.slope, held.walker._engine.steps.steps_made = (0.1, 0.05), 7
-    held.walker._engine.reset()
-    assert held.walker._engine.parts.stance.slope == (0.0, 0.0)
-    assert held.walker.steps_made == 0
-
-
-class Huge(float):
-    """As a whole number of 400 digits, which is no float for who checks types here."""
-
-    def __float__(self):
-        return float(10**400)
 
 
 @pytest.mark.parametrize("time", [np.nan, 10**400], ids=["nan", "huge"])
@@ -356,26 +252,3 @@ def test_a_clock_that_is_no_number_is_passed_over(get_robot, time):
         velocities.append(walker.commands.velocity)
     assert velocities[0] == velocities[1]
     assert velocities[0][0] > 0.0
-
-
-def test_numbers_that_no_float_holds_are_ignored_and_said(held):
-    held.walker.set_velocity(0.2)
-    held.until(1.2)
-    held.walker.set_velocity(Huge(), 0.0, Huge())
-    assert "not finite" in held.walker.notice
-    held.until(held.time + DT)
-    assert held.walker.commands.velocity == pytest.approx((0.2, 0.0, 0.0))
-    held.walker.step_to("left_sole", 0.2, Huge(), 0.0)
-    assert held.walker.notice == "foothold ignored: not finite"
-    assert not held.walker.commands.footholds
-
-
-def test_a_carried_target_that_is_no_number_is_refused_and_stops_nobody(held):
-    carried = held.walker.carried
-    name, target = next(iter(carried.items()))
-    before = target.target_position.copy()
-    with pytest.raises(poise.errors.TargetError, match="carried task"):
-        target.set_target(np.array([np.nan, 0.0, 1.0]), velocity=np.zeros(6))
-    np.testing.assert_array_equal(target.target_position, before)
-    held.until(0.02)
-    assert name in carried

@@ -9,11 +9,10 @@ from poise.locomotion._support import Point, SupportPolygon, side
 from poise.locomotion._walking._dcm import DcmMotions, FeetAt, LegMomentum
 from poise.locomotion._walking._flight import HeldFlight
 from poise.locomotion._walking._footsteps import Gait, Stand
-from poise.locomotion._walking._ground import Placement
+from poise.locomotion._walking._ground import FIXED, Motion, Placement, least_jerk_towards
 from poise.locomotion._walking._legs import Leg
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._stance import Stance
-from poise.locomotion._walking._swing import FIXED, Motion, least_jerk_towards
 from poise.locomotion._walking._tasks import CarriedTarget, ComMotion
 
 _FALL = 1.0

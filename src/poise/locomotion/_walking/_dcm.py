@@ -1,14 +1,14 @@
 """DCM: pendulum with legs, references by recursion, feedback."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.locomotion._support import Point, SupportPolygon
+from poise.locomotion._support import Point
 from poise.robots import Robot
 
 FeetAt = tuple[Point, Point]
@@ -76,18 +76,6 @@ class LegMomentum:
             (joined[0] + self.beta * (lx + rx)) / self.factor,
             (joined[1] + self.beta * (ly + ry)) / self.factor,
         )
-
-
-class JoinedSupport:
-    """Region of Z: a support polygon, seen through `LegMomentum.joined`."""
-
-    def __init__(self, legs: LegMomentum, support: SupportPolygon, feet: FeetAt) -> None:
-        self._legs, self._support, self._feet = legs, support, feet
-
-    def nearest(self, point: Point) -> Point:
-        """The point itself if it is inside, else the nearest of the edge."""
-        inside = self._support.nearest(self._legs.parted(point, self._feet))
-        return self._legs.joined(inside, self._feet)
 
 
 REST_TIME = 0.3
@@ -188,23 +176,23 @@ class DcmFeedback:
         com: Point,
         velocity: Point,
         reference: tuple[Point, Point, Point],
-        support: SupportPolygon | JoinedSupport,
+        nearest: Callable[[Point], Point],
         dt: float = 0.0,
         gain: float | None = None,
     ) -> Point:
-        """Return the horizontal acceleration of the CoM [m/s^2]."""
+        """Return the horizontal acceleration of the CoM, with the nearest ZMP allowed [m/s^2]."""
         w = self.omega
         factor = 1.0 + (self._gain if gain is None else gain) / w
         (px, py), (rx, ry), (sx, sy) = reference
         (cx, cy), (vx, vy) = com, velocity
         ex, ey = cx - px + (vx - rx) / w, cy - py + (vy - ry) / w
-        x, y = support.nearest((px - sx / (w * w) + factor * ex, py - sy / (w * w) + factor * ey))
+        x, y = nearest((px - sx / (w * w) + factor * ex, py - sy / (w * w) + factor * ey))
         if self._continues_from is not None:
             from_x, from_y = self._continues_from
             self._continues_from, self._offset = None, (from_x - x, from_y - y)
         if self._offset != (0.0, 0.0):
             off_x, off_y = self._offset
-            x, y = support.nearest((x + off_x, y + off_y))
+            x, y = nearest((x + off_x, y + off_y))
             left = max(0.0, 1.0 - dt / _FADE)
             self._offset = left * off_x, left * off_y
         self.error, self.zmp = (ex, ey), (x, y)

@@ -7,9 +7,9 @@ import numpy as np
 
 from poise._checks import all_finite, is_time
 from poise.dynamics import RobotState
-from poise.locomotion._support import Vector2
+from poise.locomotion._support import Point, Vector2
 from poise.locomotion._walking._body import LOWEST
-from poise.locomotion._walking._dcm import DcmFeedback, JoinedSupport
+from poise.locomotion._walking._dcm import DcmFeedback
 from poise.locomotion._walking._footsteps import FootstepPlan
 from poise.locomotion._walking._modes import Mode
 from poise.locomotion._walking._parts import WalkParts
@@ -177,11 +177,15 @@ class SteppingEngine:
         com = parts.body.follow(steps.dcm, dt)
         feet = parts.pendulum.places(steps.flight)
         rates, accelerations = parts.pendulum.rates(steps.flight)
-        support, gain = JoinedSupport(parts.legs, steps.asked, feet), self.held_gain
-        acceleration = self._feedback.acceleration(
-            *parts.pendulum.mass(steps.flight), com, support, dt, gain if holds else None
-        )
         parted, (height, rising, faster) = parts.legs.parted, parts.body.rise
+        asked = steps.asked
+
+        def nearest(zmp: Point) -> Point:
+            return parts.legs.joined(asked.nearest(parted(zmp, feet)), feet)
+
+        acceleration = self._feedback.acceleration(
+            *parts.pendulum.mass(steps.flight), com, nearest, dt, self.held_gain if holds else None
+        )
         motion = (
             (*parted(com[0], feet), height),
             (*parted(com[1], rates), rising),

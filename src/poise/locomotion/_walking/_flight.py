@@ -11,19 +11,17 @@ from jaxtyping import Float64
 from poise.dynamics import least_jerk
 from poise.locomotion._support import Point, Rotation, Vector3
 from poise.locomotion._walking._commands import Foothold
-from poise.locomotion._walking._ground import Placement
-from poise.locomotion._walking._sense import WalkSense
-from poise.locomotion._walking._settings import WalkSettings
-from poise.locomotion._walking._swing import (
+from poise.locomotion._walking._ground import (
+    FIXED,
     RISE,
     Motion,
+    Placement,
     SwingShape,
     least_jerk_towards,
     sinking_phase,
 )
-
-_FINAL = 0.05
-"""Time before touchdown from which foothold and time are final [s]."""
+from poise.locomotion._walking._sense import WalkSense
+from poise.locomotion._walking._settings import WalkSettings
 
 _RATE = 2.0
 """Largest rates of foothold [m/s] and time of touchdown [s/s]."""
@@ -38,9 +36,6 @@ _FREED = 0.03
 _SHORT, _EARLY = 0.08, 0.03
 """Contact so far from the foothold [m], and earlier than this before it is due [s], is with
 something on its way."""
-
-_GROUND = 0.5
-"""Phase of a swing from which ground counts as ground."""
 
 CLEAR = 0.02
 """Height above where it stood from which a swing foot is free to move and turn [m]."""
@@ -128,7 +123,7 @@ class Flight(HeldFlight):
     @property
     def is_open(self) -> bool:
         """True while place and time of touchdown may still change."""
-        return not self._lands and (self.left > _FINAL or self.left == 0.0)
+        return not self._lands and (self.left > FIXED or self.left == 0.0)
 
     def aim(
         self, place: Point, left: float, carries: Callable[[int, Placement], bool], dt: float
@@ -160,7 +155,7 @@ class Flight(HeldFlight):
         if wrench is None:
             met = self.phase >= 1.0
         else:
-            met = wrench[2] >= least and (self.phase >= _GROUND or self.searching)
+            met = wrench[2] >= least and (self.phase >= RISE or self.searching)
         return met and not self.on_its_way(sense)
 
     def on_its_way(self, sense: WalkSense) -> bool:

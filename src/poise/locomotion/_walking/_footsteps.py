@@ -15,16 +15,19 @@ from poise._schema import Bounds, checked
 from poise.errors import ConfigurationError
 from poise.locomotion._pendulum import natural_frequency
 from poise.locomotion._support import Point, SolePart, bearing, two_soles
-from poise.locomotion._walking._ground import CLEARANCE, Ground, Placement, wrapped, yaw_of
-from poise.locomotion._walking._swing import clear_swing
+from poise.locomotion._walking._ground import (
+    CLEARANCE,
+    Ground,
+    Placement,
+    clear_swing,
+    wrapped,
+    yaw_of,
+)
 from poise.robots import Robot
 from poise.stack import checked_target
 
 LARGEST = 10.0
 """No length, time or gain of a walk is larger, whatever its unit; most are far smaller."""
-
-_MOST_STEPS = 1e3
-"""More steps than this are no walk but a mistake."""
 
 _SHORTEST_SWING = 0.1
 """A foot needs this long at least from lift-off to touchdown [s]."""
@@ -118,7 +121,7 @@ class Stride:
         turn: to the left, a step on average [rad].
     """
 
-    steps: Annotated[int, Bounds(least=1.0, most=_MOST_STEPS, whole=True)]
+    steps: Annotated[int, Bounds(least=1.0, most=1e3, whole=True)]
     length: _Length = 0.0
     sideways: _Length = 0.0
     turn: Annotated[float, Bounds(most=LARGEST, unit="rad")] = 0.0

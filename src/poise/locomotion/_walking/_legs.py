@@ -1,4 +1,4 @@
-"""Legs: a measured `Leg`, and the laws of its reach: `LegRoom`, `FootRange` and `LegReach`."""
+"""Legs: a measured `Leg`, and its reach: `LegRoom`, `FootRange` and `check_reach`."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,6 @@ from poise.errors import ConfigurationError
 from poise.locomotion._support import Point, Vector2, Vector3
 from poise.locomotion._walking._footsteps import FootstepPlan, Stand, beside
 from poise.locomotion._walking._ground import CLEARANCE, Placement
-from poise.locomotion._walking._step_choice import StepBounds
 from poise.robots import GRAVITY, Robot, frame_error, inverse_kinematics
 
 KNEE = 3
@@ -189,6 +188,26 @@ def _range_about(
     if axes[joint, axis] < 0.0:
         forward, back = back, forward
     return max(forward, 0.0), max(back, 0.0)
+
+
+class StepBounds(NamedTuple):
+    """Bounds of a foothold, along the stance foot and away from it."""
+
+    near: float  # nearest beside, so that feet neither cross nor touch [m]
+    wide: float  # farthest beside [m]
+    reach: float  # farthest ahead and behind, and from the place `beside` [m]
+    beside: float  # where it is side by side, half way between what is near and comfortable [m]
+
+    def nearest(self, place: Point) -> Point:
+        """The nearest place inside; the second coordinate counts away from the stance foot."""
+        x, y = place
+        distance = math.hypot(x, max(y - self.beside, 0.0))
+        if distance > self.reach:
+            ratio = self.reach / distance
+            x *= ratio
+            if y > self.beside:
+                y = self.beside + ratio * (y - self.beside)
+        return x, min(max(y, self.near), self.wide)
 
 
 class LegRoom(NamedTuple):
@@ -387,83 +406,71 @@ _MISS = 0.01
 the pelvis, taken to go along with the COM, is not known better."""
 
 
-class LegReach:
-    """Reach of a foot to its place, with the base where the walk has it."""
+def check_reach(robot: Robot, plan: FootstepPlan, height: float) -> None:
+    """Raises ConfigurationError if a foot does not reach its place, with the body at a height [m].
 
-    def __init__(self, robot: Robot, stand: Stand) -> None:
-        self._robot, self._stand = robot, stand
-        self._model, self._data = robot.model, robot.model.createData()
-        self._base = pin.XYZQUATToSE3(stand.q[:7])
-        self._base_from_com = self._base.translation - np.array(stand.com)
+    Looks at both feet at each touchdown and the next lift-off, the CoM between them.
+    """
+    start = pin.XYZQUATToSE3(plan.q[:7])
+    base_from_com = start.translation - np.array(plan.com)
+    heading = 0.5 * sum(place.yaw for place in plan.start)
+    for done in range(plan.count + 1):
+        places = plan.placements(done)
+        landed = plan.steps[max(done - 1, 0)].foot
+        behind, ahead = np.array(places[1 - landed].position), np.array(places[landed].position)
+        turn = pin.utils.rotate("z", 0.5 * (places[0].yaw + places[1].yaw) - heading)
+        for way in (0.5, 0.5 + plan.gait.double_support / plan.gait.step_time):
+            com = behind + way * (ahead - behind)
+            com[2] = min(behind[2], ahead[2]) + height
+            base = pin.SE3(turn @ start.rotation, com + turn @ base_from_com)
+            for foot, name in enumerate(plan.soles):
+                problem = _miss(robot, plan, foot, places[foot], base)
+                if problem:
+                    raise ConfigurationError(
+                        f"{name} of robot {robot.name!r} is out of reach"
+                        f" {f'after step {done}' if done else 'before its first step'}",
+                        got=problem,
+                        wanted="shorter steps, another width, or more crouch",
+                    )
 
-    def check(self, plan: FootstepPlan, height: float) -> None:
-        """Check both feet of a plan at each touchdown and the next lift-off."""
-        leaves = 0.5 + plan.gait.double_support / plan.gait.step_time
-        for done in range(plan.count + 1):
-            places = plan.placements(done)
-            landed = plan.steps[max(done - 1, 0)].foot
-            for way in (0.5, leaves):
-                base = self._base_between(places, landed, way, height)
-                for foot, name in enumerate(plan.soles):
-                    problem = self._miss(foot, places[foot], base)
-                    if problem:
-                        raise ConfigurationError(
-                            f"{name} of robot {self._robot.name!r} is out of reach"
-                            f" {f'after step {done}' if done else 'before its first step'}",
-                            got=problem,
-                            wanted="shorter steps, another width, or more crouch",
-                        )
 
-    def _base_between(
-        self, places: tuple[Placement, Placement], landed: int, way: float, height: float
-    ) -> pin.SE3:
-        """Return the base pose with the CoM between two feet."""
-        behind, ahead = places[1 - landed].position, places[landed].position
-        x, y = (a + way * (b - a) for a, b in zip(behind[:2], ahead[:2], strict=True))
-        com = np.array((x, y, min(behind[2], ahead[2]) + height))
-        before = 0.5 * sum(place.yaw for place in self._stand.start)
-        turn = pin.utils.rotate("z", 0.5 * (places[0].yaw + places[1].yaw) - before)
-        return pin.SE3(turn @ self._base.rotation, com + turn @ self._base_from_com)
+def _miss(robot: Robot, stand: Stand, foot: int, place: Placement, base: pin.SE3) -> str:
+    """Return the fault of a foot's place at one moment; "" for none."""
+    model, data, name = robot.model, robot.model.createData(), stand.soles[foot]
+    goal = pin.SE3(pin.utils.rotate("z", place.yaw), np.array(place.position))
+    frame, sole, chain = robot.frame_id(name), robot.soles[name], robot.leg_joints(name)
+    led = list(sole.controlled)
 
-    def _miss(self, foot: int, place: Placement, base: pin.SE3) -> str:
-        """Return the fault of a foot's place at one moment; "" for none."""
-        robot, model, data, stand = self._robot, self._model, self._data, self._stand
-        goal = pin.SE3(pin.utils.rotate("z", place.yaw), np.array(place.position))
-        name = stand.soles[foot]
-        frame, sole, chain = robot.frame_id(name), robot.soles[name], robot.leg_joints(name)
-        led = list(sole.controlled)
+    def linearize(
+        q: Float64[np.ndarray, " nq"],
+    ) -> list[tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]]:
+        pin.computeJointJacobians(model, data, q)
+        error, J = frame_error(model, data, frame, goal)
+        return [(error[led], J[led])]
 
-        def linearize(
-            q: Float64[np.ndarray, " nq"],
-        ) -> list[tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m nv"]]]:
-            pin.computeJointJacobians(model, data, q)
-            error, J = frame_error(model, data, frame, goal)
-            return [(error[led], J[led])]
-
-        q = stand.q.copy()
-        q[:7] = pin.SE3ToXYZQUAT(base)
-        q, ((error, _),) = inverse_kinematics(
-            model,
-            q,
-            linearize,
-            [model.joints[j].idx_v for j in chain],
-            tolerance=1e-3,
-            damping=1e-6,
-            step_max=0.3,
-            iterations=25,
-        )
-        short = float(np.linalg.norm(error[:3]))
-        if short > _MISS:
-            return f"{short:.3f} m short"
-        # A sole that its leg does not turn points where the body does.
-        turn = pin.log3(base.rotation @ self._base.rotation.T)[2]
-        aside = 0.0 if sole.turns else abs(place.yaw - stand.start[foot].yaw - float(turn))
-        if aside > _MISS:
-            return f"{aside:.3f} rad aside"
-        first = robot.nq - robot.nj
-        for k in (model.joints[j].idx_q - first for j in chain):
-            angle, low, high = float(q[first + k]), robot.q_min[k], robot.q_max[k]
-            if not low - _MISS <= angle <= high + _MISS:
-                joint = robot.joint_names[k]
-                return f"joint {joint!r} at {angle:.2f} of {low:.2f} to {high:.2f} rad"
-        return ""
+    q = stand.q.copy()
+    q[:7] = pin.SE3ToXYZQUAT(base)
+    q, ((error, _),) = inverse_kinematics(
+        model,
+        q,
+        linearize,
+        [model.joints[j].idx_v for j in chain],
+        tolerance=1e-3,
+        damping=1e-6,
+        step_max=0.3,
+        iterations=25,
+    )
+    short = float(np.linalg.norm(error[:3]))
+    if short > _MISS:
+        return f"{short:.3f} m short"
+    # A sole that its leg does not turn points where the body does.
+    turn = pin.log3(base.rotation @ pin.XYZQUATToSE3(stand.q[:7]).rotation.T)[2]
+    aside = 0.0 if sole.turns else abs(place.yaw - stand.start[foot].yaw - float(turn))
+    if aside > _MISS:
+        return f"{aside:.3f} rad aside"
+    first = robot.nq - robot.nj
+    for k in (model.joints[j].idx_q - first for j in chain):
+        angle, low, high = float(q[first + k]), robot.q_min[k], robot.q_max[k]
+        if not low - _MISS <= angle <= high + _MISS:
+            return f"joint {robot.joint_names[k]!r} at {angle:.2f} of {low:.2f} to {high:.2f} rad"
+    return ""

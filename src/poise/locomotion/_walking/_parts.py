@@ -12,7 +12,7 @@ from poise.locomotion._walking._commands import StepCommands, VelocityLimits
 from poise.locomotion._walking._dcm import LegMomentum, StepTimes, leg_ratios
 from poise.locomotion._walking._footsteps import FootstepPlan, Gait, Stand
 from poise.locomotion._walking._ground import LEVEL, Ground
-from poise.locomotion._walking._legs import LegReach, LegRoom, measure_leg
+from poise.locomotion._walking._legs import LegRoom, check_reach, measure_leg
 from poise.locomotion._walking._sense import WalkSense
 from poise.locomotion._walking._settings import WalkSettings
 from poise.locomotion._walking._stance import CarryingArea, Stance
@@ -70,7 +70,7 @@ def make_parts(
     ratios = leg_ratios(robot, stand.q, stand.soles)
     legs = LegMomentum(ratios.ahead, natural_frequency(height))
     if isinstance(stand, FootstepPlan):
-        LegReach(robot, stand).check(stand, height)
+        check_reach(robot, stand, height)
     leg = measure_leg(Dynamics(robot), stand.soles[0], stand.q)
     turns = all(robot.soles[sole].turns for sole in stand.soles)
     room = LegRoom(

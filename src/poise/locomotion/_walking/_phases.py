@@ -16,7 +16,7 @@ from poise.locomotion._support import (
 from poise.locomotion._walking._commands import Foothold
 from poise.locomotion._walking._dcm import REST_TIME, DcmMotions, hermite_step
 from poise.locomotion._walking._flight import Flight, HeldFlight
-from poise.locomotion._walking._ground import Placement, turn_to_left
+from poise.locomotion._walking._ground import Placement, led_swing, turn_to_left
 from poise.locomotion._walking._modes import (
     CATCH,
     LIFT,
@@ -26,9 +26,8 @@ from poise.locomotion._walking._modes import (
     StepMachine,
 )
 from poise.locomotion._walking._parts import WalkParts
-from poise.locomotion._walking._sense import ENGAGE, RELEASE
+from poise.locomotion._walking._sense import LOADING, UNLOADED
 from poise.locomotion._walking._step_planner import AHEAD, QUICK, Lifted
-from poise.locomotion._walking._swing import led_swing
 from poise.stack import BalanceLimit
 
 _WORTH = 0.5
@@ -38,15 +37,12 @@ _PATIENCE = 0.5
 """For so long a foot that is to step waits for its step to cost less [s]: with feet far apart
 ankles do not let the robot come nearer to the other one, and it steps from where it is."""
 
-_CALM = 0.01
-"""The divergent component has to be this far inside what holds it for the feet to stay [m]."""
-
 _ADJUST = 0.2
 """Distance by which a foothold may still move, for the balance limit [m]."""
 
-_HOVERING, _BOUNCES = 0.01, 0.15
-"""A foot that carries less than this part of the weight for the bounce time of the settings, not
-later than this after it landed [s], has not landed."""
+_BOUNCES = 0.15
+"""A foot that carries nothing for the bounce time of the settings, not later than this after it
+landed [s], has not landed."""
 
 
 T = TypeVar("T")
@@ -91,6 +87,8 @@ class StepPhases:
         self._parts, self._commands, self._tasks = parts, parts.commands, parts.tasks
         self._sense, self._stance, self._planner = parts.sense, parts.stance, parts.planner
         self._pendulum, self._gait, self._region = parts.pendulum, parts.gait, parts.region
+        # Depth of the DCM inside what holds it for feet to stay that would else come side by side.
+        self._calm = parts.settings.zmp_margin
         self._machine, self._time = StepMachine(), 0.0
         self.foot, self.steps_made = 0, 0  # swing foot, now, next or last; touchdowns
         self.flight: HeldFlight | None = None  # of the swing foot; None in double support
@@ -182,7 +180,7 @@ class StepPhases:
         self._left = max(self._left - dt, 0.0)
         self._stance.follow(self._parts.body.heading[0])
         self._lead_dcm(_resting(self._parts.stand.rest(self._stance.feet)), self._left, dt)
-        if not self.is_held(_CALM if self._closes else 0.0):
+        if not self.is_held(self._calm if self._closes else 0.0):
             self._hurry()
         elif self.motion is not None and (lifted := self.motion.lifted()) is not None:
             self.held, self.ended = True, None
@@ -262,7 +260,7 @@ class StepPhases:
             planner = self._planner
             lift_off = planner.on_the_way(planner.plan(self._next_foot()), planner.times.swing)
             self._lead_dcm(lift_off, self._left, dt)
-        ramp = min(RELEASE * self._gait.double_support, QUICK)
+        ramp = min(LOADING * self._gait.double_support, QUICK)
         if not self._released and self._left <= ramp:
             if self.held:
                 if not self._has_shifted():
@@ -401,7 +399,7 @@ class StepPhases:
     def _touch_down(self, flight: HeldFlight, ramp: float) -> None:
         """Stand on both feet from now on, with a part of the usual ramp of load on the new one."""
         self._machine.advance(ModeEvent.LANDED, self._time)
-        self._tasks.contacts[flight.foot].engage(ramp * ENGAGE * self._gait.double_support)
+        self._tasks.contacts[flight.foot].engage(ramp * LOADING * self._gait.double_support)
         self.flight = None
         self.steps_made += 1
         self._stand_on(0, 1)
@@ -415,7 +413,7 @@ class StepPhases:
         flight.made = commands.footholds.popleft() if commands.asks_for(foot) else None
         opened = commands.closes and not self.is_closed
         # Who steps only in order not to fall keeps any stand that holds.
-        calm = _CALM if commands.closes else 0.0
+        calm = self._calm if commands.closes else 0.0
         if commands.moving or opened or not self.is_held(calm):
             following = commands.next_foot(foot)
             again = following == foot
@@ -431,7 +429,7 @@ class StepPhases:
             self._landed = None
             return
         load = self._sense.load(flight.foot)
-        flight.hovering = 0.0 if load > _HOVERING else flight.hovering + dt
+        flight.hovering = 0.0 if load > UNLOADED else flight.hovering + dt
         if flight.hovering < self._parts.settings.bounce_time:
             return
         self._tasks.contacts[flight.foot].release(0.0)

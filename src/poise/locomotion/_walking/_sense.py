@@ -28,8 +28,8 @@ from poise.locomotion._walking._ground import Placement, yaw_of
 from poise.robots import Robot
 from poise.stack import FrameTask
 
-ENGAGE, RELEASE = 0.4, 0.5
-"""Ratios of the double support in which the landed foot is loaded and the next one unloaded."""
+LOADING = 0.4
+"""Part of the double support in which the landed foot is loaded, and the next one unloaded."""
 
 UNLOADED, LOADED = 0.02, 0.1
 """Parts of the weight below which a sole carries nothing, and from which it lies on the ground."""

@@ -53,9 +53,6 @@ without that it is the robot that is elsewhere."""
 _SLIP_SPEED, _LOADED = 0.2, 0.3
 """A sole that is faster [m/s] and carries more than this part of the weight slips."""
 
-_HALF = 0.5
-"""Part of the weight; feet that carry less leave most of the robot to a hoist or to hands."""
-
 _FREE_FALL = (0.0, 0.0, -GRAVITY)
 """Acceleration of all tasks while no foot carries [m/s^2]: that of the model without contacts, so
 no level has an error that would soften it."""
@@ -80,7 +77,8 @@ class TroubleWatch:
         # In the order of the signs.
         seen = (
             sense.com[2] - lowest < _FALLEN * height,
-            sum(loads) < _HALF,
+            # A hoist or hands have most of it.
+            sum(loads) < 0.5,
             flight is not None and flight.waited > settings.patience,
             flight is not None and self._is_caught(flight),
             error > _LOST * height,
@@ -110,8 +108,8 @@ class TroubleWatch:
         return x * x + y * y > _SLIP_SPEED * _SLIP_SPEED
 
 
-_IDLE, _IDLE_TIME = 0.01, 0.05
-"""Load, by weight, below which a stance foot hangs beside one that carries, and the time [s]."""
+_IDLE_TIME = 0.05
+"""Time after which a stance foot that carries nothing hangs beside one that carries [s]."""
 
 _NOISE = 5.0
 """Weight of a moment with a load over one without: noise, too, is a load at times."""
@@ -128,7 +126,7 @@ class HangWatch:
     def update(self, dt: float) -> None:
         """Update by the loads of the feet."""
         for foot, contact in enumerate(self._contacts):
-            idle = self._sense.load(foot) < _IDLE and contact.active
+            idle = self._sense.load(foot) < UNLOADED and contact.active
             if idle or self._idle[foot] > 0.0:
                 change = dt if idle else -_NOISE * dt
                 # Remembered for twice the time: a foot that carries again counts within 10 ms.
