@@ -41,6 +41,14 @@ class BoundOnce(Copied):
         self._robot = robot
         self.share_memory()
 
+    def is_bound_to(self, robot: Robot) -> bool:
+        """Return True where it serves that robot.
+
+        Args:
+            robot: the robot.
+        """
+        return self._robot is robot
+
     @property
     def robot(self) -> Robot:
         """The robot that is served.
