@@ -36,7 +36,8 @@ def restore(thing: object, saved: object) -> None:
     foreign = getattr(thing, "foreign", ())
     for name, value in vars(saved).items():
         if name not in foreign:
-            setattr(thing, name, restored(vars(thing).get(name), value))
+            # Public attributes of some are for reading.
+            vars(thing)[name] = restored(vars(thing).get(name), value)
 
 
 def restored(own: Any, saved: Any) -> Any:

@@ -17,7 +17,7 @@ from poise.control._strategy import PHYSICS_TOLERANCE, UNSOFTENED, USABLE
 from poise.dynamics import Dynamics, RobotState
 from poise.hqp import LOST, UNSOUND, LexicographicSolver
 from poise.robots import Robot
-from poise.stack import Contact, Numbers, Owner, Stack, settling_of
+from poise.stack import Contact, Numbers, Owner, Stack
 
 _CHUNK = 16
 """States that a thread takes at a time: few enough that the others do not wait for its part of
@@ -45,7 +45,7 @@ class _Lane:
         self._numbers = full.numbers_with(
             (self._torques[0], self._torques[1]), (joints[0], joints[1])
         )
-        self._settling = settling_of(stack.joint_limit.viability, joints[0], joints[1])
+        self._settling = stack.joint_limit.settling(joints[0], joints[1])
         self._program = LaneProgram(
             places=_addresses(self._targets),
             state=self._dynamics.numbers.address,
@@ -95,7 +95,7 @@ class _Lane:
             dynamics.update(state)
             for owner in holding:
                 owner.hold(dynamics)
-            self.full.rows.update_own(dynamics)
+            self.full.rows.evaluation.update_own(dynamics)
             gather(self._places, self._packed[row])
             for owner in holding:
                 owner.reset()
@@ -127,18 +127,13 @@ class _Lane:
             *self._dynamics.moving_numbers,
             self._torques.ravel(),
         ]
-        problem, rows = self.full.problem, self.full.rows
-        for _, place in rows.own_tasks:
-            # The stack's rows begin where the dynamics' end.
-            at = slice(self._robot.nv + place.start, self._robot.nv + place.stop)
-            beyond = slice(problem.n + at.start, problem.n + at.stop)
-            own += [
-                problem.A[at].ravel(),
-                problem.lower[beyond],
-                problem.upper[beyond],
-                problem.weights[beyond],
-                rows.evaluation.rows.error[place],
-            ]
+        evaluation, nv = self.full.rows.evaluation, self._robot.nv
+        rows = evaluation.rows
+        for _, place in evaluation.own:
+            matrix = rows.matrix[rows.first + place.start : rows.first + place.stop]
+            own += [row[:nv] for row in matrix]
+            found = rows.drift, rows.fade, rows.error, rows.error_rate, rows.feedforward
+            own += [numbers[place] for numbers in found]
         return own
 
 

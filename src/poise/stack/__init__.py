@@ -9,18 +9,16 @@ from poise.stack._axes import (
 from poise.stack._balance import BalanceLimit, BalanceRows as BalanceRows
 from poise.stack._centroid import ComTask, MomentumTask
 from poise.stack._contact import Contact
-from poise.stack._contact_sets import ContactSets as ContactSets
 from poise.stack._contacts import PointContact, SurfaceContact
 from poise.stack._evaluation import any_dynamics as any_dynamics, evaluate as evaluate
 from poise.stack._frame import FrameTask
 from poise.stack._joint_limit import JointLimit
 from poise.stack._joints import JointTask, PostureTask
-from poise.stack._leader import Leader
 from poise.stack._owner import Owner as Owner
-from poise.stack._polygon import find_hull as find_hull
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._rows import (
     AT_BOUND as AT_BOUND,
+    ContactSets as ContactSets,
     StackRows as StackRows,
     home_jacobians as home_jacobians,
     stacked_cones as stacked_cones,
@@ -29,8 +27,6 @@ from poise.stack._self_collision import (
     SelfCollisionLimit,
     SelfCollisionRows as SelfCollisionRows,
 )
-from poise.stack._settling import settling_of as settling_of
-from poise.stack._shipped import PoseTarget as PoseTarget
 from poise.stack._softening import (
     DAMPING as DAMPING,
     Softening as Softening,
@@ -38,14 +34,16 @@ from poise.stack._softening import (
 )
 from poise.stack._stack import (
     SOFTENING as SOFTENING,
+    Leader,
     Stack,
     default_stack,
     is_held as is_held,
 )
+from poise.stack._support import find_hull as find_hull
 from poise.stack._tables import Numbers as Numbers, Rows as Rows
+from poise.stack._targets import PoseTarget as PoseTarget
 from poise.stack._task import Task, TaskFaultError as TaskFaultError
 from poise.stack._torque_limit import SMOOTH_RATE as SMOOTH_RATE, TorqueLimit
-from poise.stack._viability import Viability as Viability
 
 __all__ = [
     "BalanceLimit",

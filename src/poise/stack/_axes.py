@@ -163,14 +163,12 @@ def split_pose(value: Pose, what: str) -> tuple[Numbers, Numbers] | None:
     matrix = _as_array(value, what, TargetError) if isinstance(value, list | tuple) else value
     if not isinstance(matrix, np.ndarray) or matrix.shape != (4, 4):
         return None
-    if not np.array_equal(matrix[3], _LAST_ROW):
+    if not np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0]):
         raise TargetError(
             f"{what} is no pose", got=matrix[3].tolist(), wanted="a last row of 0, 0, 0, 1"
         )
     return matrix[:3, 3], np.ascontiguousarray(matrix[:3, :3])
 
-
-_LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 
 _UNIT_TOLERANCE = 1e-3
 """How far a quaternion's length may be from one before it was hardly meant to be a unit."""

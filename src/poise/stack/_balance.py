@@ -1,39 +1,59 @@
-"""`BalanceLimit`: no task takes the robot where its feet can no longer catch it.
-
-`BalanceRows`: its rows for one set of active contacts.
-"""
+"""`BalanceLimit`: no task takes the robot where its feet can no longer catch it."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._checks import Numbers, checked_kind, checked_number
+from poise._compiled import part
+from poise.dynamics import KINEMATICS, StateNumbers, momentum_rate, place_frame, turn_to_world
 from poise.errors import ConfigurationError
 from poise.robots import Robot, once_a_robot
 from poise.stack._axes import checked_target
-from poise.stack._balance_kernels import FIRST_LEG, MOST_EDGES
+from poise.stack._bound_once import Limit
 from poise.stack._contact import Contact
+from poise.stack._joint_limit import viable_bounds
 from poise.stack._owner import Owner
-from poise.stack._support_kernels import NEXT_STEP, TORQUES
-from poise.stack._tables import Kind, Rows
+from poise.stack._points import clear, distance_motion, vector, write_distance
+from poise.stack._support import (
+    BASE,
+    NEXT_STEP,
+    TORQUES,
+    BalanceSettings,
+    balance_settings,
+    edge_of,
+    nearest_inside,
+    outline_support,
+)
+from poise.stack._tables import WORK, Line, Rows, StackNumbers
 
-_CARRYING = 0.5
-"""A contact counts as soon as it may carry this part of the weight."""
+MOST_EDGES = 12
+"""Rows for edges of the support: two soles and a foothold have no more."""
 
-_LEG_HORIZON = 0.02
-"""Horizon of the legs' bounds, as of the joints' [s]."""
+FIRST_LEG = MOST_EDGES + 3
+"""Rows of the edges, and of the angular momentum about the three axes."""
 
-_SCAN = 61
-"""Angles of each joint of a leg that are tried for its longest and shortest."""
+_STEP_DECAY = 60.0
+"""Least decay while a step is announced [1/s]: a step takes the component to the next foothold at
+its full speed, and the ZMP goes over to it within a tenth of a second."""
 
-_ROUNDING = 1e-9
-"""Variation of a distance that is rounding of its coordinates [m]."""
+_COMEBACK = 12.0
+"""Least rate at which the component comes back from beyond an edge [1/s]: a vertical that is off by
+an angle pushes it out there by h angle omega / rate."""
+
+_LOWEST = 0.1
+"""Least height of the COM over the contacts that is reckoned with [m]."""
+
+_LEAST_ARM, _CATCHING, _MOST_ARM = 0.3, 10.0, 1.4
+"""Part of the moment that remains where the component is on the edge; how much more there is, as an
+arm, by how far it is outside, for hips need it to catch; and how much there is at most."""
 
 
-class BalanceLimit:
+class BalanceLimit(Limit):
     """Bounds that keep a robot on its feet catchable, whatever its tasks ask for.
 
     At a height z over the feet, with omega^2 = g / z, the divergent component of motion
@@ -100,8 +120,22 @@ class BalanceLimit:
 
     Attributes:
         name: what reports call it.
+        enabled: True where the limit has rows.
+        margin: distance kept from the edges that the centre of pressure can reach [m].
+        decay: largest rate at which the distance to an edge is used up [1/s].
+        stop_time: in which the soles could stop the angular momentum that is allowed [s].
+        leg_min: least distance of hip and ankle, by that of a straight leg.
+        leg_max: largest distance of hip and ankle, by that of a straight leg.
         parameters: what the compiled rows read; the array stays the same.
     """
+
+    enabled: bool
+    margin: float
+    decay: float
+    stop_time: float
+    leg_min: float
+    leg_max: float
+    parameters: Float64[np.ndarray, " p"]
 
     def __init__(
         self,
@@ -114,81 +148,37 @@ class BalanceLimit:
         leg_max: float = 0.99,
         braking: float = 3.0,
     ) -> None:
-        self.name = "balance limit"
-        self._enabled = checked_kind(enabled, bool, "enabled of the balance limit")
-        self._margin = checked_number(margin, "margin of the balance limit [m]")
-        self._decay = checked_number(decay, "decay of the balance limit [1/s]", above=0.0)
-        self._stop_time = checked_number(stop_time, "stop_time of the balance limit [s]", above=0.0)
-        self._braking = checked_number(braking, "braking of the balance limit [m/s^2]", above=0.0)
-        self._leg_min = checked_number(leg_min, "leg_min of the balance limit", above=0.0)
-        self._leg_max = checked_number(leg_max, "leg_max of the balance limit", above=leg_min)
-        if self._leg_max > 1.0:
+        name = "balance limit"
+        self._braking = checked_number(braking, f"braking of the {name} [m/s^2]", above=0.0)
+        self._set(
+            name=name,
+            enabled=checked_kind(enabled, bool, f"enabled of the {name}"),
+            margin=checked_number(margin, f"margin of the {name} [m]"),
+            decay=checked_number(decay, f"decay of the {name} [1/s]", above=0.0),
+            stop_time=checked_number(stop_time, f"stop_time of the {name} [s]", above=0.0),
+            leg_min=checked_number(leg_min, f"leg_min of the {name}", above=0.0),
+            leg_max=checked_number(leg_max, f"leg_max of the {name}", above=leg_min),
+        )
+        if self.leg_max > 1.0:
             raise ConfigurationError(
-                "leg_max of the balance limit is beyond a straight leg", got=leg_max, wanted="<= 1"
+                f"leg_max of the {name} is beyond a straight leg", got=leg_max, wanted="<= 1"
             )
-        self._robot: Robot | None = None
-        self.parameters: Float64[np.ndarray, " p"] = np.zeros(0)
 
-    @property
-    def enabled(self) -> bool:
-        """True where the limit has rows."""
-        return self._enabled
-
-    @property
-    def margin(self) -> float:
-        """Distance kept from the edges that the centre of pressure can reach [m]."""
-        return self._margin
-
-    @property
-    def decay(self) -> float:
-        """Largest rate at which the distance to an edge is used up [1/s]."""
-        return self._decay
-
-    @property
-    def stop_time(self) -> float:
-        """In which the soles could stop the angular momentum that is allowed [s]."""
-        return self._stop_time
-
-    @property
-    def leg_min(self) -> float:
-        """Least distance of hip and ankle, by that of a straight leg."""
-        return self._leg_min
-
-    @property
-    def leg_max(self) -> float:
-        """Largest distance of hip and ankle, by that of a straight leg."""
-        return self._leg_max
-
-    def bind(self, robot: Robot) -> None:
-        """Measure the legs of a robot; controllers call it before the first tick.
-
-        Raises:
-            ConfigurationError: the limit serves another robot.
-        """
-        if self._robot is robot:
-            return
-        if self._robot is not None:
-            raise ConfigurationError(
-                "the balance limit already serves another robot",
-                got=robot.name,
-                wanted=f"robot {self._robot.name!r}, or a limit of its own",
-            )
-        self._robot = robot
+    def _bind(self, robot: Robot) -> None:
         legs = _legs_of(robot)
         self._legs = {leg.sole: leg for leg in legs}
-        self.parameters = np.array(
-            [
-                self._decay,
-                self._margin,
-                _CARRYING * robot.weight,
-                self._braking,
-                _LEG_HORIZON,
-                self._stop_time,
-                *[np.nan] * (TORQUES - NEXT_STEP),
-                *robot.tau_max,
-                *(x for leg in legs for x in leg.bounds(self._leg_min, self._leg_max)),
-            ]
+        # A contact counts that may carry half the weight; legs have the horizon of the joints.
+        settings = BalanceSettings(
+            decay=self.decay,
+            margin=self.margin,
+            least_load=0.5 * robot.weight,
+            braking=self._braking,
+            horizon=0.02,
+            stop_time=self.stop_time,
         )
+        no_step = [np.nan] * (TORQUES - NEXT_STEP)
+        bounds = [x for leg in legs for x in leg.bounds(self.leg_min, self.leg_max)]
+        self._set(parameters=np.array([*settings, *no_step, *robot.tau_max, *bounds]))
 
     def expect_step(self, corners: Numbers | None) -> None:
         """Announce the next foothold: what leaves the soles towards it will be caught there.
@@ -205,10 +195,7 @@ class BalanceLimit:
             TargetError: wrong shape, NaN or infinite.
             ConfigurationError: the limit serves no robot yet.
         """
-        if self._robot is None:
-            raise ConfigurationError(
-                "the balance limit serves no robot yet", got=None, wanted="a stack that is bound"
-            )
+        _ = self.robot  # it may serve none yet, and this says so
         place = self.parameters[NEXT_STEP:TORQUES]
         if corners is None:
             place[:] = np.nan
@@ -228,9 +215,10 @@ class BalanceLimit:
             contacts: bound to the robot that the limit serves.
         """
         stands = self._robot is not None and self._robot.floating_base
-        if not (self._enabled and stands and contacts):
+        if not (self.enabled and stands and contacts):
             return None
-        return BalanceRows(self, [self._legs[c.frame] for c in contacts if c.frame in self._legs])
+        legs = [self._legs[c.frame] for c in contacts if c.frame in self._legs]
+        return BalanceRows(self, legs, len(contacts))
 
 
 class BalanceRows(Owner):
@@ -243,14 +231,13 @@ class BalanceRows(Owner):
             [m]; a view that the next evaluation overwrites.
     """
 
-    kind = Kind.BALANCE
-
-    def __init__(self, limit: BalanceLimit, legs: Sequence["_Leg"]) -> None:
+    def __init__(self, limit: BalanceLimit, legs: Sequence["_Leg"], contacts: int) -> None:
         self.name, self.parameters = limit.name, limit.parameters
         self.dim = FIRST_LEG + len(legs)
         self.labels = [(f"{limit.name}: edge of the support", MOST_EDGES)]
         self.labels += [(f"{limit.name}: angular momentum", FIRST_LEG - MOST_EDGES)]
         self.labels += [(f"{limit.name}: leg of {leg.sole}", 1) for leg in legs]
+        self.room = WORK + 2 * contacts
         self.frame_ids = tuple(i for leg in legs for i in leg.frame_ids)
         self.chosen = np.array([leg.index for leg in legs], dtype=np.int64)
         self.edge_distances: Float64[np.ndarray, " edges"] = np.full(MOST_EDGES, np.inf)
@@ -302,15 +289,175 @@ def _measure(robot: Robot, sole: str, index: int) -> _Leg | None:
         hip, ankle = (data.oMi[j].translation for j in ends)
         return float(np.linalg.norm(hip - ankle))
 
-    def lengths(joint: int) -> Iterator[float]:
+    def lengths(joint: int, angles: int = 61) -> Iterator[float]:
         k, q = model.joints[joint].idx_q, robot.q_home.copy()
         i = k - (robot.nq - robot.nj)
-        for q[k] in np.linspace(robot.q_min[i], robot.q_max[i], _SCAN):
+        for q[k] in np.linspace(robot.q_min[i], robot.q_max[i], angles):
             yield length(q)
 
     hip, ankle = (model.getFrameId(model.names[j], pin.FrameType.JOINT) for j in ends)
     reached = [distance for joint in joints for distance in lengths(joint)]
     straight = max(reached)
-    if straight - min(reached) < _ROUNDING:
+    # What is less is rounding of the coordinates.
+    if straight - min(reached) < 1e-9:
         return None
     return _Leg(sole, index, (hip, ankle), length(robot.q_home), straight)
+
+
+@part
+def bound_balance(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
+    """Rows for the edges of the support, the angular momentum, then one a leg."""
+    clear(assembly, line.first, line.dim, len(state.v))
+    _bound_edges(state, assembly, line)
+    for leg in range(line.dim - FIRST_LEG):
+        _bound_leg(state, assembly, line, leg)
+
+
+@part
+def _bound_edges(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
+    v, motion, owners, rows = state.v, state.motion, assembly.owners, assembly.rows
+    outer, height = outline_support(state, assembly, line, 0)
+    inner, _ = outline_support(state, assembly, line, 1)
+    if min(len(outer), len(inner)) < 3:
+        return
+    height = max(motion.com[2] - height, _LOWEST)
+    decay = balance_settings(owners.parameters, line.start).decay
+    if not np.isnan(owners.parameters[line.start + NEXT_STEP]):
+        decay = max(decay, _STEP_DECAY)
+    omega = sqrt(-motion.gravity[2] / height)
+    speed_x = speed_y = 0.0
+    for k in range(len(v)):
+        speed_x += motion.momentum[k, 0] * v[k] / motion.mass[0]
+        speed_y += motion.momentum[k, 1] * v[k] / motion.mass[0]
+    xi_x, xi_y = motion.com[0] + speed_x / omega, motion.com[1] + speed_y / omega
+    near_x, near_y = nearest_inside(inner, xi_x, xi_y)
+    comeback = max(decay, _COMEBACK)
+    back = comeback / omega
+    zmp_x, zmp_y = nearest_inside(
+        outer, xi_x + back * (xi_x - near_x), xi_y + back * (xi_y - near_y)
+    )
+    work = assembly.work
+    momentum_rate(motion, work, 0)
+    for i in range(len(inner)):
+        nx, ny, h = edge_of(inner, i)
+        left = h - nx * xi_x - ny * xi_y
+        place = _rank_among_nearest(inner, i, left, xi_x, xi_y)
+        if place >= MOST_EDGES:
+            continue
+        # The component may approach the edge, or do what the ZMP cannot keep it from.
+        rate = decay * left if left > 0.0 else comeback * left
+        rate = max(rate, omega * (nx * (xi_x - zmp_x) + ny * (xi_y - zmp_y)))
+        row = line.first + place
+        reference = omega * (rate - nx * speed_x - ny * speed_y)
+        drift = (nx * work[0] + ny * work[1]) / motion.mass[0]
+        rows.upper[row] = reference - drift
+        rows.reference[row], rows.drift[row], rows.error[row] = reference, drift, left
+        for k in range(len(v)):
+            rows.matrix[rows.first + row, k] = (
+                nx * motion.momentum[k, 0] + ny * motion.momentum[k, 1]
+            ) / motion.mass[0]
+    _bound_momentum(state, assembly, line, inner, (xi_x, xi_y), height)
+
+
+@part
+def _rank_among_nearest(
+    hull: Float64[np.ndarray, "k 2"], edge: int, left: float, x: float, y: float
+) -> int:
+    """The place of an edge: its own, or that in the order of distance where there are too many."""
+    if len(hull) <= MOST_EDGES:
+        return edge
+    nearer = 0
+    for i in range(len(hull)):
+        nx, ny, h = edge_of(hull, i)
+        other = h - nx * x - ny * y
+        if other < left or (other == left and i < edge):
+            nearer += 1
+    return nearer
+
+
+@part
+def _bound_momentum(
+    state: StateNumbers,
+    assembly: StackNumbers,
+    line: Line,
+    hull: Float64[np.ndarray, "k 2"],
+    xi: tuple[float, float],
+    height: float,
+) -> None:
+    """The angular momentum about the COM, as the acceleration that as much force gave it."""
+    v, motion, rows, work = state.v, state.motion, assembly.rows, assembly.work
+    mx = my = 0.0
+    for i in range(len(hull)):
+        mx += hull[i, 0] / len(hull)
+        my += hull[i, 1] / len(hull)
+    arm = np.inf
+    # The least distance of an edge from the middle of the corners.
+    for i in range(len(hull)):
+        nx, ny, h = edge_of(hull, i)
+        arm = min(arm, h - nx * mx - ny * my)
+    weight = -motion.mass[0] * motion.gravity[2]
+    stop = balance_settings(assembly.owners.parameters, line.start).stop_time
+    scale = 1.0 / (motion.mass[0] * height)
+    for i in range(3):
+        row = line.first + MOST_EDGES + i
+        momentum = 0.0
+        for k in range(len(v)):
+            momentum += motion.momentum[k, 3 + i] * v[k]
+            rows.matrix[rows.first + row, k] = scale * motion.momentum[k, 3 + i]
+        up = down = weight * arm
+        if i < 2:
+            # A lean to the left, about -x, is stopped by pressing to the left of the component.
+            x, y = (0.0, -1.0) if i == 0 else (1.0, 0.0)
+            up = weight * _stopping_arm(hull, xi, (x, y), arm)
+            down = weight * _stopping_arm(hull, xi, (-x, -y), arm)
+        rows.upper[row] = scale * (up * max(1.0 - momentum / (up * stop), 0.0) - work[3 + i])
+        rows.target[row] = scale * (-down * max(1.0 + momentum / (down * stop), 0.0) - work[3 + i])
+
+
+@part
+def _stopping_arm(
+    hull: Float64[np.ndarray, "k 2"],
+    xi: tuple[float, float],
+    way: tuple[float, float],
+    most: float,
+) -> float:
+    """Reach of the soles beyond the component, one way, which stops a lean that way [m].
+
+    Where the component is outside, a lean that way is what brings it back.
+    """
+    least = np.inf
+    for i in range(len(hull)):
+        nx, ny, h = edge_of(hull, i)
+        along = nx * way[0] + ny * way[1]
+        # Edges along the way, but for rounding, are never met.
+        if along > 1e-9:
+            least = min(least, (h - nx * xi[0] - ny * xi[1]) / along)
+    if least < 0.0:
+        return min(_MOST_ARM * most, _LEAST_ARM * most - _CATCHING * least)
+    return min(most, max(least, _LEAST_ARM * most))
+
+
+@part
+def _bound_leg(state: StateNumbers, assembly: StackNumbers, line: Line, leg: int) -> None:
+    """The distance of a hip from its ankle, by its acceleration along the line between them."""
+    motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
+    parameters, frames = owners.parameters, (line.frame + 2 * leg, line.frame + 2 * leg + 1)
+    for side in range(2):
+        place_frame(motion, owners.frames, frames[side], work, side * KINEMATICS)
+        turn_to_world(work, side * KINEMATICS)
+    points = (vector(work, 0), vector(work, KINEMATICS))
+    length, n, _, speed, drift = distance_motion(work, (0, KINEMATICS), points)
+    torques = len(motion.columns) - BASE
+    limits = line.start + TORQUES + torques + 2 * owners.chosen[line.chosen + leg]
+    settings = balance_settings(parameters, line.start)
+    lowest, highest = viable_bounds(
+        length - float(parameters[limits]),
+        float(parameters[limits + 1]) - length,
+        speed,
+        np.inf,
+        (np.inf, settings.horizon, settings.braking),
+    )
+    row = line.first + FIRST_LEG + leg
+    rows.drift[row] = drift
+    rows.target[row], rows.upper[row] = lowest - drift, highest - drift
+    write_distance(state, assembly, row, frames, points, n)

@@ -12,18 +12,9 @@ from poise.dynamics import Dynamics, StateNumbers, momentum_rate
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import COM_SPEED, parse_axes
-from poise.stack._shipped import ShippedTask, VectorTarget
-from poise.stack._tables import (
-    CHOSEN,
-    COUNT,
-    FIRST,
-    GAINS,
-    START,
-    Kind,
-    Line,
-    StackNumbers,
-)
-from poise.stack._task import ask, write_measured
+from poise.stack._tables import GAINS, Line, StackNumbers
+from poise.stack._targets import VectorTarget
+from poise.stack._task import ShippedTask, write_measured
 
 
 class ComTask(ShippedTask[VectorTarget]):
@@ -37,8 +28,6 @@ class ComTask(ShippedTask[VectorTarget]):
         speed: largest speed that feedback asks for [m/s]; 0.35 when None.
         name: what reports call it.
     """
-
-    kind = Kind.COM
 
     def __init__(
         self,
@@ -116,8 +105,6 @@ class MomentumTask(ShippedTask[VectorTarget]):
         name: what reports call it.
     """
 
-    kind = Kind.MOMENTUM
-
     def __init__(
         self,
         axes: str = "angular",
@@ -171,53 +158,30 @@ class MomentumTask(ShippedTask[VectorTarget]):
 @part
 def com_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """The COM; its Jacobian and drift are the linear momentum's over the mass."""
-    motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
-    parameters, m = owners.parameters, line[COUNT]
+    motion, owners, work = state.motion, assembly.owners, assembly.work
+    parameters, mass = owners.parameters, motion.mass[0]
     momentum_rate(motion, work, 0)
-    for i in range(m):
-        axis = int(owners.chosen[line[CHOSEN] + i])
-        row = int(rows.first + line[FIRST]) + i
-        actual = _write_momentum_row(state, assembly, axis, motion.mass[0], row)
-        target = int(line[START] + GAINS * m) + axis
-        velocity = parameters[target + 3]
-        write_measured(
-            assembly,
-            line,
-            i,
-            parameters[target] - motion.com[axis],
-            1.0,
-            velocity,
-            actual,
-            parameters[target + 6],
-            work[axis] / motion.mass[0],
-        )
-    ask(assembly, line, 0, m)
+    for i in range(line.dim):
+        axis = int(owners.chosen[line.chosen + i])
+        actual = _write_momentum_row(state, assembly, axis, mass, line.first + i)
+        target = line.start + GAINS * line.dim + axis
+        error, velocity = parameters[target] - motion.com[axis], parameters[target + 3]
+        ahead, drift = parameters[target + 6], work[axis] / mass
+        write_measured(assembly, line, i, error, 1.0, velocity, actual, ahead, drift)
 
 
 @part
 def momentum_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """The angular momentum about the COM; its target's first rate is the feedforward."""
-    motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
-    parameters, m = owners.parameters, line[COUNT]
-    momentum_rate(motion, work, 0)
-    for i in range(m):
-        axis = int(owners.chosen[line[CHOSEN] + i])
-        row = int(rows.first + line[FIRST]) + i
-        actual = _write_momentum_row(state, assembly, 3 + axis, 1.0, row)
-        target = int(line[START] + GAINS * m) + axis
-        momentum = parameters[target]
-        write_measured(
-            assembly,
-            line,
-            i,
-            momentum - actual,
-            1.0,
-            momentum,
-            actual,
-            parameters[target + 3],
-            work[3 + axis],
-        )
-    ask(assembly, line, 0, m)
+    owners, work = assembly.owners, assembly.work
+    momentum_rate(state.motion, work, 0)
+    for i in range(line.dim):
+        axis = int(owners.chosen[line.chosen + i])
+        actual = _write_momentum_row(state, assembly, 3 + axis, 1.0, line.first + i)
+        target = line.start + GAINS * line.dim + axis
+        momentum, ahead = owners.parameters[target], owners.parameters[target + 3]
+        drift = work[3 + axis]
+        write_measured(assembly, line, i, momentum - actual, 1.0, momentum, actual, ahead, drift)
 
 
 @part
@@ -229,6 +193,6 @@ def _write_momentum_row(
     actual = 0.0
     for k in range(len(v)):
         x = motion.momentum[k, component] / divisor
-        rows.matrix[row, k] = x
+        rows.matrix[rows.first + row, k] = x
         actual += x * v[k]
     return actual

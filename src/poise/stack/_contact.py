@@ -1,7 +1,4 @@
-"""`Contact`: a place where the robot touches the world and may push against it.
-
-`LoadRamp`: how much of its load a contact may carry, over time.
-"""
+"""`Contact`: a place where the robot touches the world and may push against it."""
 
 import math
 from abc import ABC, abstractmethod
@@ -15,7 +12,6 @@ from poise.dynamics import (
     BIAS,
     ROTATION,
     VELOCITY,
-    Dynamics,
     StateNumbers,
     column_at,
     place_frame,
@@ -23,17 +19,9 @@ from poise.dynamics import (
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target, split_rows
+from poise.stack._bound_once import BoundOnce
 from poise.stack._owner import Owner
-from poise.stack._tables import (
-    CHOSEN,
-    COUNT,
-    FIRST,
-    FRAME_INDEX,
-    START,
-    Kind,
-    Line,
-    StackNumbers,
-)
+from poise.stack._tables import Line, StackNumbers
 
 FULL_TILT = 0.01
 """A sole that leans and is tilted by this much stands on its edge alone [rad]."""
@@ -41,55 +29,11 @@ FULL_TILT = 0.01
 _ROUNDING = 1e-9
 """Load left that is the sum's rounding, not a tick's part of the ramp."""
 
-
-class LoadRamp:
-    """A number between zero and one that moves linearly to a goal.
-
-    The ramp starts at the first `advance` after `start`, so that whoever starts it needs no clock,
-    and it counts time forwards only: a clock that jumps back does not stop it.
-    """
-
-    def __init__(self) -> None:
-        self._load = 1.0
-        self._goal = 1.0
-        self._rate = math.inf
-        self._time: float | None = None
-
-    @property
-    def active(self) -> bool:
-        """True where the load, now or at the end of the ramp, is not zero."""
-        return self._load > 0.0 or self._goal > 0.0
-
-    def start(self, goal: float, duration: float) -> None:
-        """Move to a goal over a duration [s], from wherever the load is now."""
-        self._goal = goal
-        self._rate = abs(goal - self._load) / duration if duration > 0.0 else math.inf
-        self._time = None
-
-    def advance(self, time: float) -> float:
-        """The load at a time [s]."""
-        if self._load == self._goal:
-            return self._load
-        elapsed = 0.0 if self._time is None else max(time - self._time, 0.0)
-        self._time = time
-        left = self._goal - self._load
-        if math.isinf(self._rate) or self._rate * elapsed >= abs(left) - _ROUNDING:
-            self._load = self._goal
-        else:
-            self._load += math.copysign(self._rate * elapsed, left)
-        return self._load
-
-    def pause(self, time: float) -> None:
-        """Go on from a time [s], with the load that there was before."""
-        if self._time is not None:
-            self._time = max(self._time, time)
-
-
 MAX_LOAD_FACTOR = 5.0
 """A loaded contact may carry this many times the robot's weight: no bound in practice."""
 
 
-class Contact(Owner, ABC):
+class Contact(Owner, BoundOnce, ABC):
     """A unilateral frictional contact at a frame whose z axis is the contact normal.
 
     Wrenches act on the robot, at the frame's origin, along the frame's own axes, so that the cone
@@ -116,8 +60,6 @@ class Contact(Owner, ABC):
         reference: reference acceleration of the contact.
     """
 
-    kind = Kind.CONTACT
-
     def __init__(
         self,
         frame: str,
@@ -139,9 +81,11 @@ class Contact(Owner, ABC):
                 wanted="a fraction of the weight below 0.5",
             )
         self._hold(np.arange(dim), damping)
-        self._load = LoadRamp()
+        # The load moves linearly to its goal, from the first `advance` on.
+        self._load = self._goal = 1.0
+        self._rate = math.inf
+        self._time: float | None = None
         self._bounded_load = math.nan
-        self._robot: Robot | None = None
 
     def _hold(self, components: Int64[np.ndarray, " dim"], damping: float) -> None:
         """Make room for the rows of some components of the frame's motion and of the wrench."""
@@ -155,22 +99,7 @@ class Contact(Owner, ABC):
         self.wrench_lower[:], self.wrench_upper[:] = -np.inf, np.inf
         self.wrench_lower[2] = 0.0
 
-    def bind(self, robot: Robot) -> None:
-        """Resolve the frame on a robot; controllers call it before the first tick.
-
-        Raises:
-            UnknownNameError: the robot has no such frame.
-            ConfigurationError: facts are missing, the cone has no rows, or the contact serves
-                another robot.
-        """
-        if self._robot is robot:
-            return
-        if self._robot is not None:
-            raise ConfigurationError(
-                f"contact {self.name!r} already serves another robot",
-                got=robot.name,
-                wanted=f"robot {self._robot.name!r}, or a contact of its own",
-            )
+    def _bind(self, robot: Robot) -> None:
         self.frame_ids = (robot.frame_id(self.frame),)
         components = self._held_components(robot)
         if len(components) != self.dim:
@@ -187,7 +116,10 @@ class Contact(Owner, ABC):
                 wanted=f"(rows, {self.dim}) with at least one row, such as that of f_z >= 0",
             )
         self._whole = self.cone.copy()
-        self._robot = robot
+
+    @property
+    def _title(self) -> str:
+        return f"contact {self.name!r}"
 
     def __repr__(self) -> str:
         loaded = "loaded" if self.active else "free"
@@ -270,7 +202,7 @@ class Contact(Owner, ABC):
     @property
     def active(self) -> bool:
         """True where the contact may bear load; an inactive one does not constrain the robot."""
-        return self._load.active
+        return self._load > 0.0 or self._goal > 0.0
 
     @property
     def metric(self) -> Float64[np.ndarray, "dim dim"]:
@@ -297,7 +229,7 @@ class Contact(Owner, ABC):
         Raises:
             ConfigurationError: a negative or non-finite duration.
         """
-        self._load.start(0.0, checked_number(duration, "duration of a contact's release [s]"))
+        self._move_load(0.0, checked_number(duration, "duration of a contact's release [s]"))
 
     def engage(self, duration: float = 0.2) -> None:
         """Load the contact: it turns active, and its normal force bound ramps up from zero.
@@ -308,7 +240,11 @@ class Contact(Owner, ABC):
         Raises:
             ConfigurationError: a negative or non-finite duration.
         """
-        self._load.start(1.0, checked_number(duration, "duration of a contact's engagement [s]"))
+        self._move_load(1.0, checked_number(duration, "duration of a contact's engagement [s]"))
+
+    def _move_load(self, goal: float, duration: float) -> None:
+        self._goal, self._time = goal, None
+        self._rate = abs(goal - self._load) / duration if duration > 0.0 else math.inf
 
     def pause(self, time: float) -> None:
         """Hold the load ramp while there is no command; it goes on afterwards.
@@ -316,7 +252,8 @@ class Contact(Owner, ABC):
         Args:
             time: time of the state [s].
         """
-        self._load.pause(time)
+        if self._time is not None:
+            self._time = max(self._time, time)
 
     def advance(self, time: float) -> None:
         """Move the load ramp on to a time and sets the bounds of the wrench.
@@ -324,10 +261,18 @@ class Contact(Owner, ABC):
         Args:
             time: time of the state [s].
         """
-        load = self._load.advance(time)
-        if load == self._bounded_load:
+        left = self._goal - self._load
+        if left != 0.0:
+            # Time counts forwards only: a clock that jumps back does not stop the ramp.
+            elapsed = 0.0 if self._time is None else max(time - self._time, 0.0)
+            self._time = time
+            if math.isinf(self._rate) or self._rate * elapsed >= abs(left) - _ROUNDING:
+                self._load = self._goal
+            else:
+                self._load += math.copysign(self._rate * elapsed, left)
+        if self._load == self._bounded_load:
             return
-        self._bounded_load = load
+        self._bounded_load = load = self._load
         # Where it may bear nothing yet, bounds say so of the whole wrench: found by the rows of the
         # cone, of which any five would do, the same answer takes a long search.
         most = np.inf if load > 0.0 else 0.0
@@ -337,14 +282,6 @@ class Contact(Owner, ABC):
         self.wrench_upper[2] = factor * self._weight
         # A foot that is asked for no force at all lifts off at the first model error.
         self.wrench_lower[2] = min(load, self._min_load) * self._weight
-
-    def evaluate(self, dynamics: Dynamics) -> None:
-        """Fill in `jacobian`, `drift` and `reference` for one state.
-
-        Args:
-            dynamics: the state, up to date.
-        """
-        self.evaluate_alone(dynamics)
 
     def _held_components(self, robot: Robot) -> Int64[np.ndarray, " dim"]:  # noqa: ARG002
         """Components of the frame's motion that the contact holds on a robot."""
@@ -365,8 +302,8 @@ def contact_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> Non
         assembly.work,
         assembly.velocities,
     )
-    frame, first, m = line[FRAME_INDEX], line[FIRST], line[COUNT]
-    frames, parameters, at = owners.frames, owners.parameters, line[START]
+    frame, first, m = line.frame, line.first, line.dim
+    frames, parameters, at = owners.frames, owners.parameters, line.start
     place_frame(motion, frames, frame, work, 0)
     _move_to_edge(parameters, at + 3 + 2 * m, work)
     for k in range(frames.starts[frame], frames.starts[frame + 1]):
@@ -374,13 +311,13 @@ def contact_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> Non
         x = column_at(motion, column, work[0], work[1], work[2])
         for i in range(m):
             # Linear rows along the frame's axes, then angular ones.
-            component = int(owners.chosen[line[CHOSEN] + i])
+            component = int(owners.chosen[line.chosen + i])
             o, axis = 3 * (component // 3), ROTATION + component % 3
             rows.matrix[rows.first + first + i, column] = (
                 work[axis] * x[o] + work[axis + 3] * x[o + 1] + work[axis + 6] * x[o + 2]
             )
     for i in range(m):
-        component = int(owners.chosen[line[CHOSEN] + i])
+        component = int(owners.chosen[line.chosen + i])
         drift, asks = work[BIAS + component], parameters[at + 4 + 2 * m + i]
         reference = asks - parameters[at] * work[VELOCITY + component]
         rows.drift[first + i], rows.reference[first + i] = drift, reference

@@ -14,9 +14,6 @@ from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._contact import Contact
 
-_ROUNDING = 1e-9
-"""By so much [m] a corner may be on the wrong side of the other."""
-
 _ALL_OF_IT = (-math.inf, -math.inf), (math.inf, math.inf)
 """Lower and upper corner of what of a surface carries until `carry_on` says something else [m]."""
 
@@ -201,7 +198,10 @@ class SurfaceContact(Contact):
         x, y = self.pressure_reach[:] = self._reach(robot, self._margin)
         if 3 not in self.chosen:
             self.parameters[3 + 2 * self.dim] = self._rectangle(robot)[1] / 2.0
-            return _edge_cone(self.friction, x)[:, self.chosen]
+            # On an edge along x, a rectangle without width, some rows are none or there twice.
+            rows = _rectangle_cone(self.friction, x, 0.0, None, yaws=True)[:, self.chosen] + 0.0
+            rows = rows[rows.any(axis=1)]
+            return rows[np.sort(np.unique(rows, axis=0, return_index=True)[1])]
         plain, long, wide = (
             _rectangle_cone(self.friction, *size, self._torsion, yaws=5 in self.chosen)
             for size in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
@@ -239,7 +239,7 @@ def _is_rectangle(lower: object, upper: object) -> bool:
     try:
         (left, back), (right, front) = cast("Any", (lower, upper))
         # Not so of NaN. Rounding may take a line of no width for one that is turned over.
-        return bool(left <= right + _ROUNDING and back <= front + _ROUNDING)
+        return bool(left <= right + 1e-9 and back <= front + 1e-9)
     except (TypeError, ValueError):
         return False
 
@@ -257,27 +257,6 @@ def _rectangle_cone(
             across, along = y * f_x + sign * friction * m_x, x * f_y + sign * friction * m_y
             most = friction * (x + y) * f_z - sign * m_z
             pairs += [(across + along, most), (across - along, most)]
-    return _two_sided(pairs)
-
-
-def _edge_cone(friction: float, half: float) -> Float64[np.ndarray, "10 6"]:
-    """The cone of an edge along x, exactly: that of a rectangle without width.
-
-    The nearer the pressure comes to an end of the edge, the less yaw moment its friction holds
-    (see `SurfaceContact`, whose rows these are where the width is zero):
-
-        |f_x| <= friction f_z,  |f_y| <= friction f_z,  |m_y| <= half f_z
-        |half f_y + friction m_y| <= friction half f_z - m_z
-        |half f_y - friction m_y| <= friction half f_z + m_z
-    """
-    f_x, f_y, f_z, _, m_y, m_z = np.eye(6)
-    pairs = [
-        (f_x, friction * f_z),
-        (f_y, friction * f_z),
-        (m_y, half * f_z),
-        (half * f_y + friction * m_y, friction * half * f_z - m_z),
-        (half * f_y - friction * m_y, friction * half * f_z + m_z),
-    ]
     return _two_sided(pairs)
 
 

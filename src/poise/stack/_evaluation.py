@@ -1,6 +1,7 @@
-"""`Evaluation`: the shipped tasks and contacts of a set, evaluated by one compiled call."""
+"""`Evaluation`: contacts, tasks and limits of a set, evaluated by one compiled call."""
 
 from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 from jaxtyping import Float64
@@ -8,39 +9,36 @@ from jaxtyping import Float64
 from poise._compiled import compiled, part, say_if_slow, view
 from poise.dynamics import Dynamics, StateNumbers, frames_of
 from poise.robots import Robot, once_a_robot
-from poise.stack._balance_kernels import bound_balance
-from poise.stack._centroid import com_rows, momentum_rows
-from poise.stack._contact import contact_rows
-from poise.stack._frame import frame_rows
-from poise.stack._joints import joint_rows
+from poise.stack._balance import BalanceRows, bound_balance
+from poise.stack._centroid import ComTask, MomentumTask, com_rows, momentum_rows
+from poise.stack._contact import Contact, contact_rows
+from poise.stack._frame import FrameTask, frame_rows
+from poise.stack._joint_limit import Settling, bound_joints, bound_settling
+from poise.stack._joints import JointTask, joint_rows
 from poise.stack._owner import Owner
-from poise.stack._relative_frame import relative_frame_rows
-from poise.stack._self_collision_kernels import bound_self_collision
-from poise.stack._settling import Settling, bound_settling
+from poise.stack._relative_frame import RelativeFrameTask, relative_frame_rows
+from poise.stack._self_collision import SelfCollisionRows, bound_self_collision
+from poise.stack._support import CORNERS
 from poise.stack._tables import (
-    BALANCE,
-    COM,
-    CONTACT,
-    CORNERS,
-    COUNT,
-    ENTRIES,
-    FRAME,
     GAINS,
-    JOINTS,
-    KIND,
-    MOMENTUM,
-    SELF_COLLISION,
-    START,
     TARGET_ROTATION,
-    TURNS,
     WORK,
-    Kind,
+    Line,
     Numbers,
     Owners,
     Rows,
     StackNumbers,
+    line_of,
 )
-from poise.stack._viability import bound_joints
+from poise.stack._task import Task, feed_back, own_rows
+
+_KINDS = (
+    *(Contact, BalanceRows, SelfCollisionRows),
+    *(ComTask, MomentumTask, JointTask, FrameTask, RelativeFrameTask),
+)
+"""Classes with compiled formulas; a task in Python comes after these."""
+
+CONTACT, BALANCE, SELF_COLLISION, COM, MOMENTUM, JOINTS, FRAME, RELATIVE_FRAME, OWN = range(9)
 
 
 @once_a_robot
@@ -49,12 +47,17 @@ def any_dynamics(robot: Robot) -> Dynamics:
     return Dynamics(robot)
 
 
+def _kind_of(owner: Owner) -> int:
+    return next(i for i, kind in enumerate(_KINDS) if isinstance(owner, kind))
+
+
 class Evaluation:
-    """Evaluates some tasks and contacts together.
+    """Evaluates contacts, tasks and limits together.
 
     Attributes:
         rows: what was written.
-        owners: tasks and contacts.
+        owners: contacts, tasks and limits.
+        own: those of them that are tasks in Python.
         inputs: what compiled code knows of them.
         assembly: all of it for compiled code.
     """
@@ -66,26 +69,38 @@ class Evaluation:
         places: Sequence[slice],
         count: int,
         wrench_dim: int,
+        compiled: bool = False,
     ) -> None:
         self.owners, self._places, self._nv = tuple(owners), tuple(places), robot.nv
+        self.own: list[tuple[Task, slice]] = []
+        self._compiled: list[tuple[Owner, slice]] = []
+        for owner, place in zip(owners, places, strict=True):
+            if isinstance(owner, Task) and not (compiled or owner.is_compiled):
+                self.own.append((owner, place))
+            else:
+                self._compiled.append((owner, place))
+        own = {task for task, _ in self.own}
         self._numbers = [Numbers(all=owner.parameters) for owner in owners]
-        table = np.zeros((len(owners), ENTRIES), dtype=np.int64)
-        start = frames = chosen = 0
-        for line, owner, place in zip(table, owners, places, strict=True):
-            root = frames + len(owner.frame_ids) - 1
-            turns, sine = int(owner.turns), int(owner.sine)
-            first = [int(owner.kind), place.start, owner.dim, start, frames, root, chosen]
-            line[:] = [*first, turns, sine]
+        contacts = sum(isinstance(owner, Contact) for owner in owners)
+        lines: list[Line] = []
+        chosen: list[int] = []
+        start = frames = 0
+        for owner, place in zip(owners, places, strict=True):
+            kind = OWN if owner in own else _kind_of(owner)
+            at, size, root = len(chosen), len(owner.chosen), frames + len(owner.frame_ids) - 1
+            where = (kind, place.start, owner.dim, start, frames, root, at, size)
+            lines.append(Line(*where, int(owner.turns), int(owner.sine)))
+            chosen += [*owner.chosen.tolist(), *accumulate(owner.blocks)]
             start += len(owner.parameters)
             frames += len(owner.frame_ids)
-            chosen += len(owner.chosen)
         self.inputs = Owners(
-            lines=table,
-            chosen=np.concatenate([np.zeros(0, dtype=np.int64), *(o.chosen for o in owners)]),
+            lines=np.array(lines, dtype=np.int64).reshape(-1, len(Line._fields)),
+            contacts=contacts,
+            chosen=np.array(chosen, dtype=np.int64),
             places=np.array([numbers.address for numbers in self._numbers], dtype=np.int64),
             parameters=np.zeros(start),
             frames=frames_of(robot.model, [i for owner in owners for i in owner.frame_ids]),
-            corners=np.zeros((CORNERS * (1 + sum(o.kind is Kind.CONTACT for o in owners)), 2)),
+            corners=np.zeros((CORNERS * (1 + contacts), 2)),
         )
         self._work = np.zeros(max([WORK, *(owner.room for owner in owners)]))
         self._count, self._wrench_dim = count, wrench_dim
@@ -128,7 +143,7 @@ class Evaluation:
             count=len(self.owners),
             velocities=0,
         )
-        # Rows are written where a joint moves them; elsewhere they stay zero.
+        # Coefficients are written where a joint moves them; elsewhere they stay zero.
         for owner, place in zip(self.owners, self._places, strict=True):
             J = matrix[first + place.start : first + place.stop, : self._nv]
             J[:] = 0.0
@@ -140,19 +155,27 @@ class Evaluation:
 
         Tasks without a target hold what the robot does now.
         """
+        self.update_own(dynamics)
         state_at = dynamics.numbers.address
         if not evaluate(self.assembly.address, settling_at, state_at, velocities):
             for owner in self.owners:
                 owner.hold(dynamics)
             evaluate(self.assembly.address, settling_at, state_at, velocities)
-        for owner in self.owners:
+        for task, place in self.own:
+            task.reference = self.rows.reference[place]
+        for owner, _ in self._compiled:
             if owner.evaluation is not self:
                 break
         else:
             return
-        for owner, place in zip(self.owners, self._places, strict=True):
+        for owner, place in self._compiled:
             owner.view(self.rows, place, self._nv)
             owner.evaluation = self
+
+    def update_own(self, dynamics: Dynamics) -> None:
+        """Evaluate the tasks in Python for one state, but for what they ask for."""
+        for task, place in self.own:
+            task.write_own(dynamics, self.rows, place)
 
     def _compile(self, robot: Robot) -> None:
         """Evaluate nothing once, so that nothing is compiled in a tick."""
@@ -187,32 +210,38 @@ def _evaluate_owners(state: StateNumbers, assembly: StackNumbers) -> bool:
     owners = assembly.owners
     _gather(owners)
     for i in range(assembly.count):
-        line = owners.lines[i]
-        kind, target = int(line[KIND]), int(line[START] + GAINS * line[COUNT])
-        if kind == CONTACT:
+        line = line_of(owners, i)
+        if line.kind == CONTACT:
             contact_rows(state, assembly, line)
-            continue
-        if kind == BALANCE:
+        elif line.kind == BALANCE:
             bound_balance(state, assembly, line)
-            continue
-        if kind == SELF_COLLISION:
+        elif line.kind == SELF_COLLISION:
             bound_self_collision(state, assembly, line)
-            continue
-        parameters = owners.parameters
-        if np.isnan(parameters[target]):
+        elif not _evaluate_task(state, assembly, line):
             return False
-        if line[TURNS] and np.isnan(parameters[target + TARGET_ROTATION]):
-            return False
-        if kind == COM:
-            com_rows(state, assembly, line)
-        elif kind == MOMENTUM:
-            momentum_rows(state, assembly, line)
-        elif kind == JOINTS:
-            joint_rows(state, assembly, line)
-        elif kind == FRAME:
-            frame_rows(state, assembly, line)
-        else:
-            relative_frame_rows(state, assembly, line)
+    return True
+
+
+@part
+def _evaluate_task(state: StateNumbers, assembly: StackNumbers, line: Line) -> bool:
+    parameters, target = assembly.owners.parameters, line.start + GAINS * line.dim
+    if line.kind == OWN:
+        own_rows(state, assembly, line)
+    elif np.isnan(parameters[target]) or (
+        line.turns and np.isnan(parameters[target + TARGET_ROTATION])
+    ):
+        return False
+    elif line.kind == COM:
+        com_rows(state, assembly, line)
+    elif line.kind == MOMENTUM:
+        momentum_rows(state, assembly, line)
+    elif line.kind == JOINTS:
+        joint_rows(state, assembly, line)
+    elif line.kind == FRAME:
+        frame_rows(state, assembly, line)
+    else:
+        relative_frame_rows(state, assembly, line)
+    feed_back(assembly, line)
     return True
 
 

@@ -1,6 +1,7 @@
 """`FrameTask`: position and orientation of a frame in the world."""
 
 import math
+from typing import TypedDict
 
 import numpy as np
 from jaxtyping import Float64
@@ -30,25 +31,17 @@ from poise.stack._axes import (
     split_rows,
     usual_speeds,
 )
-from poise.stack._shipped import PoseTarget, ShippedTask
 from poise.stack._tables import (
-    CHOSEN,
-    COUNT,
-    FIRST,
-    FRAME_INDEX,
     GAINS,
     OWN_AXES,
-    SINE,
-    START,
     TARGET_ACCELERATION,
     TARGET_ROTATION,
     TARGET_VELOCITY,
-    TURNS,
-    Kind,
     Line,
     StackNumbers,
 )
-from poise.stack._task import ask, write_measured
+from poise.stack._targets import PoseTarget
+from poise.stack._task import ShippedTask, write_measured
 
 ORIENTATION_ERRORS = ("logarithm", "sine")
 """Measures of how far two orientations are apart."""
@@ -64,7 +57,39 @@ _ALL_TURNS = {3, 4, 5}
 """Components of a motion that turn a frame."""
 
 
-class FrameTask(ShippedTask[PoseTarget]):
+class Gains(TypedDict):
+    """Gains, weight and speed of a task."""
+
+    kp: Numbers
+    kd: Numbers | None
+    weight: Numbers
+    speed: Numbers | None
+
+
+class PoseTask(ShippedTask[PoseTarget]):
+    """A task of some components of a frame's pose: position rows, then orientation rows.
+
+    Attributes:
+        frame: the frame that should move.
+        turns: whether any of its rows is an orientation.
+    """
+
+    def __init__(self, name: str, frame: str, axes: str, gains: Gains) -> None:
+        super().__init__(name, **gains)
+        self.frame = checked_kind(frame, str, f"frame of task {self.name!r}")
+        mask = "position+orientation" if axes == "pose" else axes
+        self.chosen = index = parse_axes(mask, {"position": 0, "orientation": 3})
+        self.turns = bool(index[-1] >= 3)
+        self.unit = ("m, rad" if index[0] < 3 else "rad") if self.turns else "m"
+        self._target = PoseTarget(f"task {self.name!r}", index.tolist())
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Position rows, then orientation rows."""
+        return split_rows(self.chosen)
+
+
+class FrameTask(PoseTask):
     """A frame follows a target pose in the world.
 
     Rows are world axes, position first: J dv + drift = reference with the `LOCAL_WORLD_ALIGNED`
@@ -105,8 +130,6 @@ class FrameTask(ShippedTask[PoseTarget]):
         turns: whether any of its rows is an orientation.
     """
 
-    kind = Kind.FRAME
-
     def __init__(
         self,
         frame: str,
@@ -119,21 +142,15 @@ class FrameTask(ShippedTask[PoseTarget]):
         name: str | None = None,
         orientation_error: str = "logarithm",
     ) -> None:
-        super().__init__(name or f"{frame} {axes}", kp=kp, kd=kd, weight=weight, speed=speed)
-        self.frame = checked_kind(frame, str, f"frame of task {self.name!r}")
-        mask = "position+orientation" if axes == "pose" else axes
-        index = parse_axes(mask, {"position": 0, "orientation": 3})
-        self.chosen, self._blocks = index, split_rows(index)
+        gains: Gains = {"kp": kp, "kd": kd, "weight": weight, "speed": speed}
+        super().__init__(name or f"{frame} {axes}", frame, axes, gains)
         if orientation_error not in ORIENTATION_ERRORS:
             raise UnknownNameError(
                 f"no such orientation error of task {self.name!r}",
                 got=orientation_error,
                 choices=ORIENTATION_ERRORS,
             )
-        self.turns = bool(index[-1] >= 3)
         self.sine = self.turns and orientation_error == "sine"
-        self.unit = ("m, rad" if index[0] < 3 else "rad") if self.turns else "m"
-        self._target = PoseTarget(f"task {self.name!r}", index.tolist())
 
     def set_target(
         self,
@@ -176,11 +193,6 @@ class FrameTask(ShippedTask[PoseTarget]):
         """Components of the frame's motion that it acts on, about whichever axes."""
         return {k if k < OWN_AXES else k - OWN_AXES + 3 for k in self.chosen.tolist()}
 
-    @property
-    def blocks(self) -> tuple[int, ...]:
-        """Position rows, then orientation rows."""
-        return self._blocks
-
     def hold(self, dynamics: Dynamics) -> None:
         """Take what was never set of its target from the robot.
 
@@ -196,7 +208,6 @@ class FrameTask(ShippedTask[PoseTarget]):
         if sole is not None and len(sole.controlled) < 6 and self.components >= _ALL_TURNS:
             turns = [OWN_AXES + k - 3 for k in sole.controlled if k in _ALL_TURNS]
             self.chosen = np.array([*sorted(self.components - _ALL_TURNS), *turns])
-            self._blocks = split_rows(self.chosen)
         return len(self.chosen)
 
     def _usual_speed(self, robot: Robot) -> Numbers:
@@ -209,47 +220,37 @@ class FrameTask(ShippedTask[PoseTarget]):
 def frame_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """A frame's pose along the world's axes."""
     motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
-    frame, m, error = line[FRAME_INDEX], line[COUNT], KINEMATICS
+    frame, m, error = line.frame, line.dim, KINEMATICS
     frames, parameters = owners.frames, owners.parameters
-    target = int(line[START] + GAINS * m)
+    target = line.start + GAINS * m
     place_frame(motion, frames, frame, work, 0)
     turn_to_world(work, 0)
     for i in range(3):
         work[error + i] = parameters[target + i] - work[i]
     fade = 1.0
-    if line[SINE]:
+    if line.sine:
         sine_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
-    elif line[TURNS]:
+    elif line.turns:
         turn_between(parameters, target + TARGET_ROTATION, work, ROTATION, work, error + 3)
         fade = fade_of(work, error + 3)
-    linear = 0
     for k in range(frames.starts[frame], frames.starts[frame + 1]):
         column = int(frames.columns[k])
         x = column_at(motion, column, work[0], work[1], work[2])
         for i in range(m):
-            component = int(owners.chosen[line[CHOSEN] + i])
+            component = int(owners.chosen[line.chosen + i])
             if component < OWN_AXES:
                 coefficient = x[component]
             else:
                 axis = ROTATION + component - OWN_AXES
                 coefficient = work[axis] * x[3] + work[axis + 3] * x[4] + work[axis + 6] * x[5]
-            rows.matrix[rows.first + line[FIRST] + i, column] = coefficient
+            rows.matrix[rows.first + line.first + i, column] = coefficient
     for i in range(m):
-        component = int(owners.chosen[line[CHOSEN] + i])
-        linear += component < 3
-        write_measured(
-            assembly,
-            line,
-            i,
-            along(work, error, component, work),
-            1.0 if component < 3 else fade,
-            along(parameters, target + TARGET_VELOCITY, component, work),
-            along(work, VELOCITY, component, work),
-            along(parameters, target + TARGET_ACCELERATION, component, work),
-            along(work, BIAS, component, work),
-        )
-    ask(assembly, line, 0, linear)
-    ask(assembly, line, linear, m)
+        c = int(owners.chosen[line.chosen + i])
+        off, fed_back = along(work, error, c, work), 1.0 if c < 3 else fade
+        velocity = along(parameters, target + TARGET_VELOCITY, c, work)
+        ahead = along(parameters, target + TARGET_ACCELERATION, c, work)
+        actual, drift = along(work, VELOCITY, c, work), along(work, BIAS, c, work)
+        write_measured(assembly, line, i, off, fed_back, velocity, actual, ahead, drift)
 
 
 @part

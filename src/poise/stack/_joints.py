@@ -11,9 +11,9 @@ from poise.dynamics import Dynamics, StateNumbers
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_target
-from poise.stack._shipped import ShippedTask, VectorTarget
-from poise.stack._tables import CHOSEN, COUNT, GAINS, START, Kind, Line, StackNumbers
-from poise.stack._task import ask, write_measured
+from poise.stack._tables import GAINS, Line, StackNumbers
+from poise.stack._targets import VectorTarget
+from poise.stack._task import ShippedTask, write_measured
 
 
 class JointTask(ShippedTask[VectorTarget]):
@@ -28,8 +28,6 @@ class JointTask(ShippedTask[VectorTarget]):
             joints' own limits when None.
         name: what reports call it.
     """
-
-    kind = Kind.JOINTS
 
     def __init__(
         self,
@@ -151,20 +149,10 @@ class PostureTask(JointTask):
 @part
 def joint_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
     """Single joints, whose coefficients are constant and stand there already."""
-    q, v, owners = state.q, state.v, assembly.owners
-    parameters, m = owners.parameters, int(line[COUNT])
+    q, v, owners, m = state.q, state.v, assembly.owners, line.dim
+    parameters = owners.parameters
     for i in range(m):
-        joint = int(owners.chosen[line[CHOSEN] + i])
-        target = int(line[START] + GAINS * m) + i
-        write_measured(
-            assembly,
-            line,
-            i,
-            parameters[target] - q[joint + len(q) - len(v)],
-            1.0,
-            parameters[target + m],
-            v[joint],
-            parameters[target + 2 * m],
-            0.0,
-        )
-        ask(assembly, line, i, i + 1)
+        joint, target = int(owners.chosen[line.chosen + i]), line.start + GAINS * m + i
+        error, velocity = parameters[target] - q[joint + len(q) - len(v)], parameters[target + m]
+        ahead = parameters[target + 2 * m]
+        write_measured(assembly, line, i, error, 1.0, velocity, v[joint], ahead, 0.0)

@@ -1,4 +1,4 @@
-"""`Owner`: a task, contact or limit whose formulas are compiled."""
+"""`Owner`: a task, a contact or rows of a limit, which one compiled call evaluates."""
 
 from typing import TYPE_CHECKING
 
@@ -7,23 +7,23 @@ from jaxtyping import Float64, Int64
 
 from poise._copies import Copied
 from poise.dynamics import Dynamics
-from poise.stack._tables import WORK, Kind, Rows
+from poise.stack._tables import WORK, Rows
 
 if TYPE_CHECKING:
     from poise.stack._evaluation import Evaluation
 
 
 class Owner(Copied):
-    """A task or contact whose formulas are compiled.
+    """Base of what has rows.
 
     Attributes:
-        kind: which formulas.
         dim: number of rows.
-        parameters: all that they read, the array stays the same.
+        parameters: all that the formulas read; the array stays the same.
         frame_ids: frames that they need.
         chosen: components that have rows, or coordinates of `v`.
-        turns: whether there is a target rotation.
-        sine: whether the orientation error is the sine.
+        blocks: sizes of the blocks of rows that share a unit and turn into one another as axes do.
+        turns: True where there is a target rotation.
+        sine: True where the orientation error is the sine.
         room: numbers of work space that the formulas need.
         evaluation: who evaluated it last.
         jacobian: J of its rows; as the two below, a view that the next evaluation overwrites.
@@ -35,7 +35,6 @@ class Owner(Copied):
         *("evaluation", "_alone", "jacobian", "drift", "reference"),
         *("error", "error_rate", "_fade"),
     )
-    kind: Kind
     dim: int
     parameters: Float64[np.ndarray, " p"]
     frame_ids: tuple[int, ...] = ()
@@ -47,25 +46,52 @@ class Owner(Copied):
     jacobian: Float64[np.ndarray, "m nv"]
     drift: Float64[np.ndarray, " m"]
     reference: Float64[np.ndarray, " m"]
-    _alone: "Evaluation | None" = None
+    _alone: "dict[bool, Evaluation] | None" = None
 
-    def evaluate_alone(self, dynamics: Dynamics) -> Rows:
-        """Evaluate it apart from all others."""
+    @property
+    def is_compiled(self) -> bool:
+        """True where all of its formulas are compiled."""
+        return True
+
+    @property
+    def blocks(self) -> tuple[int, ...]:
+        """Sizes of the blocks of rows that share a unit and turn into one another as axes turn."""
+        return (self.dim,)
+
+    def evaluate(self, dynamics: Dynamics) -> None:
+        """Fill in what it says about one state: `jacobian`, `drift`, `reference`, errors of tasks.
+
+        A target that was never set becomes what the robot does at the first evaluation: hold.
+
+        Args:
+            dynamics: the state, up to date.
+        """
+        self._evaluate_alone(dynamics, self.is_compiled)
+
+    def _evaluate_alone(self, dynamics: Dynamics, compiled: bool) -> Rows:
+        """Evaluate it apart from all others, by its compiled formulas or those of a user."""
         if self._alone is None:
+            self._alone = {}
+        if compiled not in self._alone:
             # An evaluation knows the formulas of all owners.
             from poise.stack._evaluation import Evaluation
 
-            wrench_dim = self.dim if self.kind is Kind.CONTACT else 0
-            whole = slice(0, self.dim)
-            self._alone = Evaluation(dynamics.robot, [self], [whole], self.dim, wrench_dim)
-        self._alone.update(dynamics)
-        return self._alone.rows
+            made = Evaluation(
+                dynamics.robot, [self], [slice(0, self.dim)], self.dim, self.dim, compiled
+            )
+            self._alone[compiled] = made
+        self._alone[compiled].update(dynamics)
+        return self._alone[compiled].rows
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Take what was never set of its target from the robot."""
+        """Take what was never set of its target from the robot.
+
+        Args:
+            dynamics: the state, up to date.
+        """
 
     def reset(self) -> None:
-        """Forget what was taken from the robot."""
+        """Forget targets that were taken from the robot itself, not those a user set."""
 
     def view(self, rows: Rows, own: slice, nv: int) -> None:
         """Take views of its rows as its attributes."""

@@ -1,8 +1,11 @@
-"""`StackRows`: the rows of a stack for one set of active contacts, stacked once a tick."""
+"""`StackRows`: the rows of a stack for one set of active contacts, stacked once a tick.
 
-from collections.abc import Collection, Iterable, Sequence
-from itertools import accumulate, pairwise
-from typing import Literal
+`ContactSets`: what is prepared for each set of active contacts, and which are, ahead of time.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from itertools import accumulate, chain, combinations, pairwise
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -14,15 +17,15 @@ from poise.stack._balance import BalanceRows
 from poise.stack._contact import Contact
 from poise.stack._evaluation import Evaluation
 from poise.stack._self_collision import SelfCollisionRows
-from poise.stack._settling import settling_of
-from poise.stack._shipped import ShippedTask
 from poise.stack._softening import Softening
 from poise.stack._stack import Stack, is_held
 from poise.stack._tables import Rows
-from poise.stack._task import Task, evaluate_own
+from poise.stack._task import Task
 
 AT_BOUND = 1e-6
 """Acceleration that a row of the balance limit may lack to its bound and still be at it [m/s^2]."""
+
+T = TypeVar("T")
 
 Labels = list[tuple[str, int]]
 """Names of rows, each with the number of rows it stands for."""
@@ -66,9 +69,8 @@ class StackRows:
             the contacts' rows.
         wrench_lower: simple bounds of all wrenches [N, N m].
         wrench_upper: upper ones.
-        evaluation: evaluates contacts and shipped tasks.
+        evaluation: evaluates all of them.
         settling: joint limits, and what joints do beside contacts that come to rest.
-        own_tasks: the tasks that it does not know, with their rows.
         cone: rows C of all wrench cones C F <= 0, in the contacts' own axes.
         softening: weights and reference of the levels' softening terms.
     """
@@ -120,14 +122,12 @@ class StackRows:
         self.write_cones_into(np.zeros((cones, wrench_dim)))
         self._missing = np.zeros(count)
         self._residuals = np.zeros(1 + len(sizes))
-        self.own_tasks = [pair for pair in self.task_rows if not is_compiled(pair[0])]
-        shipped = [pair for pair in self.task_rows if is_compiled(pair[0])]
         contact_rows = zip(self.contacts, self.wrench_slices, strict=True)
-        found = [*contact_rows, *places.items(), *shipped]
+        found = [*contact_rows, *places.items(), *self.task_rows]
         owners, rows = zip(*found, strict=True) if found else ((), ())
         self.evaluation = Evaluation(robot, owners, rows, count, wrench_dim)
         limit = stack.joint_limit
-        self.settling = settling_of(limit.viability, limit.lower, limit.upper)
+        self.settling = limit.settling(limit.lower, limit.upper)
         self._nv = robot.nv
         self.softening = Softening(robot, self.levels, self.task_rows, self.ends, stack.softening)
         self._take(self.evaluation.rows)
@@ -170,17 +170,6 @@ class StackRows:
         # What is compiled is compiled now, not in the first tick.
         for limit in (self.balance_rows, self.collision_rows):
             self.excess(np.zeros(self._nv), limit)
-        self._own_views = [
-            (
-                task,
-                self.J[place],
-                self.target[place],
-                self.upper[place],
-                self.weight[place],
-                rows.error[place],
-            )
-            for task, place in self.own_tasks
-        ]
 
     def update(self, dynamics: Dynamics) -> None:
         """Evaluate limits, contacts and tasks for a state: rows on accelerations."""
@@ -188,15 +177,6 @@ class StackRows:
         # What of a surface carries may change, see `SurfaceContact.carry_on`.
         for contact, cone in self._cones:
             cone[:] = contact.cone
-        self.update_own(dynamics)
-
-    def update_own(self, dynamics: Dynamics) -> None:
-        """Evaluate the tasks of a user for a state."""
-        for task, J, target, upper, weight, error in self._own_views:
-            evaluate_own(task, dynamics)
-            J[:], error[:] = task.jacobian, task.error
-            np.subtract(task.reference, task.drift, out=target)
-            upper[:], weight[:] = target, task.weight
 
     def update_velocities(self, dynamics: Dynamics) -> None:
         """Evaluate contacts and tasks for a state: rows on velocities.
@@ -207,14 +187,6 @@ class StackRows:
         if self._stance is not None:
             self._stance.evaluate(dynamics)
         self.evaluation.update(dynamics, velocities=True)
-        for task, J, target, upper, weight, error in self._own_views:
-            evaluate_own(task, dynamics)
-            J[:], error[:] = task.jacobian, task.error
-            if task.given_velocity is not None:
-                target[:] = task.given_velocity
-            else:
-                target[:] = task.asked_velocity(dynamics)
-            upper[:], weight[:] = target, task.weight
 
     def measure(
         self, x: Float64[np.ndarray, " n"], J: Float64[np.ndarray, "m n"] | None = None
@@ -291,9 +263,47 @@ class StackRows:
         return {contact.name: wrench[rows] for contact, rows in slices}
 
 
-def is_compiled(task: Task) -> bool:
-    """Return whether a task's formulas are compiled, and evaluated with all others."""
-    return isinstance(task, ShippedTask) and task.is_compiled
+PREPARED_CONTACTS = 3
+"""Stacks of up to so many contacts have all their sets prepared before the first tick."""
+
+
+class ContactSets(Generic[T]):
+    """Objects made once for each set of active contacts: switching back allocates nothing.
+
+    The active contacts are prepared when this is made; where there are few contacts, all their
+    sets are, so that no tick has to make one. What is wrong is so refused before the first tick.
+    """
+
+    def __init__(self, stack: Stack, make: Callable[[tuple[Contact, ...]], T]) -> None:
+        self._make = make
+        self._made: dict[tuple[Contact, ...], T] = {}
+        contacts = stack.contacts
+        sets = {stack.active_contacts}
+        if len(contacts) <= PREPARED_CONTACTS:
+            sizes = range(len(contacts) + 1)
+            sets.update(chain.from_iterable(combinations(contacts, k) for k in sizes))
+        for contacts in sets:
+            self.of(contacts)
+
+    def of(self, contacts: tuple[Contact, ...]) -> T:
+        """Return the object of a set of contacts, given in the order of the stack."""
+        made = self._made.get(contacts)
+        if made is None:
+            made = self._made[contacts] = self._make(contacts)
+        return made
+
+    @property
+    def sets(self) -> tuple[tuple[Contact, ...], ...]:
+        """The sets that something was made for."""
+        return tuple(self._made)
+
+    def __iter__(self) -> Iterator[T]:
+        """All that was made."""
+        return iter(self._made.values())
+
+    def __len__(self) -> int:
+        """Number of sets."""
+        return len(self._made)
 
 
 def home_jacobians(
@@ -302,13 +312,9 @@ def home_jacobians(
     """Jacobians of contacts and tasks in one posture, by which loss of rank is measured."""
     found: dict[Contact | Task, Float64[np.ndarray, "m nv"]] = {}
     for owner in owners:
-        if isinstance(owner, Task):
-            evaluate_own(owner, home)
-        else:
-            owner.evaluate(home)
+        owner.evaluate(home)
         found[owner] = owner.jacobian.copy()
-        if isinstance(owner, Task):
-            owner.reset()
+        owner.reset()
     return found
 
 

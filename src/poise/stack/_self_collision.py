@@ -1,34 +1,65 @@
-"""`SelfCollisionLimit`: no task takes a link of the robot into another one.
+"""`SelfCollisionLimit`: no task takes a link of the robot into another one."""
 
-`SelfCollisionRows`: its rows.
-"""
-
-import math
 from collections.abc import Collection, Sequence
+from math import inf, isfinite, sqrt
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float64, Int64
 
 from poise._checks import checked_kind, checked_number
-from poise._copies import Copied
-from poise.errors import ConfigurationError
+from poise._compiled import part
+from poise.dynamics import KINEMATICS, ROTATION, VELOCITY, StateNumbers, place_frame, turn_to_world
 from poise.robots import Robot, capsules_of
+from poise.stack._bound_once import Limit
 from poise.stack._contact import Contact
+from poise.stack._joint_limit import largest_acceleration
 from poise.stack._owner import Owner
-from poise.stack._self_collision_kernels import PAIRS, room_for
-from poise.stack._tables import Kind, Rows
-
-_NOTHING = np.inf
-"""Distance that a row without a pair reports [m]."""
-
+from poise.stack._points import (
+    TOUCHING,
+    Vector,
+    clear,
+    cross,
+    distance_motion,
+    dot,
+    plus,
+    vector,
+    velocity_of,
+    write_distance,
+)
+from poise.stack._tables import Line, Rows, StackNumbers
 
 _NEVER = -10.0
 """Least distance of links that have no bound: none overlap as far [m]."""
 
 _ROOM_AT_HOME = 0.01
-"""How much nearer than at home links may come that stand near each other there [m]."""
+"""Distance by which links that stand near each other at home may come nearer [m]."""
+
+PAIRS = 10
+"""Rows: pairs of capsules that are looked after at a time."""
+
+_NEAR = 0.5
+"""Pairs farther apart than this have no row [m]."""
+
+_AHEAD = 0.16
+"""Time in which those pairs that have rows will be nearest [s]."""
+
+_HARDEST = 30.0
+"""Largest bound of the acceleration of a distance [m/s^2]."""
+
+_SHORT = 1e-12
+"""Square of the length of an axis that is a point [m^2]."""
+
+BRAKING, HORIZON, APPROACH, SHAPES, SHAPE = 0, 1, 2, 3, 7
+"""Places in the limit's parameters: braking [m/s^2], horizon [s] and time of approach [s]; where
+the capsules begin, both ends of the axis and the radius of each [m], and how many numbers each has.
+The least distance of each pair follows [m]."""
+
+_HALF, _SPEED, _PLACED, _CHOSEN_PAIR = 9, 10, 11, 6
+"""Numbers a capsule of the work space: both ends of its axis in the world, its middle, half its
+length, the largest speed of its points; numbers a row: pair, place on either axis, distance of the
+axes, its rate, and what the pair is ranked by."""
 
 _Use = tuple[frozenset[Contact], frozenset[str] | None]
 """What rows are for: active contacts, and the joints that may move, None for all."""
@@ -46,7 +77,7 @@ class NearPair(NamedTuple):
     distance: float
 
 
-class SelfCollisionLimit(Copied):
+class SelfCollisionLimit(Limit):
     """Bounds that keep arms, legs, trunk and head apart, whatever tasks ask for.
 
     Links are capsules (`LinkCapsules`). With x_a and x_b the nearest points of the axes of two, n
@@ -86,9 +117,13 @@ class SelfCollisionLimit(Copied):
 
     Attributes:
         name: what reports call it.
+        enabled: True where the limit has rows.
+        margin: distance that is kept [m].
     """
 
     foreign = ("_made",)
+    enabled: bool
+    margin: float
 
     def __init__(
         self,
@@ -100,32 +135,24 @@ class SelfCollisionLimit(Copied):
         horizon: float = 0.03,
         approach_time: float = 0.1,
     ) -> None:
-        self.name = name = "self-collision limit"
-        self._enabled = checked_kind(enabled, bool, f"enabled of the {name}")
+        name = "self-collision limit"
         self._legs_only = checked_kind(legs_only, bool, f"legs_only of the {name}")
-        self._margin = checked_number(margin, f"margin of the {name} [m]")
-        self._braking = checked_number(braking, f"braking of the {name} [m/s^2]", above=0.0)
-        self._horizon = checked_number(horizon, f"horizon of the {name} [s]", above=0.0)
-        self._approach = checked_number(
-            approach_time, f"approach_time of the {name} [s]", above=0.0
+        self._settings = [
+            checked_number(braking, f"braking of the {name} [m/s^2]", above=0.0),
+            checked_number(horizon, f"horizon of the {name} [s]", above=0.0),
+            checked_number(approach_time, f"approach_time of the {name} [s]", above=0.0),
+        ]
+        self._set(
+            name=name,
+            enabled=checked_kind(enabled, bool, f"enabled of the {name}"),
+            margin=checked_number(margin, f"margin of the {name} [m]"),
         )
-        self._robot: Robot | None = None
         self._legs_pass, self._at_rest = False, False
         self.share_memory()
 
     def share_memory(self) -> None:
         """Begin without rows, which refer to the contacts that they were made for."""
         self._made: dict[_Use, SelfCollisionRows] = {}
-
-    @property
-    def enabled(self) -> bool:
-        """True where the limit has rows."""
-        return self._enabled
-
-    @property
-    def margin(self) -> float:
-        """Distance that is kept [m]."""
-        return self._margin
 
     @property
     def near(self) -> tuple[NearPair, ...]:
@@ -171,24 +198,19 @@ class SelfCollisionLimit(Copied):
         Raises:
             ConfigurationError: the limit serves another robot.
         """
-        if self._robot is robot or not self._enabled:
-            return
-        if self._robot is not None:
-            raise ConfigurationError(
-                "the self-collision limit already serves another robot",
-                got=robot.name,
-                wanted=f"robot {self._robot.name!r}, or a limit of its own",
-            )
-        self._robot, self._capsules = robot, capsules_of(robot)
-        capsules = self._capsules
+        if self.enabled:
+            super().bind(robot)
+
+    def _bind(self, robot: Robot) -> None:
+        self._capsules = capsules = capsules_of(robot)
         joints, self._places = np.unique(capsules.joints, return_inverse=True)
-        self._frames = tuple(_frame_of(robot, int(joint)) for joint in joints)
+        names, kind = robot.model.names, pin.FrameType.JOINT
+        self._frames = tuple(
+            int(robot.model.getFrameId(names[j], kind)) if j > 0 else 0 for j in joints.tolist()
+        )
         shapes = np.column_stack([capsules.starts, capsules.ends, capsules.radii])
-        settings = [self._braking, self._horizon, self._approach]
-        margins = np.minimum(self._margin, capsules.at_home - _ROOM_AT_HOME)
-        self._parameters = np.concatenate([settings, shapes.ravel(), margins])
-        self._shapes = np.concatenate([settings, shapes.ravel()])
-        self._margins = margins
+        self._shapes = np.concatenate([self._settings, shapes.ravel()])
+        self._margins = np.minimum(self.margin, capsules.at_home - _ROOM_AT_HOME)
 
     def rows_for(
         self, contacts: Sequence[Contact], joints: Collection[str] | None = None
@@ -199,7 +221,7 @@ class SelfCollisionLimit(Copied):
             contacts: bound to the robot that the limit serves.
             joints: names of those that may move; all when None.
         """
-        if not self._enabled or self._robot is None:
+        if not self.enabled or self._robot is None:
             return None
         use = frozenset(contacts), None if joints is None else frozenset(joints)
         if use not in self._made:
@@ -210,8 +232,8 @@ class SelfCollisionLimit(Copied):
                 return None
             pairs, places = self._capsules.pairs[free], self._places
             table = [len(places), len(pairs), *places.tolist(), *pairs.ravel().tolist()]
-            names = [self._capsules.names[i] for i in pairs.ravel()]
-            links = list(zip(names[::2], names[1::2], strict=True))
+            names = self._capsules.names
+            links = [(names[i], names[j]) for i, j in pairs.tolist()]
             parameters = np.append(self._shapes, self._margins[free])
             rows = SelfCollisionRows(self.name, parameters, self._frames, table, links, legs[free])
             rows.let_pass(legs=self._legs_pass, everything=self._at_rest)
@@ -237,12 +259,6 @@ class SelfCollisionLimit(Copied):
         return np.array([bool(moving - stand) for moving in between], dtype=np.bool_)
 
 
-def _frame_of(robot: Robot, joint: int) -> int:
-    if joint == 0:
-        return 0
-    return int(robot.model.getFrameId(robot.model.names[joint], pin.FrameType.JOINT))
-
-
 class SelfCollisionRows(Owner):
     """The rows of a self-collision limit for a set of active contacts.
 
@@ -250,8 +266,6 @@ class SelfCollisionRows(Owner):
         name: what reports call them.
         labels: names of the rows.
     """
-
-    kind = Kind.SELF_COLLISION
 
     def __init__(
         self,
@@ -267,9 +281,8 @@ class SelfCollisionRows(Owner):
         self._least, self._legs = self._margins.copy(), legs
         self.dim, self.labels = PAIRS, [(f"{name}: near links", PAIRS)]
         self.frame_ids, self.chosen = frames, np.array(table, dtype=np.int64)
-        self.room = room_for(len(self.frame_ids), int(self.chosen[0]))
-        self._distances = np.full(PAIRS, _NOTHING)
-        self._pairs = np.zeros(PAIRS)
+        self.room = KINEMATICS * len(frames) + _PLACED * table[0] + _CHOSEN_PAIR * PAIRS
+        self._distances, self._pairs = np.full(PAIRS, np.inf), np.zeros(PAIRS)
 
     def view(self, rows: Rows, own: slice, nv: int) -> None:
         """Take views of its rows as its attributes."""
@@ -283,15 +296,220 @@ class SelfCollisionRows(Owner):
     def rooms(self) -> list[float]:
         """Return the room above the least distance of each row's pair [m]; inf without one."""
         return [
-            distance - float(self._margins[int(pair)]) if math.isfinite(distance) else math.inf
+            distance - float(self._margins[int(pair)]) if isfinite(distance) else inf
             for pair, distance in zip(self._pairs.tolist(), self._distances.tolist(), strict=True)
         ]
 
     def near(self) -> tuple[NearPair, ...]:
         """The pairs that have rows, nearest first."""
-        near = [
-            NearPair(self._links[int(pair)], float(distance))
-            for pair, distance in zip(self._pairs, self._distances, strict=True)
-            if np.isfinite(distance)
-        ]
+        found = zip(self._pairs.tolist(), self._distances.tolist(), strict=True)
+        near = [NearPair(self._links[int(pair)], d) for pair, d in found if isfinite(d)]
         return tuple(sorted(near, key=lambda pair: pair.distance))
+
+
+@part
+def bound_self_collision(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
+    """Rows for the distances of the pairs that are about to be nearest."""
+    motion, owners, work = state.motion, assembly.owners, assembly.work
+    clear(assembly, line.first, PAIRS, len(motion.columns))
+    table = owners.chosen[line.chosen :]
+    capsules, last = int(table[0]), 0
+    for i in range(capsules):
+        last = max(last, int(table[2 + i]))
+    for i in range(last + 1):
+        place_frame(motion, owners.frames, line.frame + i, work, i * KINEMATICS)
+        turn_to_world(work, i * KINEMATICS)
+    placed = (last + 1) * KINEMATICS
+    chosen = placed + _PLACED * capsules
+    _place_capsules(owners.parameters, line.start, table, work, placed)
+    count = _choose(owners.parameters, line.start, table, work, placed, chosen)
+    taken = 0
+    for at in range(chosen, chosen + count * _CHOSEN_PAIR, _CHOSEN_PAIR):
+        # A pair has its own row, as long as no other has it: what is active stays so.
+        slot = int(work[at]) % PAIRS
+        while (taken >> slot) & 1:
+            slot = (slot + 1) % PAIRS
+        taken |= 1 << slot
+        _write(state, assembly, line, line.first + slot, placed, at)
+
+
+@part
+def _place_capsules(
+    parameters: Float64[np.ndarray, " p"],
+    start: int,
+    table: Int64[np.ndarray, " t"],
+    work: Float64[np.ndarray, " work"],
+    placed: int,
+) -> None:
+    """Axes of all capsules in the world, with bounds of what their points do."""
+    for i in range(table[0]):
+        frame, shape = int(table[2 + i]) * KINEMATICS, start + SHAPES + SHAPE * i
+        a, fastest = placed + _PLACED * i, 0.0
+        for side in range(2):
+            end = vector(parameters, shape + 3 * side)
+            for k in range(3):
+                turned = dot(vector(work, frame + ROTATION + 3 * k), end)
+                work[a + 3 * side + k] = work[frame + k] + turned
+            # Speed is convex along the axis.
+            speed = velocity_of(work, frame, vector(work, a + 3 * side))
+            fastest = max(fastest, dot(speed, speed))
+        axis = _axis(work, a)
+        for k in range(3):
+            work[a + 6 + k] = 0.5 * (work[a + k] + work[a + 3 + k])
+        work[a + _HALF], work[a + _SPEED] = 0.5 * sqrt(dot(axis, axis)), sqrt(fastest)
+
+
+@part
+def _axis(work: Float64[np.ndarray, " work"], a: int) -> Vector:
+    """The vector from one end of an axis to the other."""
+    return plus(vector(work, a + 3), vector(work, a), -1.0)
+
+
+@part
+def _point(work: Float64[np.ndarray, " work"], a: int, place: float) -> Vector:
+    """A point of an axis, from 0 to 1."""
+    return plus(vector(work, a), _axis(work, a), place)
+
+
+@part
+def _choose(
+    parameters: Float64[np.ndarray, " p"],
+    start: int,
+    table: Int64[np.ndarray, " t"],
+    work: Float64[np.ndarray, " work"],
+    placed: int,
+    chosen: int,
+) -> int:
+    """Find the pairs that will be nearest; returns how many there are.
+
+    A pair is left out as soon as its middles are farther apart than one that would count.
+    """
+    capsules, pairs = int(table[0]), int(table[1])
+    shapes = start + SHAPES
+    count, margins = 0, shapes + SHAPE * capsules
+    last, most = 0, np.inf
+    for pair in range(pairs):
+        i, j = int(table[2 + capsules + 2 * pair]), int(table[3 + capsules + 2 * pair])
+        a, b = placed + _PLACED * i, placed + _PLACED * j
+        radii = parameters[shapes + SHAPE * i + 6] + parameters[shapes + SHAPE * j + 6]
+        least = parameters[margins + pair]
+        speed = work[a + _SPEED] + work[b + _SPEED]
+        within = radii + work[a + _HALF] + work[b + _HALF]
+        within += min(_NEAR, most + least + _AHEAD * speed)
+        apart = plus(vector(work, a + 6), vector(work, b + 6), -1.0)
+        if within <= 0.0 or dot(apart, apart) > within * within:
+            continue
+        s, t = _nearest_places(work, a, b)
+        p, q = _point(work, a, s), _point(work, b, t)
+        apart = plus(p, q, -1.0)
+        distance = sqrt(dot(apart, apart))
+        if distance - radii > _NEAR or distance < TOUCHING:
+            continue
+        one = velocity_of(work, int(table[2 + i]) * KINEMATICS, p)
+        other = velocity_of(work, int(table[2 + j]) * KINEMATICS, q)
+        rate = dot(apart, plus(one, other, -1.0)) / distance
+        # Ranked by the room above the least distance of each.
+        left = distance - radii - least + _AHEAD * min(rate, 0.0)
+        place = count
+        if count == PAIRS:
+            place = last
+            if left >= most:
+                continue
+        else:
+            count += 1
+        at = chosen + place * _CHOSEN_PAIR
+        work[at], work[at + 1], work[at + 2] = float(pair), s, t
+        work[at + 3], work[at + 4], work[at + 5] = distance, rate, left
+        if count == PAIRS:
+            last, most = 0, work[chosen + 5]
+            for k in range(1, PAIRS):
+                if work[chosen + k * _CHOSEN_PAIR + 5] > most:
+                    last, most = k, work[chosen + k * _CHOSEN_PAIR + 5]
+    return count
+
+
+@part
+def _nearest_places(work: Float64[np.ndarray, " work"], a: int, b: int) -> tuple[float, float]:
+    """Places of the nearest points of two axes, from 0 to 1 (Ericson 2005, 5.1.9)."""
+    u, v = _axis(work, a), _axis(work, b)
+    w = plus(vector(work, a), vector(work, b), -1.0)
+    aa, bb, ab, aw, bw = dot(u, u), dot(v, v), dot(u, v), dot(u, w), dot(v, w)
+    s, det = 0.0, aa * bb - ab * ab
+    # Of parallel axes any place will do.
+    if det > 1e-9 * aa * bb:
+        s = min(max((ab * bw - bb * aw) / det, 0.0), 1.0)
+    t = (ab * s + bw) / bb if bb > _SHORT else 0.0
+    if bb <= _SHORT or t < 0.0 or t > 1.0:
+        t = min(max(t, 0.0), 1.0)
+        s = min(max((ab * t - aw) / aa, 0.0), 1.0) if aa > _SHORT else 0.0
+    return s, t
+
+
+@part
+def _write(
+    state: StateNumbers, assembly: StackNumbers, line: Line, row: int, placed: int, at: int
+) -> None:
+    """The row of a pair that was chosen."""
+    owners, rows, work = assembly.owners, assembly.rows, assembly.work
+    parameters, start, table = owners.parameters, line.start, owners.chosen[line.chosen :]
+    capsules, pair = int(table[0]), int(work[at])
+    i, j = int(table[2 + capsules + 2 * pair]), int(table[3 + capsules + 2 * pair])
+    axes, places = (placed + _PLACED * i, placed + _PLACED * j), (work[at + 1], work[at + 2])
+    one, other = int(table[2 + i]), int(table[2 + j])
+    frames = (one * KINEMATICS, other * KINEMATICS)
+    points = (_point(work, axes[0], places[0]), _point(work, axes[1], places[1]))
+    length, n, slip, rate, drift = distance_motion(work, frames, points)
+    shapes = start + SHAPES
+    distance = length - parameters[shapes + SHAPE * i + 6] - parameters[shapes + SHAPE * j + 6]
+    room = distance - parameters[shapes + SHAPE * capsules + pair]
+    rows.error[row], rows.error_rate[row] = distance, float(pair)
+    if assembly.velocities:
+        rows.target[row] = rows.reference[row] = -room / parameters[start + APPROACH]
+        rows.drift[row] = 0.0
+    else:
+        horizon = float(parameters[start + HORIZON])
+        sliding = _sliding(work, axes, places, frames, n, slip, length)
+        # Nobody comes nearer within the horizon than at the speed of the points themselves.
+        drift -= min(sliding, sqrt(dot(slip, slip)) / horizon)
+        settings = (_HARDEST, horizon, float(parameters[start + BRAKING]))
+        reference = -largest_acceleration(room, -rate, np.inf, settings)
+        rows.target[row], rows.drift[row] = reference - drift, drift
+        rows.reference[row] = reference
+    write_distance(state, assembly, row, (line.frame + one, line.frame + other), points, n)
+
+
+@part
+def _sliding(
+    work: Float64[np.ndarray, " work"],
+    axes: tuple[int, int],
+    places: tuple[float, float],
+    frames: tuple[int, int],
+    n: Vector,
+    slip: Vector,
+    length: float,
+) -> float:
+    """Part of a distance's second derivative by which nearest points slide along their axes.
+
+    With g = |x_a(s) - x_b(t)|^2 / 2 over the places s and t on the axes, whose nearest points they
+    are, the rate of g is its partial one, and the rate of that
+
+        g_ddot = g_tt - g_tp^T g_pp^-1 g_tp,        p the places that are inside their axes.
+    """
+    u, v = _axis(work, axes[0]), _axis(work, axes[1])
+    aa, bb, ab = dot(u, u), dot(v, v), dot(u, v)
+    # Rates of (x_a - x_b) u and of (x_b - x_a) v.
+    turned = cross(vector(work, frames[0] + VELOCITY + 3), u)
+    as_ = dot(slip, u) + length * dot(n, turned)
+    turned = cross(vector(work, frames[1] + VELOCITY + 3), v)
+    bs = -dot(slip, v) - length * dot(n, turned)
+    free_a, free_b = 0.0 < places[0] < 1.0 and aa > _SHORT, 0.0 < places[1] < 1.0 and bb > _SHORT
+    slide = 0.0
+    if free_a and free_b:
+        # The inverse of [[aa, -ab], [-ab, bb]]; parallel axes have no nearest points to follow.
+        det = max(aa * bb - ab * ab, 1e-6 * aa * bb)
+        slide = (bb * as_ * as_ + 2.0 * ab * as_ * bs + aa * bs * bs) / det
+    elif free_a:
+        slide = as_ * as_ / aa
+    elif free_b:
+        slide = bs * bs / bb
+    return slide / length

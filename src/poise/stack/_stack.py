@@ -4,12 +4,15 @@ Which tasks a contact stands in for.
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Protocol, TypeVar, runtime_checkable
 
 from poise._checks import checked_kind, checked_number
 from poise._show import html_table
+from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack._balance import BalanceLimit
+from poise.stack._bound_once import Limit
 from poise.stack._centroid import ComTask
 from poise.stack._contact import Contact
 from poise.stack._contacts import SurfaceContact
@@ -32,12 +35,12 @@ def is_held(task: Task, contacts: Sequence[Contact]) -> bool:
     )
 
 
+P = TypeVar("P", Task, Contact)
+L = TypeVar("L", bound=Limit)
+
 SOFTENING = 0.05
 """Default of `Stack(softening=)` [m, rad]: a hand with kp 100 far out of reach has the stiffness of
 25 rad/s along a singular direction of lever 0.3 m, which a period of 2 ms samples 130 times."""
-
-_TURNING_JOINTS = 3
-"""Joints it takes to turn a frame in any direction."""
 
 
 class Stack:
@@ -88,20 +91,11 @@ class Stack:
                 checked_kind(task, Task, f"an entry of level {i} of the stack")
         self.contacts = tuple(contacts)
         self.levels = tuple(tuple(level) for level in levels)
-        self.torque_limit = checked_kind(
-            torque_limit or TorqueLimit(), TorqueLimit, "torque_limit of the stack"
-        )
-        self.joint_limit = checked_kind(
-            joint_limit or JointLimit(), JointLimit, "joint_limit of the stack"
-        )
-        self.balance_limit = checked_kind(
-            balance_limit or BalanceLimit(), BalanceLimit, "balance_limit of the stack"
-        )
-        self.self_collision_limit = checked_kind(
-            self_collision_limit or SelfCollisionLimit(enabled=False),
-            SelfCollisionLimit,
-            "self_collision_limit of the stack",
-        )
+        self.torque_limit = _limit(torque_limit, TorqueLimit, "torque_limit")
+        self.joint_limit = _limit(joint_limit, JointLimit, "joint_limit")
+        self.balance_limit = _limit(balance_limit, BalanceLimit, "balance_limit")
+        apart = self_collision_limit or SelfCollisionLimit(enabled=False)
+        self.self_collision_limit = _limit(apart, SelfCollisionLimit, "self_collision_limit")
         self.softening = checked_number(softening, "softening of the stack [m, rad]")
         _check_unique([c.frame for c in self.contacts], "two contacts of the stack on one frame")
         _check_unique([c.name for c in self.contacts], "two contacts of the stack with one name")
@@ -143,12 +137,7 @@ class Stack:
         Raises:
             UnknownNameError: no such task; the message lists those that exist.
         """
-        for _, task in self.tasks():
-            if task.name == name:
-                return task
-        raise UnknownNameError(
-            "unknown task of the stack", got=name, choices=[t.name for _, t in self.tasks()]
-        )
+        return _named(name, [task for _, task in self.tasks()], "task")
 
     def contact(self, name: str) -> Contact:
         """The contact of that name.
@@ -156,23 +145,46 @@ class Stack:
         Raises:
             UnknownNameError: no such contact; the message lists those that exist.
         """
-        for contact in self.contacts:
-            if contact.name == name:
-                return contact
-        raise UnknownNameError(
-            "unknown contact of the stack", got=name, choices=[c.name for c in self.contacts]
-        )
+        return _named(name, self.contacts, "contact")
 
     def bind(self, robot: Robot) -> None:
         """Resolve every name on a robot; controllers call it before the first tick."""
-        for contact in self.contacts:
-            contact.bind(robot)
-        for _, task in self.tasks():
-            task.bind(robot)
-        self.torque_limit.bind(robot)
-        self.joint_limit.bind(robot)
-        self.balance_limit.bind(robot)
-        self.self_collision_limit.bind(robot)
+        limits = self.torque_limit, self.joint_limit, self.balance_limit, self.self_collision_limit
+        for part in (*self.contacts, *(task for _, task in self.tasks()), *limits):
+            part.bind(robot)
+
+
+@runtime_checkable
+class Leader(Protocol):
+    """Sets what a stack asks for before each step of the controller that solves it.
+
+    A walker, a step teleoperator, a scenario's script or an object of the user's own is one. What
+    a leader may set is this, and nothing else:
+
+    - targets of tasks with their rates (`set_target`), or the reference itself (`set_velocity`,
+      `set_acceleration`),
+    - weights of tasks against each other within a level, row by row (`set_weight`), and gains
+      (`set_gains`),
+    - contacts: `engage` and `release`, with the length of their ramps, and `set_damping`. A
+      controller that takes one contact to be at rest takes the first active one: a leader chooses
+      by what it engages.
+
+    It knows no solver, no controller and no simulator. Like a controller it never raises on
+    numbers: a state that is not finite is passed over.
+    """
+
+    @property
+    def stack(self) -> Stack:
+        """The stack that it leads."""
+        ...
+
+    def lead(self, state: RobotState) -> None:
+        """Set what the stack asks for in the tick that begins.
+
+        Args:
+            state: of the robot, as the controller will get it.
+        """
+        ...
 
 
 def default_stack(robot: Robot) -> Stack:
@@ -203,7 +215,19 @@ def default_stack(robot: Robot) -> Stack:
 def _can_turn_freely(robot: Robot, root: str, frame: str) -> bool:
     """Return True where three joints turn a frame against another; with fewer, both conflict."""
     above_root = set(robot.joints_above(root))
-    return len(set(robot.joints_above(frame)) - above_root) >= _TURNING_JOINTS
+    return len(set(robot.joints_above(frame)) - above_root) >= 3
+
+
+def _named(name: str, parts: Sequence[P], kind: str) -> P:
+    for one in parts:
+        if one.name == name:
+            return one
+    choices = [one.name for one in parts]
+    raise UnknownNameError(f"unknown {kind} of the stack", got=name, choices=choices)
+
+
+def _limit(limit: L | None, kind: type[L], what: str) -> L:
+    return checked_kind(limit or kind(), kind, f"{what} of the stack")
 
 
 def _check_unique(names: list[str], what: str) -> None:

@@ -4,51 +4,23 @@ All that they read of a task stands in one array, its parameters: the rows of `G
 as the task, then its target. A number that nobody gave is NaN.
 """
 
-from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise._compiled import MemoryBlock
+from poise._compiled import MemoryBlock, part
 from poise.dynamics import KINEMATICS, Frames
-
-
-class Kind(IntEnum):
-    """Kind of a task, a contact or a limit."""
-
-    CONTACT = 0
-    COM = 1
-    MOMENTUM = 2
-    JOINTS = 3
-    FRAME = 4
-    RELATIVE_FRAME = 5
-    BALANCE = 6
-    SELF_COLLISION = 7
-
-
-CONTACT, COM, MOMENTUM, JOINTS, FRAME, RELATIVE_FRAME, BALANCE, SELF_COLLISION = (
-    int(kind) for kind in Kind
-)
 
 KP, KD, WEIGHT, RATE, SPEED, ACCELERATION, GIVEN_VELOCITY, GAINS = range(8)
 """Rows of a task's gains: stiffness, damping, weight, kp / kd, the speed that bounds the block of
 the row, and what `set_acceleration` and `set_velocity` were given; how many there are."""
-
-KIND, FIRST, COUNT, START, FRAME_INDEX, ROOT_INDEX, CHOSEN, TURNS, SINE, ENTRIES = range(10)
-"""Columns of the table of owners: kind, first row and number of rows, where its parameters begin,
-its frames in `Frames`, where its choice of components begins, whether it turns, and how."""
 
 TARGET_ROTATION, TARGET_VELOCITY, TARGET_ACCELERATION, TARGET_SIZE = 3, 12, 18, 24
 """Where the parts of a frame's target begin after its position, and how long it is."""
 
 OWN_AXES = 6
 """The component of a frame's motion from which on it is turning about the frame's own axes."""
-
-POINTS, OUTLINE = 12, 16
-CORNERS = 2 * (POINTS + OUTLINE)
-"""Points a contact of the room for polygons: corners of a rectangle and two others for each, and
-the outline of these others, which may take twice as many while it is looked for; all of it for the
-rectangle, and again for a smaller one."""
 
 WORK = 3 * KINEMATICS
 """Numbers of work space that anybody has: two frames, and what is worked out from them."""
@@ -81,12 +53,15 @@ class Numbers(MemoryBlock):
 class Owners(MemoryBlock):
     """Who the rows belong to."""
 
-    lines: Int64[np.ndarray, "owners entries"]  # an owner a line: `KIND`, ...; contacts first
-    chosen: Int64[np.ndarray, " c"]  # components that each has rows for, or coordinates
+    lines: Int64[np.ndarray, "owners entries"]  # a `Line` each; contacts first
+    contacts: int  # how many they are
+    chosen: Int64[
+        np.ndarray, " c"
+    ]  # components that each has rows for, or coordinates; ends of blocks
     places: Int64[np.ndarray, " owners"]  # address of the `Numbers` of each owner's parameters
     parameters: Float64[np.ndarray, " p"]  # of all owners, one after another, gathered each time
     frames: Frames
-    corners: Float64[np.ndarray, "k 2"]  # `CORNERS` points a contact and `CORNERS` more
+    corners: Float64[np.ndarray, "k 2"]  # room for outlines, see `_support`
 
 
 class StackNumbers(MemoryBlock):
@@ -99,5 +74,23 @@ class StackNumbers(MemoryBlock):
     velocities: int  # 1 where rows are on velocities, 0 where on accelerations
 
 
-Line = Int64[np.ndarray, " entries"]
-"""A line of `Owners.lines`."""
+class Line(NamedTuple):
+    """Entry of the table of owners."""
+
+    kind: int  # see `_evaluation`
+    first: int  # row
+    dim: int  # number of rows
+    start: int  # of its parameters
+    frame: int  # its first in `Frames`
+    root: int  # its last
+    chosen: int  # where its choice of components begins
+    size: int  # of that; ends of the task's blocks of rows follow
+    turns: int  # 1 where there is a target rotation
+    sine: int  # 1 where the orientation error is the sine
+
+
+@part
+def line_of(owners: Owners, i: int) -> Line:
+    """The entry of an owner."""
+    n = owners.lines[i]
+    return Line(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9])

@@ -3,46 +3,45 @@
 import math
 from abc import ABC, abstractmethod
 from copy import copy
-from itertools import accumulate, pairwise
-from typing import TypeGuard, cast
+from typing import Generic, TypeGuard, TypeVar, cast
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Float64
 
 from poise._checks import Numbers
 from poise._compiled import part
-from poise._copies import Copied
 from poise._show import brief
-from poise.dynamics import Dynamics, saturate
+from poise.dynamics import Dynamics, StateNumbers
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._axes import checked_gain, checked_speed, checked_target
+from poise.stack._bound_once import BoundOnce
+from poise.stack._owner import Owner
 from poise.stack._tables import (
     ACCELERATION,
-    COUNT,
-    FIRST,
     GAINS,
     GIVEN_VELOCITY,
     KD,
     KP,
     RATE,
     SPEED,
-    START,
     WEIGHT,
     Line,
+    Rows,
     StackNumbers,
 )
+from poise.stack._targets import PoseTarget, VectorTarget
 
-_PLAIN = {float}
-
-_HUGE = 1e150
-"""Speeds are cut to this, whose square does not overflow."""
+_HUGE = 1e306
+"""Speeds are cut to this: the norm of a hundred does not overflow."""
 
 _GIVEN = {ACCELERATION: "acceleration", GIVEN_VELOCITY: "velocity"}
 """What a user may give in place of feedback, by its row among the gains."""
 
+T = TypeVar("T", VectorTarget, PoseTarget)
 
-class Task(Copied, ABC):
+
+class Task(Owner, BoundOnce, ABC):
     """A quantity of the robot that should follow a reference: `J dv + drift = reference`.
 
     Feedback around a user's target asks for a velocity, bounded in norm in each block of rows, and
@@ -81,6 +80,9 @@ class Task(Copied, ABC):
         reference: reference acceleration [unit/s^2].
     """
 
+    # The part of the error that is fed back; a frame's turn is near half a turn.
+    _fade: Float64[np.ndarray, " m"] | float = 1.0
+
     def __init__(
         self,
         name: str,
@@ -93,7 +95,6 @@ class Task(Copied, ABC):
         self.name = name
         self.unit = "m"
         self.dim = 0
-        self._robot: Robot | None = None
         self._whats = {row: f"{what} of task {name!r}" for row, what in _GIVEN.items()}
         # Shape is checked when the number of rows is known; sign and finiteness at once.
         self._checked_gains(kp, kd)
@@ -104,47 +105,37 @@ class Task(Copied, ABC):
             self.set_speed(speed)
         # What was set last, where that was plain numbers for bound rows.
         self._plain_weight: tuple[float, ...] | None = None
-        # The part of the error that is fed back; a frame's turn is near half a turn.
-        self._fade: Float64[np.ndarray, " m"] | float = 1.0
         # What was given before the number of rows was known.
         self._given: dict[int, Float64[np.ndarray, " m"]] = {}
 
-    def bind(self, robot: Robot) -> None:
-        """Resolve names on a robot and allocates; controllers call it before the first tick.
-
-        Args:
-            robot: the robot whose frames and joints the task names.
-
-        Raises:
-            UnknownNameError: a frame or joint that the robot does not have.
-            ConfigurationError: a gain of the wrong length, or the task serves another robot.
-            TargetError: a target, acceleration or velocity given before that has the wrong length.
-        """
-        if self._robot is robot:
-            return
-        if self._robot is not None:
-            raise ConfigurationError(
-                f"task {self.name!r} already serves another robot",
-                got=robot.name,
-                wanted=f"robot {self._robot.name!r}, or a task of its own",
-            )
-        self.dim = self._resolve(robot)
+    def _bind(self, robot: Robot) -> None:
+        self.dim = m = self._resolve(robot)
         kp, kd, weight = self._gains
-        rows = np.full((GAINS, self.dim), np.nan)
+        rows = np.full((GAINS, m), np.nan)
         _write_gains(rows, *self._checked_gains(kp, kd))
         rows[WEIGHT] = self._checked_weight(weight)
         for row, value in self._given.items():
-            rows[row] = checked_target(value, self.dim, self._whats[row])
+            rows[row] = checked_target(value, m, self._whats[row])
         speed = self._usual_speed(robot) if self._speed is None else self._speed
-        speeds = self._checked_speed(speed, len(self.blocks))
-        self._take_gains(rows)
-        self._take_speeds(speeds)
-        self.jacobian: Float64[np.ndarray, "m nv"] = np.zeros((self.dim, robot.nv))
-        self.drift: Float64[np.ndarray, " m"] = np.zeros(self.dim)
-        self.error: Float64[np.ndarray, " m"] = np.zeros(self.dim)
-        self.error_rate: Float64[np.ndarray, " m"] = np.zeros(self.dim)
-        self.reference: Float64[np.ndarray, " m"] = np.zeros(self.dim)
-        self._robot = robot
+        rows[SPEED] = np.repeat(self._checked_speed(speed, len(self.blocks)), self.blocks)
+        self.parameters = np.concatenate((rows.ravel(), self._target_numbers()))
+        self.jacobian: Float64[np.ndarray, "m nv"] = np.zeros((m, robot.nv))
+        self.drift, self.error, self.error_rate, self.reference = np.zeros((4, m))
+
+    def share_memory(self) -> None:
+        """Make views of the array that the formulas read."""
+        if self._robot is not None:
+            self._gain_rows = self.parameters[: GAINS * self.dim].reshape(GAINS, self.dim)
+            self._gains_to_read = self._gain_rows.view()
+            self._gains_to_read.flags.writeable = False
+
+    def _target_numbers(self) -> Float64[np.ndarray, " k"]:
+        """Numbers of the target that compiled formulas read."""
+        return np.zeros(0)
+
+    @property
+    def _title(self) -> str:
+        return f"task {self.name!r}"
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, {self.describe()})"
@@ -156,39 +147,6 @@ class Task(Copied, ABC):
             kd = 2.0 * np.sqrt(np.asarray(kp, dtype=np.float64))
         said = f"kp={brief(kp)}, kd={brief(kd)}"
         return said if brief(weight) == "1" else f"{said}, weight={brief(weight)}"
-
-    def _take_gains(self, rows: Float64[np.ndarray, "gains m"]) -> None:
-        """Set the array whose rows are the gains."""
-        self._gain_rows = rows
-        self._gains_to_read = rows.view()
-        self._gains_to_read.flags.writeable = False
-
-    def share_memory(self) -> None:
-        """Make views of its gains."""
-        if self._robot is not None:
-            self._take_gains(self._gain_rows)
-
-    def is_bound_to(self, robot: Robot) -> bool:
-        """Return True where it is bound to that robot.
-
-        Args:
-            robot: the robot.
-        """
-        return self._robot is robot
-
-    @property
-    def robot(self) -> Robot:
-        """The robot the task serves.
-
-        Raises:
-            ConfigurationError: it serves none yet.
-        """
-        if self._robot is None:
-            raise ConfigurationError(
-                f"task {self.name!r} serves no robot yet",
-                wanted="a controller made with it, or a call of bind(robot)",
-            )
-        return self._robot
 
     @property
     def kp(self) -> Float64[np.ndarray, " m"]:
@@ -217,7 +175,8 @@ class Task(Copied, ABC):
     def speed(self) -> Float64[np.ndarray, " b"]:
         """Largest speed that feedback asks of each of `blocks` [unit/s]; `set_speed` changes it."""
         _ = self.robot
-        return self._speeds.copy()
+        ends = np.cumsum(self.blocks, dtype=np.int64)
+        return self._gain_rows[SPEED, ends - 1]
 
     def set_speed(self, speed: Numbers) -> None:
         """Bound the velocity that feedback asks for, from the next tick.
@@ -232,7 +191,8 @@ class Task(Copied, ABC):
             self._checked_speed(speed, np.size(speed))
             self._speed = copy(speed)
         else:
-            self._take_speeds(self._checked_speed(speed, len(self.blocks)))
+            speeds = self._checked_speed(speed, len(self.blocks))
+            self._gain_rows[SPEED] = np.repeat(speeds, self.blocks)
 
     def _gain(self, row: int) -> Float64[np.ndarray, " m"]:
         if self._robot is None:
@@ -347,69 +307,22 @@ class Task(Copied, ABC):
     def _checked_speed(self, value: Numbers, blocks: int) -> Float64[np.ndarray, " b"]:
         return checked_speed(value, blocks, f"largest speed of task {self.name!r}")
 
-    def _take_speeds(self, speeds: Float64[np.ndarray, " b"]) -> None:
-        ends = [*accumulate(self.blocks, initial=0)]
-        self._speeds, self._block_rows = speeds, [np.arange(a, b) for a, b in pairwise(ends)]
-        self._gain_rows[SPEED] = np.repeat(speeds, self.blocks)
-
     @property
     def given_velocity(self) -> Float64[np.ndarray, " m"] | None:
         """Argument of `set_velocity`; None for nothing."""
         given = self._gain_rows[GIVEN_VELOCITY]
         return None if np.isnan(given[0]) else given
 
-    def evaluate(self, dynamics: Dynamics) -> None:
-        """Fill in `jacobian`, `drift`, `error`, `error_rate` and `reference` for one state.
-
-        A target that was never set becomes what the robot does at the first evaluation: hold.
-
-        Args:
-            dynamics: the state, up to date.
-        """
-        feedforward = self._evaluate(dynamics)
-        given = self._gain_rows[ACCELERATION]
-        if not np.isnan(given[0]):
-            self.reference = given
-            return
-        kp, kd = self._gain_rows[KP], self._gain_rows[KD]
-        self.reference = kp * (self._fade * self.error) + kd * self.error_rate + feedforward
-        if np.isfinite(self._speeds).any():
-            asked, cut = self._bound(dynamics)
-            missing = asked - self.jacobian @ dynamics.v
-            self.reference[cut] = (kd * missing + feedforward)[cut]
-
-    def asked_velocity(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
-        """Velocity J v that feedback asks for, after `evaluate` [unit/s].
-
-        Args:
-            dynamics: the state that was evaluated.
-        """
-        return self._bound(dynamics)[0]
-
-    def _bound(
-        self, dynamics: Dynamics
-    ) -> tuple[Float64[np.ndarray, " m"], Bool[np.ndarray, " m"]]:
-        """Velocity that feedback asks for, and the rows in which `speed` bounds it."""
-        # The rate of an error is the target's velocity less that of the robot, J v.
-        target = self.error_rate + self.jacobian @ dynamics.v
-        fed_back = (self._gain_rows[KP] > 0.0) & (self._gain_rows[KD] > 0.0)
-        asked, cut = target.copy(), np.zeros(self.dim, dtype=np.bool_)
-        error = self._fade * self.error
-        asked[fed_back] += self._gain_rows[RATE, fed_back] * error[fed_back]
-        for rows, speed in zip(self._block_rows, self._speeds.tolist(), strict=True):
-            block = rows[fed_back[rows]]
-            bound = max(speed, math.hypot(*target[block].tolist()))
-            if math.hypot(*asked[block].tolist()) > bound:
-                asked[block], cut[block] = saturate(bound, asked[block]), True
-        return asked, cut
-
-    def reset(self) -> None:
-        """Forget targets that the task took from the robot itself, not those a user set."""
-
     @property
-    def blocks(self) -> tuple[int, ...]:
-        """Sizes of the blocks of rows that share a unit and turn into one another as axes turn."""
-        return (self.dim,)
+    def is_compiled(self) -> bool:
+        """False, for a task in Python."""
+        return False
+
+    def view(self, rows: Rows, own: slice, nv: int) -> None:
+        """Take views of its rows as its attributes."""
+        super().view(rows, own, nv)
+        self.error, self.error_rate = rows.error[own], rows.error_rate[own]
+        self._fade = rows.fade[own]
 
     def _usual_speed(self, robot: Robot) -> Numbers:  # noqa: ARG002
         """Return the default of `speed`; the unit of a custom task has none."""
@@ -417,49 +330,93 @@ class Task(Copied, ABC):
 
     @abstractmethod
     def _resolve(self, robot: Robot) -> int:
-        """Look names up on the robot and returns the number of rows."""
+        """Look names up on the robot and return the number of rows."""
 
     @abstractmethod
     def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
-        """Fill in everything but `reference`; returns the target's acceleration, masked."""
+        """Fill in everything but `reference`; return the target's acceleration, masked."""
+
+    def write_own(self, dynamics: Dynamics, rows: Rows, own: slice) -> None:
+        """Write what `_evaluate` finds, from which compiled feedback makes the reference."""
+        try:
+            rows.feedforward[own] = feedforward = self._evaluate(dynamics)
+            m, nv = self.dim, dynamics.robot.nv
+            found = {
+                "jacobian": (self.jacobian, (m, nv)),
+                "drift": (self.drift, (m,)),
+                "error": (self.error, (m,)),
+                "error_rate": (self.error_rate, (m,)),
+                "target's acceleration": (feedforward, (m,)),
+            }
+            for what, (numbers, shape) in found.items():
+                # One that fits by being repeated would not be noticed.
+                if np.shape(numbers) != shape:
+                    raise TaskFaultError(
+                        f"{what} of task {self.name!r} has a wrong shape",
+                        got=np.shape(numbers),
+                        wanted=f"{shape}",
+                    )
+            rows.matrix[rows.first + own.start : rows.first + own.stop, :nv] = self.jacobian
+            rows.drift[own], rows.fade[own] = self.drift, self._fade
+            rows.error[own], rows.error_rate[own] = self.error, self.error_rate
+        except TaskFaultError:
+            raise
+        except Exception as error:
+            raise TaskFaultError(
+                f"task {self.name!r} cannot be evaluated",
+                got=f"{type(error).__name__}: {error}",
+                wanted="`_evaluate` to fill `jacobian` (m, nv), `drift`, `error` and `error_rate` "
+                "(m) and to return the target's acceleration (m)",
+            ) from error
 
 
 class TaskFaultError(ConfigurationError):
     """A task of a user's own that cannot be evaluated, or leaves arrays of a wrong shape."""
 
 
-def evaluate_own(task: Task, dynamics: Dynamics) -> None:
-    """Evaluate a task that may be a user's own."""
-    try:
-        task.evaluate(dynamics)
-        m, nv = task.dim, dynamics.robot.nv
-        for what, shape in (
-            ("jacobian", (m, nv)),
-            ("drift", (m,)),
-            ("error", (m,)),
-            ("error_rate", (m,)),
-            ("reference", (m,)),
-        ):
-            # One that fits by being repeated would not be noticed.
-            found = np.shape(getattr(task, what))
-            if found != shape:
-                raise TaskFaultError(
-                    f"{what} of task {task.name!r} has a wrong shape", got=found, wanted=f"{shape}"
-                )
-    except TaskFaultError:
-        raise
-    except Exception as error:
-        raise TaskFaultError(
-            f"task {task.name!r} cannot be evaluated",
-            got=f"{type(error).__name__}: {error}",
-            wanted="`_evaluate` to fill `jacobian` (m, nv), `drift`, `error` and `error_rate` (m) "
-            "and to return the target's acceleration (m)",
-        ) from error
+class ShippedTask(Task, Generic[T]):
+    """A task whose formulas are compiled.
+
+    One that has an `_evaluate` of its own is evaluated in Python, like any task of a user; what it
+    calls by `super()` is compiled.
+    """
+
+    _target: T
+
+    @property
+    def is_compiled(self) -> bool:
+        """True where no method of a subclass replaces the compiled formulas."""
+        return type(self)._evaluate is ShippedTask._evaluate
+
+    def share_memory(self) -> None:
+        """Make views of the array that the formulas read."""
+        super().share_memory()
+        if self._robot is not None:
+            self._target.memory = self.parameters[GAINS * self.dim :]
+
+    def _target_numbers(self) -> Float64[np.ndarray, " k"]:
+        return self._target.memory
+
+    def overwrite_target(self) -> Float64[np.ndarray, "rows size"]:
+        """Return the target's numbers, for a leader to write what it computed: nothing is checked.
+
+        Returns:
+            Position, velocity and acceleration, a row each; of a pose its position, three rows of
+            its rotation, then linear and angular velocity and acceleration.
+        """
+        return self._target.overwrite()
+
+    def reset(self) -> None:
+        """Forget a target that was taken from the robot."""
+        self._target.release_hold()
+
+    def _evaluate(self, dynamics: Dynamics) -> Float64[np.ndarray, " m"]:
+        return self._evaluate_alone(dynamics, compiled=True).feedforward
 
 
 def _are_weights(row: tuple[object, ...]) -> TypeGuard[tuple[float, ...]]:
     """Return True where all are plain numbers, finite and positive."""
-    if {*map(type, row)} != _PLAIN:
+    if {*map(type, row)} != {float}:
         return False
     numbers = cast("tuple[float, ...]", row)
     # The sum of a NaN and others is not finite either.
@@ -489,33 +446,65 @@ def write_measured(
     feedforward: float,
     drift: float,
 ) -> None:
-    """Write what a task's row measures; `target` holds the target's velocity until `ask`."""
-    rows, parameters = assembly.rows, assembly.owners.parameters
-    row = line[FIRST] + i
+    """Write what a task's row measures; `target` holds the target's velocity until `feed_back`."""
+    rows, row = assembly.rows, line.first + i
     rows.error[row], rows.fade[row], rows.error_rate[row] = error, fade, velocity - actual
     rows.drift[row], rows.feedforward[row] = drift, feedforward
     rows.target[row] = velocity
-    rows.weight[row] = parameters[line[START] + WEIGHT * line[COUNT] + i]
 
 
 @part
-def ask(assembly: StackNumbers, line: Line, begin: int, end: int) -> None:
-    """Feedback of a block of a task's rows as in `Task`, or what was given in its place."""
+def own_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
+    """Rows of a task in Python, which stand there already but for the target's velocity."""
+    v, rows = state.v, assembly.rows
+    for row in range(line.first, line.first + line.dim):
+        # The rate of an error is the target's velocity less that of the robot, J v.
+        rows.target[row] = rows.error_rate[row]
+        for k in range(len(v)):
+            rows.target[row] += rows.matrix[rows.first + row, k] * v[k]
+
+
+@part
+def feed_back(assembly: StackNumbers, line: Line) -> None:
+    """Feedback of a task's rows as in `Task`, or what was given in its place; by blocks."""
+    owners, begin, block = assembly.owners, 0, line.chosen + line.size
+    while begin < line.dim:
+        end = int(owners.chosen[block])
+        _feed_back_block(assembly, line, begin, end)
+        begin, block = end, block + 1
+
+
+@part
+def _fed_back(assembly: StackNumbers, line: Line, i: int) -> tuple[float, float]:
+    """Velocity that a row with stiffness and damping asks for, and its target's; zero of others."""
+    rows, parameters, row = assembly.rows, assembly.owners.parameters, line.first + i
+    gains = line.start + i
+    rate = parameters[gains + RATE * line.dim]
+    if not (parameters[gains + KD * line.dim] > 0.0 and rate > 0.0):
+        return 0.0, 0.0
+    velocity = min(max(rows.target[row], -_HUGE), _HUGE)
+    asked = velocity + rate * rows.fade[row] * rows.error[row]
+    return min(max(asked, -_HUGE), _HUGE), velocity
+
+
+@part
+def _feed_back_block(assembly: StackNumbers, line: Line, begin: int, end: int) -> None:
     rows, velocities, parameters = assembly.rows, assembly.velocities, assembly.owners.parameters
-    m, gains, first = line[COUNT], line[START], line[FIRST]
+    m, gains, first = line.dim, line.start, line.first
     asked_square = target_square = 0.0
     for i in range(begin, end):
-        kd, rate = parameters[gains + KD * m + i], parameters[gains + RATE * m + i]
-        if kd > 0.0 and rate > 0.0:
-            velocity = min(max(rows.target[first + i], -_HUGE), _HUGE)
-            asked = velocity + rate * rows.fade[first + i] * rows.error[first + i]
-            asked = min(max(asked, -_HUGE), _HUGE)
-            asked_square += asked * asked
-            target_square += velocity * velocity
+        asked, velocity = _fed_back(assembly, line, i)
+        asked_square += asked * asked
+        target_square += velocity * velocity
+    most, target = math.sqrt(asked_square), math.sqrt(target_square)
+    if np.isinf(asked_square):
+        most = target = 0.0
+        for i in range(begin, end):
+            asked, velocity = _fed_back(assembly, line, i)
+            most, target = math.hypot(most, asked), math.hypot(target, velocity)
     part = 1.0
-    if asked_square > target_square:
-        speed = max(parameters[gains + SPEED * m + begin], math.sqrt(target_square))
-        part = min(speed / math.sqrt(asked_square), 1.0)
+    if most > target:
+        part = min(max(parameters[gains + SPEED * m + begin], target) / most, 1.0)
     for i in range(begin, end):
         row = first + i
         kp, kd = parameters[gains + KP * m + i], parameters[gains + KD * m + i]
@@ -533,5 +522,5 @@ def ask(assembly: StackNumbers, line: Line, begin: int, end: int) -> None:
         given = parameters[gains + GIVEN_VELOCITY * m + i]
         if not np.isnan(given):
             asked = given
-        rows.reference[row] = reference
+        rows.reference[row], rows.weight[row] = reference, parameters[gains + WEIGHT * m + i]
         rows.target[row] = rows.upper[row] = asked if velocities else reference - rows.drift[row]

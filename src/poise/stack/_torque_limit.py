@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from poise._checks import checked_number
-from poise._compiled import MemoryBlock, compiled, view
-from poise._copies import Copied
+from poise._compiled import compiled
 from poise.errors import ConfigurationError
 from poise.robots import Robot
+from poise.stack._bound_once import Limit
 
 _SHORTEST, _LONGEST = 1e-3, 0.02
 """Between which the time from one command to the next is taken to be, whatever clocks say [s]."""
@@ -18,16 +18,7 @@ SMOOTH_RATE = 250.0
 """Rate of the stacks that Poise makes [1/s]: half the limit in a tick of 2 ms."""
 
 
-class _TorqueBounds(MemoryBlock):
-    lower: Float64[np.ndarray, " nj"]  # of the limit itself [N m]
-    upper: Float64[np.ndarray, " nj"]
-    tick_lower: Float64[np.ndarray, " nj"]  # of the tick that begins [N m]
-    tick_upper: Float64[np.ndarray, " nj"]
-    last: Float64[np.ndarray, " nj"]  # command [N m]
-    per_second: Float64[np.ndarray, " nj"]  # largest change [N m/s]
-
-
-class TorqueLimit(Copied):
+class TorqueLimit(Limit):
     """|tau| <= scale tau_max, joint by joint; and no torque changes faster than it may.
 
     Both bounds stand beside the equations of motion, above everything:
@@ -49,93 +40,49 @@ class TorqueLimit(Copied):
 
     Attributes:
         name: what reports call it.
+        scale: fraction of the robot's torque limits that may be used.
+        rate: largest rate of a torque over its limit [1/s]; None for no bound.
+        lower: lower bounds; known once bound to a robot, as those below [N m].
+        upper: upper bounds [N m].
+        tick_lower: lower bounds in the tick that begins, those by the last command among them; the
+            array stays [N m].
+        tick_upper: upper bounds in the tick that begins [N m].
     """
 
-    foreign = ("_numbers",)
+    scale: float
+    rate: float | None
+    lower: Float64[np.ndarray, " nj"]
+    upper: Float64[np.ndarray, " nj"]
+    tick_lower: Float64[np.ndarray, " nj"]
+    tick_upper: Float64[np.ndarray, " nj"]
 
     def __init__(self, scale: float = 1.0, rate: float | None = None) -> None:
-        self.name = "torque limit"
-        self._rate = rate
         if rate is not None:
-            self._rate = checked_number(rate, "rate of the torque limit [1/s]", above=0.0)
-        self._scale = checked_number(scale, "scale of the torque limit", above=0.0)
-        if self._scale > 1.0:
+            rate = checked_number(rate, "rate of the torque limit [1/s]", above=0.0)
+        scale = checked_number(scale, "scale of the torque limit", above=0.0)
+        if scale > 1.0:
             raise ConfigurationError(
                 "scale of the torque limit is above the robot's own limit",
                 got=scale,
                 wanted="a number in (0, 1]",
             )
-        self._robot: Robot | None = None
+        self._set(name="torque limit", scale=scale, rate=rate)
 
-    @property
-    def scale(self) -> float:
-        """Fraction of the robot's torque limits that may be used."""
-        return self._scale
-
-    @property
-    def rate(self) -> float | None:
-        """Largest rate of a torque over its limit [1/s]; None for no bound."""
-        return self._rate
-
-    @property
-    def lower(self) -> Float64[np.ndarray, " nj"]:
-        """Lower bounds, known once bound to a robot [N m]."""
-        return self._lower
-
-    @property
-    def upper(self) -> Float64[np.ndarray, " nj"]:
-        """Upper bounds, known once bound to a robot [N m]."""
-        return self._upper
-
-    @property
-    def tick_lower(self) -> Float64[np.ndarray, " nj"]:
-        """Lower bounds in the tick that begins, those by the last command among them [N m].
-
-        The array stays.
-        """
-        return self._tick_lower
-
-    @property
-    def tick_upper(self) -> Float64[np.ndarray, " nj"]:
-        """Upper ones [N m]."""
-        return self._tick_upper
-
-    def bind(self, robot: Robot) -> None:
-        """Take the limits of a robot; controllers call it before the first tick.
-
-        Raises:
-            ConfigurationError: the limit serves another robot.
-        """
-        if self._robot is not None and self._robot is not robot:
-            raise ConfigurationError(
-                "the torque limit already serves another robot",
-                got=robot.name,
-                wanted=f"robot {self._robot.name!r}, or a limit of its own",
-            )
-        self._robot = robot
-        self._upper: Float64[np.ndarray, " nj"] = self._scale * robot.tau_max
-        self._lower: Float64[np.ndarray, " nj"] = -self._upper
-        self._tick_lower, self._tick_upper = self._lower.copy(), self._upper.copy()
-        self._last, self._time = np.zeros(robot.nj), np.nan
-        self._per_second = (self._rate or 0.0) * robot.tau_max
-        self.share_memory()
+    def _bind(self, robot: Robot) -> None:
+        most = self.scale * robot.tau_max
+        per_second = (self.rate or 0.0) * robot.tau_max
+        self._numbers = np.array([-most, most, -most, most, np.zeros(robot.nj), per_second])
+        self._time = np.nan
 
     def share_memory(self) -> None:
-        """Make the memory of compiled code from the bounds in place."""
-        if self._robot is None:
-            return
-        self._numbers = _TorqueBounds(
-            lower=self._lower,
-            upper=self._upper,
-            tick_lower=self._tick_lower,
-            tick_upper=self._tick_upper,
-            last=self._last,
-            per_second=self._per_second,
-        )
-        # What is compiled is compiled now, not in the first tick.
-        _bound_change(self._numbers.address, _LONGEST)
-        if isnan(self._time):
-            self.reset()
+        """Make the bounds views of the array that compiled code reads."""
+        if self._robot is not None:
+            lower, upper, tick_lower, tick_upper, self._last, _ = self._numbers
+            self._set(lower=lower, upper=upper, tick_lower=tick_lower, tick_upper=tick_upper)
+            # What is compiled is compiled now, not in the first tick.
+            _bound_change(self._numbers, _LONGEST)
+            if isnan(self._time):
+                self.reset()
 
     def begin(self, time: float) -> None:
         """Set the bounds for a tick; controllers call it.
@@ -143,11 +90,11 @@ class TorqueLimit(Copied):
         Args:
             time: of the state [s].
         """
-        if self._rate is None or isnan(self._time):
+        if self.rate is None or isnan(self._time):
             return
         # Clocks that add up their ticks differ in the last digits, and answers should not.
         seconds = min(max(_SHORTEST, round(time - self._time, 9)), _LONGEST)
-        _bound_change(self._numbers.address, seconds)
+        _bound_change(self._numbers, seconds)
 
     def remember(self, torque: Float64[np.ndarray, " nj"], time: float) -> None:
         """Copy a command, from which the next may be so far; controllers call it.
@@ -156,21 +103,21 @@ class TorqueLimit(Copied):
             torque: as commanded [N m].
             time: for which [s].
         """
-        if self._rate is None:
-            return
-        self._last[:], self._time = torque, time
+        if self.rate is not None:
+            self._last[:], self._time = torque, time
 
     def reset(self) -> None:
         """Forget the last command: the next one is free."""
         self._time = np.nan
-        self._tick_lower[:], self._tick_upper[:] = self._lower, self._upper
+        self.tick_lower[:], self.tick_upper[:] = self.lower, self.upper
 
 
 @compiled
-def _bound_change(address: int, seconds: float) -> None:
+def _bound_change(numbers: Float64[np.ndarray, "6 nj"], seconds: float) -> None:
     """Bounds of a tick: the limit's own, and no farther from the last command than allowed."""
-    m = view(_TorqueBounds, address)
-    for i in range(len(m.last)):
-        most = seconds * m.per_second[i]
-        m.tick_lower[i] = max(m.lower[i], m.last[i] - most)
-        m.tick_upper[i] = min(m.upper[i], m.last[i] + most)
+    lower, upper, tick_lower, tick_upper = numbers[0], numbers[1], numbers[2], numbers[3]
+    last, per_second = numbers[4], numbers[5]
+    for i in range(len(last)):
+        most = seconds * per_second[i]
+        tick_lower[i] = max(lower[i], last[i] - most)
+        tick_upper[i] = min(upper[i], last[i] + most)

@@ -20,81 +20,17 @@ def sole(get_robot):
     return contact
 
 
-def wrench_of(points, forces):
-    return np.concatenate((forces.sum(0), np.cross(points, forces).sum(0)))
-
-
-def random_push(rng, half_length, half_width, count=5):
-    """Forces inside the pyramid at points of a rectangle in the plane z = 0."""
-    points = np.zeros((count, 3))
-    points[:, 0] = rng.uniform(-half_length, half_length, count)
-    points[:, 1] = rng.uniform(-half_width, half_width, count)
-    forces = rng.uniform(-1.0, 1.0, (count, 3))
-    forces[:, 2] = rng.uniform(0.0, 100.0, count)
-    forces[:, :2] *= MU * forces[:, 2:]
-    return wrench_of(points, forces)
-
-
-def test_with_a_torsion_there_are_ten_rows(sole):
-    assert sole.cone.shape == (10, 6)
-
-
-def test_pushes_inside_the_rectangle_satisfy_friction_and_centre_of_pressure(sole):
-    rng = np.random.default_rng(0)
+def test_with_a_torsion_the_cone_is_friction_centre_of_pressure_and_yaw_moment(sole):
+    x, y, rng, counts = LENGTH / 2 - MARGIN, WIDTH / 2 - MARGIN, np.random.default_rng(0), [0, 0]
+    most = np.array([MU, MU, 1.0, y, x, TORSION])
+    assert len(sole.cone) == 10
     for _ in range(2000):
-        F = random_push(rng, LENGTH / 2 - MARGIN, WIDTH / 2 - MARGIN)
-        assert (sole.cone[:8] @ F).max() <= 1e-9
-
-
-def test_the_rows_are_tight_at_the_edges_and_the_pyramids_faces(sole):
-    x, y, fz = LENGTH / 2 - MARGIN, WIDTH / 2 - MARGIN, 200.0
-    for sx, sy in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-        force = np.array([sx * MU * fz, sy * MU * fz, fz])
-        F = wrench_of(np.array([[sx * x, sy * y, 0.0]]), force[None])
-        F[5] = 0.0
-        rows = np.sort(sole.cone @ F)
-        assert np.abs(rows[-4:]).max() < 1e-9  # two faces and two edges hold
-        assert rows[-5] < -1.0
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-@pytest.mark.parametrize("axis", [0, 1])
-def test_a_centre_of_pressure_outside_breaks_a_row(sole, axis, sign):
-    rng = np.random.default_rng(1)
-    edge = (LENGTH, WIDTH)[axis] / 2 - MARGIN
-    for _ in range(200):
-        F = np.zeros(6)
-        F[2] = rng.uniform(1.0, 500.0)
-        at = np.zeros(3)
-        at[axis] = sign * (edge + rng.uniform(1e-4, 0.1))
-        F[3:] = np.cross(at, F[:3])
-        assert (sole.cone @ F).max() > 0.0
-        at[axis] = sign * (edge - rng.uniform(1e-4, 0.05))
-        F[3:] = np.cross(at, F[:3])
-        assert (sole.cone @ F).max() <= 0.0
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_slipping_forces_break_a_row(sole, axis, sign):
-    F = np.array([0.0, 0.0, 100.0, 0.0, 0.0, 0.0])
-    F[axis] = sign * 1.001 * MU * 100.0
-    assert (sole.cone @ F).max() > 0.0
-    F[axis] = sign * 0.999 * MU * 100.0
-    assert (sole.cone @ F).max() <= 0.0
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_the_yaw_moment_is_bounded_by_torsion(sole, sign):
-    F = np.array([0.0, 0.0, 100.0, 0.0, 0.0, sign * 1.001 * TORSION * 100.0])
-    assert (sole.cone @ F).max() > 0.0
-    F[5] = sign * 0.999 * TORSION * 100.0
-    assert (sole.cone @ F).max() <= 0.0
-
-
-def test_pulling_breaks_rows(sole):
-    assert (sole.cone @ np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0])).max() > 0.0
-    assert sole.wrench_lower[2] == 0.0
+        F = 1.2 * most * rng.uniform(-1.0, 1.0, 6)
+        F[2] = rng.choice([-1.0, 1.0])
+        inside = F[2] > 0.0 and (np.abs(F) <= most * F[2]).all()
+        assert ((sole.cone @ F).max() <= 0.0) == inside
+        counts[int(inside)] += 1
+    assert min(counts) > 200
 
 
 @pytest.mark.parametrize("width", [WIDTH, 0.05])
@@ -117,16 +53,6 @@ def test_without_torsion_the_cone_is_what_forces_at_the_corners_make(get_robot, 
         assert made == (worst < 0.0)
         counts[made] += 1
     assert min(counts) > 20
-
-
-def test_no_yaw_moment_is_left_in_a_corner(get_robot):
-    contact = SurfaceContact("left_sole", friction=MU, length=LENGTH, width=WIDTH, margin=MARGIN)
-    contact.bind(get_robot("humanoid33"))
-    F = np.array([0.0, 0.0, 1.0, WIDTH / 2 - MARGIN, -(LENGTH / 2 - MARGIN), 0.0])
-    assert (contact.cone @ F).max() == pytest.approx(0.0, abs=1e-12)
-    for yaw in (1e-3, -1e-3):
-        F[5] = yaw
-        assert (contact.cone @ F).max() > 9e-4
 
 
 LOWER, UPPER = (0.02, -0.05), (0.09, -0.01)
@@ -195,14 +121,6 @@ def test_another_margin_makes_the_cone_of_a_contact_that_had_it_all_along(
     np.testing.assert_allclose(contact.pressure_reach, new.pressure_reach, atol=1e-12)
 
 
-def test_a_margin_holds_from_when_it_is_bound(get_robot):
-    contact, new = SurfaceContact("left_sole"), SurfaceContact("left_sole", margin=MARGIN)
-    contact.set_margin(MARGIN)
-    for each in (contact, new):
-        each.bind(get_robot("humanoid33"))
-    np.testing.assert_array_equal(contact.cone, new.cone)
-
-
 def test_the_part_that_carries_outlasts_a_margin(get_robot):
     contact, new = SurfaceContact("left_sole"), SurfaceContact("left_sole", margin=MARGIN)
     for each in (contact, new):
@@ -222,23 +140,6 @@ def test_a_margin_that_cannot_be_is_refused_and_changes_nothing(get_robot, margi
     assert contact.margin == 0.005
     np.testing.assert_array_equal(contact.cone, cone)
     np.testing.assert_array_equal(contact.pressure_reach, reach)
-
-
-@pytest.mark.parametrize("kind", [poise.WholeBodyController, poise.ReducedController])
-def test_the_pressure_keeps_to_a_margin_that_was_set_later(get_robot, kind):
-    robot = get_robot("humanoid33")
-    stack = poise.default_stack(robot)
-    stack.torque_limit = poise.TorqueLimit()
-    controller = kind(robot, stack)
-    state = poise.RobotState(robot.q_home.copy(), np.zeros(robot.nv))
-    left, _ = stack.contacts
-    sole = robot.soles[left.frame]
-    # A COM that shall go ahead at once takes the pressure to the heel.
-    stack.task("com").set_acceleration([9.0, 0.0, 0.0])
-    for margin in (0.002, 0.03):
-        left.set_margin(margin)
-        force = controller.step(state).wrenches[left.name]
-        assert -force[4] / force[2] == pytest.approx(margin - sole.length / 2.0, abs=1e-5)
 
 
 def test_a_sole_brings_its_own_size(get_robot):
@@ -269,15 +170,6 @@ def test_the_metric_is_that_of_all_of_the_surface(get_robot):
     contact.carry_on((0.0, -1.0), (1.0, 1.0))
     assert (contact.cone[:, 2] == 0.0).any()
     np.testing.assert_array_equal(contact.metric, whole)
-
-
-def test_a_controller_made_while_half_a_sole_carries_finds_torques(get_robot):
-    robot = get_robot("humanoid33")
-    stack = poise.default_stack(robot)
-    poise.WholeBodyController(robot, stack)
-    stack.contacts[0].carry_on((0.0, -1.0), (1.0, 1.0))
-    late = poise.WholeBodyController(robot, stack)
-    assert late.step(poise.RobotState(robot.q_home, np.zeros(robot.nv))).status.ok
 
 
 @pytest.mark.parametrize(

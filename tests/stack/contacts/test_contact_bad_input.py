@@ -5,29 +5,9 @@ import pytest
 
 import poise
 from poise.errors import ConfigurationError, TargetError, UnknownNameError
-from poise.stack import Contact, PointContact, Stack, SurfaceContact
+from poise.stack import Contact, Stack, SurfaceContact
 
 NAN, INF = float("nan"), float("inf")
-
-
-@pytest.mark.parametrize("value", [0.0, -0.5, NAN, INF])
-@pytest.mark.parametrize("name", ["friction", "length", "width", "torsion"])
-def test_sizes_and_friction_are_positive_and_finite(name, value):
-    with pytest.raises(ConfigurationError, match=f"{name} of contact 'left_sole'"):
-        SurfaceContact("left_sole", **{name: value})
-
-
-@pytest.mark.parametrize("value", [-0.5, NAN, INF])
-@pytest.mark.parametrize("name", ["margin", "damping"])
-def test_margin_and_damping_are_not_negative(name, value):
-    with pytest.raises(ConfigurationError, match=f"{name} of contact 'left_sole'"):
-        SurfaceContact("left_sole", **{name: value})
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, NAN, INF])
-def test_a_points_friction_is_positive_and_finite(value):
-    with pytest.raises(ConfigurationError, match="friction"):
-        PointContact("left_hand", friction=value)
 
 
 @pytest.mark.parametrize("value", [-0.1, NAN, INF])
@@ -76,20 +56,6 @@ def test_a_cone_without_rows_or_with_other_columns_than_the_wrench_is_refused(ge
         poise.WholeBodyController(get_robot("humanoid33"), stack)
 
 
-def test_a_cone_of_one_row_is_taken(get_robot):
-    contact = ConeContact("left_hand", np.array([[0.0, 0.0, -1.0]]))
-    contact.bind(get_robot("humanoid33"))
-    assert contact.cone.shape == (1, 3)
-
-
-def test_a_contact_serves_one_robot(get_robot):
-    contact = SurfaceContact("left_sole")
-    contact.bind(get_robot("g1"))
-    contact.bind(get_robot("g1"))
-    with pytest.raises(ConfigurationError, match="already serves another robot"):
-        contact.bind(get_robot("humanoid33"))
-
-
 @pytest.mark.parametrize("value", [-0.5, NAN, INF])
 def test_a_damping_that_cannot_be_is_refused_and_changes_nothing(value):
     contact = SurfaceContact("left_sole", damping=7.0)
@@ -105,12 +71,3 @@ def test_an_acceleration_that_cannot_be_is_refused_and_changes_nothing(value):
     with pytest.raises(TargetError, match="acceleration of contact 'left_sole'"):
         contact.set_acceleration(value)
     np.testing.assert_array_equal(contact.acceleration, np.ones(6))
-
-
-@pytest.mark.parametrize(
-    "name", ["friction", "damping", "min_load", "margin", "wrench_lower", "wrench_upper"]
-)
-def test_what_a_contact_is_made_of_is_not_assigned(name):
-    contact = SurfaceContact("left_sole")
-    with pytest.raises(AttributeError, match=name):
-        setattr(contact, name, 0.5)

@@ -14,7 +14,7 @@ from oracles import (
 from poise.dynamics import Dynamics
 from poise.stack import PointContact, SurfaceContact
 
-SEEDS = range(10)
+SEEDS = range(4)
 
 
 @pytest.fixture(params=["humanoid33", "g1"])
@@ -68,22 +68,6 @@ def test_a_contact_is_asked_to_move_beside_its_damping(robot):
         np.testing.assert_allclose(after - before, asked[: contact.dim], atol=1e-12)
         contact.set_acceleration(np.zeros(contact.dim))
         np.testing.assert_array_equal(evaluated(contact, robot, state).reference, before)
-
-
-def test_power_of_a_wrench_is_the_same_in_joints_and_in_space(robot):
-    """F acts on the robot along the contact's axes at its origin: v^T J^T F = f v + m omega."""
-    state, rng = random_state(robot, 1), np.random.default_rng(0)
-    contact = evaluated(SurfaceContact("left_sole"), robot, state)
-    F = rng.normal(size=6)
-    frame = dynamics_at(robot, state.q, state.v).frame(robot.frame_id("left_sole"))
-    f, m = frame.rotation @ F[:3], frame.rotation @ F[3:]
-    power = f @ frame.velocity[:3] + m @ frame.velocity[3:]
-    assert state.v @ contact.jacobian.T @ F == pytest.approx(power, rel=1e-10)
-
-
-def test_no_damping_means_no_reference(robot):
-    contact = evaluated(SurfaceContact("left_sole", damping=0.0), robot, random_state(robot, 1))
-    assert np.array_equal(contact.reference, np.zeros(6))
 
 
 def test_any_frame_may_be_a_surface_if_its_size_is_given(robot):

@@ -20,7 +20,7 @@ from poise.stack import (
     find_hull,
 )
 
-SEEDS = range(10)
+SEEDS = range(4)
 EDGES = 12
 GRAVITY = 9.81
 
@@ -120,6 +120,15 @@ def component(robot, dynamics, state, contacts):
     return com[:2] + speed / omega, speed, omega
 
 
+def polygon(robot, rows, J, dynamics, state, contacts):
+    """Edges n x <= h from the rows: J dv = n A dv, and distances of the component."""
+    used = np.isfinite(rows.balance.edge_distances)
+    A = dynamics.momentum_matrix[:2] / pin.computeTotalMass(robot.model)
+    normals = np.linalg.lstsq(A.T, J[:EDGES][used].T, rcond=None)[0].T
+    xi = component(robot, dynamics, state, contacts)[0]
+    return normals, rows.balance.edge_distances[used] + normals @ xi
+
+
 @pytest.mark.parametrize("name", ["g1", "humanoid33"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_inside_each_edge_is_approached_no_faster_than_its_distance_allows(get_robot, name, seed):
@@ -152,7 +161,7 @@ def test_inside_each_edge_is_approached_no_faster_than_its_distance_allows(get_r
 
 
 @pytest.mark.parametrize("name", ["g1", "humanoid33"])
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_a_centre_of_pressure_in_the_soles_always_meets_all_edges(get_robot, name, seed):
     """Also far outside, on one foot, and with a foothold ahead: c'' = omega^2 (c - p), some p."""
     robot = get_robot(name)
@@ -163,14 +172,12 @@ def test_a_centre_of_pressure_in_the_soles_always_meets_all_edges(get_robot, nam
     if seed % 3 == 0:
         centre = rng.normal(scale=0.3, size=2)
         foothold = [centre + [s * 0.1, t * 0.05] for s in (1, -1) for t in (1, -1)]
-    _, J, _, upper, dynamics = rows_of(robot, state, None, contacts, foothold)
+    rows, J, _, upper, dynamics = rows_of(robot, state, None, contacts, foothold)
     used = np.isfinite(upper[:EDGES])
     assert used.any()
     _, _, omega = component(robot, dynamics, state, contacts)
     drift = centroid_drift(robot, state)[0][:2]
-    # Normals from the rows: J dv = n A dv, A with full rank.
-    A = dynamics.momentum_matrix[:2] / pin.computeTotalMass(robot.model)
-    normals = np.linalg.lstsq(A.T, J[:EDGES][used].T, rcond=None)[0].T
+    normals, _ = polygon(robot, rows, J, dynamics, state, contacts)
     assert np.allclose(np.linalg.norm(normals, axis=1), 1.0)
     # n (omega^2 (c - p)) - n drift <= upper for a p = sum of corners with weights that add up to 1.
     corners = carried_corners(robot, dynamics, state, contacts, 0.0)
@@ -232,11 +239,7 @@ def test_where_soles_can_press_the_legs_hold_the_weight(get_robot, name, by, fee
         return found.fun if found.success else np.inf
 
     # The polygon from the rows: edges n x <= h, of which the component's distances are known.
-    used = np.isfinite(rows.balance.edge_distances)
-    A = dynamics.momentum_matrix[:2] / pin.computeTotalMass(robot.model)
-    normals = np.linalg.lstsq(A.T, J[:EDGES][used].T, rcond=None)[0].T
-    xi = component(robot, dynamics, state, contacts)[0]
-    offsets = rows.balance.edge_distances[used] + normals @ xi
+    _, offsets = polygon(robot, rows, J, dynamics, state, contacts)
     expected = ConvexHull(carried_corners(robot, dynamics, state, contacts, 0.0))
     assert np.allclose(np.sort(offsets), np.sort(-expected.equations[:, 2]), atol=1e-6)
     cut = expected.volume < ConvexHull(corners).volume - 1e-9
@@ -261,46 +264,32 @@ def test_at_rest_inside_rest_is_allowed(get_robot, seed):
     assert (lower <= 0.0).all()
 
 
-def test_beyond_the_outermost_edge_the_bound_is_what_the_soles_can_do(get_robot):
-    """A component 0.2 m ahead of the soles: the ZMP has to be at their front edge, not inside."""
-    robot = get_robot("humanoid33")
-    contacts = [SurfaceContact(sole) for sole in robot.soles]
-    state = RobotState(robot.q_home, np.zeros(robot.nv))
-    dynamics = dynamics_at(robot, state.q, state.v)
-    for contact in contacts:
-        contact.bind(robot)
-    front = soles_corners(robot, dynamics, contacts, 0.0)[:, 0].max()
-    _, _, omega = component(robot, dynamics, state, contacts)
-    v = np.zeros(robot.nv)
-    v[0] = omega * (front + 0.2 - dynamics.com[0])
-    state = RobotState(robot.q_home, v)
-    rows, J, _, upper, dynamics = rows_of(robot, state, None, contacts)
-    edge = int(np.argmin(rows.balance.edge_distances))
-    assert rows.balance.edge_distances[edge] == pytest.approx(-0.22, abs=1e-6)
-    expected = omega**2 * (dynamics.com[0] - front)
-    assert upper[edge] == pytest.approx(expected - centroid_drift(robot, state)[0][0], rel=1e-6)
-    assert J[edge, 0] == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("beyond", [0.001, 0.002])
-def test_from_just_beyond_an_edge_the_component_comes_back_at_its_own_rate(get_robot, beyond):
-    """12 /s whatever the decay inside; a vertical that is off pushes it out by the less."""
+@pytest.mark.parametrize("beyond", [0.001, 0.002, 0.22])
+def test_from_beyond_an_edge_the_component_comes_back_as_far_as_the_soles_can_make_it(
+    get_robot, beyond
+):
+    """At 12 /s whatever the decay inside; far ahead the ZMP has to be at the soles' front edge."""
     robot, limit = get_robot("humanoid33"), BalanceLimit(decay=3.0)
     contacts = [SurfaceContact(sole) for sole in robot.soles]
     state = RobotState(robot.q_home, np.zeros(robot.nv))
     dynamics = dynamics_at(robot, state.q, state.v)
     for contact in contacts:
         contact.bind(robot)
-    front = soles_corners(robot, dynamics, contacts, limit.margin)[:, 0].max()
-    _, _, omega = component(robot, dynamics, state, contacts)
-    v = np.zeros(robot.nv)
-    v[0] = omega * (front + beyond - dynamics.com[0])
+    inner, outer = (
+        soles_corners(robot, dynamics, contacts, margin)[:, 0].max() for margin in (0.02, 0.0)
+    )
+    omega = component(robot, dynamics, state, contacts)[2]
+    v, xi = np.zeros(robot.nv), inner + beyond
+    v[0] = omega * (xi - dynamics.com[0])
     state = RobotState(robot.q_home, v)
-    rows, _, _, upper, dynamics = rows_of(robot, state, limit, contacts)
+    rows, J, _, upper, dynamics = rows_of(robot, state, limit, contacts)
     edge = int(np.argmin(rows.balance.edge_distances))
-    # xi_dot = cdot + cddot / omega = -12 beyond
-    expected = omega * (-12.0 * beyond - v[0])
-    assert upper[edge] == pytest.approx(expected - centroid_drift(robot, state)[0][0], rel=1e-5)
+    assert rows.balance.edge_distances[edge] == pytest.approx(-beyond, abs=1e-6)
+    # xi_dot = cdot + cddot / omega
+    zmp = min(outer, xi + 12.0 / omega * beyond)
+    expected = omega * (omega * (xi - zmp) - v[0]) - centroid_drift(robot, state)[0][0]
+    assert upper[edge] == pytest.approx(expected, rel=1e-5)
+    assert J[edge, 0] == pytest.approx(1.0)
 
 
 def test_a_foot_that_has_to_carry_something_keeps_the_pressure_from_the_other_s_edge(get_robot):
@@ -311,11 +300,7 @@ def test_a_foot_that_has_to_carry_something_keeps_the_pressure_from_the_other_s_
     rows, J, _, _, dynamics = rows_of(robot, state, limit, contacts)
     feet = soles_corners(robot, dynamics, contacts, 0.0).reshape(2, 4, 2)
     sums = [s * a + (1.0 - s) * b for s in (0.2, 0.8) for a in feet[0] for b in feet[1]]
-    used = np.isfinite(rows.balance.edge_distances)
-    A = dynamics.momentum_matrix[:2] / pin.computeTotalMass(robot.model)
-    normals = np.linalg.lstsq(A.T, J[:EDGES][used].T, rcond=None)[0].T
-    xi = component(robot, dynamics, state, contacts)[0]
-    offsets = rows.balance.edge_distances[used] + normals @ xi
+    normals, offsets = polygon(robot, rows, J, dynamics, state, contacts)
     farthest = (normals @ np.array(sums).T).max(axis=1)
     assert (offsets <= farthest + 1e-9).all()
     # Nothing is lost sideways, where the legs' torques do not count.
@@ -463,46 +448,18 @@ def test_hulls_are_those_of_qhull(count):
     assert np.allclose(hull[:corners], np.roll(expected, -begin, axis=0))
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        {"margin": -0.01},
-        {"decay": 0.0},
-        {"stop_time": float("nan")},
-        {"leg_min": 0.9, "leg_max": 0.8},
-        {"leg_max": 1.2},
-        {"braking": 0.0},
-    ],
-)
-def test_what_cannot_be_is_refused(arguments):
-    with pytest.raises(ConfigurationError, match="balance limit"):
-        BalanceLimit(**arguments)
-
-
-def test_a_limit_serves_one_robot_and_footholds_are_checked(get_robot):
+def test_footholds_are_checked(get_robot):
     limit = BalanceLimit()
     with pytest.raises(ConfigurationError, match="serves no robot yet"):
         limit.expect_step(None)
-    limit.bind(get_robot("g1"))
     limit.bind(get_robot("g1"))
     with pytest.raises(PoiseError, match="corners of the next foothold"):
         limit.expect_step([[0.0, np.nan]] * 4)
     with pytest.raises(PoiseError, match="corners of the next foothold"):
         limit.expect_step([[0.0, 0.0]] * 3)
-    with pytest.raises(ConfigurationError, match="already serves another robot"):
-        limit.bind(get_robot("humanoid33"))
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["enabled", "margin", "decay", "stop_time", "leg_min", "leg_max"],
-)
-def test_a_balance_limit_is_not_assigned(name):
-    with pytest.raises(AttributeError, match=name):
-        setattr(BalanceLimit(), name, 0.5)
-
-
-@pytest.mark.parametrize("seed", range(300))
+@pytest.mark.parametrize("seed", range(60))
 def test_corners_in_line_but_for_the_last_digits_lose_none_of_the_outline(seed):
     """Soles side by side, turned alike, with noise from 1e-17 to 1e-6 m: by support functions."""
     rng = np.random.default_rng(seed)

@@ -14,7 +14,7 @@ from oracles import (
 
 from poise.stack import ComTask, FrameTask, JointTask, MomentumTask, PostureTask, RelativeFrameTask
 
-SEEDS = range(10)
+SEEDS = range(4)
 ROBOTS = ("humanoid33", "g1", "upper17")
 ALL = {"position": [0, 1, 2], "orientation": [3, 4, 5], "pose": list(range(6))}
 MASKS = {
@@ -103,21 +103,6 @@ def test_relative_frame_task_rows_equal_differences_for_every_mask(robot, seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_relative_drift_equals_differences_of_its_own_jacobian_times_v(robot, seed):
-    state = random_state(robot, seed)
-    task = RelativeFrameTask(robot.hands[0], robot.hands[1])
-    evaluated(task, robot, state)
-    drift, other = task.drift.copy(), RelativeFrameTask(robot.hands[0], robot.hands[1])
-
-    def velocity(q, v):
-        evaluated(other, robot, type(state)(q, v))
-        return other.jacobian @ v
-
-    expected = difference_drift(robot, state, velocity)
-    assert np.abs(drift - expected).max() < 1e-7 * (1.0 + np.abs(drift).max())
-
-
-@pytest.mark.parametrize("seed", SEEDS)
 def test_com_task_rows_equal_differences(robot, seed):
     state = random_state(robot, seed)
 
@@ -171,17 +156,9 @@ def test_joint_task_rows_select_the_named_joints(robot, seed):
     assert np.array_equal(task.drift, np.zeros(5))
 
 
-def test_posture_task_wants_the_home_posture_of_every_joint(robot):
-    state, task = random_state(robot, 0), PostureTask()
-    evaluated(task, robot, state)
-    first = robot.nq - robot.nj
-    assert task.dim == robot.nj
-    assert np.abs(task.error - (robot.q_home[first:] - state.q[first:])).max() < 1e-15
-
-
-def test_posture_task_takes_a_posture_of_its_own(robot):
-    posture = 0.5 * (robot.q_min + robot.q_max)
-    task = PostureTask(posture)
-    state = random_state(robot, 0)
-    evaluated(task, robot, state)
-    assert np.abs(task.error - (posture - state.q[robot.nq - robot.nj :])).max() < 1e-15
+def test_posture_task_wants_the_home_posture_of_every_joint_or_one_of_its_own(robot):
+    state, own, first = random_state(robot, 0), 0.5 * (robot.q_min + robot.q_max), -robot.nj
+    for task, posture in ((PostureTask(), robot.q_home[first:]), (PostureTask(own), own)):
+        evaluated(task, robot, state)
+        assert task.dim == robot.nj
+        assert np.abs(task.error - (posture - state.q[first:])).max() < 1e-15

@@ -143,39 +143,6 @@ def test_what_a_far_target_asks_for_does_not_grow_with_its_distance(robot):
         assert velocity == pytest.approx(2.5 * way / np.linalg.norm(way))
 
 
-def test_below_its_speed_feedback_is_plain_to_the_last_bit(robot):
-    state = random_state(robot, 3)
-    dynamics = dynamics_at(robot, state.q, state.v)
-    at = frame_placement(robot, state.q, "left_hand")
-    turn = Rotation.from_rotvec([0.3, -0.2, 0.1]).as_matrix() @ at.rotation
-    found = []
-    for speed in (None, math.inf):
-        task = FrameTask("left_hand", speed=speed)
-        task.bind(robot)
-        task.set_target(at.translation + [0.2, -0.3, 0.3], turn)
-        task.evaluate(dynamics)
-        found.append(task.reference.tolist())
-    assert found[0] == found[1]
-
-
-def test_a_target_that_moves_faster_than_the_speed_is_followed(robot):
-    state = random_state(robot, 3, speed=0.0)
-    dynamics = dynamics_at(robot, state.q, state.v)
-    at = frame_placement(robot, state.q, "left_hand").translation
-    task = FrameTask("left_hand", "position", speed=0.5)
-    task.bind(robot)
-    task.set_target(at, velocity=[3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    task.evaluate(dynamics)
-    assert task.reference == pytest.approx([60.0, 0.0, 0.0])
-    # Ahead of it, it is waited for; behind it, not overtaken.
-    task.set_target(at - [0.1, 0.0, 0.0], velocity=[3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    task.evaluate(dynamics)
-    assert task.reference == pytest.approx([50.0, 0.0, 0.0])
-    task.set_target(at + [5.0, 0.0, 0.0], velocity=[3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    task.evaluate(dynamics)
-    assert task.reference == pytest.approx([60.0, 0.0, 0.0])
-
-
 def test_what_was_given_in_place_of_feedback_is_not_bounded(robot):
     state = random_state(robot, 3)
     dynamics = dynamics_at(robot, state.q, state.v)
@@ -212,11 +179,11 @@ def frames(robot, axes, turn):
 
 
 @pytest.mark.parametrize("axes", ["orientation", "orientation_z", "pose"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_orientation_feedback_is_continuous_through_half_a_turn(robot, seed, axes):
     axis = np.random.default_rng(seed).normal(size=3)
     axis /= np.linalg.norm(axis)
-    step, last, errors = 2e-3, None, []
+    step, last, errors = 1e-2, None, []
     # The velocity asked for changes by kd a radian at most, the reference by kd times that.
     for angle in np.arange(2.0, 4.5, step):
         dynamics, tasks = frames(robot, axes, Rotation.from_rotvec(angle * axis).as_matrix())
