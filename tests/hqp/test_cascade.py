@@ -5,22 +5,7 @@ import pytest
 
 from poise.hqp import HierarchicalProblem, Level, SolveStatus
 from poise.hqp._backends import QP, SETTINGS, make_backend
-from poise.hqp._cascade import CascadeSolver, Reduction
-
-
-def test_what_projection_leaves_of_a_dependent_row_is_exactly_nothing():
-    rng = np.random.default_rng(0)
-    row, other = rng.standard_normal((1, 6)), rng.standard_normal((1, 6))
-    levels = [Level(row, 0.0, 0.0), Level(np.vstack([row / 3.0, other]), 0.0, 0.0)]
-    space = Reduction(HierarchicalProblem(levels))
-    space.hold(space.level_rows(0), np.array([True]))
-    left = space.rows(space.level_rows(1)).A
-    assert space.freedom == 5
-    np.testing.assert_array_equal(left[0], 0.0)
-    # Of the other row the part along the first is gone.
-    unit = row[0] / np.linalg.norm(row)
-    across = other[0] - (other[0] @ unit) * unit
-    assert np.linalg.norm(left[1]) == pytest.approx(np.linalg.norm(across))
+from poise.hqp._cascade import CascadeSolver
 
 
 @pytest.mark.parametrize("backend", sorted(SETTINGS), indirect=True)

@@ -20,10 +20,10 @@ from jaxtyping import Bool, Float64
 from poise.hqp._measure import measure_point, row_sizes, row_values
 from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._tolerances import (
-    BALANCE_RANK,
     CERTIFIED_ACTIVE,
     CERTIFIED_MULTIPLIER,
     CERTIFIED_SLACK,
+    PROJECTION_RANK,
     RANK_TOLERANCE,
 )
 
@@ -114,7 +114,7 @@ class _Certifier:
         if len(free):
             rest = gradient + self.rows.T @ found
             unit = self.rows[free] / np.maximum(self.norms[free], 1e-300)[:, None]
-            forces = np.linalg.lstsq(unit.T, rest, rcond=BALANCE_RANK)[0]
+            forces = np.linalg.lstsq(unit.T, rest, rcond=PROJECTION_RANK)[0]
             found[free] -= forces / np.maximum(self.norms[free], 1e-300)
         return error, found
 

@@ -1,25 +1,22 @@
 """`Level` and `HierarchicalProblem`: ordered levels of two-sided rows plus a final cost."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import index
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Bool, Float, Float64, Int64
 
 from poise._show import few
 from poise.errors import ProblemError
-from poise.hqp._given import (
-    Labels,
-    Numbers,
-    check_bound,
-    check_matrix,
-    check_order,
-    check_weights,
-    expand_labels,
-    row_names,
-)
-from poise.hqp._tolerances import DEFINITENESS_TOLERANCE, RANGE_TOLERANCE, SYMMETRY_TOLERANCE
+from poise.hqp._tolerances import COST_TOLERANCE, DEFINITENESS_TOLERANCE
+
+Numbers = np.ndarray | Sequence[Any] | float | int
+"""An array, nested sequences, or one number for all rows."""
+
+Labels = str | Sequence[tuple[str, int]]
+"""One name for all rows, or (name, number of rows) pairs that add up to the rows."""
 
 _STORED = ("A", "lower", "upper", "weights", "H", "g")
 """Names of the arrays of a problem."""
@@ -54,13 +51,13 @@ class Level:
     ) -> None:
         where = f"level {name!r}" if name else "level"
         self.name = name
-        self.A = check_matrix(A, f"A of {where}")
+        self.A = _check_matrix(A, f"A of {where}")
         rows = self.A.shape[0]
-        self.lower = check_bound(lower, rows, f"lower of {where}")
-        self.upper = check_bound(upper, rows, f"upper of {where}")
-        check_order(self.lower, self.upper, where)
-        self.weights = check_weights(1.0 if weights is None else weights, rows, where)
-        self.labels = expand_labels(labels, rows, name or "rows")
+        self.lower = _check_bound(lower, rows, f"lower of {where}")
+        self.upper = _check_bound(upper, rows, f"upper of {where}")
+        _check_order(self.lower, self.upper, where)
+        self.weights = _check_weights(1.0 if weights is None else weights, rows, where)
+        self.labels = _expand_labels(labels, rows, name or "rows")
 
     def __repr__(self) -> str:
         return f"Level({self.name!r}, {self.A.shape[0]} rows, {self.A.shape[1]} variables)"
@@ -134,16 +131,16 @@ class HierarchicalProblem:
             view.upper[:] = level.upper
             view.weights[:] = level.weights
         if H is not None:
-            H = check_matrix(H, "H")
+            H = _check_matrix(H, "H")
             if H.shape != (n, n):
                 raise ProblemError("H has the wrong shape", got=H.shape, wanted=str((n, n)))
             self.H[:] = H
         if g is not None:
-            self.g[:] = check_bound(g, n, "g")
+            self.g[:] = _check_bound(g, n, "g")
         if x_lower is not None:
-            self.x_lower[:] = check_bound(x_lower, n, "x_lower")
+            self.x_lower[:] = _check_bound(x_lower, n, "x_lower")
         if x_upper is not None:
-            self.x_upper[:] = check_bound(x_upper, n, "x_upper")
+            self.x_upper[:] = _check_bound(x_upper, n, "x_upper")
         self.validate()
 
     @classmethod
@@ -185,7 +182,7 @@ class HierarchicalProblem:
                 wanted=str(count),
             )
         pairs = [
-            expand_labels(label, rows, names[i] or f"level {i}")
+            _expand_labels(label, rows, names[i] or f"level {i}")
             for i, (label, rows) in enumerate(zip(labels, rows_per_level, strict=True))
         ]
         problem = cls.__new__(cls)
@@ -299,8 +296,8 @@ class HierarchicalProblem:
         Returns:
             Their stacked indices in this problem, and in the other.
         """
-        theirs = {name: row for row, name in enumerate(row_names(other.labels))}
-        ours = enumerate(row_names(self.labels))
+        theirs = {name: row for row, name in enumerate(_row_names(other.labels))}
+        ours = enumerate(_row_names(self.labels))
         shared = [(row, theirs[name]) for row, name in ours if name in theirs]
         here, there = np.array(shared, dtype=np.int64).reshape(-1, 2).T
         return here, there
@@ -309,10 +306,10 @@ class HierarchicalProblem:
         """Raise `ProblemError` where the numbers are no problem; not for control loops."""
         for view in self.levels:
             Level(view.A, view.lower, view.upper, view.weights, name=view.name)
-        check_weights(self.weights[: self.n], self.n, "the bounds on x")
-        check_bound(self.x_lower, self.n, "x_lower")
-        check_bound(self.x_upper, self.n, "x_upper")
-        check_order(self.x_lower, self.x_upper, "x")
+        _check_weights(self.weights[: self.n], self.n, "the bounds on x")
+        _check_bound(self.x_lower, self.n, "x_lower")
+        _check_bound(self.x_upper, self.n, "x_upper")
+        _check_order(self.x_lower, self.x_upper, "x")
         _check_cost(self)
 
 
@@ -336,11 +333,11 @@ def faults(problem: HierarchicalProblem) -> list[str]:
 
 def _check_cost(problem: HierarchicalProblem) -> None:
     H, g = problem.H, problem.g
-    check_matrix(H, "H")
+    _check_matrix(H, "H")
     if not np.isfinite(g).all():
         raise ProblemError("g is not finite", got=g, wanted="finite coefficients")
     size = float(np.abs(H).max())
-    if float(np.abs(H - H.T).max()) > SYMMETRY_TOLERANCE * size:
+    if float(np.abs(H - H.T).max()) > COST_TOLERANCE * size:
         raise ProblemError("H is not symmetric", got=H, wanted="H == H^T")
     values, vectors = np.linalg.eigh(H)
     if values[0] < -DEFINITENESS_TOLERANCE * size:
@@ -360,7 +357,7 @@ def _check_cost(problem: HierarchicalProblem) -> None:
 def _falls_for_ever(problem: HierarchicalProblem, flat: Float64[np.ndarray, "n k"]) -> bool:
     """Return whether the final cost falls along a direction that no row and no bound ends."""
     slope = problem.g @ flat
-    least = RANGE_TOLERANCE * max(1.0, float(np.abs(problem.g).max()))
+    least = COST_TOLERANCE * max(1.0, float(np.abs(problem.g).max()))
     if float(np.abs(slope).max()) <= least:
         return False
     # SciPy's optimizers take a tenth of a second to import, and few problems need them.
@@ -373,3 +370,99 @@ def _falls_for_ever(problem: HierarchicalProblem, flat: Float64[np.ndarray, "n k
     ends = np.vstack([rows[above], -rows[below]])
     found = linprog(slope, A_ub=ends, b_ub=np.zeros(len(ends)), bounds=(-1.0, 1.0))
     return bool(found.fun < -least)
+
+
+# --- checks of numbers and labels -----------------------------------------------------------------
+
+
+def _check_matrix(values: Numbers, what: str) -> Float64[np.ndarray, "m n"]:
+    """Return `values` as a finite C-ordered matrix of floats, or raise `ProblemError`."""
+    matrix = _as_floats(values, what)
+    if matrix.ndim != 2:
+        raise ProblemError(f"{what} is not a matrix", got=matrix.shape, wanted="two dimensions")
+    if not np.isfinite(matrix).all():
+        row, column = np.argwhere(~np.isfinite(matrix))[0]
+        raise ProblemError(
+            f"{what} is not finite at row {row}, column {column}",
+            got=float(matrix[row, column]),
+            wanted="finite coefficients",
+        )
+    return np.ascontiguousarray(matrix)
+
+
+def _check_bound(values: Numbers, rows: int, what: str) -> Float64[np.ndarray, " m"]:
+    """Return `values` as `rows` bounds without NaN, or raise `ProblemError`."""
+    bound = _as_vector(values, rows, what)
+    if np.isnan(bound).any():
+        row = int(np.isnan(bound).argmax())
+        raise ProblemError(f"{what} is NaN at row {row}", got="nan", wanted="numbers, -inf or inf")
+    return bound
+
+
+def _check_order(
+    lower: Float[np.ndarray, " m"], upper: Float[np.ndarray, " m"], where: str
+) -> None:
+    """Raise `ProblemError` where `lower > upper`, or where no finite number fits between them."""
+    bad = (lower > upper) | (lower == np.inf) | (upper == -np.inf)
+    if bad.any():
+        row = int(bad.argmax())
+        raise ProblemError(
+            f"bounds of {where} cross at row {row}",
+            got=(float(lower[row]), float(upper[row])),
+            wanted="lower <= upper, lower < inf and upper > -inf",
+        )
+
+
+def _check_weights(values: Numbers, rows: int, where: str) -> Float64[np.ndarray, " m"]:
+    """Return `values` as `rows` positive finite weights, or raise `ProblemError`."""
+    weights = _as_vector(values, rows, f"weights of {where}")
+    bad = ~(np.isfinite(weights) & (weights > 0.0))
+    if bad.any():
+        row = int(bad.argmax())
+        raise ProblemError(
+            f"weights of {where} are wrong at row {row}",
+            got=float(weights[row]),
+            wanted="positive finite weights",
+        )
+    return weights
+
+
+def _row_names(labels: list[tuple[str, int]]) -> Iterator[tuple[str, int]]:
+    """Return a name for each row: its label, and its number among the label's rows."""
+    return ((name, k) for name, count in labels for k in range(count))
+
+
+def _expand_labels(labels: Labels | None, rows: int, default: str) -> list[tuple[str, int]]:
+    """Return labels as (name, row count) pairs that add up to `rows`, or raise `ProblemError`."""
+    if labels is None:
+        return [(default, rows)]
+    if isinstance(labels, str):
+        return [(labels, rows)]
+    wanted = f"a text, or (text, number of rows) pairs that sum to {rows}"
+    try:
+        pairs = [(str(label), index(count)) for label, count in labels]
+    except (TypeError, ValueError) as error:
+        raise ProblemError("labels of a level", got=labels, wanted=wanted) from error
+    if any(count < 0 for _, count in pairs) or sum(count for _, count in pairs) != rows:
+        raise ProblemError("labels do not add up to the rows", got=pairs, wanted=wanted)
+    return pairs
+
+
+def _as_vector(values: Numbers, rows: int, what: str) -> Float64[np.ndarray, " m"]:
+    vector = _as_floats(values, what)
+    if vector.ndim == 0:
+        return np.full(rows, float(vector))
+    if vector.shape != (rows,):
+        raise ProblemError(
+            f"{what} has the wrong shape", got=vector.shape, wanted=f"({rows},) or a number"
+        )
+    return vector
+
+
+def _as_floats(values: Numbers, what: str) -> Float64[np.ndarray, "..."]:
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(
+            f"{what} is not an array of numbers", got=values, wanted="real numbers"
+        ) from error

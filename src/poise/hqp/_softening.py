@@ -6,11 +6,11 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Float64
 
-from poise.hqp._measure import Measure, PointMeasure
+from poise.hqp._measure import Measure, measure_point
 from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._solution import Solution, SolveStatus
 from poise.hqp._strategies import Solver
-from poise.hqp._tolerances import RELAXED
+from poise.hqp._tolerances import MET_TOLERANCE
 
 _USABLE = (SolveStatus.OPTIMAL, SolveStatus.INACCURATE)
 
@@ -124,7 +124,6 @@ class SoftenedSolver:
         self._measure: Measure | None = None
         self._status, self._seconds = SolveStatus.FAILED, 0.0
         solver.prepare(problem)
-        self._point = PointMeasure(problem)
 
     @property
     def x(self) -> Float64[np.ndarray, " n"]:
@@ -186,7 +185,7 @@ class SoftenedSolver:
             residuals=residuals.copy(),
             relative_residuals=relative,
             strategy="softened",
-            relaxed=bool(relative.max() > RELAXED),
+            relaxed=bool(relative.max() > MET_TOLERANCE),
             timings={"total": self._seconds},
         )
 
@@ -214,7 +213,7 @@ class SoftenedSolver:
             if not more:
                 break
             soft[more[-1]] = True
-        self._x, self._measure = x, self._point.at(x)
+        self._x, self._measure = x, measure_point(self._problem, x)
         self.softened[:] = np.where(soft, self._weights, 0.0)
         self._any_soft = any(self._soft)
         return status

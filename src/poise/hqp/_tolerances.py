@@ -5,11 +5,9 @@ They are no arguments: state problems in units in which quantities that matter a
 
 # --- solutions --------------------------------------------------------------------------------
 
-RELAXED = 1e-9
-"""Relative residual above which a level of the strategies direct and weighted is not met."""
-
 MET_TOLERANCE = 1e-9
-"""Largest violation, relative to `max(1, |a| |x|)`, of a row that counts as met in a cascade."""
+"""Largest relative residual of a level that counts as met, and violation of a row in a cascade,
+relative to `max(1, |a| |x|)`."""
 
 VISIBLE_VIOLATION = 1e-8
 """Violations below this, relative to the level's largest, are rounding in an explanation."""
@@ -19,15 +17,12 @@ OPPOSING_RATIO = 1e-6
 
 # --- checks of a problem ----------------------------------------------------------------------
 
-SYMMETRY_TOLERANCE = 1e-9
-"""Relative asymmetry of H above which it is no Hessian."""
+COST_TOLERANCE = 1e-9
+"""Relative asymmetry of H above which it is no Hessian, and part of g along a direction that H does
+not curve, above which the final cost has no minimum."""
 
 DEFINITENESS_TOLERANCE = 1e-10
 """Relative rounding below zero of the smallest eigenvalue of a semidefinite H."""
-
-RANGE_TOLERANCE = 1e-9
-"""Relative part of g along a direction that H does not curve, above which the final cost has no
-minimum."""
 
 # --- the active-set solver: numbers that are zero ---------------------------------------------
 
@@ -156,9 +151,6 @@ multiplier that so much slack allows."""
 CERTIFIED_MULTIPLIER = 1e-7
 """Multipliers above this part of the largest are certainly positive."""
 
-BALANCE_RANK = 1e-10
-"""Singular values of the free rows below this, relative to the largest, are zero."""
-
 # --- the cascade ------------------------------------------------------------------------------
 
 ACCURACY: dict[str, float] = {
@@ -186,7 +178,8 @@ HELD_MULTIPLIER = 1e-6
 """Multipliers above this part of the level's largest term are certainly positive."""
 
 PROJECTION_RANK = 1e-10
-"""Part of a row after projection below which it is dependent; of exactly dependent ones, 1e-15."""
+"""Part of a row after projection below which it is dependent; of exactly dependent ones, 1e-15.
+Singular values of a certificate's free rows below this, relative to the largest, are zero."""
 
 # --- QP backends ------------------------------------------------------------------------------
 

@@ -19,7 +19,7 @@ from poise.hqp._cold import ColdSolver
 from poise.hqp._measure import measure_point
 from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._solution import Solution, SolveStatus, failure
-from poise.hqp._tolerances import LEFT_OVER, RELAXED, WEIGHT_SPAN
+from poise.hqp._tolerances import LEFT_OVER, MET_TOLERANCE, WEIGHT_SPAN
 
 
 class WeightedSolver(ColdSolver):
@@ -58,7 +58,7 @@ class WeightedSolver(ColdSolver):
                     relative_residuals=measure.relative,
                     strategy=self.name,
                     strict=False,
-                    relaxed=bool((measure.relative > RELAXED).any()),
+                    relaxed=bool((measure.relative > MET_TOLERANCE).any()),
                     timings={"total": perf_counter() - start},
                 )
             if perf_counter() > deadline:

@@ -61,3 +61,22 @@ def worst_violation(problem, x, multipliers):
             worst = max(worst, (np.abs(gap) / size[pushing]).max(initial=0.0))
         free = free | signed
     return worst
+
+
+def beaten_by(problem, residuals, others):
+    """Which methods meet some level better, all levels above it as well as `direct`."""
+    return [
+        other.name
+        for other in others
+        if (solution := other.solve(problem)).ok and _beats(solution.relative_residuals, residuals)
+    ]
+
+
+def _beats(theirs, ours):
+    for their, our in zip(theirs, ours, strict=True):
+        if our > their + 1e-6 * max(1.0, their):
+            return True
+        # What it gains below with what it gives up here is no gain; nor is rounding of that.
+        if our < their - 1e-10 * max(1.0, their):
+            return False
+    return False

@@ -127,6 +127,21 @@ def duplicates(seed):
     return HierarchicalProblem(levels)
 
 
+def contradictory(seed, span):
+    """Two levels of more rows than rank, each in its unit, half of them inequalities."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 12))
+    levels = []
+    for rows in (n + 3, 4):
+        rank = min(rows, n - 2)
+        A = rng.standard_normal((rows, rank)) @ rng.standard_normal((rank, n))
+        room = np.where(rng.random(rows) < 0.5, rng.uniform(0.0, 1.0, rows), 0.0)
+        centre = rng.standard_normal(rows)
+        unit = 10.0 ** rng.uniform(-span / 2, span / 2, rows)
+        levels.append(Level(A * unit[:, None], (centre - room) * unit, (centre + room) * unit))
+    return HierarchicalProblem(levels)
+
+
 FAMILIES = (
     feasible,
     degenerate,

@@ -6,7 +6,6 @@ import pytest
 from poise.errors import ConfigurationError
 from poise.hqp import HierarchicalProblem, Level, LexicographicSolver
 
-from . import reference
 from .conditions import worst_violation
 from .families import nearly_dependent
 from .solving import solve
@@ -79,16 +78,6 @@ def test_limits_do_not_keep_a_damped_search_from_its_end():
         problem = HierarchicalProblem([limits, hand_task(bend), rest], x_lower=-2.0, x_upper=2.0)
         assert solver.run(problem).ok
         assert solver.changes < 10
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_the_compiled_search_damps_as_the_reference(seed):
-    problem = nearly_dependent(seed)
-    solver = LexicographicSolver(damping=0.05)
-    solver.run(problem)
-    found = reference.search(problem, damping=0.05)
-    assert found.changes == solver.changes
-    np.testing.assert_allclose(solver.x, found.x, atol=1e-7)
 
 
 def test_each_level_has_its_own_damping():

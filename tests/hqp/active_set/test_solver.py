@@ -5,17 +5,12 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from numba.core.runtime import rtsys
-from numba.core.runtime._nrt_python import memsys_disable_stats, memsys_enable_stats
 
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp import HierarchicalProblem, Level, LexicographicSolver, Solver, SolveStatus
 from poise.hqp._active_set import solver as module
-from poise.hqp._measure import measure_point
 
 from ..random_problems import random_problem
-from ..test_sequences import moving_problem
-from ..test_strategies import PROBLEMS
 from .conditions import worst_violation
 from .families import humanoid
 from .solving import solve
@@ -26,20 +21,6 @@ def solver():
     return LexicographicSolver()
 
 
-def moving(seed=0):
-    rng = np.random.default_rng(seed)
-    problem = HierarchicalProblem.allocate(8, [4, 5, 6])
-    return problem, [rng.standard_normal(view.A.shape) for view in problem.levels]
-
-
-@pytest.mark.parametrize("make", PROBLEMS, ids=lambda make: make.__name__)
-def test_residuals_are_those_worked_out_by_hand(solver, make):
-    problem, residuals = make()
-    solution = solver.solve(problem)
-    assert solution.ok
-    np.testing.assert_allclose(solution.residuals, residuals, atol=1e-9)
-
-
 def test_the_example_in_the_docstring_runs():
     assert doctest.testmod(module).failed == 0
     assert doctest.testmod(module).attempted >= 5
@@ -47,19 +28,6 @@ def test_the_example_in_the_docstring_runs():
 
 def test_it_offers_what_every_strategy_offers(solver):
     assert isinstance(solver, Solver)
-
-
-def test_weights_decide_inside_a_level():
-    solution = solve([Level([[1.0], [1.0]], [0.0, 1.0], [0.0, 1.0], weights=[2.0, 1.0])])
-    np.testing.assert_allclose(solution.x, [0.2])
-    np.testing.assert_allclose(solution.residuals, [np.sqrt(0.8)])
-    np.testing.assert_allclose(solution.level_multipliers[0], [0.0, 0.8, -0.8])
-
-
-def test_the_final_cost_decides_what_the_levels_leave_open():
-    levels = [Level([[1.0, 1.0]], 2.0, 2.0)]
-    np.testing.assert_allclose(solve(levels).x, [1.0, 1.0])
-    np.testing.assert_allclose(solve(levels, (np.diag([3.0, 1.0]), 0.0)).x, [0.5, 1.5])
 
 
 def test_a_cost_without_curvature_leaves_its_directions_alone():
@@ -74,14 +42,6 @@ def test_simple_bounds_count_to_their_level():
         solve(levels, x_upper=1.0, bounds_level=1).residuals, [0, 2**0.5], atol=1e-12
     )
     np.testing.assert_allclose(solve(levels, x_upper=1.0).residuals, [2 / 3**0.5, 0.0], atol=1e-12)
-
-
-def test_a_thousand_duplicates_are_one_row():
-    row, others = np.array([[1.0, 2.0, 3.0]]), np.eye(3)
-    many = solve([Level(np.repeat(row, 1000, 0), 6.0, 6.0), Level(others, 0.5, 0.5)])
-    one = solve([Level(row, 6.0, 6.0), Level(others, 0.5, 0.5)])
-    assert many.ok
-    np.testing.assert_allclose(many.x, one.x, atol=1e-12)
 
 
 def test_a_thousand_duplicates_that_contradict_each_other_meet_in_the_middle():
@@ -105,24 +65,6 @@ def test_rows_at_infinity_ask_for_nothing():
     np.testing.assert_allclose(solution.x, [3.0, 0.0])
 
 
-@pytest.mark.parametrize("spoil", ["A", "lower", "upper", "H", "g", "weights", "x_lower", "cross"])
-@pytest.mark.parametrize("value", [np.nan, -np.inf])
-def test_spoiled_numbers_end_in_a_status_and_are_forgotten(solver, spoil, value):
-    good = random_problem(3, feasible=True)
-    expected = solver.solve(good).x
-    bad = random_problem(3, feasible=True)
-    if spoil == "cross":
-        bad.lower[-1], bad.upper[-1] = 3.0, -3.0
-    elif np.isnan(value) or spoil in ("A", "H", "g", "weights"):
-        getattr(bad, spoil).flat[-1] = value
-    else:
-        bad.upper[-1] = value
-    solution = solver.solve(bad)
-    assert solution.status is SolveStatus.BAD_PROBLEM
-    assert np.isfinite(np.concatenate([solution.x, solution.slacks, solution.residuals])).all()
-    np.testing.assert_allclose(solver.solve(good).x, expected, atol=1e-9)
-
-
 def test_bad_input_is_refused():
     with pytest.raises(ProblemError, match="cross"):
         solve([Level([[1.0]], 0.0, 1.0)], x_lower=1.0, x_upper=0.0)
@@ -134,21 +76,6 @@ def test_bad_input_is_refused():
         solve([Level([[1.0]], 0.0, 1.0)], warm_start=np.zeros(5, dtype=np.int64))
     with pytest.raises(ConfigurationError, match="max_changes"):
         LexicographicSolver(max_changes=0)
-
-
-def test_a_warm_sequence_equals_fresh_solves_and_mostly_takes_one_factorisation(solver):
-    problem, coefficients = moving()
-    fresh, states, ones = LexicographicSolver(), set(), 0
-    for tick in range(200):
-        moving_problem(problem, coefficients, 0.02 * tick)
-        fresh.reset()
-        warm, cold = solver.solve(problem), fresh.solve(problem)
-        assert warm.ok
-        np.testing.assert_allclose(warm.x, cold.x, atol=1e-8)
-        states.add(warm.relaxed)
-        ones += warm.iterations == 1
-    assert states == {True, False}
-    assert ones > 150
 
 
 def test_the_active_set_of_a_solution_starts_another_solver_at_the_optimum(solver):
@@ -219,10 +146,8 @@ def test_any_active_set_is_good_enough_to_start_from(solver):
 
 
 def test_nothing_is_allocated_after_set_up(solver):
-    problem, coefficients = moving()
-    for tick in range(20):
-        moving_problem(problem, coefficients, 0.02 * tick)
-        solver.run(problem)
+    problem = random_problem(3, feasible=False)
+    solver.run(problem)
     tracemalloc.start()
     try:
         before = tracemalloc.take_snapshot()
@@ -234,26 +159,6 @@ def test_nothing_is_allocated_after_set_up(solver):
     arrays = [tracemalloc.DomainFilter(True, np.lib.tracemalloc_domain)]
     grown = after.filter_traces(arrays).compare_to(before.filter_traces(arrays), "lineno")
     assert sum(entry.count_diff for entry in grown) == 0
-
-
-def test_the_search_allocates_nothing_however_long_it_is(solver):
-    def allocations(problem):
-        solver.run(problem)
-        solver.reset()
-        before = rtsys.get_allocation_stats()
-        solver.run(problem)
-        after = rtsys.get_allocation_stats()
-        assert after.alloc - before.alloc == after.free - before.free
-        return solver.changes, after.alloc - before.alloc
-
-    memsys_enable_stats()
-    try:
-        short, long = allocations(random_problem(0, feasible=True)), allocations(humanoid(222))
-    finally:
-        memsys_disable_stats()
-    assert long[0] > short[0] + 10
-    # One header for each array handed over, and not one more in between.
-    assert short[1] == long[1] <= 11
 
 
 def test_the_answer_of_solve_owns_its_arrays(solver):
@@ -288,18 +193,6 @@ def test_a_cap_on_time_leaves_the_cap_on_changes_as_it_is():
         assert solution.ok == (cap == needed)
 
 
-def test_a_capped_answer_is_no_worse_than_the_point_it_began_with():
-    capped = LexicographicSolver(max_changes=1)
-    for seed in range(30):
-        capped.run(humanoid(seed))
-        moved = humanoid(seed)
-        moved.lower[moved.n :] += 0.1
-        moved.upper[moved.n :] += 0.1
-        before = measure_point(moved, capped.x.copy()).residuals
-        capped.run(moved)
-        assert not_worse(capped.residuals, before), seed
-
-
 def not_worse(residuals, before):
     """Whether the first level in which they differ by more than rounding is met better."""
     for new, old in zip(residuals, before, strict=True):
@@ -321,30 +214,12 @@ def test_more_changes_never_make_a_capped_answer_worse():
         before = solver.residuals.copy()
 
 
-@pytest.mark.parametrize("limit", [0.0, -1.0, np.nan])
-def test_a_time_limit_that_cannot_be_is_refused(limit):
-    with pytest.raises(ConfigurationError, match="time_limit"):
-        LexicographicSolver(time_limit=limit)
-
-
 def test_a_time_limit_ends_with_a_finite_point_that_is_not_called_optimal():
     problem = humanoid(222)
     solution = LexicographicSolver(time_limit=1e-6).solve(problem)
     assert solution.status is SolveStatus.TIME_LIMIT
     assert np.isfinite(solution.x).all()
     assert LexicographicSolver(time_limit=60.0).solve(problem).ok
-
-
-def test_what_conflicts_is_said_from_the_multipliers(solver):
-    limit = Level([[1.0, 0.0]], -np.inf, 1.0, labels="limit", name="limits")
-    task = Level(np.eye(2), [3.0, 4.0], [3.0, 4.0], labels=[("x", 1), ("y", 1)], name="task")
-    problem = HierarchicalProblem([limit, task])
-    solution = solver.solve(problem)
-    (conflict,) = solution.conflicts(problem)
-    assert (conflict.label, conflict.level, conflict.row) == ("x", 1, 3)
-    assert conflict.violation == pytest.approx(-2.0)
-    assert conflict.conflicting_with == ("limit",)
-    assert "'x' misses 1 of its rows" in solution.explain(problem)
 
 
 def test_a_row_much_longer_than_the_equalities_it_depends_on_is_not_given_up():

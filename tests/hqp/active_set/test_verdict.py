@@ -1,16 +1,13 @@
 """What the solver says of its own answer: signs of multipliers, doubt, and room in its buffers."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 from poise.hqp import HierarchicalProblem, Level, LexicographicSolver
-from poise.hqp._active_set.workspace import make_work
 
 from .conditions import worst_violation
+from .families import contradictory
 from .solving import solve
-from .units import contradictory
 
 
 @pytest.mark.parametrize(("side", "bounds"), [(1, (-np.inf, 1.0)), (-1, (-1.0, np.inf))])
@@ -56,14 +53,3 @@ def test_answers_that_miss_the_conditions_are_not_called_optimal():
         missed += wrong
         assert not (wrong and status.ok), seed
     assert missed >= 3
-
-
-@pytest.mark.parametrize("size", [(1, 0, 1), (2, 3, 2), (7, 40, 3), (30, 5, 6)])
-def test_the_arrays_of_the_workspace_do_not_overlap(size):
-    work = make_work(*size)
-    groups = [work.rows, work.points, work.factor, work.squares, work.cost, work.duals, work.answer]
-    own = {id(array): array for group in groups for array in group.arrays().values()}
-    own |= {id(array): array for array in work.guessed.arrays().values()}
-    places = sorted((a.__array_interface__["data"][0], a.nbytes) for a in own.values())
-    for (begin, length), (after, _) in pairwise(places):
-        assert begin + length <= after

@@ -19,21 +19,22 @@ solved again with bounds moved by -D lambda, as in the method of multipliers (He
 stays, the levels above alone are corrected until they are met; the level keeps its D lambda.
 """
 
-from math import sqrt
+from math import hypot, sqrt
 
 from poise._compiled import part
-from poise.hqp._active_set.kernels import norm_of
-from poise.hqp._active_set.penalties import (
-    add_row,
-    deactivate,
-    find_multipliers,
-    find_point,
-    prepare_rows,
-    solve_rhs,
+from poise.hqp._active_set.kernels import (
+    add_multiple,
+    choose_nonzero,
+    copy,
+    dot,
+    minus_dot,
+    norm_of,
 )
 from poise.hqp._active_set.workspace import (
     EQUALITY,
     UNKNOWN,
+    Indices,
+    Matrix,
     Penalties,
     Problem,
     SearchWork,
@@ -41,10 +42,12 @@ from poise.hqp._active_set.workspace import (
 )
 from poise.hqp._tolerances import (
     CORRECTIONS,
+    FLOOR,
     GUESS_SLACK_TOLERANCE,
     GUESS_TOLERANCE,
     HARD,
     HOLDING_RATIO,
+    RIDGE,
     SOFT,
     UNMET_RATIO,
 )
@@ -57,15 +60,15 @@ _ALL_LEVELS = -1
 def guess(problem: Problem, work: SearchWork) -> None:
     """Choose the sides of all rows anew."""
     guessed = work.guessed
-    prepare_rows(problem, guessed, work.duals.chosen, work.rows.shift)
+    _prepare_rows(problem, guessed, work.duals.chosen, work.rows.shift)
     count = unchanged = 0
     for level in range(len(problem.damping)):
         if not _soften(problem.weights, guessed, level):
             continue
         count = _activate_needed(guessed, level, count)
-        solve_rhs(guessed, unchanged)
+        _solve_rhs(guessed, unchanged)
         for place in range(unchanged, count):
-            add_row(guessed, place)
+            _add_row(guessed, place)
         count = _activate_violated(guessed, level, _deactivate_wrong(guessed, count))
         slack = _find_slack(problem.weights, guessed, level, count)
         if slack > 0.0:
@@ -129,7 +132,7 @@ def _correct(guessed: Penalties, level: int, count: int) -> int:
         guessed.moved[i] = guessed.held[i]
         if guessed.level[i] != level:
             guessed.moved[i] -= guessed.compliance[i] * guessed.multiplier[k]
-    solve_rhs(guessed, count)
+    _solve_rhs(guessed, count)
     return _deactivate_wrong(guessed, count)
 
 
@@ -193,7 +196,7 @@ def _missed(guessed: Penalties, place: int) -> float:
 def _activate_violated(guessed: Penalties, level: int, count: int) -> int:
     """Activate rows down to a level until none is violated; return the active rows' count."""
     for _ in range(2 * len(guessed.side)):
-        find_point(guessed, count)
+        _find_point(guessed, count)
         index = _find_most_violated(guessed, level)
         if index < 0 or count == len(guessed.G):
             break
@@ -207,11 +210,11 @@ def _deactivate_wrong(guessed: Penalties, count: int) -> int:
     wrong = True
     while wrong:
         wrong = False
-        find_multipliers(guessed, count, guessed.multiplier)
+        _find_multipliers(guessed, count, guessed.multiplier)
         for k in range(count - 1, -1, -1):
             row = guessed.order[k]
             if guessed.sign_free[row] == 0 and guessed.multiplier[k] * guessed.side[row] < 0.0:
-                deactivate(guessed, k, count)
+                _deactivate(guessed, k, count)
                 count, wrong = count - 1, True
     return count
 
@@ -236,10 +239,10 @@ def _activate(guessed: Penalties, index: int, count: int) -> int:
     guessed.side[index] = 1 if guessed.values[index] > guessed.upper[index] else -1
     guessed.order[count] = index
     guessed.multiplier[count] = 0.0
-    add_row(guessed, count)
+    _add_row(guessed, count)
     count += 1
     while True:
-        find_multipliers(guessed, count, guessed.next_multiplier)
+        _find_multipliers(guessed, count, guessed.next_multiplier)
         length, blocking = 1.0, -1
         for k in range(count):
             row, now, then = guessed.order[k], guessed.multiplier[k], guessed.next_multiplier[k]
@@ -252,5 +255,148 @@ def _activate(guessed: Penalties, index: int, count: int) -> int:
             guessed.multiplier[k] += length * (guessed.next_multiplier[k] - guessed.multiplier[k])
         if blocking < 0:
             return count
-        deactivate(guessed, blocking, count)
+        _deactivate(guessed, blocking, count)
         count -= 1
+
+
+# --- the system (M M^T + D) lambda = a x_0 - b ----------------------------------------------------
+
+
+@part
+def _prepare_rows(problem: Problem, guessed: Penalties, chosen: Indices, shift: Vector) -> None:
+    """Find C, all rows M with their norms, and the rows' values at x_0; no row is active."""
+    (m, n), M = problem.A.shape, guessed.M
+    _factor_cost(problem.H, guessed.C, chosen)
+    for i in range(n):
+        _invert(guessed.C, chosen, i, M[i])
+    for i in range(m):
+        row = M[n + i]
+        row[:] = 0.0
+        _add_combination(row, M, problem.A[i], chosen)
+    z = guessed.y
+    z[:] = 0.0
+    _add_combination(z, M, problem.g, chosen)
+    for i in range(n + m):
+        # a x_0 = -M C^-1 g.
+        guessed.norm[i], guessed.start[i] = norm_of(M[i]), minus_dot(0.0, M[i], z)
+        guessed.lower[i], guessed.upper[i] = problem.lower[i], problem.upper[i]
+        side = guessed.side[i] if guessed.side[i] != EQUALITY else 0
+        needed_by = guessed.needed_by[i]
+        guessed.needed_by[i] = side * (needed_by if needed_by > 0 else len(problem.damping))
+        guessed.side[i] = guessed.sign_free[i] = 0
+        guessed.moved[i] = guessed.held[i] = shift[i]
+
+
+@part
+def _factor_cost(H: Matrix, C: Matrix, begin: Indices) -> None:
+    """Factor H plus a ridge; its rows and those of C, often a few blocks, begin at `begin`."""
+    n, trace = len(H), 0.0
+    for i in range(n):
+        trace += H[i, i]
+        begin[i] = 0
+        while begin[i] < i and H[i, begin[i]] == 0.0:
+            begin[i] += 1
+    ridge = RIDGE * trace / n if trace > 0.0 else 1.0
+    for i in range(n):
+        row = C[i]
+        for j in range(begin[i], i + 1):
+            start, total = max(begin[i], begin[j]), H[i, j] + (ridge if i == j else 0.0)
+            total = minus_dot(total, row[start:j], C[j, start:j])
+            row[j] = sqrt(max(total, ridge)) if i == j else total / C[j, j]
+
+
+@part
+def _invert(C: Matrix, begin: Indices, index: int, column: Vector) -> None:
+    """Find a column of C^-1."""
+    column[:] = 0.0
+    for k in range(index, len(column)):
+        start = max(index, begin[k])
+        total = minus_dot(1.0 if k == index else 0.0, C[k, start:k], column[start:k])
+        column[k] = total / C[k, k]
+
+
+@part
+def _add_combination(total: Vector, M: Matrix, factors: Vector, chosen: Indices) -> None:
+    """Add C^-1 times a vector of mostly zeros, four columns at a time as in `add_rows`."""
+    n, count, i = len(factors), choose_nonzero(factors, chosen), 0
+    while i + 4 <= count:
+        a, b, c, d = chosen[i], chosen[i + 1], chosen[i + 2], chosen[i + 3]
+        # Columns of C^-1 begin at the diagonal.
+        m_a, m_b, m_c, m_d, out = M[a, a:], M[b, a:], M[c, a:], M[d, a:], total[a:]
+        f_a, f_b, f_c, f_d = factors[a], factors[b], factors[c], factors[d]
+        for j in range(n - a):
+            out[j] += f_a * m_a[j] + f_b * m_b[j] + f_c * m_c[j] + f_d * m_d[j]
+        i += 4
+    while i < count:
+        a = chosen[i]
+        add_multiple(total[a:], factors[a], M[a, a:])
+        i += 1
+
+
+@part
+def _add_row(guessed: Penalties, place: int) -> None:
+    """Factor one more row of the system, which stands at a place in `order`."""
+    index = guessed.order[place]
+    row, M = guessed.G[place], guessed.M[index]
+    right = _right(guessed, place)
+    square = guessed.norm[index] * guessed.norm[index]
+    left = square + guessed.compliance[index]
+    for k in range(place):
+        other, product = guessed.G[k], dot(M, guessed.M[guessed.order[k]])
+        row[k] = minus_dot(product, row[:k], other) / other[k]
+        left -= row[k] * row[k]
+        right -= row[k] * guessed.rhs[k]
+    row[place] = sqrt(max(left, FLOOR * square))
+    guessed.rhs[place] = right / row[place]
+
+
+@part
+def _solve_rhs(guessed: Penalties, count: int) -> None:
+    """Divide the right sides by the factor anew, for moved bounds."""
+    for k in range(count):
+        row = guessed.G[k]
+        guessed.rhs[k] = minus_dot(_right(guessed, k), guessed.rhs[:k], row) / row[k]
+
+
+@part
+def _right(guessed: Penalties, place: int) -> float:
+    index = guessed.order[place]
+    bound = guessed.upper[index] if guessed.side[index] > 0 else guessed.lower[index]
+    return float(guessed.start[index] - bound - guessed.moved[index])
+
+
+@part
+def _deactivate(guessed: Penalties, place: int, count: int) -> None:
+    """Take a row out of the system and out of `order`; rotations mend the factor."""
+    G, rhs, index = guessed.G, guessed.rhs, guessed.order[place]
+    guessed.side[index], guessed.moved[index] = 0, guessed.held[index]
+    for k in range(place, count - 1):
+        guessed.order[k], guessed.multiplier[k] = guessed.order[k + 1], guessed.multiplier[k + 1]
+        copy(G[k, : k + 2], G[k + 1])
+    for k in range(place, count - 1):
+        length = hypot(G[k, k], G[k, k + 1])
+        c, s = G[k, k] / length, G[k, k + 1] / length
+        for i in range(k, count - 1):
+            a, b = G[i, k], G[i, k + 1]
+            G[i, k], G[i, k + 1] = c * a + s * b, c * b - s * a
+        a, b = rhs[k], rhs[k + 1]
+        rhs[k], rhs[k + 1] = c * a + s * b, c * b - s * a
+
+
+@part
+def _find_multipliers(guessed: Penalties, count: int, out: Vector) -> None:
+    """Find the multipliers of the first rows of `order`."""
+    copy(out[:count], guessed.rhs)
+    for k in range(count - 1, -1, -1):
+        out[k] /= guessed.G[k, k]
+        add_multiple(out[:k], -out[k], guessed.G[k])
+
+
+@part
+def _find_point(guessed: Penalties, count: int) -> None:
+    """Find y = C^T (x_0 - x) and the values of all rows, from the multipliers."""
+    guessed.y[:] = 0.0
+    for k in range(count):
+        add_multiple(guessed.y, guessed.multiplier[k], guessed.M[guessed.order[k]])
+    for i in range(len(guessed.M)):
+        guessed.values[i] = minus_dot(guessed.start[i], guessed.y, guessed.M[i])

@@ -51,8 +51,39 @@ def norm_of(x: Vector) -> float:
 @part
 def multiply(A: Matrix, x: Vector, out: Vector) -> None:
     """Out <- A x."""
-    for i in range(len(A)):
+    m, i = len(A), 0
+    while i + 4 <= m:
+        r_0, r_1, r_2, r_3 = A[i], A[i + 1], A[i + 2], A[i + 3]
+        s_0 = s_1 = s_2 = s_3 = 0.0
+        for j in range(len(x)):
+            s_0 += r_0[j] * x[j]
+            s_1 += r_1[j] * x[j]
+            s_2 += r_2[j] * x[j]
+            s_3 += r_3[j] * x[j]
+        out[i], out[i + 1], out[i + 2], out[i + 3] = s_0, s_1, s_2, s_3
+        i += 4
+    while i < m:
         out[i] = dot(x, A[i])
+        i += 1
+
+
+@part
+def find_norms(A: Matrix, out: Vector) -> None:
+    """Find the Euclidean norms of rows."""
+    m, i = len(A), 0
+    while i + 4 <= m:
+        r_0, r_1, r_2, r_3 = A[i], A[i + 1], A[i + 2], A[i + 3]
+        s_0 = s_1 = s_2 = s_3 = 0.0
+        for j in range(len(r_0)):
+            s_0 += r_0[j] * r_0[j]
+            s_1 += r_1[j] * r_1[j]
+            s_2 += r_2[j] * r_2[j]
+            s_3 += r_3[j] * r_3[j]
+        out[i], out[i + 1], out[i + 2], out[i + 3] = sqrt(s_0), sqrt(s_1), sqrt(s_2), sqrt(s_3)
+        i += 4
+    while i < m:
+        out[i] = norm_of(A[i])
+        i += 1
 
 
 @part
@@ -104,10 +135,10 @@ def reflect_rows(X: Matrix, begin: int, end: int, column: int, v: Vector, tau: f
 
 @part
 def reflect_rows_by_all(
-    X: Matrix, begin: int, end: int, V: Matrix, tau: Vector, count: int, way: int
+    X: Matrix, begin: int, end: int, V: Matrix, tau: Vector, start: int, stop: int, way: int
 ) -> None:
-    """Reflect rows by the first vectors in V, in order or, with way -1, in reverse order."""
-    k, first = 0, 0 if way > 0 else count - 1
+    """Reflect rows by some of the vectors in V, in order or, with way -1, in reverse order."""
+    k, count, first = 0, stop - start, start if way > 0 else stop - 1
     while k + 4 <= count:
         i = first + way * k
         _reflect_rows_by_four(X, begin, end, V, tau, i, way, min(i, i + 3 * way))
@@ -179,3 +210,23 @@ def choose_nonzero(x: Vector, chosen: Indices) -> int:
         # Without an unpredictable branch.
         count += 1 if x[j] != 0.0 else 0
     return count
+
+
+@part
+def measure_values(
+    lower: Vector,
+    upper: Vector,
+    weights: Vector,
+    level_of: Indices,
+    values: Vector,
+    slacks: Vector,
+    residuals: Vector,
+) -> None:
+    """Find the signed slacks of rows of such values, and `|W w|` of each level."""
+    residuals[:] = 0.0
+    for i in range(len(values)):
+        slack = max(values[i] - upper[i], 0.0) - max(lower[i] - values[i], 0.0)
+        slacks[i] = slack
+        residuals[level_of[i]] += slack * weights[i] * (slack * weights[i])
+    for level in range(len(residuals)):
+        residuals[level] = sqrt(residuals[level])

@@ -12,7 +12,7 @@ optimum, and mostly they get there in fewer factorisations than single steps.
 import numpy as np
 
 from poise._compiled import part
-from poise.hqp._active_set.kernels import copy, multiply, norm_of
+from poise.hqp._active_set.kernels import copy, measure_values, multiply, norm_of
 from poise.hqp._active_set.multipliers import FIRST, LARGEST, deactivate_wrong_signs
 from poise.hqp._active_set.workspace import (
     EQUALITY,
@@ -28,7 +28,6 @@ from poise.hqp._active_set.workspace import (
     State,
     Vector,
 )
-from poise.hqp._measure import measure_values
 from poise.hqp._tolerances import (
     ADD_RATIOS,
     DROP_RATIOS,
@@ -217,8 +216,10 @@ def measure(problem: Problem, work: SearchWork) -> bool:
         total += abs(work.points.x[j])
     for i in range(len(answer.slacks)):
         total += abs(answer.slacks[i])
-        for p in range(len(work.duals.multipliers)):
-            total += abs(work.duals.multipliers[p, i])
+    for p in range(len(work.duals.multipliers)):
+        multipliers = work.duals.multipliers[p]
+        for i in range(len(multipliers)):
+            total += abs(multipliers[i])
     for p in range(len(answer.residuals)):
         total += answer.residuals[p]
     return bool(total < np.inf)

@@ -3,6 +3,10 @@
 The factorisation turns the coordinates, x = Q y, so that each level's rows become a trapezoid in y:
 zero to the right of the coordinates that it and the levels above it take. So the levels are solved
 one after the other, and a level's own coordinates leave those above as they are.
+
+A level with more rows than coordinates are left is multiplied by the columns of Q of these, which
+takes less than to reflect its rows; so are the levels after it. Of their rows the part along the
+coordinates before is not formed: their bounds and multipliers take it from the rows in x.
 """
 
 from math import sqrt
@@ -22,8 +26,9 @@ from poise.hqp._active_set.kernels import (
     reflect_rows,
     reflect_rows_by_all,
 )
-from poise.hqp._active_set.least_squares import find_slacks_of_conflict
+from poise.hqp._active_set.least_squares import find_slacks_of_conflict, solve_damped
 from poise.hqp._active_set.workspace import (
+    EQUALITY,
     Factor,
     FinalCost,
     Indices,
@@ -39,6 +44,8 @@ from poise.hqp._tolerances import (
     DEPENDENCE_TOLERANCE,
     FLAT_TOLERANCE,
     RANK_TOLERANCE,
+    SINGULAR_ROUNDS,
+    SINGULAR_TOLERANCE,
     SLACK_TOLERANCE,
 )
 
@@ -56,16 +63,21 @@ def find_optimum(problem: Problem, work: SearchWork) -> None:
         start = 0
     factor.begin[0] = factor.first[0] = 0
     for level in range(start, levels):
-        factor_level(problem, work.rows, factor, level)
-        solve_level(factor, work.squares, level)
+        _factor_level(problem, work, level)
+        _solve_level(problem, factor, work.squares, level)
     taken = factor.first[levels]
     work.state.free = n - taken
     factor.y[taken:] = 0.0
-    copy(target, factor.y)
-    for k in range(taken - 1, -1, -1):
-        reflect(target[k:], factor.V[k, k:], factor.tau[k])
+    if factor.whole == levels:
+        _make_basis(factor, work.cost.Z, taken)
+    base, turned = factor.first[factor.whole], work.duals.turned
+    copy(turned, factor.y)
+    for k in range(taken - 1, base - 1, -1):
+        reflect(turned[k:], factor.V[k, k:], factor.tau[k])
+    for i in range(n):
+        target[i] = factor.above[i] + dot(turned[base:], factor.Q[i, base:])
     if taken < n:
-        solve_cost(problem, factor, work.cost, target, work.duals.chosen)
+        _solve_cost(problem, factor, work.cost, target, work.duals.chosen)
 
 
 @part
@@ -84,18 +96,27 @@ def _first_changed(rows: RowStates, levels: int) -> int:
 
 
 @part
-def factor_level(problem: Problem, rows: RowStates, factor: Factor, level: int) -> None:
+def _factor_level(problem: Problem, work: SearchWork, level: int) -> None:
     """Turn the coordinates that the levels above leave until a level's rows are a trapezoid."""
+    rows, factor = work.rows, work.factor
     n, R = len(factor.y), factor.R
     begin, first = factor.begin[level], factor.first[level]
     free = _gather(problem, rows, factor, level, begin, 1)
     end = _gather(problem, rows, factor, level, free, 0)
     factor.begin[level + 1] = end
-    reflect_rows_by_all(R, begin, end, factor.V, factor.tau, first, 1)
+    if level <= factor.whole:
+        factor.whole = len(factor.rank)
+        if _basis_pays(n, end - begin, first):
+            factor.whole = level
+            _make_basis(factor, work.cost.Z, first)
+    if level < factor.whole:
+        reflect_rows_by_all(R, begin, end, factor.V, factor.tau, 0, first, 1)
+    else:
+        _multiply_by_basis(factor, work.duals.chosen, begin, end)
+        base = factor.first[factor.whole]
+        reflect_rows_by_all(R, begin, end, factor.V, factor.tau, base, first, 1)
     for row in range(begin, end):
-        size = factor.size[row]
-        part_left = norm_of(R[row, first:]) / size if size > 0.0 else 0.0
-        factor.left[row] = factor.left_exact[row] = part_left * part_left
+        factor.left[row] = factor.left_exact[row] = dot(R[row, first:], R[row, first:])
     column, pivot = first, begin
     # Rows whose sign is free come first, so that no other row has to balance for them.
     for stop in (free, end):
@@ -116,6 +137,43 @@ def factor_level(problem: Problem, rows: RowStates, factor: Factor, level: int) 
             _take_coordinate(factor, place, pivot, end, column)
             column, pivot = column + 1, pivot + 1
     factor.first[level + 1] = column
+
+
+@part
+def _basis_pays(n: int, rows: int, first: int) -> bool:
+    """Compare the operations of both ways; those of a basis include two more vectors to turn."""
+    free, each = n - first, 2 * first * (2 * n - first)
+    return rows * each > (free + 2) * each + rows * 2 * n * free
+
+
+@part
+def _make_basis(factor: Factor, Z: Matrix, base: int) -> None:
+    """Find the columns of Q from a coordinate on, and the point of the coordinates before it."""
+    n, above = len(Z), factor.above
+    free = n - base
+    Z[:free] = 0.0
+    for k in range(free):
+        Z[k, base + k] = 1.0
+    reflect_rows_by_all(Z, 0, free, factor.V, factor.tau, 0, base, -1)
+    for j in range(n):
+        factor.Q[j, :base] = 0.0
+        for k in range(free):
+            factor.Q[j, base + k] = Z[k, j]
+    copy(above[:base], factor.y)
+    above[base:] = 0.0
+    for k in range(base - 1, -1, -1):
+        reflect(above[k:], factor.V[k, k:], factor.tau[k])
+
+
+@part
+def _multiply_by_basis(factor: Factor, chosen: Indices, begin: int, end: int) -> None:
+    """Replace rows by their products with the columns of Q in `factor`."""
+    product = factor.rhs[: len(factor.y)]
+    for place in range(begin, end):
+        row = factor.R[place]
+        product[:] = 0.0
+        add_rows(product, factor.Q, row, chosen, choose_nonzero(row, chosen), 0)
+        copy(row, product)
 
 
 @part
@@ -175,12 +233,12 @@ def _note(problem: Problem, rows: RowStates, factor: Factor, index: int, place: 
 
 @part
 def _best_pivot(factor: Factor, begin: int, end: int) -> int:
-    """Return the largest row with anything left, or -1; the others get small coefficients so."""
-    best, most = -1, 0.0
+    """Return the row with most left by its size, or -1; the others get small coefficients so."""
+    best, most, own = -1, 0.0, 1.0
     for row in range(begin, end):
-        worth = factor.left[row] * factor.size[row]
-        if worth > most and factor.left[row] > RANK_TOLERANCE * RANK_TOLERANCE:
-            best, most = row, worth
+        left, size = factor.left[row], factor.size[row]
+        if left * own > most * size and left > RANK_TOLERANCE * RANK_TOLERANCE * size * size:
+            best, most, own = row, left, size
     return best
 
 
@@ -188,14 +246,10 @@ def _best_pivot(factor: Factor, begin: int, end: int) -> int:
 def _update_left(factor: Factor, begin: int, end: int, column: int) -> None:
     """Subtract the last pivot's part of each row from the part left of it."""
     for row in range(begin, end):
-        size = factor.size[row]
-        if not size > 0.0:
-            continue
-        seen = factor.R[row, column - 1] / size
+        seen = factor.R[row, column - 1]
         left = factor.left[row] - seen * seen
         if left < CANCELLED * factor.left_exact[row]:
-            part_left = norm_of(factor.R[row, column:]) / size
-            left = part_left * part_left
+            left = dot(factor.R[row, column:], factor.R[row, column:])
             factor.left_exact[row] = left
         factor.left[row] = left
 
@@ -204,14 +258,14 @@ def _update_left(factor: Factor, begin: int, end: int, column: int) -> None:
 
 
 @part
-def solve_level(factor: Factor, squares: LeastSquares, level: int) -> None:
+def _solve_level(problem: Problem, factor: Factor, squares: LeastSquares, level: int) -> None:
     """Find the coordinates and the least slack of a level."""
     begin, end = factor.begin[level], factor.begin[level + 1]
     first, rank = factor.first[level], factor.rank[level]
     y, rhs, slack = factor.y, factor.rhs, factor.slack
-    above, z = y[:first], y[first : first + rank]
-    for row in range(begin, end):
-        rhs[row], slack[row] = minus_dot(factor.bound[row], above, factor.R[row]), 0.0
+    z = y[first : first + rank]
+    _find_rhs(problem, factor, level)
+    slack[begin:end] = 0.0
     _solve_pivots(factor, begin, first, rank)
     size, met = norm_of(y[: first + rank]), True
     for row in range(begin + rank, end):
@@ -225,6 +279,22 @@ def solve_level(factor: Factor, squares: LeastSquares, level: int) -> None:
             rhs[row] += slack[row]
         _solve_pivots(factor, begin, first, rank)
         _write_out_guarded(factor, level)
+
+
+@part
+def _find_rhs(problem: Problem, factor: Factor, level: int) -> None:
+    """Find the bounds of a level's active rows less the part of the levels above."""
+    n, first = len(factor.y), factor.first[level]
+    base = 0 if level < factor.whole else factor.first[factor.whole]
+    turned = factor.y[base:first]
+    for row in range(factor.begin[level], factor.begin[level + 1]):
+        left = minus_dot(factor.bound[row], turned, factor.R[row, base:])
+        if base > 0:
+            index = factor.order[row]
+            own = index - n
+            value = factor.above[index] if own < 0 else dot(factor.above, problem.A[own])
+            left -= problem.weights[index] * value
+        factor.rhs[row] = left
 
 
 @part
@@ -253,18 +323,20 @@ def _write_out_guarded(factor: Factor, level: int) -> None:
 
 
 @part
-def solve_cost(
+def _solve_cost(
     problem: Problem, factor: Factor, cost: FinalCost, target: Vector, chosen: Indices
 ) -> None:
     """Move the target to the least final cost that leaves all levels as they are."""
     n, taken = len(target), factor.first[len(factor.rank)]
     free = n - taken
-    _make_basis(factor, cost, taken)
+    # A basis made at the end has them.
+    if factor.whole < len(factor.rank):
+        _find_directions(factor, cost, taken)
     _reduce_hessian(problem.H, cost, chosen, free)
     z, rank = cost.z, free
     # A second step removes the error of the first where curvatures lie far apart.
     for step in range(2):
-        find_gradient(problem.H, problem.g, target, cost.gradient)
+        _find_gradient(problem.H, problem.g, target, cost.gradient)
         for k in range(rank):
             direction = cost.Z[k if step == 0 else cost.pivot[k]]
             z[k] = minus_dot(0.0, direction, cost.gradient)
@@ -277,38 +349,36 @@ def solve_cost(
 
 
 @part
-def find_gradient(H: Matrix, g: Vector, x: Vector, out: Vector) -> None:
+def _find_gradient(H: Matrix, g: Vector, x: Vector, out: Vector) -> None:
     """Out <- H x + g."""
     multiply(H, x, out)
     add_multiple(out, 1.0, g)
 
 
 @part
-def _make_basis(factor: Factor, cost: FinalCost, taken: int) -> None:
-    """Apply Q to the unit vectors of the free coordinates."""
-    Z, n = cost.Z, len(cost.Z)
-    free = n - taken
-    Z[:free] = 0.0
-    for k in range(free):
-        Z[k, taken + k] = 1.0
-    reflect_rows_by_all(Z, 0, free, factor.V, factor.tau, taken, -1)
+def _find_directions(factor: Factor, cost: FinalCost, taken: int) -> None:
+    """Turn the columns of Q in `factor` to those of the free coordinates."""
+    Q, n, base = cost.HZ, len(cost.Z), factor.first[factor.whole]
     for j in range(n):
-        for k in range(free):
-            cost.ZT[j, k] = Z[k, j]
+        copy(Q[j, base:], factor.Q[j, base:])
+    reflect_rows_by_all(Q, 0, n, factor.V, factor.tau, base, taken, 1)
+    for j in range(n):
+        for k in range(n - taken):
+            cost.Z[k, j] = Q[j, taken + k]
 
 
 @part
 def _reduce_hessian(H: Matrix, cost: FinalCost, chosen: Indices, free: int) -> None:
-    """Find the upper triangle of C = Z^T H Z; a mass matrix H is mostly zeros."""
-    for i in range(len(H)):
-        product, row = cost.z[:free], H[i]
-        product[:] = 0.0
-        add_rows(product, cost.ZT, row, chosen, choose_nonzero(row, chosen), 0)
-        for k in range(free):
-            cost.HZ[k, i] = product[k]
+    """Find the upper triangle of C = Z^T H Z."""
+    n = len(H)
+    for j in range(n):
+        chosen[j] = j
     for k in range(free):
-        for o in range(k, free):
-            cost.C[k, o] = dot(cost.HZ[k], cost.Z[o])
+        product = cost.HZ[k]
+        product[:] = 0.0
+        add_rows(product, H, cost.Z[k], chosen, n, 0)
+        for o in range(k + 1):
+            cost.C[o, k] = dot(product, cost.Z[o])
 
 
 @part
@@ -365,3 +435,82 @@ def _solve_factored(cost: FinalCost, rank: int) -> None:
         for i in range(k + 1, rank):
             total -= row[i] * z[i]
         z[k] = total / row[k]
+
+
+# --- damping near singularities -----------------------------------------------------------------
+
+
+@part
+def damp_equalities(problem: Problem, work: SearchWork) -> None:
+    """Move the bounds of equalities whose level is nearer to a singularity than its damping.
+
+    It regards equalities alone, before the search: an active set must not change the problem.
+    """
+    if not norm_of(problem.damping) > 0.0:
+        return
+    rows, factor, sides = work.rows, work.factor, work.rows.factored
+    for i in range(len(rows.side)):
+        sides[i], rows.shift[i] = rows.side[i], 0.0
+        if rows.side[i] != EQUALITY:
+            rows.side[i] = 0
+    factor.begin[0] = factor.first[0] = 0
+    for level in range(len(factor.rank)):
+        _factor_level(problem, work, level)
+        damping, eased = problem.damping[level], 0.0
+        if damping > 0.0 and factor.rank[level] > 0:
+            least = _least_singular_value(factor, work.squares.v, level)
+            # The difference of equal squares may be rounding above zero.
+            eased = damping * damping - least * least if least < damping else 0.0
+        work.answer.eased[level] = eased
+        if eased == 0.0:
+            _solve_level(problem, factor, work.squares, level)
+            continue
+        _solve_damped_level(problem, factor, work.squares, level, sqrt(eased))
+        for place in range(factor.begin[level], factor.begin[level + 1]):
+            index = factor.order[place]
+            rows.shift[index] = factor.slack[place] / problem.weights[index]
+    for i in range(len(rows.side)):
+        rows.side[i] = sides[i]
+
+
+@part
+def _least_singular_value(factor: Factor, room: Vector, level: int) -> float:
+    """Find the least singular value of the pivots' triangle L by inverse iteration with L L^T."""
+    begin, first, rank = factor.begin[level], factor.first[level], factor.rank[level]
+    v, least = room[:rank], 0.0
+    for k in range(rank):
+        # Hardly orthogonal to the direction of the least singular value.
+        v[k] = 1.0 + 0.37 * (k % 3)
+    for _ in range(SINGULAR_ROUNDS):
+        norm = norm_of(v)
+        for k in range(rank):
+            own = factor.R[begin + k, first : first + rank]
+            v[k] = minus_dot(v[k] / norm, v[:k], own) / own[k]
+        for k in range(rank - 1, -1, -1):
+            own = factor.R[begin + k, first : first + rank]
+            v[k] /= own[k]
+            add_multiple(v[:k], -v[k], own)
+        before, least = least, 1.0 / sqrt(norm_of(v))
+        if abs(least - before) <= SINGULAR_TOLERANCE * least:
+            break
+    return least
+
+
+@part
+def _solve_damped_level(
+    problem: Problem, factor: Factor, squares: LeastSquares, level: int, damping: float
+) -> None:
+    """Find coordinates z and slack of a level with the least |slack|^2 + damping^2 |z|^2."""
+    begin, end = factor.begin[level], factor.begin[level + 1]
+    first, rank = factor.first[level], factor.rank[level]
+    z = factor.y[first : first + rank]
+    _find_rhs(problem, factor, level)
+    for i in range(end - begin):
+        row = factor.R[begin + i]
+        squares.rhs[i] = factor.rhs[begin + i]
+        for j in range(rank):
+            squares.T[j, i] = row[first + j]
+    solve_damped(squares, end - begin, damping, z)
+    for place in range(begin, end):
+        own = factor.R[place, first : first + rank]
+        factor.slack[place] = -minus_dot(factor.rhs[place], z, own)

@@ -7,9 +7,8 @@ there: inactive rows that are violated, active rows whose multiplier has the wro
 import numpy as np
 
 from poise._compiled import compiled, part, view
-from poise.hqp._active_set.damping import damp_equalities
 from poise.hqp._active_set.guess import guess
-from poise.hqp._active_set.kernels import norm_of
+from poise.hqp._active_set.kernels import copy, find_norms
 from poise.hqp._active_set.moves import (
     activate,
     change_rows,
@@ -19,9 +18,14 @@ from poise.hqp._active_set.moves import (
     move_to_better,
     step,
 )
-from poise.hqp._active_set.multipliers import deactivate_wrong_signs, is_optimal
-from poise.hqp._active_set.optimum import find_optimum
-from poise.hqp._active_set.strictness import find_moved, guard, hangs_on_rank
+from poise.hqp._active_set.multipliers import (
+    deactivate_wrong_signs,
+    find_moved,
+    guard,
+    hangs_on_rank,
+    is_optimal,
+)
+from poise.hqp._active_set.optimum import damp_equalities, find_optimum
 from poise.hqp._active_set.workspace import (
     BEGINNING,
     EQUALITY,
@@ -31,6 +35,7 @@ from poise.hqp._active_set.workspace import (
     LEAPING,
     NOTHING,
     STEPPING,
+    Duals,
     Matrix,
     Problem,
     RowStates,
@@ -89,7 +94,7 @@ def search(problem_at: int, work_at: int, changes: int) -> int:
 @part
 def _begin_search(problem: Problem, work: SearchWork) -> bool:
     """Prepare the workspace for a new problem; return whether its numbers can be one."""
-    inequalities = _prepare_rows(problem, work.rows, work.duals.multipliers)
+    inequalities = _prepare_rows(problem, work.rows, work.duals)
     if inequalities < 0:
         return False
     damp_equalities(problem, work)
@@ -138,19 +143,21 @@ def _choose_phase(problem: Problem, work: SearchWork) -> bool:
 
 
 @part
-def _prepare_rows(problem: Problem, rows: RowStates, multipliers: Matrix) -> int:
+def _prepare_rows(problem: Problem, rows: RowStates, duals: Duals) -> int:
     """Find norms and sides; return the count of active inequalities, or -1 for unsound numbers."""
     m, n = problem.A.shape
-    total, inequalities = 0.0, 0
+    total, inequalities, sums = 0.0, 0, duals.gradient
+    copy(sums, problem.g)
     for i in range(n):
-        rows.norm[i] = 1.0
-        total += abs(problem.g[i])
+        row = problem.H[i]
         for j in range(n):
-            total += abs(problem.H[i, j])
-    for i in range(m):
-        rows.norm[n + i] = norm_of(problem.A[i])
-        total += rows.norm[n + i]
+            sums[j] = abs(sums[j]) + abs(row[j])
+    rows.norm[:n] = 1.0
+    find_norms(problem.A, rows.norm[n:])
+    for i in range(n):
+        total += sums[i]
     for i in range(n + m):
+        total += rows.norm[i]
         rows.guarded[i] = 0
         low, up, side = problem.lower[i], problem.upper[i], rows.side[i]
         # Comparisons that fail on NaN.
@@ -160,7 +167,7 @@ def _prepare_rows(problem: Problem, rows: RowStates, multipliers: Matrix) -> int
         if low == up:
             rows.side[i], rows.sign_free[i] = EQUALITY, 1
         elif side == EQUALITY:
-            rows.side[i] = _side_of(multipliers, i)
+            rows.side[i] = _side_of(duals.multipliers, i)
         if (rows.side[i] == 1 and up == np.inf) or (rows.side[i] == -1 and low == -np.inf):
             rows.side[i] = 0
         if rows.side[i] == 0:

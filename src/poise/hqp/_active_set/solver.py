@@ -10,10 +10,9 @@ from poise._compiled import say_if_slow
 from poise.errors import ConfigurationError, ProblemError
 from poise.hqp._active_set.search import CONVERGED, LOST, UNFINISHED, UNSOUND, search
 from poise.hqp._active_set.workspace import Problem, SearchWork, make_work
-from poise.hqp._given import Numbers
-from poise.hqp._problem import HierarchicalProblem, Level
+from poise.hqp._problem import HierarchicalProblem, Level, Numbers
 from poise.hqp._solution import LexicographicSolution, Solution, SolveStatus, failure
-from poise.hqp._tolerances import RELAXED, changes_allowed
+from poise.hqp._tolerances import MET_TOLERANCE, changes_allowed
 
 
 class LexicographicSolver:
@@ -240,7 +239,7 @@ class LexicographicSolver:
             eased=self.eased.copy(),
             shift=self.shift.copy(),
             strategy=self.name,
-            relaxed=bool(self.relative_residuals.max() > RELAXED),
+            relaxed=bool(self.relative_residuals.max() > MET_TOLERANCE),
             iterations=self.changes,
             timings={"total": self._seconds},
         )

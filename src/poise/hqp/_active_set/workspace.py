@@ -101,12 +101,15 @@ class Factor(MemoryBlock):
     size: Float64[np.ndarray, " nm"]  # its norm times its weight
     slack: Float64[np.ndarray, " nm"]  # at the optimum of the active set, times its weight
     rhs: Float64[np.ndarray, " nm"]  # its bound less the part of the levels above
-    left: Float64[np.ndarray, " nm"]  # squared part of it outside those before it
+    left: Float64[np.ndarray, " nm"]  # squared length of its part outside those before it
     left_exact: Float64[np.ndarray, " nm"]  # the same when last computed, not updated
     begin: Int64[np.ndarray, " p1"]  # begin of each level's active rows
     first: Int64[np.ndarray, " p1"]  # count of coordinates that the levels above take
     rank: Int64[np.ndarray, " p"]  # of each level's pivots; guarded rows follow them
     y: Float64[np.ndarray, " n"]  # optimum of the active set
+    whole: int  # count of levels whose rows in R are whole; of others some first columns are unset
+    Q: Float64[np.ndarray, "n n"]  # columns of Q after the coordinates of those levels
+    above: Float64[np.ndarray, " n"]  # point x of the coordinates before them
 
 
 class LeastSquares(MemoryBlock):
@@ -127,7 +130,6 @@ class FinalCost(MemoryBlock):
 
     gradient: Float64[np.ndarray, " n"]  # H x + g
     Z: Float64[np.ndarray, "n n"]  # basis of the free directions, one a row
-    ZT: Float64[np.ndarray, "n n"]  # the same, transposed
     HZ: Float64[np.ndarray, "n n"]  # H times each direction, one a row
     C: Float64[np.ndarray, "n n"]  # Z^T H Z, then its factor; in a guess, that of H
     pivot: Int64[np.ndarray, " n"]  # order of its pivots
@@ -138,7 +140,8 @@ class Duals(MemoryBlock):
     """Multipliers, and the gradient that they balance."""
 
     multipliers: Float64[np.ndarray, "p1 nm"]  # of the levels, then of the final cost
-    gradient: Float64[np.ndarray, " n"]  # of a level or the final cost, in y or in x
+    gradient: Float64[np.ndarray, " n"]  # of a level or the final cost
+    turned: Float64[np.ndarray, " n"]  # the same in y
     chosen: Int64[np.ndarray, " nm"]  # list of rows
     forces: Float64[np.ndarray, " nm"]  # their multipliers times their sizes and sides
 
