@@ -5,13 +5,17 @@ these functions do. They work in place and allocate nothing.
 """
 
 from poise._compiled._blocks import MemoryBlock, allocate, view
-from poise._compiled._compiling import compiled, compiled_for_threads, part
+from poise._compiled._compiling import (
+    address_of,
+    call_at,
+    compiled,
+    compiled_for_threads,
+    part,
+)
 from poise._compiled._first_use import (
     check_kept,
-    clear_bar,
     code_folder,
     compiling_told,
-    draw_bar,
     find_unkept,
     functions_of,
     names_of,
@@ -33,14 +37,14 @@ from poise._compiled._linalg import (
 
 __all__ = [
     "MemoryBlock",
+    "address_of",
     "allocate",
+    "call_at",
     "check_kept",
-    "clear_bar",
     "code_folder",
     "compiled",
     "compiled_for_threads",
     "compiling_told",
-    "draw_bar",
     "factor",
     "factor_leading",
     "find_unkept",
