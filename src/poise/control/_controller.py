@@ -12,11 +12,15 @@ from jaxtyping import Float64
 from poise._checks import Numbers, is_time
 from poise._compiled import compiled
 from poise._copies import restore, restored
-from poise.control._command import Command, CommandStatus
-from poise.control._fall import FALL_HEIGHT_RATIO, FallWatch
-from poise.control._fallback import Fallback, RateLimit
-from poise.control._state_check import fault_of, is_usable
-from poise.control._status import ControllerStatus, task_statuses
+from poise.control._command import Command, CommandStatus, ControllerStatus, task_statuses
+from poise.control._fallback import (
+    FALL_HEIGHT_RATIO,
+    Fallback,
+    FallWatch,
+    RateLimit,
+    fault_of,
+    is_usable,
+)
 from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer, Strategy
 from poise.dynamics import Dynamics, RobotState
 from poise.hqp import SolveStatus
@@ -285,14 +289,10 @@ class Controller:
         self._fallback.remember(joints, state.time)
         if self._commands_torque:
             self._torque_limit.remember(joints, state.time)
+        torque, velocity = (joints, None) if self._commands_torque else (None, joints)
+        _, _, residuals, acceleration, wrenches, held_back = answer
         return Command(
-            status=CommandStatus.OK,
-            torque=joints if self._commands_torque else None,
-            velocity=None if self._commands_torque else joints,
-            acceleration=answer.acceleration,
-            wrenches=answer.wrenches,
-            residuals=answer.residuals,
-            held_back=answer.held_back,
+            CommandStatus.OK, torque, velocity, acceleration, wrenches, residuals, held_back
         )
 
     def _fall_back(self, status: CommandStatus, state: object) -> Command:

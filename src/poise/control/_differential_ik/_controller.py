@@ -8,9 +8,8 @@ from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers, checked_kind, checked_number
 from poise.control._controller import Controller
-from poise.control._differential_ik._bounds import VelocityBounds
+from poise.control._differential_ik._bounds import LedJoints, VelocityBounds
 from poise.control._differential_ik._closed_form import RANK
-from poise.control._differential_ik._led import LedJoints
 from poise.control._differential_ik._rows import ROW_WEIGHT, RowWeights
 from poise.control._differential_ik._strategy import VelocityStrategy
 from poise.control._rank import RankTreatment

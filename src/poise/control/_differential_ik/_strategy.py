@@ -8,16 +8,14 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.control._differential_ik._bounds import VelocityBounds, limit_weights
-from poise.control._differential_ik._closed_form import ClosedForm
-from poise.control._differential_ik._led import LedJoints
+from poise.control._differential_ik._bounds import LedJoints, VelocityBounds, limit_weights
+from poise.control._differential_ik._closed_form import ClosedForm, WithinBounds
 from poise.control._differential_ik._rows import (
     ROW_WEIGHT,
     HomeJacobians,
     RowWeights,
     VelocityRows,
 )
-from poise.control._differential_ik._within_bounds import WithinBounds
 from poise.control._rank import RankTreatment
 from poise.control._strategy import PHYSICS_LEVELS, UNSOFTENED, USABLE, Answer, softening_notes
 from poise.dynamics import Dynamics
@@ -102,7 +100,6 @@ class VelocityHierarchy:
         )
 
     def solve(self, lower: Float64[np.ndarray, " n"], upper: Float64[np.ndarray, " n"]) -> Solution:
-        """Solve for the present rows."""
         problem = self.problem
         problem.x_lower[:], problem.x_upper[:] = lower, upper
         problem.A[:] = self._rows.jacobian[self._order]
@@ -126,11 +123,9 @@ class VelocityHierarchy:
 
     @property
     def softened(self) -> dict[int, float]:
-        """Weight of the softening term of each level that was softened, counted from zero."""
         return self._softening.by_level(self._solver.softened)
 
     def reset(self) -> None:
-        """Forget the last solution."""
         self._solver.reset()
         self.solution = None
 
@@ -197,7 +192,6 @@ class VelocityStrategy:
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Tasks replaced by a contact at the last tick."""
         return self.current.stack_rows.suspended
 
     @property
@@ -218,7 +212,6 @@ class VelocityStrategy:
         return self._joint_weight.copy()
 
     def set_stance(self, name: str | None) -> None:
-        """Set the contact that the robot stands on, see `DifferentialIK.set_stance`."""
         if name is None:
             self.named = None
             return
@@ -233,7 +226,6 @@ class VelocityStrategy:
         self.named = contact
 
     def reset(self) -> None:
-        """Forget the last answer."""
         self._solved = False
         self._last = np.zeros(len(self._joints))
         self._held = np.zeros(len(self._joints), dtype=np.bool_)
@@ -244,18 +236,15 @@ class VelocityStrategy:
                     hierarchy.reset()
 
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
-        """Use the rows of a set of active contacts and of the stance among them."""
         last, self._current = self._current, self._find(contacts)
         return self._current is not last
 
     def rehearse(self, dynamics: Dynamics) -> None:
-        """Run a tick under the active contacts, and forget it."""
         self.assemble(dynamics)
         self.solve()
         self.reset()
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Write one state's rows, and the bounds of the joints."""
         # Targets may overflow; the check of the result finds it.
         with np.errstate(all="ignore"):
             self.current.fill(dynamics)
@@ -277,11 +266,9 @@ class VelocityStrategy:
         return Answer(status, velocity, (0.0, *found))
 
     def task_residuals(self) -> dict[str, float]:
-        """Return the norm of the velocity that each task missed at the last solve [unit/s]."""
         return self.current.stack_rows.task_residuals() if self._solved else {}
 
     def explain(self) -> str:
-        """Describe what was not met at the last tick."""
         rows, hierarchy = self._current
         notes: list[str] = []
         if rows.stance is not None and not rows.stance.active:

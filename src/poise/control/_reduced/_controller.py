@@ -93,12 +93,10 @@ class ReducedProgram:
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Frame tasks replaced by a contact; they have no rows."""
         return self.rows.suspended
 
     @property
     def softened(self) -> dict[int, float]:
-        """Weight of the softening term of each level that was softened, counted from zero."""
         return self.whole.softened if self._solved_whole else {}
 
     @property
@@ -118,7 +116,6 @@ class ReducedProgram:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Variables and rows of the problems of the last solve."""
         if self._solved_whole:
             return self.whole.size
         n, m = self.first.problem.size
@@ -128,7 +125,6 @@ class ReducedProgram:
         return n, m
 
     def follow(self, last: "ReducedProgram") -> None:
-        """Begin where the program of other contacts ended."""
         problem, solver = self._current
         solver.follow(problem.problem, last._current[1])
         self.whole.follow(last.whole)
@@ -146,7 +142,6 @@ class ReducedProgram:
             self.first.fill()
 
     def solve(self) -> Answer:
-        """Solve the assembled problem; nothing raises on numbers."""
         self._solved, self._used_second = not self._solved_whole, False
         if self._solved_whole:
             self._whole_ticks -= 1
@@ -187,7 +182,6 @@ class ReducedProgram:
         )
 
     def reset(self) -> None:
-        """Forget the last solutions."""
         for _, solver in self._firsts.values():
             solver.reset()
         if self.second is not None:
@@ -197,13 +191,11 @@ class ReducedProgram:
         self._whole_ticks = 0
 
     def task_residuals(self) -> dict[str, float]:
-        """Return the norm of each task's residual at the last solve [unit/s^2]."""
         if self._solved_whole:
             return self.whole.task_residuals()
         return self.rows.task_residuals()
 
     def explain(self) -> str:
-        """Describe conflicts of rows."""
         if self._solved_whole:
             return self.whole.explain()
         first, second = self.first_solution, self.second_solution
