@@ -18,7 +18,7 @@ from poise.errors import ConfigurationError
 _EVENT = "numba:compile"
 """Numba's event about each function that it compiles."""
 
-_SECONDS = 0.15
+_SECONDS = 0.13
 """Processor time of a function, the mean over those of the first controller at 3 GHz [s]."""
 
 _TYPED = 0.6
@@ -57,7 +57,7 @@ class _FirstUse(events.Listener):
         if self._begin is None:
             return
         self._done += 1
-        self._bar(_TYPED * min(self._done, self._total), self._total)
+        self._bar(_TYPED * min(self._done, self._total), float(self._total))
         if event.data["dispatcher"] is self._function:
             events.unregister(_EVENT, self)
             self._bar.close()

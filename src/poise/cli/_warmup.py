@@ -40,7 +40,7 @@ class WarmupVerb(Figures):
             done = warm_up(
                 controllers,
                 others=[lambda: StepTeleoperator(load_robot("humanoid33"))],
-                note=bar,
+                note=lambda done, total: bar(float(done), float(total)),
             )
         processor = sum(os.times()[:4])
         row = f"nothing to compile: all is kept in {done.folder}"

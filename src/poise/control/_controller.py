@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import Numbers, is_time
+from poise._checks import Numbers, checked_number, is_time
 from poise._compiled import compiled
 from poise._copies import restore, restored
 from poise.control._command import Command, CommandStatus, ControllerStatus, task_statuses
@@ -23,6 +23,7 @@ from poise.control._fallback import (
 )
 from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer, Strategy
 from poise.dynamics import Dynamics, RobotState
+from poise.errors import ConfigurationError
 from poise.hqp import SolveStatus
 from poise.robots import Robot
 from poise.stack import Stack, Task, TaskFaultError
@@ -209,6 +210,15 @@ class Controller:
 
     @fall_height_ratio.setter
     def fall_height_ratio(self, ratio: float | None) -> None:
+        if ratio is not None:
+            ratio = checked_number(ratio, "fall_height_ratio of the controller", above=0.0)
+            if not self._fall_watch.can_fall:
+                what = "a robot that is fixed, or has no soles, does not fall"
+                raise ConfigurationError(what, got=ratio, wanted="None")
+            if ratio >= 1.0:
+                what = "fall_height_ratio of the controller is out of range"
+                wanted = "a number between 0 and 1, or None"
+                raise ConfigurationError(what, got=ratio, wanted=wanted)
         self._fall_watch.height_ratio = ratio
 
     def reset(self) -> None:

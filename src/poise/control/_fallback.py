@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64, Int64
 
-from poise._checks import Numbers, checked_number, is_array, is_time, laid_out
+from poise._checks import Numbers, is_array, is_time, laid_out
 from poise._compiled import compiled
 from poise.dynamics import Dynamics, Motion, Payload, RobotState, frames_of, motion_of
 from poise.errors import ConfigurationError
@@ -161,8 +161,8 @@ class FallWatch:
         frames = [robot.frame_id(name) for name in (robot.pelvis, *robot.soles)]
         table = frames_of(robot.model, frames)
         self._joints, self._offsets = table.joints, table.placements[:, 9:].copy()
-        self._watches = robot.floating_base and bool(robot.soles)
-        self._ratio = ratio if self._watches else None
+        self.can_fall = robot.floating_base and bool(robot.soles)
+        self.height_ratio = ratio if self.can_fall else None
         data = robot.model.createData()
         pin.forwardKinematics(robot.model, data, robot.q_home)
         self._home = self._height(motion_of(robot.model, data))
@@ -172,31 +172,12 @@ class FallWatch:
         """Assume that the robot stands."""
         self._low_since, self._now = math.nan, self._home
 
-    @property
-    def height_ratio(self) -> float | None:
-        """The height of the pelvis, by that at home, below which a robot lies; None for never."""
-        return self._ratio
-
-    @height_ratio.setter
-    def height_ratio(self, ratio: float | None) -> None:
-        if ratio is not None:
-            ratio = checked_number(ratio, "fall_height_ratio of the controller", above=0.0)
-            if ratio >= 1.0 or not self._watches:
-                raise ConfigurationError(
-                    "fall_height_ratio of the controller is out of range"
-                    if self._watches
-                    else "a robot that is fixed, or has no soles, does not fall",
-                    got=ratio,
-                    wanted="a number between 0 and 1, or None" if self._watches else "None",
-                )
-        self._ratio = ratio
-
     def sees_fall(self, dynamics: Dynamics) -> bool:
         """Return True once the robot has lain for a while."""
-        if self._ratio is None:
+        if self.height_ratio is None:
             return False
         self._now = self._height(dynamics.motion)
-        if self._now > self._ratio * self._home:
+        if self._now > self.height_ratio * self._home:
             self._low_since = math.nan
             return False
         time = dynamics.state.time
@@ -242,9 +223,6 @@ _QUATERNION_TOLERANCE = 1e-3
 _LARGEST = 1e6
 """Largest position or speed of a robot [m, rad, m/s, rad/s]; far beyond, squares overflow."""
 
-_MOST_NAMED = 3
-"""Entries at fault that are named; more are counted."""
-
 
 def is_usable(state: object, robot: Robot) -> bool:
     """Check kinds and sizes, finite and sane numbers, and the norm of the base quaternion."""
@@ -277,8 +255,8 @@ def fault_of(state: object, robot: Robot) -> str:
     ):
         bad = np.flatnonzero(~(np.abs(value) <= _LARGEST)).tolist()
         if bad:
-            named = ", ".join(f"{entries[i]} is {value[i]:g}" for i in bad[:_MOST_NAMED])
-            more = len(bad) - _MOST_NAMED
+            named = ", ".join(f"{entries[i]} is {value[i]:g}" for i in bad[:3])
+            more = len(bad) - 3
             return f"in {name}, {named}" + (f" and {more} more" if more > 0 else "")
     norm = float(np.linalg.norm(state.q[3:7]))
     return f"the base quaternion q[3:7] has length {norm:g}, wanted 1"

@@ -10,13 +10,13 @@ from jaxtyping import Bool, Float64
 
 from poise._compiled import allocate
 from poise.control._differential_ik._kernels import (
-    ROUNDING,
     ClosedFormMemory,
     VelocityLevels,
     serve_levels,
     take_rows,
 )
 from poise.control._rank import RankTreatment
+from poise.control._row_factor import ROUNDING
 
 RANK = RankTreatment(low=0.005, high=0.02)
 """Rank treatment of velocities: exact to within a fiftieth of the mobility in the home posture.

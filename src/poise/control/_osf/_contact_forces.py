@@ -20,6 +20,7 @@ from poise._compiled import (
 )
 from poise.control._osf._recursion import is_inside
 from poise.control._osf._rows import OperationalRows
+from poise.control._strategy import PHYSICS_TOLERANCE
 from poise.dynamics import Dynamics, StateNumbers
 from poise.hqp import HierarchicalProblem, LexicographicSolver, SoftenedLevel
 from poise.robots import Robot
@@ -227,9 +228,6 @@ class BoundedAcceleration:
         problem.H[:nv, :nv], problem.g[:nv] = dynamics.M, -dynamics.M @ acceleration
 
 
-TOLERANCE = 1e-6
-"""Violation of a cone or limit, relative to the weight or the limit, that counts as none."""
-
 _LEAST_LOAD = 1e-3
 """Fraction of the weight below which a contact that is being unloaded weighs no less."""
 
@@ -327,7 +325,7 @@ class ContactForces:
     @property
     def ok(self) -> bool:
         """True where all cones and limits hold at the last solve."""
-        return max(self.base_error, self.cone_error, self.torque_error) <= TOLERANCE
+        return max(self.base_error, self.cone_error, self.torque_error) <= PHYSICS_TOLERANCE
 
     def _read_bounds(self) -> None:
         # Bounds of the normal forces move during a ramp only.

@@ -9,16 +9,16 @@ from jaxtyping import Float64
 from poise._checks import Numbers, checked_kind
 from poise.control._controller import Controller
 from poise.control._fallback import RateLimit
-from poise.control._osf._contact_forces import TOLERANCE, ContactForces
-from poise.control._osf._recursion import SLACK, OperationalRecursion
+from poise.control._osf._contact_forces import ContactForces
+from poise.control._osf._recursion import OperationalRecursion
 from poise.control._osf._rows import OperationalRows, RowScales
 from poise.control._rank import RankTreatment
-from poise.control._strategy import Answer, bound_stack, softening_notes
+from poise.control._strategy import PHYSICS_TOLERANCE, Answer, bound_stack, softening_notes
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError
 from poise.hqp import SolveStatus
 from poise.robots import Robot
-from poise.stack import Contact, ContactSets, Stack, Task, checked_target
+from poise.stack import AT_BOUND, Contact, ContactSets, Stack, Task, checked_target
 
 
 class OperationalStrategy:
@@ -149,7 +149,7 @@ class OperationalStrategy:
             (forces.torque_error, "a torque limit is exceeded by {:.2g} of itself"),
             (self._bound_error, "joints leave their acceleration bounds by {:.2g} of the largest"),
         ):
-            if error > TOLERANCE:
+            if error > PHYSICS_TOLERANCE:
                 notes.append(what.format(error))
         words = "; ".join(notes) or "contacts and limits hold"
         return "\n".join([words, *softening_notes(self.softened)])
@@ -182,8 +182,8 @@ class OperationalStrategy:
         if self.forces.bounded:
             bounds, joints = self._current.bounds, acceleration[self.robot.base_dofs :]
             values = bounds.rows @ acceleration
-            at = np.minimum(joints - bounds.lower, bounds.upper - joints) < SLACK
-            rows = np.minimum(values - bounds.least, bounds.most - values) < SLACK
+            at = np.minimum(joints - bounds.lower, bounds.upper - joints) < AT_BOUND
+            rows = np.minimum(values - bounds.least, bounds.most - values) < AT_BOUND
             self._held_joints = np.flatnonzero(at).tolist()
             self._held_rows = np.flatnonzero(rows).tolist()
 

@@ -31,9 +31,7 @@ from poise.control._row_factor import (
 from poise.control._strategy import UNSOFTENED
 from poise.dynamics import Dynamics, StateNumbers, reach_of
 from poise.robots import Robot
-
-SLACK = 1e-6
-"""Rounding of an acceleration beyond its bounds [rad/s^2, m/s^2]."""
+from poise.stack import AT_BOUND
 
 TINY = 1e-12
 """Keeps directions in which softening has nothing to choose from dividing by zero."""
@@ -80,18 +78,18 @@ def resolve(levels_at: int, state_at: int, memory_at: int) -> tuple[int, bool]:
 
 @compiled
 def is_inside(dv: Float64[np.ndarray, " n"], bounds_at: int) -> bool:
-    """Return True for an acceleration within its bounds up to `SLACK`, and for NaN."""
+    """Return True for an acceleration within its bounds up to `AT_BOUND`, and for NaN."""
     bounds = view(BoundRows, bounds_at)
     base = len(dv) - len(bounds.lower)
     for i in range(len(bounds.lower)):
         value = dv[base + i]
-        if value > bounds.upper[i] + SLACK or value < bounds.lower[i] - SLACK:
+        if value > bounds.upper[i] + AT_BOUND or value < bounds.lower[i] - AT_BOUND:
             return False
     for row in range(len(bounds.least)):
         value = 0.0
         for j in range(len(dv)):
             value += bounds.rows[row, j] * dv[j]
-        if value > bounds.most[row] + SLACK or value < bounds.least[row] - SLACK:
+        if value > bounds.most[row] + AT_BOUND or value < bounds.least[row] - AT_BOUND:
             return False
     return True
 

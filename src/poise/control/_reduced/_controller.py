@@ -11,9 +11,8 @@ from jaxtyping import Float64
 from poise.control._controller import Controller
 from poise.control._full_problem import FullProblem
 from poise.control._reduced._assignment import AssignedRows
-from poise.control._reduced._constraint_chain import ConstraintChainProblem
 from poise.control._reduced._elimination import ChainElimination, announce
-from poise.control._reduced._unconstrained_chain import UnconstrainedChainProblem
+from poise.control._reduced._problems import ConstraintChainProblem, UnconstrainedChainProblem
 from poise.control._strategy import (
     PHYSICS_LEVELS,
     UNSOFTENED,
@@ -40,9 +39,6 @@ elsewhere."""
 PATIENCE = 20
 """Ticks for which the whole problem alone is solved after LQP 1 and LQP 2 failed: an arm at its
 limit seldom leaves it within a tick, and three problems in one tick cost most."""
-
-_TYPICAL = 0
-"""Seed of the coefficients by which the usual shape of LQP 1 is found beforehand."""
 
 
 class ReducedProgram:
@@ -231,7 +227,7 @@ class ReducedProgram:
         """Make LQP 1 for the case that no task loses rank, before the first tick."""
         # Tasks are not evaluated: they might take the state for their target.
         constant = self.tasks.J.copy()
-        self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=constant.shape)
+        self.tasks.J[:] = np.random.default_rng(0).normal(size=constant.shape)
         self.chain.update(Dynamics(self._robot))
         self.tasks.J[:] = constant
         pair = self._first_for(self.chain.shape)

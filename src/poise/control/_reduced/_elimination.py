@@ -24,6 +24,7 @@ from poise._compiled import (
     view,
 )
 from poise.control._reduced._assignment import AssignedRows
+from poise.control._row_factor import ROUNDING
 from poise.dynamics import (
     Dynamics,
     ReducedDynamics,
@@ -43,9 +44,6 @@ LQP 1 its accuracy. A heavy leg moves little, but so does the body that it hangs
 
 GOOD = 10.0 * WEAK
 """From here on a row is as good as the best, and need not change places with it."""
-
-ROUNDING = 1e-12
-"""Coefficients smaller than this, relative to the largest of their level, are rounding."""
 
 
 class ChainRows(MemoryBlock):
