@@ -14,8 +14,8 @@ ROOT = Path(__file__).parents[1] / "src" / "poise"
 
 FLOORS = (
     {"errors"},
-    {"_yaml"},
-    {"_checks", "_copies", "_schema", "_compiled", "_progress"},
+    {"_yaml", "_progress"},
+    {"_checks", "_copies", "_schema", "_compiled"},
     {"_show"},
     {"robots", "hqp"},
     {"dynamics"},
