@@ -14,8 +14,8 @@ ROOT = Path(__file__).parents[1] / "src" / "poise"
 
 FLOORS = (
     {"errors"},
-    {"_yaml"},
-    {"_checks", "_copies", "_schema", "_compiled", "_progress"},
+    {"_yaml", "_progress"},
+    {"_checks", "_copies", "_schema", "_compiled"},
     {"_show"},
     {"robots", "hqp"},
     {"dynamics"},
@@ -33,7 +33,7 @@ MUJOCO_USERS = ("sim/", "apps/scenarios/_replay.py")
 """The only places that import the simulator; everything else goes through them."""
 
 OPTIONAL = (
-    "mujoco", "matplotlib", "mcap", "tqdm", "imageio", "qpsolvers", "osqp", "proxsuite", "piqp",
+    "mujoco", "matplotlib", "mcap", "imageio", "qpsolvers", "osqp", "proxsuite", "piqp",
     "clarabel", "quadprog", "example_robot_data", "websockets", "pygame", "msgspec",
     "pyarrow", "distributed", "submitit", "optuna", "jinja2",
 )  # fmt: skip

@@ -91,8 +91,8 @@ __all__ = [
 ]
 
 
-_FACES = ("errors", "hqp", "robots", "dynamics", "stack", "estimation", "control")
-"""Packages of the core, from the ground up, which run without the simulator."""
+_FACES = ("errors", "hqp", "robots", "dynamics", "stack", "control")
+"""Packages of the core that have these names, from the ground up."""
 
 _ABOVE = {
     "Plant": "poise.sim",
@@ -109,7 +109,7 @@ _ABOVE = {
 
 def __getattr__(name: str) -> Any:
     """Import what is used: the command's help needs neither Pinocchio nor compiled code."""
-    if name in (*_FACES, "locomotion", "sim"):
+    if name in (*_FACES, "estimation", "locomotion", "sim"):
         return import_module(f"poise.{name}")
     if name not in __all__:
         raise AttributeError(f"module 'poise' has no attribute {name!r}")

@@ -10,9 +10,6 @@ import numpy as np
 from poise._checks import Numbers
 from poise.errors import MissingExtraError
 
-_FEW = 4
-"""Names of a list that a sentence shows."""
-
 
 def brief(value: Numbers) -> str:
     """Format numbers to four digits: one where all are equal, else a list."""
@@ -23,10 +20,10 @@ def brief(value: Numbers) -> str:
     return said[0] if len(said) == 1 else "[" + ", ".join(said) + "]"
 
 
-def few(names: Sequence[str]) -> str:
+def few(names: Sequence[str], most: int = 4) -> str:
     """Format names for a sentence: the first ones, and the count of the others."""
-    more = len(names) - _FEW
-    return ", ".join(names[:_FEW]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def html_table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -18,9 +18,6 @@ __all__ = [
     "UnknownNameError",
 ]
 
-_MAX_CHOICES = 60
-"""Names shown at most, the nearest ones first."""
-
 _LONGEST = 1000
 """Letters shown of a value: a screen holds some 2,000."""
 
@@ -106,11 +103,11 @@ class MissingExtraError(PoiseError):
         )
 
 
-def _list_choices(got: str, choices: tuple[str, ...]) -> str:
+def _list_choices(got: str, choices: tuple[str, ...], most: int = 60) -> str:
     if not choices:
         return "(none)"
     nearest = difflib.get_close_matches(got, choices, n=5, cutoff=0.5)
     rest = [c for c in choices if c not in nearest]
-    shown = (nearest + rest)[:_MAX_CHOICES]
+    shown = (nearest + rest)[:most]
     hidden = len(choices) - len(shown)
     return ", ".join(shown) + (f" and {hidden} more" if hidden else "")

@@ -52,11 +52,12 @@ print(warm_up(["differential_ik"], processes=1))
 
 NO_PROCESS = """
 import sys
-from poise.control import _warm_up
+from concurrent import futures
+from poise.control import warm_up
 def none(*_):
     raise OSError("no process can be started")
-_warm_up.ProcessPoolExecutor = none
-print(_warm_up.warm_up(["differential_ik"], processes=2))
+futures.ProcessPoolExecutor = none
+print(warm_up(["differential_ik"], processes=2))
 """
 
 FULL = """
@@ -71,14 +72,13 @@ sys.exit(main(["warmup", "--controller", "differential_ik"]))
 
 LOOKS_ON = """
 import sys
-sys.modules["tqdm"] = None
 sys.stderr.isatty = lambda: True
 from poise.cli.main import main
 sys.exit(main(["warmup", "--controller", "differential_ik"]))
 """
 
 
-SMALL = "_differential_ik_*/_bounds._weigh-*", "_osf_*/_balance.measure-*"
+SMALL = "_differential_ik_*/_bounds._weigh-*", "_osf_*/_contact_forces.measure-*"
 """Files of one small function of each controller, below the folder of all machine code."""
 
 

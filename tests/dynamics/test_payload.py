@@ -109,16 +109,19 @@ def test_what_is_none_is_a_bad_state(get_robot):
     assert "payload" in controller.status().reason
 
 
-@pytest.mark.parametrize(("mass", "offset"), [(np.nan, np.zeros(3)), (1.0, np.full(3, np.inf))])
-def test_numbers_that_are_none_are_refused(mass, offset):
+@pytest.mark.parametrize(
+    ("mass", "offset", "held"),
+    [
+        (np.nan, 0.0, [0.0]),
+        (1.0, np.inf, [0.0]),
+        (0.0, 0.0, [-0.1]),
+        (0.0, 0.0, [np.nan, 0.0]),
+        (0.0, 0.0, [np.inf]),
+    ],
+)
+def test_numbers_that_cannot_be_are_refused(mass, offset, held):
     with pytest.raises(ConfigurationError, match="payload"):
-        Payload(mass, offset)
-
-
-@pytest.mark.parametrize("held", [[-0.1], [np.nan, 0.0], [np.inf]])
-def test_hands_hold_no_less_than_nothing(held):
-    with pytest.raises(ConfigurationError, match="payload"):
-        Payload(0.0, np.zeros(3), np.array(held))
+        Payload(mass, np.full(3, offset), np.array(held))
 
 
 def test_no_robot_loses_all_of_its_mass(get_robot):

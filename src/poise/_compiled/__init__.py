@@ -4,58 +4,37 @@ A call into NumPy or LAPACK takes Python the time of some thousand operations, a
 these functions do. They work in place and allocate nothing.
 """
 
-from poise._compiled._blocks import MemoryBlock, allocate, view
-from poise._compiled._compiling import compiled, compiled_for_threads, part
+from poise._compiled._blocks import (
+    MemoryBlock as MemoryBlock,
+    allocate as allocate,
+    view as view,
+)
+from poise._compiled._compiling import (
+    address_of as address_of,
+    call_at as call_at,
+    compiled as compiled,
+    compiled_for_threads as compiled_for_threads,
+    part as part,
+)
 from poise._compiled._first_use import (
-    check_kept,
-    clear_bar,
-    code_folder,
-    compiling_told,
-    draw_bar,
-    find_unkept,
-    functions_of,
-    names_of,
-    say_if_slow,
-    usable_cores,
+    check_kept as check_kept,
+    code_folder as code_folder,
+    compiling_told as compiling_told,
+    find_unkept as find_unkept,
+    functions_of as functions_of,
+    names_of as names_of,
+    say_if_slow as say_if_slow,
+    usable_cores as usable_cores,
 )
 from poise._compiled._linalg import (
-    factor,
-    factor_leading,
-    make_reflection,
-    reflect,
-    reflect_columns,
-    reflect_rows,
-    solve_columns,
-    solve_leading,
-    solve_lower,
-    solve_transposed,
+    factor as factor,
+    factor_leading as factor_leading,
+    make_reflection as make_reflection,
+    reflect as reflect,
+    reflect_columns as reflect_columns,
+    reflect_rows as reflect_rows,
+    solve_columns as solve_columns,
+    solve_leading as solve_leading,
+    solve_lower as solve_lower,
+    solve_transposed as solve_transposed,
 )
-
-__all__ = [
-    "MemoryBlock",
-    "allocate",
-    "check_kept",
-    "clear_bar",
-    "code_folder",
-    "compiled",
-    "compiled_for_threads",
-    "compiling_told",
-    "draw_bar",
-    "factor",
-    "factor_leading",
-    "find_unkept",
-    "functions_of",
-    "make_reflection",
-    "names_of",
-    "part",
-    "reflect",
-    "reflect_columns",
-    "reflect_rows",
-    "say_if_slow",
-    "solve_columns",
-    "solve_leading",
-    "solve_lower",
-    "solve_transposed",
-    "usable_cores",
-    "view",
-]

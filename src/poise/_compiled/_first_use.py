@@ -5,23 +5,24 @@ import os
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from time import perf_counter
+from time import process_time
 from typing import Any, cast
 
 import numba
-from numba.core import event
+from numba.core import event as events
 
 from poise._compiled._kept_code import KeptCode
+from poise._progress import Bar
 from poise.errors import ConfigurationError
 
 _EVENT = "numba:compile"
 """Numba's event about each function that it compiles."""
 
+_SECONDS = 0.13
+"""Processor time of a function, the mean over those of the first controller at 3 GHz [s]."""
+
 _TYPED = 0.6
 """Part of the time until all functions are read and typed; the rest makes machine code of them."""
-
-_WIDTH = 24
-"""Of the bar [characters]."""
 
 _WANTED = "a folder that can be written and has room; NUMBA_CACHE_DIR names another"
 
@@ -29,24 +30,26 @@ _notes = list[Callable[[str], None]]()
 """Callbacks of the `compiling_told` contexts that are open."""
 
 
-class _FirstUse(event.Listener):
+class _FirstUse(events.Listener):
     """Progress of one function: a bar on a terminal, else a log line before and one after."""
 
     def __init__(self, function: Any, what: str, kept: str | None) -> None:
         self._function, self._what, self._kept = function, what, kept
         self._total, self._done = len(functions_of(function)), 0
         self._begin: float | None = None
+        self._bar = Bar(f"compiling {what}, once on this machine", " functions", lines=False)
 
     def on_start(self, event: Any) -> None:
         """Begin with the function itself, whose callees compile within."""
         if event.data["dispatcher"] is not self._function:
             return
-        self._begin = perf_counter()
+        self._begin = process_time()
         if not sys.stderr.isatty():
             logging.getLogger("poise").warning(
-                "compiling %s, once on this machine: %d functions, half a minute or less",
+                "compiling %s, once on this machine: %d functions, some %.0f s of processor time",
                 self._what,
                 self._total,
+                _SECONDS * self._total,
             )
 
     def on_end(self, event: Any) -> None:
@@ -54,16 +57,16 @@ class _FirstUse(event.Listener):
         if self._begin is None:
             return
         self._done += 1
-        spent = perf_counter() - self._begin
-        draw_bar(self._what, _TYPED * min(self._done / self._total, 1.0), spent)
+        self._bar(_TYPED * min(self._done, self._total), float(self._total))
         if event.data["dispatcher"] is self._function:
-            _unregister(self)
-            clear_bar()
+            events.unregister(_EVENT, self)
+            self._bar.close()
+            spent = process_time() - self._begin
             kept = f"kept in {self._kept}" if self._kept else "not kept: no folder can be written"
             logging.getLogger("poise").warning("compiled %s in %.0f s, %s", self._what, spent, kept)
 
 
-class _Noted(event.Listener):
+class _Noted(events.Listener):
     """Report of each function that is compiled."""
 
     def __init__(self, note: Callable[[str], None]) -> None:
@@ -77,10 +80,6 @@ class _Noted(event.Listener):
         self._note(_name(event.data["dispatcher"]))
 
 
-def _unregister(listener: event.Listener) -> None:
-    event.unregister(_EVENT, listener)
-
-
 def say_if_slow(function: Callable[..., object], what: str) -> None:
     """Show the compilation of a function at its next call, unless its machine code is kept."""
     dispatcher = cast("Any", function)
@@ -89,40 +88,18 @@ def say_if_slow(function: Callable[..., object], what: str) -> None:
         return
     kept = dispatcher._cache if isinstance(dispatcher._cache, KeptCode) else None
     if kept is None or not kept.has_code(dispatcher.targetctx):
-        event.register(_EVENT, _FirstUse(dispatcher, what, kept and kept.cache_path))
+        events.register(_EVENT, _FirstUse(dispatcher, what, kept and kept.cache_path))
 
 
 @contextmanager
 def compiling_told(note: Callable[[str], None]) -> Generator[None]:
     """Call `note` with the name of each function compiled within; nothing else is shown."""
-    listener = _Noted(note)
-    event.register(_EVENT, listener)
     _notes.append(note)
     try:
-        yield
+        with events.install_listener(_EVENT, _Noted(note)):
+            yield
     finally:
         _notes.remove(note)
-        _unregister(listener)
-
-
-def draw_bar(what: str, share: float, spent: float) -> None:
-    """Show the progress of compiling on a terminal."""
-    if not sys.stderr.isatty():
-        return
-    bar = "#" * round(_WIDTH * share)
-    left = spent * (1.0 - share) / share
-    sys.stderr.write(
-        f"\rcompiling {what}, once on this machine "
-        f"[{bar:.<{_WIDTH}}] {100 * share:3.0f}% {left:3.0f} s left"
-    )
-    sys.stderr.flush()
-
-
-def clear_bar() -> None:
-    """Remove the bar of `draw_bar`."""
-    if sys.stderr.isatty():
-        sys.stderr.write("\r\033[K")
-        sys.stderr.flush()
 
 
 def functions_of(function: Any) -> list[Any]:

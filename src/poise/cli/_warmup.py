@@ -2,11 +2,10 @@
 
 import os
 from dataclasses import asdict, dataclass
-from time import perf_counter
 
 from tyro.conf import UseAppendAction
 
-from poise._compiled import clear_bar, draw_bar
+from poise._progress import Bar
 from poise.cli._command import Figures
 from poise.control import CONTROLLERS, usable_cores, warm_up
 from poise.locomotion import StepTeleoperator
@@ -37,18 +36,12 @@ class WarmupVerb(Figures):
         if not self.json:
             cores = usable_cores()
             print(f"compiling for {', '.join(controllers)}; cores: {cores}", flush=True)
-        begin = perf_counter()
-        try:
-            # A bar of its own: that of the other verbs is none without the extra that they need.
+        with Bar("compiling", " functions", lines=False) as bar:
             done = warm_up(
                 controllers,
                 others=[lambda: StepTeleoperator(load_robot("humanoid33"))],
-                note=lambda done, total: draw_bar(
-                    f"{total} functions", done / total, perf_counter() - begin
-                ),
+                note=lambda done, total: bar(float(done), float(total)),
             )
-        finally:
-            clear_bar()
         processor = sum(os.times()[:4])
         row = f"nothing to compile: all is kept in {done.folder}"
         if done.functions:

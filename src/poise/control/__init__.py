@@ -1,8 +1,15 @@
 """Controllers: from a state and a stack to a command, by one strategy or another."""
 
-from poise.control._command import Command, Commands as Commands, CommandStatus
+from poise.control._command import (
+    Command,
+    Commands as Commands,
+    CommandStatus,
+    ControllerStatus as ControllerStatus,
+    TaskStatus as TaskStatus,
+)
 from poise.control._controller import Controller
 from poise.control._differential_ik import DifferentialIK
+from poise.control._fallback import fault_of as fault_of, is_usable as is_usable
 from poise.control._make import (
     CONTROLLERS,
     ControllerKind as ControllerKind,
@@ -14,8 +21,6 @@ from poise.control._make import (
 from poise.control._osf import OperationalSpaceController
 from poise.control._rank import RankTreatment
 from poise.control._reduced import ReducedController
-from poise.control._state_check import fault_of as fault_of, is_usable as is_usable
-from poise.control._status import ControllerStatus as ControllerStatus, TaskStatus as TaskStatus
 from poise.control._strategy import PHYSICS_LEVELS as PHYSICS_LEVELS
 from poise.control._warm_up import usable_cores as usable_cores, warm_up as warm_up
 from poise.control._whole_body import WholeBodyController

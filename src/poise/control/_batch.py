@@ -1,23 +1,130 @@
-"""`Batch`: many states of one stack, solved by compiled code on several threads."""
+"""`Batch`: many states of one stack, solved by compiled code on several threads.
+
+`solve_states`: the states of a chunk, one after the other, by one compiled call.
+"""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int8, Int64
 
-from poise._compiled import say_if_slow, usable_cores
-from poise.control._batch_loop import UNUSABLE, Answers, LaneProgram, gather, solve_states
+from poise._compiled import (
+    MemoryBlock,
+    address_of,
+    call_at,
+    compiled,
+    compiled_for_threads,
+    part,
+    usable_cores,
+    view,
+)
 from poise.control._command import Commands, CommandStatus
-from poise.control._fallback import Fallback
-from poise.control._full_problem import FullProblem, SoftenedFull
-from poise.control._state_check import is_usable
+from poise.control._fallback import Fallback, is_usable
+from poise.control._full_problem import FullNumbers, FullProblem, SoftenedFull, answer, fill
 from poise.control._strategy import PHYSICS_TOLERANCE, UNSOFTENED, USABLE
-from poise.dynamics import Dynamics, RobotState
-from poise.hqp import LOST, UNSOUND, LexicographicSolver
+from poise.dynamics import Dynamics, RobotState, StateNumbers
+from poise.hqp import LOST, UNSOUND, LexicographicSolver, SearchWork, search
 from poise.robots import Robot
-from poise.stack import Contact, Numbers, Owner, Stack
+from poise.stack import Contact, Numbers, Owner, Stack, evaluate, find_softening
+
+UNUSABLE = -1
+"""End of the search of a state that cannot be used."""
+
+
+class Answers(NamedTuple):
+    """Results for each state."""
+
+    sides: Int8[np.ndarray, "count nm"]  # the active set, at first that of the last batch
+    x: Float64[np.ndarray, "count n"]  # accelerations, then wrenches
+    torque: Float64[np.ndarray, "count nj"]  # of the joints [N m]
+    residuals: Float64[np.ndarray, "count levels"]  # of the levels, relative
+    found: Int64[np.ndarray, " count"]  # end of the search
+    strain: Float64[np.ndarray, " count"]  # largest change of a level by its softening term
+
+
+class LaneProgram(MemoryBlock):
+    """Addresses of the memory of one thread."""
+
+    places: Int64[np.ndarray, " places"]  # of the `Numbers` that a state brings
+    state: int
+    assembly: int
+    settling: int
+    full: int
+    problem: int
+    work: int
+    changes: int  # most changes of the active set
+    terms: int  # of softening
+    evaluate: int  # machine code of what a tick calls, which is not compiled again for the loop
+    fill: int
+    search: int
+    answer: int
+
+
+@compiled
+def gather(places: Int64[np.ndarray, " places"], packed: Float64[np.ndarray, " size"]) -> None:
+    """Copy numbers from their places into one row."""
+    at = 0
+    for place in places:
+        numbers = view(Numbers, place).all
+        for k in range(len(numbers)):
+            packed[at + k] = numbers[k]
+        at += len(numbers)
+
+
+@compiled_for_threads
+def solve_states(
+    packed: Float64[np.ndarray, "chunk size"], program_at: int, answers: Answers
+) -> None:
+    """Solve some states, each by itself."""
+    program = view(LaneProgram, program_at)
+    work, full = view(SearchWork, program.work), view(FullNumbers, program.full)
+    x, side, v = work.points.x, work.rows.side, view(StateNumbers, program.state).v
+    for i in range(len(answers.found)):
+        if answers.found[i] == UNUSABLE:
+            continue
+        _scatter(packed[i], program.places)
+        settling, state = program.settling, program.state
+        call_at(program.evaluate, evaluate, program.assembly, settling, state, False)
+        call_at(program.fill, fill, program.full, state)
+        _begin(work, answers.sides[i])
+        found = call_at(program.search, search, program.problem, program.work, program.changes)
+        answers.found[i] = found
+        for k in range(len(side)):
+            answers.sides[i, k] = side[k] if found != UNSOUND and found != LOST else 0
+        for k in range(len(x)):
+            answers.x[i, k] = full.point[k] = x[k]
+        call_at(program.answer, answer, program.full, state)
+        for k in range(len(full.torque)):
+            answers.torque[i, k] = full.torque[k]
+        for k in range(len(work.answer.relative)):
+            answers.residuals[i, k] = work.answer.relative[k]
+        answers.strain[i] = find_softening(program.terms, v, x, full.base)
+
+
+@part
+def _scatter(packed: Float64[np.ndarray, " size"], places: Int64[np.ndarray, " places"]) -> None:
+    """Copy them to other places."""
+    at = 0
+    for place in places:
+        numbers = view(Numbers, place).all
+        for k in range(len(numbers)):
+            numbers[k] = packed[at + k]
+        at += len(numbers)
+
+
+@part
+def _begin(work: SearchWork, sides: Int8[np.ndarray, " nm"]) -> None:
+    """Begin the next search with an active set, and with nothing else of the last state."""
+    rows = work.rows
+    work.state.begun = 0
+    for k in range(len(work.points.x)):
+        work.points.x[k] = 0.0
+    for k in range(len(sides)):
+        rows.side[k] = sides[k]
+        rows.sign_free[k] = rows.locked[k] = rows.needed_by[k] = rows.factored[k] = 0
+
 
 _CHUNK = 16
 """States that a thread takes at a time: few enough that the others do not wait for its part of
@@ -56,6 +163,10 @@ class _Lane:
             work=work.address,
             changes=changes,
             terms=full.rows.softening.terms.address,
+            evaluate=address_of(evaluate),
+            fill=address_of(fill),
+            search=address_of(search),
+            answer=address_of(answer),
         )
         self._softened = SoftenedFull(full, LexicographicSolver)
         # What is compiled is compiled now, for the first batch may have no state of use.
@@ -197,6 +308,9 @@ class Batch:
         if len(lanes) == 1:
             work(lanes[0])
         else:
+            # A controller alone needs no threads.
+            from concurrent.futures import ThreadPoolExecutor
+
             with ThreadPoolExecutor(len(lanes)) as pool:
                 # Errors of a thread are raised here.
                 list(pool.map(work, lanes))
@@ -204,8 +318,6 @@ class Batch:
 
     def _lanes_for(self, contacts: tuple[Contact, ...], wanted: int) -> list[_Lane]:
         lanes = self._lanes.setdefault(contacts, [])
-        if not lanes:
-            say_if_slow(solve_states, "the solver of many states")
         while len(lanes) < wanted:
             lanes.append(_Lane(self._robot, self._stack, contacts))
         return lanes[:wanted]
@@ -227,7 +339,7 @@ class Batch:
 
     def _commands(self, states: Sequence[RobotState], answers: Answers, lane: _Lane) -> Commands:
         x, torque, residuals, found = answers.x, answers.torque, answers.residuals, answers.found
-        limit, rows, nv = self._stack.torque_limit, lane.full.rows, self._robot.nv
+        limit, nv = self._stack.torque_limit, self._robot.nv
         solved = ~np.isin(found, (UNUSABLE, UNSOUND, LOST))
         good = solved & (residuals[:, 0] <= PHYSICS_TOLERANCE) & np.isfinite(torque).all(axis=1)
         np.clip(torque, limit.lower, limit.upper, out=torque)
@@ -243,9 +355,6 @@ class Batch:
             statuses=tuple(statuses),
             torque=torque,
             acceleration=x[:, :nv],
-            wrenches={
-                contact.name: x[:, nv + own.start : nv + own.stop]
-                for contact, own in zip(rows.contacts, rows.wrench_slices, strict=True)
-            },
-            residuals=lane.full.levels_with_numbers(residuals),
+            wrenches={name: wrench.T for name, wrench in lane.full.wrenches(x.T).items()},
+            residuals=np.delete(residuals, lane.full.unnumbered, axis=1),
         )

@@ -9,16 +9,21 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Float64
 
-from poise._checks import Numbers, is_time
+from poise._checks import Numbers, checked_number, is_time
 from poise._compiled import compiled
 from poise._copies import restore, restored
-from poise.control._command import Command, CommandStatus
-from poise.control._fall import FALL_HEIGHT_RATIO, FallWatch
-from poise.control._fallback import Fallback, RateLimit
-from poise.control._state_check import fault_of, is_usable
-from poise.control._status import ControllerStatus, task_statuses
+from poise.control._command import Command, CommandStatus, ControllerStatus, task_statuses
+from poise.control._fallback import (
+    FALL_HEIGHT_RATIO,
+    Fallback,
+    FallWatch,
+    RateLimit,
+    fault_of,
+    is_usable,
+)
 from poise.control._strategy import PHYSICS_LEVELS, USABLE, Answer, Strategy
 from poise.dynamics import Dynamics, RobotState
+from poise.errors import ConfigurationError
 from poise.hqp import SolveStatus
 from poise.robots import Robot
 from poise.stack import Stack, Task, TaskFaultError
@@ -205,6 +210,15 @@ class Controller:
 
     @fall_height_ratio.setter
     def fall_height_ratio(self, ratio: float | None) -> None:
+        if ratio is not None:
+            ratio = checked_number(ratio, "fall_height_ratio of the controller", above=0.0)
+            if not self._fall_watch.can_fall:
+                what = "a robot that is fixed, or has no soles, does not fall"
+                raise ConfigurationError(what, got=ratio, wanted="None")
+            if ratio >= 1.0:
+                what = "fall_height_ratio of the controller is out of range"
+                wanted = "a number between 0 and 1, or None"
+                raise ConfigurationError(what, got=ratio, wanted=wanted)
         self._fall_watch.height_ratio = ratio
 
     def reset(self) -> None:
@@ -285,14 +299,10 @@ class Controller:
         self._fallback.remember(joints, state.time)
         if self._commands_torque:
             self._torque_limit.remember(joints, state.time)
+        torque, velocity = (joints, None) if self._commands_torque else (None, joints)
+        _, _, residuals, acceleration, wrenches, held_back = answer
         return Command(
-            status=CommandStatus.OK,
-            torque=joints if self._commands_torque else None,
-            velocity=None if self._commands_torque else joints,
-            acceleration=answer.acceleration,
-            wrenches=answer.wrenches,
-            residuals=answer.residuals,
-            held_back=answer.held_back,
+            CommandStatus.OK, torque, velocity, acceleration, wrenches, residuals, held_back
         )
 
     def _fall_back(self, status: CommandStatus, state: object) -> Command:

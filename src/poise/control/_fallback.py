@@ -1,15 +1,18 @@
 """`Fallback`: a safe command for the ticks that have no answer.
 
 `RateLimit`: bound on the change of a command from tick to tick.
+`FallWatch`: detection of a robot that lies. `is_usable`: validation of a state.
 """
 
 import math
 
 import numpy as np
-from jaxtyping import Float64
+import pinocchio as pin
+from jaxtyping import Float64, Int64
 
-from poise._checks import Numbers, is_time
-from poise.dynamics import RobotState
+from poise._checks import Numbers, is_array, is_time, laid_out
+from poise._compiled import compiled
+from poise.dynamics import Dynamics, Motion, Payload, RobotState, frames_of, motion_of
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack import TorqueLimit
@@ -138,3 +141,154 @@ class RateLimit:
     def reset(self) -> None:
         """Forget the last command: the next one is unlimited."""
         self._last = None
+
+
+FALL_HEIGHT_RATIO = 0.25
+"""Height of the pelvis over the lowest sole, by that at home, below which a robot lies; one that
+squats or kneels is higher."""
+
+_PATIENCE = 0.1
+"""Time for which the pelvis has to be that low: one wrong measurement is no fall [s]."""
+
+
+class FallWatch:
+    """Fall detection by the height of the pelvis over the lowest sole, on any ground.
+
+    Robots with a fixed base, or without soles, do not fall.
+    """
+
+    def __init__(self, robot: Robot, ratio: float | None) -> None:
+        frames = [robot.frame_id(name) for name in (robot.pelvis, *robot.soles)]
+        table = frames_of(robot.model, frames)
+        self._joints, self._offsets = table.joints, table.placements[:, 9:].copy()
+        self.can_fall = robot.floating_base and bool(robot.soles)
+        self.height_ratio = ratio if self.can_fall else None
+        data = robot.model.createData()
+        pin.forwardKinematics(robot.model, data, robot.q_home)
+        self._home = self._height(motion_of(robot.model, data))
+        self.reset()
+
+    def reset(self) -> None:
+        """Assume that the robot stands."""
+        self._low_since, self._now = math.nan, self._home
+
+    def sees_fall(self, dynamics: Dynamics) -> bool:
+        """Return True once the robot has lain for a while."""
+        if self.height_ratio is None:
+            return False
+        self._now = self._height(dynamics.motion)
+        if self._now > self.height_ratio * self._home:
+            self._low_since = math.nan
+            return False
+        time = dynamics.state.time
+        # A clock that jumped back begins anew.
+        if not self._low_since <= time:
+            self._low_since = time
+        return time - self._low_since >= _PATIENCE
+
+    def describe(self) -> str:
+        """Describe the fall."""
+        return (
+            f"the pelvis is {self._now:.2f} m over the lowest sole, {self._home:.2f} m at home:"
+            " the robot has fallen"
+        )
+
+    def _height(self, motion: Motion) -> float:
+        return _pelvis_over_soles(motion.placements, self._joints, self._offsets)
+
+
+@compiled
+def _pelvis_over_soles(
+    placements: Float64[np.ndarray, "joints 12"],
+    joints: Int64[np.ndarray, " frames"],
+    offsets: Float64[np.ndarray, "frames 3"],
+) -> float:
+    """Return the height of the first frame over the lowest of the others [m]; 0 without others."""
+    pelvis = lowest = 0.0
+    for k in range(len(joints)):
+        place = placements[joints[k]]
+        # The third row of world_R_joint, which stands column by column, and the origin.
+        x, y, z = offsets[k]
+        height = place[2] * x + place[5] * y + place[8] * z + place[11]
+        if k == 0:
+            pelvis = lowest = height
+        else:
+            lowest = height if k == 1 else min(lowest, height)
+    return pelvis - lowest
+
+
+_QUATERNION_TOLERANCE = 1e-3
+"""Deviation of the base quaternion's norm from one; Pinocchio assumes a unit quaternion."""
+
+_LARGEST = 1e6
+"""Largest position or speed of a robot [m, rad, m/s, rad/s]; far beyond, squares overflow."""
+
+
+def is_usable(state: object, robot: Robot) -> bool:
+    """Check kinds and sizes, finite and sane numbers, and the norm of the base quaternion."""
+    if not isinstance(state, RobotState):
+        return False
+    q, v = state.q, state.v
+    if not (is_array(q, robot.nq) and is_array(v, robot.nv) and is_time(state.time)):
+        return False
+    if not _is_payload(state.payload):
+        return False
+    return _is_sane(laid_out(q), laid_out(v), robot.floating_base)
+
+
+def fault_of(state: object, robot: Robot) -> str:
+    """Describe the fault of a state; "" for one that is usable."""
+    if is_usable(state, robot):
+        return ""
+    if not isinstance(state, RobotState):
+        return f"the state is of kind {type(state).__name__}, wanted RobotState"
+    for name, value, size in (("q", state.q, robot.nq), ("v", state.v, robot.nv)):
+        if not is_array(value, size):
+            return f"{name} is {_kind(value)}, wanted {size} numbers"
+    if not is_time(state.time):
+        return f"the time is {state.time!r}, wanted seconds"
+    if not _is_payload(state.payload):
+        return f"the payload is of kind {type(state.payload).__name__}, wanted Payload"
+    for name, value, entries in (
+        ("q", state.q, _entries(robot, robot.nq)),
+        ("v", state.v, _entries(robot, robot.nv)),
+    ):
+        bad = np.flatnonzero(~(np.abs(value) <= _LARGEST)).tolist()
+        if bad:
+            named = ", ".join(f"{entries[i]} is {value[i]:g}" for i in bad[:3])
+            more = len(bad) - 3
+            return f"in {name}, {named}" + (f" and {more} more" if more > 0 else "")
+    norm = float(np.linalg.norm(state.q[3:7]))
+    return f"the base quaternion q[3:7] has length {norm:g}, wanted 1"
+
+
+@compiled
+def _is_sane(
+    q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"], floating_base: bool
+) -> bool:
+    """Check size and quaternion; NaN fails every comparison."""
+    for numbers in (q, v):
+        for i in range(len(numbers)):
+            if not abs(numbers[i]) <= _LARGEST:
+                return False
+    if not floating_base:
+        return True
+    square = q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6]
+    return abs(square - 1.0) < 2.0 * _QUATERNION_TOLERANCE
+
+
+def _kind(value: object) -> str:
+    """Describe a value that is no vector."""
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape} and type {value.dtype}"
+    return f"of kind {type(value).__name__}"
+
+
+def _entries(robot: Robot, size: int) -> list[str]:
+    """Name the entries of q or v: base by number, joints by name."""
+    base = size - robot.nj
+    return [f"entry {i} of the base" for i in range(base)] + list(robot.joint_names)
+
+
+def _is_payload(value: object) -> bool:
+    return value is None or isinstance(value, Payload)

@@ -13,7 +13,7 @@ from poise.control._strategy import PHYSICS_LEVELS, UNSOFTENED
 from poise.dynamics import Dynamics, StateNumbers
 from poise.hqp import HierarchicalProblem, SoftenedSolver, Solver
 from poise.robots import Robot
-from poise.stack import AT_BOUND, Contact, Stack, StackRows, any_dynamics
+from poise.stack import AT_BOUND, Contact, Stack, StackRows, any_dynamics, find_softening
 
 _WRENCH_COST, _UNEVEN = 1e-4, 0.1
 """Final cost of a wrench, by the metric of its contact, against the acceleration energy; and the
@@ -59,11 +59,16 @@ class FullProblem:
         self.rows = rows = StackRows(
             robot, stack, contacts, own_rows=cones, balance="before", collisions="before"
         )
-        self._stack, self._nv, self._base = stack, robot.nv, robot.base_dofs
+        self._nv, self._base = robot.nv, robot.base_dofs
+        # The level of limits between physics and tasks.
+        self.unnumbered = [PHYSICS_LEVELS] if rows.limits else []
         self.velocity = np.zeros(robot.nv)
         self.problem = problem = self._allocate(robot, rows)
-        self._numbered = np.delete(np.arange(len(problem.levels)), self.unnumbered).tolist()
         nv, n = robot.nv, problem.n
+        self._wrenches = [
+            (contact.name, slice(nv + own.start, nv + own.stop))
+            for contact, own in zip(rows.contacts, rows.wrench_slices, strict=True)
+        ]
         problem.labels[:1] = _bound_labels(robot, rows)
         problem.H[nv:, nv:] = wrench_cost(contacts)
         # The stack's rows begin where the dynamics' end, and the bounds on x precede them all.
@@ -118,17 +123,6 @@ class FullProblem:
         self.rows.update(dynamics)
         fill(self.numbers.address, dynamics.numbers.address)
 
-    def levels_with_numbers(
-        self, residuals: Float64[np.ndarray, "*k levels"]
-    ) -> Float64[np.ndarray, "*k numbered"]:
-        """Drop the residuals of levels without a number, between physics and tasks."""
-        return residuals[..., self._numbered]
-
-    @property
-    def unnumbered(self) -> list[int]:
-        """The levels between physics and tasks, which have no number."""
-        return [PHYSICS_LEVELS] if self.rows.limits else []
-
     def answer(
         self, x: Float64[np.ndarray, " n"], dynamics: Dynamics
     ) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " nj"], bool]:
@@ -140,7 +134,7 @@ class FullProblem:
 
     def wrenches(self, x: Float64[np.ndarray, " n"]) -> dict[str, Float64[np.ndarray, " m"]]:
         """Return the wrench at each active contact of a solution, by the contact's name."""
-        return self.rows.wrenches(x[self._nv :])
+        return {name: x[place] for name, place in self._wrenches}
 
     def task_residuals(self, slacks: Float64[np.ndarray, " nm"]) -> dict[str, float]:
         """Return the norm of each task's residual, by its name, from a solution's slacks."""
@@ -176,16 +170,18 @@ class SoftenedFull(SoftenedSolver):
         softening, problem = full.rows.softening, full.problem
         first, base = len(problem.levels) - len(full.rows.levels), full.numbers.base
 
+        terms = softening.terms
+
         def find(x: Float64[np.ndarray, " n"]) -> float:
-            return softening.find(full.velocity, x, base)
+            return find_softening(terms.address, full.velocity, x, base)
 
         super().__init__(
             problem,
             make_solver(),
             {level: first + level for level in softening.levels},
-            range(base, base + len(softening.terms.reference)),
-            weights=softening.terms.weights,
-            reference=softening.terms.reference,
+            range(base, base + len(terms.reference)),
+            weights=terms.weights,
+            reference=terms.reference,
             find=find,
             exact=softening.exact,
             tolerance=UNSOFTENED,

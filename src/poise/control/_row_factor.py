@@ -13,6 +13,9 @@ from jaxtyping import Float64
 
 from poise._compiled import factor_leading, part
 
+ROUNDING = 1e-12
+"""Numbers smaller than this, relative to the largest beside them, are rounding."""
+
 
 @part
 def factor_rows(

@@ -131,21 +131,17 @@ class Programs(Generic[P]):
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Tasks replaced by a contact."""
         return self.current.suspended
 
     @property
     def softened(self) -> dict[int, float]:
-        """Weight of the softening term of each level that was softened, counted from zero."""
         return self.current.softened if self._solved else {}
 
     @property
     def size(self) -> tuple[int, int]:
-        """Number of variables and of rows, finite bounds on single variables among them."""
         return self.current.size if self._solved else (0, 0)
 
     def prepare(self, contacts: tuple[Contact, ...]) -> bool:
-        """Use the program of a set of active contacts."""
         last, self.current = self.current, self.prepared.of(contacts)
         if self.current is last:
             return False
@@ -154,7 +150,6 @@ class Programs(Generic[P]):
         return True
 
     def rehearse(self, dynamics: Dynamics) -> None:
-        """Run a tick under every prepared set of contacts, and forget it."""
         for program in self.prepared:
             program.assemble(dynamics)
             program.solve()
@@ -164,7 +159,6 @@ class Programs(Generic[P]):
         self.reset()
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Write one state's rows, in place."""
         self.current.assemble(dynamics)
 
     def solve(self) -> Answer:
@@ -176,17 +170,14 @@ class Programs(Generic[P]):
         return answer
 
     def reset(self) -> None:
-        """Forget the last solutions."""
         self._solved = False
         for program in self.prepared:
             program.reset()
 
     def task_residuals(self) -> dict[str, float]:
-        """Return the norm of each task's residual at the last solve, by its name [unit/s^2]."""
         return self.current.task_residuals() if self._solved else {}
 
     def explain(self) -> str:
-        """Describe conflicts of rows at the last solve."""
         return self.current.explain() if self._solved else "nothing solved yet"
 
 

@@ -1,11 +1,8 @@
 """`warm_up`: compilation ahead of use, in several processes where there are cores."""
 
-import multiprocessing
 import signal
-from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
@@ -23,7 +20,6 @@ from poise.control._controller import Controller
 from poise.control._make import CONTROLLERS, ControllerPlan, check_plan, make_controller
 from poise.control._reduced import ReducedController
 from poise.control._whole_body import WholeBodyController
-from poise.estimation import StateEstimator
 from poise.hqp import make_solver
 from poise.robots import load_robot
 
@@ -48,7 +44,10 @@ def _make(plan: ControllerPlan, robot: str = _ROBOT) -> Controller:
     return make_controller(load_robot(robot), None, plan)
 
 
-def _make_estimator() -> StateEstimator:
+def _make_estimator() -> object:
+    # Controllers without an estimator need not import it.
+    from poise.estimation import StateEstimator
+
     return StateEstimator(load_robot(_ROBOT))
 
 
@@ -148,32 +147,30 @@ def _plans(controllers: Sequence[str]) -> list[ControllerPlan]:
 
 def _share_out(jobs: Sequence[_Job], processes: int, note_compiled: Callable[[str], None]) -> None:
     """Run the jobs in processes, as far as processes can be started."""
+    # Controllers alone need no processes.
+    import multiprocessing
+    from concurrent import futures
+
     context = multiprocessing.get_context("spawn")
     names: Any = context.SimpleQueue()
     with (
-        suppress(OSError, BrokenProcessPool),
-        ProcessPoolExecutor(processes, context, _listen, (names,)) as pool,
-        _ended(pool),
+        suppress(OSError, futures.BrokenExecutor),
+        futures.ProcessPoolExecutor(processes, context, _listen, (names,)) as pool,
     ):
         running = {pool.submit(_run, job) for job in jobs}
-        while running:
-            finished, running = wait(running, 0.1, FIRST_COMPLETED)
-            while not names.empty():
-                note_compiled(names.get())
-            for one in finished:
-                one.result()
+        try:
+            while running:
+                finished, running = futures.wait(running, 0.1, futures.FIRST_COMPLETED)
+                while not names.empty():
+                    note_compiled(names.get())
+                for one in finished:
+                    one.result()
+        except BaseException:
+            # Ctrl-C included.
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
         while not names.empty():
             note_compiled(names.get())
-
-
-@contextmanager
-def _ended(pool: ProcessPoolExecutor) -> Generator[None]:
-    """Cancel the jobs of a pool on any exception, Ctrl-C included."""
-    try:
-        yield
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
 
 
 _names: Any = None

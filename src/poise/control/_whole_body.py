@@ -24,62 +24,49 @@ class FullProgram:
 
     @property
     def solution(self) -> Solution | None:
-        """Solution of the last solve, made on access; None before the first."""
         return self._solver.report() if self._solved else None
 
     @property
     def softened(self) -> dict[int, float]:
-        """Weight of the softening term of each level that was softened, counted from zero."""
         if not self._solved:
             return {}
         return self.full.rows.softening.by_level(self._solver.softened)
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Tasks replaced by a contact."""
         return self.full.rows.suspended
 
     @property
     def size(self) -> tuple[int, int]:
-        """Number of variables and of rows, finite bounds on single variables among them."""
         return self.full.problem.size
 
     def follow(self, last: "FullProgram") -> None:
-        """Begin where the program of other contacts ended."""
         self._solver.follow(last._solver)
 
     def assemble(self, dynamics: Dynamics) -> None:
-        """Write one state's rows."""
         self._dynamics = dynamics
         self.full.fill(dynamics)
 
     def solve(self) -> Answer:
-        """Solve the assembled problem."""
         full, solver = self.full, self._solver
         status = solver.run()
         self._solved = True
         x, torque, held_back = full.answer(solver.x, self._dynamics)
-        return Answer(
-            status,
-            torque,
-            tuple(full.levels_with_numbers(solver.relative_residuals).tolist()),
-            x[: self._dynamics.robot.nv],
-            full.wrenches(x),
-            held_back,
-        )
+        residuals = solver.relative_residuals.tolist()
+        for level in full.unnumbered:
+            del residuals[level]
+        acceleration, wrenches = x[: len(full.velocity)], full.wrenches(x)
+        return Answer(status, torque, tuple(residuals), acceleration, wrenches, held_back)
 
     def reset(self) -> None:
-        """Forget the last solution."""
         self._solved = False
         self._solver.reset()
 
     def task_residuals(self) -> dict[str, float]:
-        """Return the norm of each task's residual at the last solve [unit/s^2]."""
         solution = self.solution
         return {} if solution is None else self.full.task_residuals(solution.slacks)
 
     def explain(self) -> str:
-        """Describe conflicts of rows."""
         solution, full = self.solution, self.full
         if solution is None:
             return "nothing solved yet"

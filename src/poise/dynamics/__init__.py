@@ -1,9 +1,5 @@
 """Dynamics of one state of a robot, computed once a tick."""
 
-from poise.dynamics._chain_coordinates import (
-    ChainFactors as ChainFactors,
-    from_coordinates as from_coordinates,
-)
 from poise.dynamics._dynamics import (
     CheckedWrenches as CheckedWrenches,
     Dynamics,
@@ -26,15 +22,12 @@ from poise.dynamics._motion import (
     place_frame as place_frame,
     turn_to_world as turn_to_world,
 )
-from poise.dynamics._partition import (
-    FreeChain as FreeChain,
-    Partition as Partition,
-    Partitions,
-)
+from poise.dynamics._partition import Partition as Partition, Partitions
 from poise.dynamics._payload import LoadedModel as LoadedModel, Payload
 from poise.dynamics._reduction import (
     ReducedDynamics,
     ReducedMatrices as ReducedMatrices,
+    from_coordinates as from_coordinates,
     reach_of as reach_of,
     reduce_dynamics as reduce_dynamics,
 )

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise._checks import Numbers, all_finite
+from poise._checks import Numbers, all_finite, is_array
 from poise.dynamics._motion import (
     BIAS,
     KINEMATICS,
@@ -111,24 +111,17 @@ class CheckedWrenches(dict[str, Float64[np.ndarray, "6"]]):
 
     def __init__(self, contacts: Mapping[str, Float64[np.ndarray, "6"]]) -> None:
         super().__init__(contacts)
-        usable: dict[str, Float64[np.ndarray, "6"]] = {}
-        self.usable = usable
-        if type(contacts) is CheckedWrenches:
-            usable.update(contacts.usable)
-            return
-        for name, found in contacts.items():
-            wrench = _usable_wrench(found)
-            if wrench is not None:
-                usable[name] = wrench
+        # Those of the same kind were checked already.
+        known = contacts.usable if type(contacts) is CheckedWrenches else {}
+        found = known or {name: _usable_wrench(wrench) for name, wrench in contacts.items()}
+        self.usable = {name: wrench for name, wrench in found.items() if wrench is not None}
 
 
 def _usable_wrench(found: Numbers) -> Float64[np.ndarray, "6"] | None:
     """Return six finite numbers, or None."""
     if type(found) is not np.ndarray or found.dtype != _NUMBER:
         found = _as_numbers(found)
-        if not (isinstance(found, np.ndarray) and found.dtype == _NUMBER):
-            return None
-    return found if found.shape == (6,) and all_finite(found) else None
+    return found if is_array(found, 6) and all_finite(found) else None
 
 
 def _as_numbers(value: Numbers) -> Numbers:
@@ -303,9 +296,21 @@ class Dynamics:
             The frame's kinematics; valid until the next `update`.
         """
         kinematics = self._frames.get(frame_id)
-        if kinematics is None:
-            kinematics = self._frames[frame_id] = self._evaluate_frame(frame_id)
-        return kinematics
+        if kinematics is not None:
+            return kinematics
+        memory = self._frame_memory.get(frame_id)
+        if memory is None:
+            memory = self._frame_memory[frame_id] = FrameMemory(
+                motion=self.motion,
+                frames=frames_of(self.robot.model, [frame_id]),
+                out=np.zeros(KINEMATICS),
+                jacobian=np.zeros((6, self.robot.nv)),
+            )
+        evaluate_frame(memory.address)
+        out, jacobian = memory.out.copy(), memory.jacobian.copy()
+        rotation, velocity = out[ROTATION:VELOCITY].reshape(3, 3), out[VELOCITY:BIAS]
+        found = FrameKinematics(out[:ROTATION], rotation, jacobian, velocity, out[BIAS:])
+        return self._frames.setdefault(frame_id, found)
 
     def placement(self, frame_id: int) -> Placement:
         """Return position and rotation of a frame, in a fifth of the time of `frame`.
@@ -329,17 +334,8 @@ class Dynamics:
     @property
     def moving_numbers(self) -> tuple[Float64[np.ndarray, " _"], ...]:
         """Results of `update` for compiled code, as flat views, to be copied to other memory."""
-        m = self.motion
-        moving = (
-            m.columns,
-            m.placements,
-            m.velocities,
-            m.accelerations,
-            m.forces,
-            m.momentum,
-            m.com,
-            m.mass,
-        )
+        constant = "gravity", "roots"
+        moving = [x for name, x in self.motion.arrays().items() if name not in constant]
         return tuple(x.ravel(order="K") for x in (self.q, self.v, self.M, self.h, *moving))
 
     def joint_position(self, joint_id: int) -> Float64[np.ndarray, "3"]:
@@ -365,22 +361,3 @@ class Dynamics:
             evaluate_centroid(numbers.address)
             self._has_momenta = True
         return numbers.centroid
-
-    def _evaluate_frame(self, frame_id: int) -> FrameKinematics:
-        memory = self._frame_memory.get(frame_id)
-        if memory is None:
-            memory = self._frame_memory[frame_id] = FrameMemory(
-                motion=self.motion,
-                frames=frames_of(self.robot.model, [frame_id]),
-                out=np.zeros(KINEMATICS),
-                jacobian=np.zeros((6, self.robot.nv)),
-            )
-        evaluate_frame(memory.address)
-        out, jacobian = memory.out.copy(), memory.jacobian.copy()
-        return FrameKinematics(
-            out[:ROTATION],
-            out[ROTATION:VELOCITY].reshape(3, 3),
-            jacobian,
-            out[VELOCITY:BIAS],
-            out[BIAS:],
-        )

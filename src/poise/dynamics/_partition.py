@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from poise.dynamics._chain_coordinates import CENTROID_DIM
 from poise.robots import Robot
+
+CENTROID_DIM = 6
+"""Coordinates of a centroid, that is of a wrench. Chains of no more joints gain nothing by one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +111,6 @@ class Partitions:
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self._by_frames: dict[frozenset[str], Partition] = {}
         self._by_joints: dict[frozenset[int], Partition] = {}
 
     def of(self, frames: Iterable[str]) -> Partition:
@@ -124,25 +125,16 @@ class Partitions:
         Raises:
             UnknownNameError: the robot has no such frame; the message lists those that exist.
         """
-        frames = frozenset(frames)
-        partition = self._by_frames.get(frames)
-        if partition is None:
-            carrying = self._carrying(frames)
-            partition = self._by_joints.get(carrying)
-            if partition is None:
-                partition = _make_partition(self._robot, carrying)
-                self._by_joints[carrying] = partition
-            self._by_frames[frames] = partition
-        return partition
-
-    def _carrying(self, frames: frozenset[str]) -> frozenset[int]:
-        """Find the joints between the world and a contact, with universe and floating base."""
+        # The joints between the world and a contact, with universe and floating base.
         model = self._robot.model
         carrying = {0, 1} if self._robot.floating_base else {0}
-        for name in sorted(frames):
+        for name in sorted(set(frames)):
             joint = model.frames[self._robot.frame_id(name)].parentJoint
             carrying.update(model.supports[joint].tolist())
-        return frozenset(carrying)
+        key = frozenset(carrying)
+        if key not in self._by_joints:
+            self._by_joints[key] = _make_partition(self._robot, key)
+        return self._by_joints[key]
 
 
 def _make_partition(robot: Robot, carrying: frozenset[int]) -> Partition:
@@ -152,10 +144,20 @@ def _make_partition(robot: Robot, carrying: frozenset[int]) -> Partition:
     kept = sorted(i for body, joints in free.items() if body not in reduced for i in joints)
     a = [i for i in range(robot.nv) if i not in set(u)]
     constraint = [i for i in a if i >= robot.base_dofs and i not in set(kept)]
+    chains, first = list[FreeChain](), 0
+    for k, (body, joints) in enumerate(reduced.items()):
+        chains.append(
+            FreeChain(
+                body=robot.model.names[body],
+                joints=_names(robot, joints),
+                u=slice(first, first := first + len(joints)),
+                z=slice(CENTROID_DIM * k, CENTROID_DIM * (k + 1)),
+            )
+        )
     return Partition(
         a=_frozen(a),
         u=_frozen(u),
-        chains=_chains(robot, reduced),
+        chains=tuple(chains),
         constraint=_names(robot, constraint),
         kept=_names(robot, kept),
     )
@@ -180,22 +182,6 @@ def _free_joints(robot: Robot, carrying: frozenset[int]) -> dict[int, list[int]]
             first = model.idx_vs[joint]
             free.setdefault(body, []).extend(range(first, first + model.nvs[joint]))
     return free
-
-
-def _chains(robot: Robot, reduced: dict[int, list[int]]) -> tuple[FreeChain, ...]:
-    chains: list[FreeChain] = []
-    first = 0
-    for k, (body, joints) in enumerate(reduced.items()):
-        chains.append(
-            FreeChain(
-                body=robot.model.names[body],
-                joints=_names(robot, joints),
-                u=slice(first, first + len(joints)),
-                z=slice(CENTROID_DIM * k, CENTROID_DIM * (k + 1)),
-            )
-        )
-        first += len(joints)
-    return tuple(chains)
 
 
 def _names(robot: Robot, coordinates: list[int]) -> tuple[str, ...]:

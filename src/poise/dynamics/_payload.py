@@ -82,7 +82,10 @@ class LoadedModel:
         # The links as they lie in the copy, whose order never changes.
         self._links = [self.model.inertias[joint] for joint in range(len(bare))]
         torso = robot.model.frames[robot.frame_id(robot.torso)]
-        self._torso = _first_with_mass(robot, torso.parentJoint)
+        # The joint of the torso, or the nearest before it whose link has a mass.
+        self._torso = int(torso.parentJoint)
+        while self._torso > 1 and self._masses[self._torso] <= 0.0:
+            self._torso = int(robot.model.parents[self._torso])
         frames = (robot.model.frames[robot.frame_id(hand)] for hand in robot.hands)
         self._hands = [(f.parentJoint, f.placement.translation.copy()) for f in frames]
         data = robot.model.createData()
@@ -106,11 +109,3 @@ class LoadedModel:
         for (joint, place), load in zip(self._hands, held, strict=False):
             if load > 0.0:
                 self.model.inertias[joint] += pin.Inertia(load, place, np.zeros((3, 3)))
-
-
-def _first_with_mass(robot: Robot, joint: int) -> int:
-    """Return the joint, or the nearest before it whose link has a mass."""
-    model = robot.model
-    while joint > 1 and model.inertias[joint].mass <= 0.0:
-        joint = model.parents[joint]
-    return int(joint)

@@ -6,8 +6,8 @@ import pytest
 from oracles import near_home
 
 from poise.control import CommandStatus, Controller, DifferentialIK
+from poise.control._differential_ik._controller import STRATEGIES
 from poise.control._differential_ik._rows import ROW_WEIGHT
-from poise.control._differential_ik._strategy import STRATEGIES
 from poise.control._fallback import STOP_TIME
 from poise.dynamics import Dynamics, RobotState
 from poise.errors import ConfigurationError, PoiseError, TargetError, UnknownNameError

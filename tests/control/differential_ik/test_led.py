@@ -6,7 +6,7 @@ import pytest
 from oracles import near_home
 
 from poise.control import DifferentialIK
-from poise.control._differential_ik._strategy import STRATEGIES
+from poise.control._differential_ik._controller import STRATEGIES
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, PoiseError
 from poise.robots import capsules_of

@@ -5,9 +5,8 @@ import pytest
 from velocity_levels import solve_levels, solve_within_bounds, stacked
 
 from poise.control._differential_ik._bounds import VelocityBounds
-from poise.control._differential_ik._closed_form import RANK, ClosedForm
+from poise.control._differential_ik._closed_form import RANK, ClosedForm, WithinBounds
 from poise.control._differential_ik._kernels import PriorityRows
-from poise.control._differential_ik._within_bounds import WithinBounds
 from poise.hqp import HierarchicalProblem, Level, solve
 from poise.stack import JointLimit
 

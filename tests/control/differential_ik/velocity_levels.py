@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from poise.control._differential_ik._closed_form import RANK, ClosedForm
+from poise.control._differential_ik._closed_form import RANK, ClosedForm, WithinBounds
 from poise.control._differential_ik._kernels import PriorityRows, VelocityLevels
-from poise.control._differential_ik._within_bounds import WithinBounds
 
 
 def stacked(levels, exact=1, limits=None):

@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import Float64
 
 from poise._compiled import compiled, view
-from poise.control._reduced._eliminate import ChainRows, answer, chain_rows, eliminate
+from poise.control._reduced._elimination import ChainRows, answer, chain_rows, eliminate
 
 INSIDE, NR = 6, 4
 """Unknowns that are eliminated, and those that stay."""

@@ -1,24 +1,339 @@
-"""`DifferentialIK`: prioritised joint velocities."""
+"""`DifferentialIK`: prioritised joint velocities, in closed form or by a hierarchical QP.
+
+`VelocityHierarchy`: the levels as a hierarchical QP with hard joint limits.
+"""
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers, checked_kind, checked_number
 from poise.control._controller import Controller
-from poise.control._differential_ik._bounds import VelocityBounds
-from poise.control._differential_ik._closed_form import RANK
-from poise.control._differential_ik._led import LedJoints
-from poise.control._differential_ik._rows import ROW_WEIGHT, RowWeights
-from poise.control._differential_ik._strategy import VelocityStrategy
+from poise.control._differential_ik._bounds import LedJoints, VelocityBounds, limit_weights
+from poise.control._differential_ik._closed_form import RANK, ClosedForm, WithinBounds
+from poise.control._differential_ik._rows import (
+    ROW_WEIGHT,
+    HomeJacobians,
+    RowWeights,
+    VelocityRows,
+)
 from poise.control._rank import RankTreatment
-from poise.control._strategy import bound_stack
+from poise.control._strategy import (
+    PHYSICS_LEVELS,
+    UNSOFTENED,
+    USABLE,
+    Answer,
+    bound_stack,
+    softening_notes,
+)
 from poise.dynamics import Dynamics
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, UnknownNameError
+from poise.hqp import HierarchicalProblem, SoftenedSolver, Solution, SolveStatus, make_solver
 from poise.robots import Robot
-from poise.stack import Contact, Stack
+from poise.stack import Contact, ContactSets, Stack, Task
+
+STRATEGIES = ("closed_form", "hqp")
+"""Methods of solving the levels, by name."""
+
+_BOUND_TOLERANCE = 1e-6
+"""Excess of a joint's velocity over its bound beyond which a QP has failed [rad/s]."""
+
+
+class VelocityHierarchy:
+    """Levels over joint velocities, solved exactly within their bounds.
+
+    level 1   bounds of the joint velocities
+    level 2   contacts that are held stay where they are
+    level     J u >= bound, the self-collision limit, where there is one
+    level 3.. the user's tasks
+    cost      |u|^2
+    """
+
+    def __init__(
+        self,
+        rows: VelocityRows,
+        joint_names: list[str],
+        joints: Int64[np.ndarray, " n"],
+        dt: float,
+    ) -> None:
+        stack_rows = rows.stack_rows
+        limits, (contacts, *sizes) = (
+            stack_rows.limits,
+            [len(level.velocity) for level in rows.levels],
+        )
+        levels = len(sizes)
+        self.problem = HierarchicalProblem.allocate(
+            len(joint_names),
+            [0, contacts, *(limit.dim for limit in limits), *sizes],
+            names=[
+                "joint limits",
+                "contacts",
+                *(limit.name for limit in limits),
+                *stack_rows.level_names[:levels],
+            ],
+            labels=[
+                [],
+                stack_rows.motion_labels,
+                *(limit.labels for limit in limits),
+                *stack_rows.task_labels[:levels],
+            ],
+        )
+        # Sources of the problem's rows: those of limits stand behind the others.
+        bounded = stack_rows.collision_rows
+        behind = np.arange(bounded.start, bounded.stop)
+        self._order = np.insert(np.arange(contacts + sum(sizes)), contacts, behind)
+        self._first, self._bounded = PHYSICS_LEVELS + len(limits), contacts + np.arange(len(behind))
+        self.unnumbered = range(PHYSICS_LEVELS, self._first)
+        self.problem.labels[:1] = [(f"limit of {name}", 1) for name in joint_names]
+        self.solution: Solution | None = None
+        self._rows, self._joints = rows, joints
+        self._softening = softening = stack_rows.softening
+        softening.read_from(stack_rows.evaluation.rows, velocities=True)
+        self._reference, self._rest = (
+            np.zeros(len(joints)),
+            np.zeros(len(softening.terms.reference)),
+        )
+        softened = [level for level in softening.levels if level < levels]
+        self._solver = SoftenedSolver(
+            self.problem,
+            make_solver(),
+            {level: self._first + level for level in softened},
+            range(len(joints)),
+            weights=softening.terms.weights[: len(softened)],
+            reference=self._reference,
+            find=self._find_terms,
+            exact=softening.exact and levels == len(stack_rows.levels),
+            tolerance=UNSOFTENED * dt,
+            make_solver=make_solver,
+        )
+
+    def solve(self, lower: Float64[np.ndarray, " n"], upper: Float64[np.ndarray, " n"]) -> Solution:
+        problem = self.problem
+        problem.x_lower[:], problem.x_upper[:] = lower, upper
+        problem.A[:] = self._rows.jacobian[self._order]
+        problem.lower[problem.n :] = problem.upper[problem.n :] = self._rows.velocity[self._order]
+        problem.upper[problem.n + self._bounded] = np.inf
+        for i, level in enumerate(self._rows.levels[1:]):
+            weights = problem.level(self._first + i).weights
+            np.sqrt(level.weight / ROW_WEIGHT, out=weights)
+        self._solver.run()
+        self.solution = self._solver.report()
+        return self.solution
+
+    def _find_terms(self, u: Float64[np.ndarray, " n"]) -> float:
+        terms, rest = self._softening.terms, self._rest
+        self._softening.find(rest, rest, 0)
+        self._reference[:] = terms.reference[self._joints]
+        off = u - self._reference
+        return float(terms.weights[: len(self._solver.softened)].max(initial=0.0)) * float(
+            np.sqrt(off.dot(off))
+        )
+
+    @property
+    def softened(self) -> dict[int, float]:
+        return self._softening.by_level(self._solver.softened)
+
+    def reset(self) -> None:
+        self._solver.reset()
+        self.solution = None
+
+
+_Prepared = tuple[VelocityRows, VelocityHierarchy | None]
+"""Rows of one stance and set of contacts, and their problem where there is one."""
+
+
+class VelocityStrategy:
+    """Joint velocities of a stack; a `Strategy`, see `DifferentialIK`."""
+
+    commands: Literal["torque", "velocity"] = "velocity"
+    kept = ("named", "stance", "_last")
+
+    def __init__(
+        self,
+        robot: Robot,
+        stack: Stack,
+        strategy: str,
+        stance: str | None,
+        joints: Int64[np.ndarray, " n"],
+        led: LedJoints,
+        bounds: VelocityBounds,
+        rank: RankTreatment,
+        dt: float,
+    ) -> None:
+        if strategy not in STRATEGIES:
+            raise UnknownNameError("no such strategy", got=strategy, choices=STRATEGIES)
+        self.robot, self.stack, self.name = robot, stack, strategy
+        self._joints, self._led, self._bounds, self._dt = joints, led, bounds, dt
+        self._within = WithinBounds(ClosedForm(len(joints), rank))
+        self._q_index = joints + (robot.nq - robot.nj)
+        self._home = HomeJacobians(robot, stack)
+        self.weights = RowWeights(stack)
+        self._stances = [c for c in stack.contacts if c.dim == 6]
+        if robot.floating_base and not self._stances:
+            raise ConfigurationError(
+                "a floating base needs something to stand on",
+                got=[c.name for c in stack.contacts],
+                wanted="a stack with a surface contact that holds all of its frame's motion",
+            )
+        self.named: Contact | None = None
+        self.set_stance(stance)
+        self.stance = self._stances[0] if robot.floating_base else None
+        self._prepared = {
+            stance: self._prepare_for(stance)
+            for stance in (self._stances if robot.floating_base else (None,))
+        }
+        self._current = self._find(stack.active_contacts)
+        self.reset()
+        # What is compiled is compiled now, not in the first tick.
+        limit_weights(bounds.q_min, self._last, bounds.q_min, bounds.q_max)
+
+    @property
+    def current(self) -> VelocityRows:
+        """Rows of the last tick."""
+        return self._current[0]
+
+    @property
+    def problem(self) -> HierarchicalProblem | None:
+        """The hierarchical problem of the last tick by "hqp"; None in closed form."""
+        hierarchy = self._current[1]
+        return None if hierarchy is None else hierarchy.problem
+
+    @property
+    def suspended(self) -> tuple[Task, ...]:
+        return self.current.stack_rows.suspended
+
+    @property
+    def softened(self) -> dict[int, float]:
+        """Weight of each softened level's term, counted from zero; none in closed form."""
+        hierarchy = self._current[1]
+        return hierarchy.softened if hierarchy is not None and self._solved else {}
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Number of joints that are solved for, and of rows, their bounds among them."""
+        joints = len(self._joints)
+        return joints, joints + len(self.current.velocity)
+
+    @property
+    def joint_weights(self) -> Float64[np.ndarray, " n"]:
+        """W_B of the last tick, of the joints that are solved for."""
+        return self._joint_weight.copy()
+
+    def set_stance(self, name: str | None) -> None:
+        if name is None:
+            self.named = None
+            return
+        contact = self.stack.contact(name)
+        if contact not in self._stances or not self.robot.floating_base:
+            raise ConfigurationError(
+                "nothing can stand on this contact",
+                got=name,
+                wanted="a surface contact of a robot with a floating base",
+                choices=[c.name for c in self._stances],
+            )
+        self.named = contact
+
+    def reset(self) -> None:
+        self._solved = False
+        self._last = np.zeros(len(self._joints))
+        self._held = np.zeros(len(self._joints), dtype=np.bool_)
+        self._joint_weight = np.ones(len(self._joints))
+        for sets in self._prepared.values():
+            for _, hierarchy in sets:
+                if hierarchy is not None:
+                    hierarchy.reset()
+
+    def prepare(self, contacts: tuple[Contact, ...]) -> bool:
+        last, self._current = self._current, self._find(contacts)
+        return self._current is not last
+
+    def rehearse(self, dynamics: Dynamics) -> None:
+        self.assemble(dynamics)
+        self.solve()
+        self.reset()
+
+    def assemble(self, dynamics: Dynamics) -> None:
+        # Targets may overflow; the check of the result finds it.
+        with np.errstate(all="ignore"):
+            self.current.fill(dynamics)
+            self._q = dynamics.state.q[self._q_index]
+            self._lower, self._upper = self._bounds.at(self._q)
+
+    def solve(self) -> Answer:
+        """Find velocities of all joints; zero where they are neither solved for nor of `led`."""
+        rows, hierarchy = self._current
+        with np.errstate(all="ignore"):
+            status, u = self._in_closed_form() if hierarchy is None else self._by_qp(hierarchy)
+            found = rows.stack_rows.measure(u, rows.jacobian).tolist()
+        self._solved = True
+        velocity = np.zeros(self.robot.nj)
+        velocity[self._joints], velocity[self._led.index] = u, rows.led_velocity
+        if status in USABLE and np.isfinite(np.add.reduce(u)):
+            self._last = u
+        # Joint limits always hold.
+        return Answer(status, velocity, (0.0, *found))
+
+    def task_residuals(self) -> dict[str, float]:
+        return self.current.stack_rows.task_residuals() if self._solved else {}
+
+    def explain(self) -> str:
+        rows, hierarchy = self._current
+        notes: list[str] = []
+        if rows.stance is not None and not rows.stance.active:
+            notes.append(f"no contact is active: {rows.stance.name} still counts as stance")
+        if hierarchy is not None and hierarchy.solution is not None:
+            notes.append(hierarchy.solution.explain(hierarchy.problem, hierarchy.unnumbered))
+            notes += softening_notes(hierarchy.softened)
+        held = *self._joints[self._held], *self._led.index[self._led.held]
+        names = [self.robot.joint_names[i] for i in held]
+        if names:
+            notes.append("held at their limits: " + ", ".join(names))
+        return "; ".join(notes) or "contacts and limits hold"
+
+    def _in_closed_form(self) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
+        bounds = self._bounds
+        # By the last answer: the sign of a measured velocity is noise where a joint rests.
+        self._joint_weight = limit_weights(self._q, self._last, bounds.q_min, bounds.q_max)
+        bounds = self._joint_weight, self._lower, self._upper
+        rows = self.current
+        u, self._held = self._within.solve(rows.served, rows.joined, *bounds)
+        return SolveStatus.OPTIMAL, u
+
+    def _by_qp(self, hierarchy: VelocityHierarchy) -> tuple[SolveStatus, Float64[np.ndarray, " n"]]:
+        lower, upper = self._lower, self._upper
+        solution = hierarchy.solve(lower, upper)
+        outside = np.maximum(solution.x - upper, lower - solution.x).max()
+        status = solution.status if outside <= _BOUND_TOLERANCE else SolveStatus.FAILED
+        return status, np.minimum(np.maximum(solution.x, lower), upper)
+
+    def _find(self, contacts: tuple[Contact, ...]) -> _Prepared:
+        if self.robot.floating_base:
+            if self.named is not None and self.named.active:
+                self.stance = self.named
+            else:
+                # In flight the last stance counts.
+                self.stance = next((c for c in contacts if c.dim == 6), self.stance)
+        return self._prepared[self.stance].of(contacts)
+
+    def _prepare_for(self, stance: Contact | None) -> ContactSets[_Prepared]:
+        def make(contacts: tuple[Contact, ...]) -> _Prepared:
+            rows = VelocityRows(
+                self.robot,
+                self.stack,
+                stance,
+                [c for c in contacts if c is not stance],
+                self._joints,
+                self._led,
+                home=self._home,
+            )
+            if self.name != "hqp":
+                return rows, None
+            names = [self.robot.joint_names[i] for i in self._joints]
+            return rows, VelocityHierarchy(rows, names, self._joints, self._dt)
+
+        return ContactSets(self.stack, make)
 
 
 class DifferentialIK(Controller):

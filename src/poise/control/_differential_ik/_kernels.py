@@ -16,6 +16,7 @@ from poise._compiled import (
     view,
 )
 from poise.control._row_factor import (
+    ROUNDING,
     add_row,
     factor_rows,
     fill_complement,
@@ -23,9 +24,6 @@ from poise.control._row_factor import (
     square_level,
     turn_back,
 )
-
-ROUNDING = 1e-12
-"""Velocities smaller than this, relative to the largest, are rounding."""
 
 _BROKEN = 1e-6
 """Velocity by which a row has to miss its bound to be held [m/s]."""

@@ -10,13 +10,13 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers
+from poise.control._differential_ik._bounds import LedJoints
 from poise.control._differential_ik._kernels import (
     ConstrainedRows,
     PriorityRows,
     VelocityLevels,
     constrain,
 )
-from poise.control._differential_ik._led import LedJoints
 from poise.control._rank import block_scales
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError, UnknownNameError

@@ -1,14 +1,263 @@
 """`OperationalRecursion`: prioritised accelerations, with no projected Jacobian differentiated."""
 
-import numpy as np
-from jaxtyping import Float64
+from math import sqrt
 
-from poise._compiled import allocate, say_if_slow
-from poise.control._osf._kernels import TINY, RecursionMemory, resolve
-from poise.control._osf._rows import LevelRows
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from poise._compiled import (
+    MemoryBlock,
+    allocate,
+    compiled,
+    factor,
+    factor_leading,
+    part,
+    say_if_slow,
+    solve_leading,
+    solve_lower,
+    solve_transposed,
+    view,
+)
+from poise.control._osf._rows import BoundRows, LevelRows
 from poise.control._rank import PHYSICS_RANK, RankTreatment
-from poise.dynamics import Dynamics, reach_of
+from poise.control._row_factor import (
+    add_row,
+    factor_rows,
+    fill_complement,
+    keeps_rank,
+    turn,
+    turn_back,
+)
+from poise.control._strategy import UNSOFTENED
+from poise.dynamics import Dynamics, StateNumbers, reach_of
 from poise.robots import Robot
+from poise.stack import AT_BOUND
+
+TINY = 1e-12
+"""Keeps directions in which softening has nothing to choose from dividing by zero."""
+
+
+class RecursionMemory(MemoryBlock):
+    """Memory of the recursion; it holds until the next state."""
+
+    least: Float64[np.ndarray, "2"]  # singular value of rows that keep their rank: physics, tasks
+    dv: Float64[np.ndarray, " n"]  # the answer
+    reach: Int64[np.ndarray, " n"]  # end of the coordinates of the joints that hang on each
+    U: Float64[np.ndarray, "n n"]  # factor of the mass matrix, M = U U^T
+    X: Float64[np.ndarray, "n n"]  # rows J~ = J U^-T of the leading levels, see `_row_factor`
+    tau: Float64[np.ndarray, " n"]  # factors of their reflections
+    B: Float64[np.ndarray, "n n"]  # accelerations that leave those levels alone, orthonormal by M
+    y: Float64[np.ndarray, " n"]  # coordinates that the levels decide: L_J y = target
+    S: Float64[np.ndarray, " n"]  # acceleration after the leading levels
+    G: Float64[np.ndarray, "n n"]  # scratch
+    F: Float64[np.ndarray, "n n"]  # scratch
+    z: Float64[np.ndarray, "2 n"]  # scratch
+
+
+@compiled
+def resolve(levels_at: int, state_at: int, memory_at: int) -> tuple[int, bool]:
+    """Find the acceleration of one state: how many levels keep their rank, and if that is all."""
+    levels, state = view(LevelRows, levels_at), view(StateNumbers, state_at)
+    memory = view(RecursionMemory, memory_at)
+    if not factor(state.M, memory.reach, memory.U):
+        memory.U[:] = np.nan
+    regular = _factor_levels(levels, memory)
+    _add_levels(levels, memory, regular)
+    for i in range(len(memory.dv)):
+        memory.dv[i] = memory.S[i]
+    taken = int(levels.ends[regular])
+    if regular == len(levels.ends) - 1:
+        _let_go(state.h, memory, taken)
+        return regular, True
+    fill_complement(memory.B, memory.X, taken, memory.tau)
+    for i in range(len(memory.B) - taken):
+        solve_transposed(memory.U, memory.reach, memory.B[i])
+    # A posture may have more rows than the tasks above leave directions, and lose none.
+    return regular, _take_rest(levels, memory, regular)
+
+
+@compiled
+def is_inside(dv: Float64[np.ndarray, " n"], bounds_at: int) -> bool:
+    """Return True for an acceleration within its bounds up to `AT_BOUND`, and for NaN."""
+    bounds = view(BoundRows, bounds_at)
+    base = len(dv) - len(bounds.lower)
+    for i in range(len(bounds.lower)):
+        value = dv[base + i]
+        if value > bounds.upper[i] + AT_BOUND or value < bounds.lower[i] - AT_BOUND:
+            return False
+    for row in range(len(bounds.least)):
+        value = 0.0
+        for j in range(len(dv)):
+            value += bounds.rows[row, j] * dv[j]
+        if value > bounds.most[row] + AT_BOUND or value < bounds.least[row] - AT_BOUND:
+            return False
+    return True
+
+
+@part
+def _solve_upper(
+    U: Float64[np.ndarray, "n n"], reach: Int64[np.ndarray, " n"], x: Float64[np.ndarray, " n"]
+) -> None:
+    """X <- U^-1 x; zeros at the end of x stay zero and cost nothing."""
+    end = len(U)
+    while end > 0 and x[end - 1] == 0.0:
+        end -= 1
+    for i in range(end - 1, -1, -1):
+        rest, row = x[i], U[i]
+        for k in range(i + 1, min(reach[i], end)):
+            rest -= row[k] * x[k]
+        x[i] = rest / row[i]
+
+
+@part
+def _factor_levels(levels: LevelRows, memory: RecursionMemory) -> int:
+    """Factor the leading levels; return how many keep their rank."""
+    n, ends, X, tau = len(memory.U), levels.ends, memory.X, memory.tau
+    for level in range(len(levels.softened)):
+        levels.softened[level] = 0.0
+    for level in range(len(ends) - 1):
+        begin, end = int(ends[level]), int(ends[level + 1])
+        if end > n:
+            return level
+        for row in range(begin, end):
+            scale = levels.scale[row]
+            memory.y[row] = scale * levels.target[row]
+            for j in range(n):
+                X[row, j] = scale * levels.jacobian[row, j]
+            _solve_upper(memory.U, memory.reach, X[row])
+        factor_rows(X, begin, end, tau)
+        if not keeps_rank(X, begin, end, memory.least[min(level, 1)], memory.G):
+            return level
+        solve_lower(X, begin, end, memory.y)
+        if levels.softening[level] > 0.0:
+            _soften(levels, memory, level)
+    return len(ends) - 1
+
+
+@part
+def _soften(levels: LevelRows, memory: RecursionMemory, level: int) -> None:
+    """Soften a level whose block L_k of the staircase is regular, if that can change it."""
+    # With p the joints' acceleration beside the reference in the strict answer, and D that for a
+    # unit of each coordinate that the levels above leave, the level's own coordinates change by
+    # the x_k of the least squares |W L_k x_k|^2 + mu^2 |D x + p|^2, W = `mobility`; those of the
+    # levels below are theirs. Its rows change by mu |p| at most.
+    reference = levels.reference
+    begin, end, mu = int(levels.ends[level]), int(levels.ends[level + 1]), levels.softening[level]
+    D, G, X, x, S = memory.F, memory.G, memory.X, memory.z[1], memory.z[0]
+    size, base, strain = len(S) - begin, len(S) - len(reference), 0.0
+    _turn_part(memory, 0, end)
+    for j in range(len(reference)):
+        S[base + j] -= reference[j]
+        strain += S[base + j] * S[base + j]
+    if mu * sqrt(strain) <= UNSOFTENED:
+        return
+    levels.softened[level] = mu
+    for i in range(size):
+        for j in range(len(S)):
+            D[i, j] = 0.0
+        D[i, begin + i] = 1.0
+    turn_back(D, 0, size, X, end, memory.tau)
+    for i in range(size):
+        solve_transposed(memory.U, memory.reach, D[i])
+        own, total = D[i, base:], 0.0
+        for k in range(len(own)):
+            total += own[k] * S[base + k]
+        x[i] = -mu * mu * total
+        for j in range(i + 1):
+            other, total = D[j, base:], 0.0
+            for k in range(len(own)):
+                total += own[k] * other[k]
+            G[i, j] = mu * mu * total + (TINY if i == j else 0.0)
+            for row in range(begin + i, end):
+                G[i, j] += levels.mobility[row] ** 2 * X[row, begin + i] * X[row, begin + j]
+    factor_leading(G, size)
+    solve_leading(G, size, x)
+    for row in range(begin, end):
+        memory.y[row] += x[row - begin]
+
+
+@part
+def _turn_part(memory: RecursionMemory, begin: int, end: int) -> None:
+    """Find the acceleration of some places of y, in the first row of z."""
+    z = memory.z
+    for i in range(z.shape[1]):
+        z[0, i] = memory.y[i] if begin <= i < end else 0.0
+    turn_back(z, 0, 1, memory.X, end, memory.tau)
+    solve_transposed(memory.U, memory.reach, z[0])
+
+
+@part
+def _add_levels(levels: LevelRows, memory: RecursionMemory, regular: int) -> None:
+    """Find S after the leading levels."""
+    S, z = memory.S, memory.z
+    for i in range(len(S)):
+        S[i] = 0.0
+    for level in range(regular):
+        _turn_part(memory, int(levels.ends[level]), int(levels.ends[level + 1]))
+        for i in range(len(S)):
+            S[i] += z[0, i]
+
+
+@part
+def _let_go(h: Float64[np.ndarray, " n"], memory: RecursionMemory, taken: int) -> None:
+    """Leave directions that no level decides without force: dv <- dv - N M^-1 h."""
+    z = memory.z
+    for i in range(len(h)):
+        z[0, i] = h[i]
+    _solve_upper(memory.U, memory.reach, z[0])
+    turn(z, 0, 1, memory.X, 0, taken, memory.tau)
+    for i in range(taken):
+        z[0, i] = 0.0
+    turn_back(z, 0, 1, memory.X, taken, memory.tau)
+    solve_transposed(memory.U, memory.reach, z[0])
+    for i in range(len(h)):
+        memory.dv[i] -= z[0, i]
+
+
+@part
+def _take_rest(levels: LevelRows, memory: RecursionMemory, level: int) -> bool:
+    """Give a level all remaining directions by least squares, if it loses none of them."""
+    # With A = J B and c = target - J S it adds B (A^T A)^-1 A^T c; later levels find nothing.
+    dv = memory.dv
+    begin, end = int(levels.ends[level]), int(levels.ends[level + 1])
+    left, G, F, z = len(dv) - begin, memory.G, memory.F, memory.z
+    if end - begin < left or levels.may_soften[level] == 1:
+        return False
+    _square(levels, memory, begin, end, left)
+    least = memory.least[min(level, 1)]
+    for i in range(left):
+        for j in range(i):
+            F[i, j] = G[i, j]
+        F[i, i] = G[i, i] - least * least
+    if not (factor_leading(F, left) and factor_leading(G, left)):
+        return False
+    x = z[1]
+    solve_leading(G, left, x)
+    for j in range(len(dv)):
+        step = 0.0
+        for i in range(left):
+            step += x[i] * memory.B[i, j]
+        dv[j] += step
+    return True
+
+
+@part
+def _square(levels: LevelRows, memory: RecursionMemory, begin: int, end: int, left: int) -> None:
+    """Find G = A^T A, in its lower triangle, and z[1] = A^T c, row by row of A."""
+    S, G, a, total = memory.S, memory.G, memory.z[0], memory.z[1]
+    for i in range(left):
+        total[i] = 0.0
+        for j in range(i + 1):
+            G[i, j] = 0.0
+    for row in range(begin, end):
+        J, scale, c = levels.jacobian[row], levels.scale[row], levels.target[row]
+        for k in range(len(S)):
+            c -= J[k] * S[k]
+        for i in range(left):
+            direction, a[i] = memory.B[i], 0.0
+            for k in range(len(S)):
+                a[i] += J[k] * direction[k]
+        add_row(G, total, a, left, scale * scale, c)
 
 
 class OperationalRecursion:

@@ -11,9 +11,8 @@ from jaxtyping import Float64
 from poise.control._controller import Controller
 from poise.control._full_problem import FullProblem
 from poise.control._reduced._assignment import AssignedRows
-from poise.control._reduced._constraint_chain import ConstraintChainProblem
 from poise.control._reduced._elimination import ChainElimination, announce
-from poise.control._reduced._unconstrained_chain import UnconstrainedChainProblem
+from poise.control._reduced._problems import ConstraintChainProblem, UnconstrainedChainProblem
 from poise.control._strategy import (
     PHYSICS_LEVELS,
     UNSOFTENED,
@@ -40,9 +39,6 @@ elsewhere."""
 PATIENCE = 20
 """Ticks for which the whole problem alone is solved after LQP 1 and LQP 2 failed: an arm at its
 limit seldom leaves it within a tick, and three problems in one tick cost most."""
-
-_TYPICAL = 0
-"""Seed of the coefficients by which the usual shape of LQP 1 is found beforehand."""
 
 
 class ReducedProgram:
@@ -93,12 +89,10 @@ class ReducedProgram:
 
     @property
     def suspended(self) -> tuple[Task, ...]:
-        """Frame tasks replaced by a contact; they have no rows."""
         return self.rows.suspended
 
     @property
     def softened(self) -> dict[int, float]:
-        """Weight of the softening term of each level that was softened, counted from zero."""
         return self.whole.softened if self._solved_whole else {}
 
     @property
@@ -118,7 +112,6 @@ class ReducedProgram:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Variables and rows of the problems of the last solve."""
         if self._solved_whole:
             return self.whole.size
         n, m = self.first.problem.size
@@ -128,7 +121,6 @@ class ReducedProgram:
         return n, m
 
     def follow(self, last: "ReducedProgram") -> None:
-        """Begin where the program of other contacts ended."""
         problem, solver = self._current
         solver.follow(problem.problem, last._current[1])
         self.whole.follow(last.whole)
@@ -146,7 +138,6 @@ class ReducedProgram:
             self.first.fill()
 
     def solve(self) -> Answer:
-        """Solve the assembled problem; nothing raises on numbers."""
         self._solved, self._used_second = not self._solved_whole, False
         if self._solved_whole:
             self._whole_ticks -= 1
@@ -187,7 +178,6 @@ class ReducedProgram:
         )
 
     def reset(self) -> None:
-        """Forget the last solutions."""
         for _, solver in self._firsts.values():
             solver.reset()
         if self.second is not None:
@@ -197,13 +187,11 @@ class ReducedProgram:
         self._whole_ticks = 0
 
     def task_residuals(self) -> dict[str, float]:
-        """Return the norm of each task's residual at the last solve [unit/s^2]."""
         if self._solved_whole:
             return self.whole.task_residuals()
         return self.rows.task_residuals()
 
     def explain(self) -> str:
-        """Describe conflicts of rows."""
         if self._solved_whole:
             return self.whole.explain()
         first, second = self.first_solution, self.second_solution
@@ -239,7 +227,7 @@ class ReducedProgram:
         """Make LQP 1 for the case that no task loses rank, before the first tick."""
         # Tasks are not evaluated: they might take the state for their target.
         constant = self.tasks.J.copy()
-        self.tasks.J[:] = np.random.default_rng(_TYPICAL).normal(size=constant.shape)
+        self.tasks.J[:] = np.random.default_rng(0).normal(size=constant.shape)
         self.chain.update(Dynamics(self._robot))
         self.tasks.J[:] = constant
         pair = self._first_for(self.chain.shape)
