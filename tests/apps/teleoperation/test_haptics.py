@@ -137,7 +137,7 @@ def test_an_arm_that_fails_is_gone_and_the_other_goes_on(fault, side, caplog):
     air, landing = (feet if side == 1 else feet[::-1] for feet in (IN_AIR, LANDING))
     for tick in range(350):
         # Rubbish from the robot is no news.
-        driver.feel(np.full((2, 3), np.nan), 1e-3 * tick)
+        driver.feel([[float("nan")] * 3] * 2, 1e-3 * tick)
         driver.feel(air if tick < 200 else landing, 1e-3 * tick)
         fails.fault = fault if tick >= 225 else ""
         readings = driver.tick(1e-3 * tick)
