@@ -43,7 +43,7 @@ class _Live:
         """Run a session until its time is up or it is ended, and name the logs it leaves."""
         from poise.apps.live import LiveSession
 
-        verb = type(self).__name__.lower()
+        verb = type(self).__name__.removesuffix("Verb").lower()
         folder = Path(self.out or f"runs/{verb}-{Path(robot.name).stem}")
         session = LiveSession(
             robot,

@@ -33,26 +33,27 @@ def run_session(live, get_robot):
 
 @pytest.fixture
 def start(live, get_robot, tmp_path, monkeypatch):
-    """Starts loops on biped20, and stops them."""
-    from operators import wait_for
+    """Starts loops on biped20 in the robot's own time, and stops them."""
+    from types import SimpleNamespace
+
+    from operators import Stepped
 
     from poise.apps.live._inputs import OperatorInputs
     from poise.apps.live._leads import FootLead
     from poise.apps.live._log import Takes
-    from poise.apps.live._loop import LiveLoop
     from poise.apps.teleoperation import VELOCITY_TELEOP_PLANT
 
-    # An operator is not thought gone when a busy machine stops all of this for a while.
-    monkeypatch.setattr("poise.locomotion._stepping._guard.LOST_AFTER", 10.0)
     loops = []
 
-    def make(name="biped20", plant=VELOCITY_TELEOP_PLANT, **options):
+    def make(name="biped20", plant=VELOCITY_TELEOP_PLANT, most_bytes=1 << 30, **options):
         lead = FootLead(get_robot(name), OperatorInputs(), plant, **options)
-        loop = LiveLoop(lead, Takes(tmp_path / "takes"))
+        loop = Stepped(lead, Takes(tmp_path / "takes", most_bytes=most_bytes))
         loops.append(loop)
+        clock = SimpleNamespace(monotonic=lambda: loop.now)
+        monkeypatch.setattr("poise.apps.live._inputs.clock", clock)
+        monkeypatch.setattr("poise.apps.live._log.clock", clock)
         loop.start()
-        wait_for(lambda: loop.snapshot or loop.error, "the first picture")
-        assert loop.error is None, loop.error
+        loop.until(lambda _: True, "the first picture")
         return loop
 
     yield make
@@ -97,10 +98,10 @@ def desk():
 
 @pytest.fixture
 def still_front(live, desk):
-    """The way in, with that robot behind it."""
+    """The way in, with that robot behind it, of which there is nothing to draw."""
     from poise.apps.live._front import Front
 
-    made = Front(desk, port=0, shapes={})
+    made = Front(desk, port=0, shapes={"bodies": 0, "geometries": [], "meshes": []})
     made.start()
     yield made
     made.stop()

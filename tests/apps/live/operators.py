@@ -7,6 +7,8 @@ from contextlib import contextmanager
 import numpy as np
 from websockets.sync.client import connect
 
+from poise.apps.live._loop import LiveLoop
+
 PATIENCE = 60.0
 """How long a loaded machine may take [s]."""
 
@@ -27,14 +29,26 @@ def comes(happened, patience):
     return found
 
 
-def drive(loop, sample, until, what):
-    """Hold keys until something is seen."""
+class Stepped(LiveLoop):
+    """A loop whose time is the robot's: no thread, no waiting, the same in every run."""
 
-    def seen():
-        loop.lead.inputs.take(sample)
-        return until(loop.snapshot)
+    now = 100.0
 
-    wait_for(seen, what)
+    def start(self):
+        self.takes.open()
+        self.takes.expect(self.lead)
+
+    def until(self, happened, what, sample=None):
+        """Take turns, with keys held, until something is seen of the snapshot."""
+        end = time.perf_counter() + PATIENCE
+        while time.perf_counter() < end:
+            if sample is not None:
+                self.lead.inputs.take(sample)
+            self.turn(self.now)
+            self.now += self.plant.control_dt
+            if self.snapshot is not None and happened(self.snapshot):
+                return
+        raise AssertionError(f"waited in vain for {what}")
 
 
 @contextmanager
@@ -57,6 +71,16 @@ def answer(socket):
         message = json.loads(socket.recv(timeout=PATIENCE))
         if "driven" not in message:
             return message
+
+
+def says(desk, what, member, *expected):
+    """Wait for a message of the page whose member is as expected, if it is there at all."""
+
+    def last():
+        said = [order for order in list(desk.orders) if order["do"] == "drive"]
+        return said and said[-1].get(member)
+
+    wait_for(lambda: last() in expected, what)
 
 
 def gamepad(*buttons, **axes):

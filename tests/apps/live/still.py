@@ -13,8 +13,8 @@ STATUS = {
     "heading": 0.0, "hands": [[0.1, 0.3, 0.7], [0.1, -0.3, 0.7]], "handsDo": ["REST", "REST"],
     "handTurns": [None, None], "gaze": "REST", "target": None,
     "polygon": [[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]], "bodies": [], "turns": [],
-    "margin": 0.1, "loads": [300.0, 300.0], "tilt": 0.0, "fallen": False, "paused": False,
-    "speed": 1.0, "realTimeFactor": 1.0, "take": "take-001.mcap",
+    "landings": 0, "margin": 0.1, "loads": [300.0, 300.0], "tilt": 0.0, "fallen": False,
+    "paused": False, "speed": 1.0, "realTimeFactor": 1.0, "take": "take-001.mcap",
 }  # fmt: skip
 
 

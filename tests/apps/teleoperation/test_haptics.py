@@ -1,7 +1,5 @@
 """Arms with force feedback: what a hand feels of a foot, and what it never feels."""
 
-import threading
-import time as clock
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +18,6 @@ from poise.apps.teleoperation import (
 from poise.dynamics import RobotState, least_jerk
 from poise.errors import ConfigurationError
 from poise.locomotion import Mode, StepTeleoperator
-from poise.sim import Block
 
 HOME = np.array([0.4, 0.0, 0.1])
 """Where a hand rests, in its own frame [m]."""
@@ -55,7 +52,7 @@ class Arm:
 def driven(*stages, arm=None, **settings):
     """What the right hand is pushed by, each stage 0.3 s of the feet's forces, None for silence."""
     arm = arm or Arm()
-    driver = HapticDriver(Arm(), arm, **settings)
+    arm.driver = driver = HapticDriver(Arm(), arm, **settings)
     for number, feet in enumerate(stages):
         for tick in range(300):
             now = 0.3 * number + 1e-3 * tick
@@ -65,13 +62,15 @@ def driven(*stages, arm=None, **settings):
     return arm
 
 
-def test_arms_are_what_a_driver_has_to_have():
-    assert isinstance(SimulatedArm(still), HapticArm)
-    assert isinstance(Arm(), HapticArm)
-
-
-def test_a_foot_that_stands_is_not_felt():
-    assert driven(STANDING).norms.max() == 0.0
+@pytest.fixture
+def device(get_robot, monkeypatch):
+    """Two arms as a device, whose clutches are open, on a machine whose clock stands still."""
+    monkeypatch.setattr("poise.apps.teleoperation._haptics.clock.monotonic", lambda: 100.0)
+    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
+    arms = Arm(clutch=False), Arm(clutch=False)
+    device = teleoperator.device = HapticFeet(HapticDriver(*arms), teleoperator)
+    device.arms, device.teleoperator = arms, teleoperator
+    return device
 
 
 def test_a_landing_is_felt_smoothly_is_bounded_and_fades():
@@ -87,6 +86,10 @@ def test_a_landing_is_felt_smoothly_is_bounded_and_fades():
     # A period's change is at most what the smoothing lets through.
     assert np.linalg.norm(np.diff(force, axis=0), axis=1).max() <= MOST * 1e-3 / 0.01
     assert arm.norms[-1] == 0.0
+    # Nor is it pushed while its clutch is open.
+    open_arm = driven(STANDING, IN_AIR, LANDING, arm=Arm(clutch=False))
+    assert isinstance(open_arm, HapticArm)
+    assert open_arm.norms.max() == 0.0
 
 
 def test_what_a_foot_hits_in_the_air_is_felt_as_long_as_it_does():
@@ -94,176 +97,85 @@ def test_what_a_foot_hits_in_the_air_is_felt_as_long_as_it_does():
     assert arm.forces[-1] == pytest.approx([-1.5, 0.0, 0.0], abs=2e-3)
 
 
-def test_a_robot_that_falls_silent_pushes_no_hand():
-    arm = driven(STANDING, IN_AIR, LANDING, None)
-    assert arm.norms[899] > 0.5
-    # 0.1 s of patience, then as smoothly as it came.
-    assert arm.norms[900 + 99] > 0.3
-    assert arm.norms[-1] == 0.0
-
-
-@pytest.mark.parametrize("clock", [lambda now: 0.6, lambda now: now - 50.0, lambda now: np.nan])
+@pytest.mark.parametrize(
+    "clock", [lambda now: now, lambda now: 0.6, lambda now: now - 50.0, lambda now: np.nan]
+)
 def test_a_robot_that_falls_silent_pushes_no_hand_whatever_the_clock_says(clock):
-    arm = Arm()
-    driver = HapticDriver(Arm(), arm)
-    for tick in range(600):
-        driver.feel(IN_AIR if tick < 300 else [[0.0, 0.0, 600.0], [-150.0, 0.0, 0.0]], 1e-3 * tick)
-        driver.tick(1e-3 * tick)
+    arm = driven(STANDING, IN_AIR, [[0.0, 0.0, 600.0], [-150.0, 0.0, 0.0]])
+    driver, now = arm.driver, 0.9
     assert arm.norms[-1] > 1.0
-    for tick in range(600, 800):
-        driver.tick(clock(1e-3 * tick))
+    for tick in range(200):
+        driver.tick(clock(now + 1e-3 * tick))
     assert arm.norms[-1] == 0.0
-
-
-def test_an_open_clutch_is_not_pushed():
-    assert driven(STANDING, IN_AIR, LANDING, arm=Arm(clutch=False)).norms.max() == 0.0
-
-
-def test_an_arm_that_is_gone_is_told_to_let_go_and_the_other_goes_on():
-    arms = Arm(), Arm()
-    driver = HapticDriver(*arms)
-    arms[1].there = False
-    for tick in range(50):
-        driver.feel(IN_AIR if tick < 25 else LANDING, 1e-3 * tick)
-        driver.tick(1e-3 * tick)
-    assert driver.readings[0] is not None
-    assert driver.readings[1] is None
-    assert arms[1].norms.max() == 0.0
+    if clock(now) == now:
+        # 0.1 s of patience, then as smoothly as it came.
+        assert arm.norms[900 + 95] > 1.0
+        assert np.abs(np.diff(arm.norms)).max() <= MOST * 1e-3 / 0.01
 
 
 class Fails(Arm):
-    """One whose driver raises in a call while it is named."""
+    """One that fails while a fault is named."""
 
-    def __init__(self, call=""):
-        super().__init__()
-        self.call = call
+    fault = ""
 
     def read(self):
-        if self.call == "read":
+        if self.fault == "read":
             raise OSError("the cable is out")
-        return super().read()
+        return (HOME + np.nan, True) if self.fault == "nowhere" else super().read()
 
     def write(self, force):
         super().write(force)
-        if self.call == "write":
+        if self.fault == "write":
             raise OSError("the cable is out")
 
 
 @pytest.mark.parametrize("side", [0, 1])
-@pytest.mark.parametrize("call", ["read", "write"])
-def test_an_arm_that_raises_is_gone_and_the_other_goes_on(call, side, caplog):
+@pytest.mark.parametrize("fault", ["read", "write", "nowhere"])
+def test_an_arm_that_fails_is_gone_and_the_other_goes_on(fault, side, caplog):
     fails, other = Fails(), Arm()
     driver = HapticDriver(*((fails, other) if side == 0 else (other, fails)))
-    air, landing = (feet if side == 0 else feet[::-1] for feet in (IN_AIR, LANDING))
+    air, landing = (feet if side == 1 else feet[::-1] for feet in (IN_AIR, LANDING))
     for tick in range(350):
+        # Rubbish from the robot is no news.
+        driver.feel([[float("nan")] * 3] * 2, 1e-3 * tick)
         driver.feel(air if tick < 200 else landing, 1e-3 * tick)
-        fails.call = call if tick >= 100 else ""
-        driver.tick(1e-3 * tick)
-        assert (driver.readings[side] is None) == (tick >= 100)
-        assert driver.readings[1 - side] is not None
-    assert str(driver.errors[side]) == "the cable is out"
-    assert driver.errors[1 - side] is None
-    (said,) = (record.getMessage() for record in caplog.records)
-    assert said == f"the {('left', 'right')[side]} arm failed, and counts as gone"
-    assert other.norms[-1] > 0.5
-    # It is back.
-    fails.call = ""
-    driver.tick(0.35)
-    assert None not in driver.readings
+        fails.fault = fault if tick >= 225 else ""
+        readings = driver.tick(1e-3 * tick)
+        assert (readings[side] is None) == (tick >= 225)
+        assert readings[1 - side] is not None
+    assert fails.norms[:225].max() > 0.5
+    if fault != "write":
+        assert fails.norms[225:].max() == 0.0
+    assert len(other.forces) == 350
+    raised = [] if fault == "nowhere" else ["the cable is out"]
+    assert [str(error) for error in driver.errors if error is not None] == raised
+    said = [f"the {('left', 'right')[side]} arm failed, and counts as gone" for _ in raised]
+    assert [record.getMessage() for record in caplog.records] == said
+    # It is back, and pushed as softly as at the beginning.
+    fails.fault = ""
+    assert None not in driver.tick(0.35)
     assert driver.errors == (None, None)
+    assert fails.norms[-1] < 0.3
 
 
-def test_the_foot_of_an_arm_that_does_not_take_its_force_is_felt_softly_when_it_is_back():
-    arms = Arm(), Fails()
-    driver = HapticDriver(*arms)
-    for tick in range(350):
-        driver.feel(IN_AIR if tick < 200 else LANDING, 1e-3 * tick)
-        arms[1].call = "write" if tick >= 200 else ""
-        driver.tick(1e-3 * tick)
-    assert arms[1].norms.max() < 0.3
-
-
-def test_hands_that_no_thread_reads_any_more_lead_nothing():
-    driver, ended = HapticDriver(Arm(), Arm()), threading.Event()
-
-    def serve():
-        while not ended.wait(1e-3):
-            driver.tick(clock.monotonic())
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    while driver.readings[0] is None:
-        clock.sleep(1e-3)
-    ended.set()
-    thread.join()
-    clock.sleep(0.15)
-    assert driver.readings == (None, None)
-    driver.tick(clock.monotonic())
-    assert None not in driver.readings
-
-
-def test_arms_slower_than_ten_a_second_are_read():
-    driver = HapticDriver(Arm(), Arm(), dt=0.2)
-    driver.tick(0.0)
-    clock.sleep(0.15)
-    assert None not in driver.readings
-
-
-def test_a_simulated_robot_on_a_slow_computer_keeps_its_hands(get_robot):
-    arms = Arm(clutch=False), Arm(clutch=False)
-    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
-    device = HapticFeet(HapticDriver(*arms, dt=0.1), teleoperator)
+@pytest.mark.parametrize("dt", [1e-3, 0.2])
+def test_hands_that_nobody_reads_any_more_lead_nothing(device, monkeypatch, dt):
+    now, driver = 100.0, device.driver
+    monkeypatch.setattr("poise.apps.teleoperation._haptics.clock.monotonic", lambda: now)
+    driver.dt = dt
     device.sample(0.0)
-    clock.sleep(0.25)
-    assert device.driver.readings == (None, None)
+    # A tenth of a second, or two periods.
+    now += max(0.1, 2.0 * dt) - 1e-3
+    assert None not in driver.readings
+    now += 2e-3
+    assert driver.readings == (None, None)
+    # A simulated robot on a slow computer keeps its hands.
     assert device.sample(0.005) is not None
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_an_arm_that_says_it_is_nowhere_is_told_to_let_go_at_once(bad):
-    arms = Arm(), Arm()
-    driver = HapticDriver(*arms)
-    for tick in range(325):
-        driver.feel(STANDING if tick < 150 else IN_AIR if tick < 300 else LANDING, 1e-3 * tick)
-        driver.tick(1e-3 * tick)
-    assert arms[1].norms[-1] > 0.5
-    arms[1].place = np.array([0.4, bad, 0.1])
-    driver.tick(0.325)
-    assert arms[1].norms[-1] == 0.0
-    assert driver.readings[0] is not None
-    assert driver.readings[1] is None
-    for tick in range(326, 400):
-        driver.feel(LANDING, 1e-3 * tick)
-        driver.tick(1e-3 * tick)
-    # It is back, and pushed as softly as at the beginning.
-    arms[1].place = HOME
-    driver.tick(0.4)
-    assert 0.0 < arms[1].norms[-1] < 0.3
-    assert driver.readings[1] is not None
-
-
-def test_an_arm_that_says_it_is_nowhere_leads_nothing_until_its_clutch_was_open(get_robot):
-    arms = Arm(clutch=False), Arm(clutch=False)
-    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
-    device = HapticFeet(HapticDriver(*arms), teleoperator)
-    device.sample(0.0)
-    arms[1].clutch = True
-    foot = np.array(device.sample(0.005).place(1))
-    arms[1].place = np.full(3, np.nan)
-    assert np.array(device.sample(0.01).place(1)) == pytest.approx(foot)
-    arms[1].place = HOME + [0.0, 0.0, 0.05]
-    device.sample(0.015)
-    arms[1].place = HOME + [0.0, 0.0, 0.1]
-    assert np.array(device.sample(0.02).place(1)) == pytest.approx(foot)
-
-
-def test_rubbish_from_the_robot_is_no_news():
-    driver = HapticDriver(Arm(), Arm())
-    driver.feel(IN_AIR, 0.0)
-    driver.feel([[np.nan, 0.0, 1.0], [0.0, 0.0, np.inf]], 0.01)
-    driver.tick(0.02)
+def test_what_cannot_be_is_refused():
     with pytest.raises(ConfigurationError, match="two feet.*two rows"):
-        driver.feel([[1.0, 2.0]], 0.0)
+        HapticDriver(Arm(), Arm()).feel([[1.0, 2.0]], 0.0)
     with pytest.raises(ConfigurationError, match="force_max"):
         HapticDriver(Arm(), Arm(), force_max=0.0)
 
@@ -296,15 +208,15 @@ def step(time):
     return HOME + [0.1 * ahead, 0.0, 0.08 * up], time > 0.1
 
 
-def walked(robot, plant):
-    """A run that is led by arms, and the right arm."""
-    arms = Noted(lambda time: (HOME, time > 0.1)), Noted(step)
-    run = run_teleop(robot, lambda t: HapticFeet(HapticDriver(*arms), t), plant, duration=6.5)
-    return run, np.array(arms[1].diary), np.array(arms[0].diary)
-
-
 def test_the_hand_feels_the_ground_when_the_foot_lands(get_robot):
-    run, right, left = walked(get_robot("biped20"), VELOCITY_TELEOP_PLANT)
+    arms = Noted(lambda time: (HOME, time > 0.1)), Noted(step)
+    run = run_teleop(
+        get_robot("biped20"),
+        lambda t: HapticFeet(HapticDriver(*arms), t),
+        VELOCITY_TELEOP_PLANT,
+        duration=6.5,
+    )
+    left, right = (np.array(arm.diary) for arm in arms)
     assert not run.fell
     time = 1e-3 * np.arange(len(right))
     (lifted,), landed = run.log.entries(Mode.SL), run.log.entries(Mode.D)[-1]
@@ -321,67 +233,15 @@ def test_the_hand_feels_the_ground_when_the_foot_lands(get_robot):
     assert np.abs(left[:, 1:]).max() == 0.0
 
 
-@pytest.mark.slow
-def test_a_block_is_felt_sooner_than_the_ground(get_robot):
-    robot = get_robot("biped20")
-    # Under the right foot at the end of its way, and ahead of where it starts.
-    block = Block(center=(0.36, -0.135), size=(0.4, 0.24, 0.03))
-    felt, heights = [], []
-    for plant in (VELOCITY_TELEOP_PLANT, replace(VELOCITY_TELEOP_PLANT, blocks=(block,))):
-        run, right, _ = walked(robot, plant)
-        assert not run.fell
-        felt.append(1e-3 * np.argmax(right[:, 3] > 0.5))
-        heights.append(run.log.soles[np.searchsorted(run.log.time, felt[-1]), 1, 2])
-    assert felt[1] < felt[0] - 0.1
-    assert heights[1] - heights[0] > 0.02
-
-
-def test_a_clutch_that_was_not_seen_open_leads_nothing(get_robot):
-    arms = Arm(), Arm()
-    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
-    device, now = HapticFeet(HapticDriver(*arms), teleoperator), 0.0
-
-    def moved(by, clutch):
-        nonlocal now
-        now += 0.005
-        arms[1].place, arms[1].clutch = HOME + [0.0, 0.0, by], clutch
-        return round(
-            float((np.array(device.sample(now).place(1)) - teleoperator.estimator.sole(1))[2]), 9
-        )
-
-    # Closed from the beginning, then let go, taken hold of, and led.
-    assert [moved(0.0, True), moved(0.05, True)] == [0.0, 0.0]
-    assert [moved(0.05, False), moved(0.05, True)] == [0.0, 0.0]
-    assert moved(0.08, True) == 0.03
-    # Gone and back, closed as it was.
-    arms[1].there = False
-    assert moved(0.08, True) == 0.0
-    arms[1].there = True
-    assert [moved(0.08, True), moved(0.12, True)] == [0.0, 0.0]
-
-
-@pytest.mark.parametrize("kind", ["list", "tuple", "float32", "int64", "strided"])
-def test_arms_may_speak_in_lists_and_other_numbers(get_robot, kind):
-    def given(*place):
-        if kind == "strided":
-            return np.array([place, place]).T[:, 0]
-        named = {"list": list, "tuple": tuple}.get(kind)
-        return named(place) if named else np.array(place).astype(kind)
-
-    arms = Arm(clutch=np.bool_(False)), Arm(clutch=0)
-    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
-    device = HapticFeet(HapticDriver(*arms), teleoperator)
-    for arm in arms:
-        arm.place = given(1.0, 0.0, 0.0)
+def test_arms_may_speak_in_lists_and_other_numbers(device):
     device.sample(0.0)
-    arms[1].clutch = 1
-    before = np.array(device.sample(0.005).place(1))
-    arms[1].place = given(1.0, 0.0, 0.25) if kind != "int64" else given(1, 0, 0)
-    risen = np.array(device.sample(0.01).place(1)) - before
-    np.testing.assert_allclose(risen, [0.0, 0.0, 0.0 if kind == "int64" else 0.25], atol=1e-12)
-    place, clutch = device.driver.readings[1]
-    assert place.dtype == np.float64
-    assert clutch is True
+    for arm, place in zip(device.arms, ([1.0, 0, 0], np.float32([1, 0, 0.25])), strict=True):
+        arm.place, arm.clutch = place, 1
+    device.sample(0.005)
+    for (place, clutch), up in zip(device.driver.readings, (0.0, 0.25), strict=True):
+        np.testing.assert_array_equal(place, [1.0, 0.0, up])
+        assert place.dtype == np.float64
+        assert clutch is True
     assert device.driver.errors == (None, None)
 
 
@@ -390,18 +250,12 @@ def test_arms_may_speak_in_lists_and_other_numbers(get_robot, kind):
     ("answer", "words"),
     [
         ((np.zeros(2), True), "Expected `array` of length 3, got 2"),
-        ((np.zeros((3, 1)), True), "Expected `float`, got `array`"),
-        (("up!", True), "Expected `array | null`, got `str`"),
-        ((HOME, None), "Expected `bool | int`, got `null`"),
         ((HOME, "closed"), "Expected `bool | int`, got `str`"),
         (HOME, "Expected `array` of length 2, got 3"),
-        (1, "Expected `array`, got `int`"),
     ],
 )
-def test_what_is_no_reading_is_said_by_the_device(get_robot, answer, words, side):
-    arms = Arm(clutch=False), Arm(clutch=False)
-    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
-    device = teleoperator.device = HapticFeet(HapticDriver(*arms), teleoperator)
+def test_what_is_no_reading_is_said_by_the_device(device, answer, words, side):
+    arms, teleoperator = device.arms, device.teleoperator
     state = RobotState(teleoperator.robot.q_home, np.zeros(teleoperator.robot.nv))
     teleoperator.lead(teleoperator.estimator.update(state))
     assert teleoperator.device_error is None
@@ -417,10 +271,8 @@ def test_what_is_no_reading_is_said_by_the_device(get_robot, answer, words, side
 
 
 @pytest.mark.parametrize("gone", [0, 1])
-def test_an_arm_that_is_gone_lets_go_of_its_own_foot_alone(get_robot, gone):
-    arms = Arm(clutch=False), Arm(clutch=False)
-    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
-    device = HapticFeet(HapticDriver(*arms), teleoperator)
+def test_an_arm_that_is_gone_lets_go_of_its_own_foot_alone(device, gone):
+    arms = device.arms
     device.sample(0.0)
     for arm in arms:
         arm.clutch = True
@@ -430,7 +282,7 @@ def test_an_arm_that_is_gone_lets_go_of_its_own_foot_alone(get_robot, gone):
         for arm in arms:
             arm.place = HOME + [0.0, 0.0, by]
         sample = device.sample(time)
-        places = zip(map(sample.place, (0, 1)), teleoperator.estimator.anchors, strict=True)
+        places = zip(map(sample.place, (0, 1)), device.teleoperator.estimator.anchors, strict=True)
         return [round(float(place[2] - anchor[2]), 9) for place, anchor in places]
 
     assert heights(0.01, 0.05) == [0.05, 0.05]
@@ -442,10 +294,8 @@ def test_an_arm_that_is_gone_lets_go_of_its_own_foot_alone(get_robot, gone):
 
 
 @pytest.mark.parametrize("to", [0.0, 1.7e9])
-def test_arms_go_on_where_the_robots_clock_jumps_to(get_robot, to):
-    arms = Arm(), Arm()
-    teleoperator = StepTeleoperator(get_robot("biped20"), actuation="velocity")
-    device = HapticFeet(HapticDriver(*arms), teleoperator)
+def test_arms_go_on_where_the_robots_clock_jumps_to(device, to):
+    arms = device.arms
     for tick in range(20):
         device.sample(3.0 + 0.005 * tick)
     before = len(arms[0].forces)

@@ -9,8 +9,6 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from careful import careful_steps
-
 from poise.apps.teleoperation import (
     SCRIPTS,
     VELOCITY_TELEOP_PLANT,
@@ -20,8 +18,8 @@ from poise.apps.teleoperation import (
     terrain_blocks,
 )
 from poise.apps.teleoperation._scripts import TERRAINS
-from poise.errors import UnknownNameError
-from poise.locomotion import ScriptedDevice, WayPoint
+from poise.locomotion import ScriptedDevice
+from poise.sim import Block
 
 
 def corners(block):
@@ -62,7 +60,7 @@ def test_flat_has_nothing_and_the_obstacle_is_that_of_scenario_1(get_robot):
 
 @pytest.mark.parametrize("name", ["biped20", "g1"])
 @pytest.mark.parametrize("terrain", TERRAINS)
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_nothing_lies_under_the_feet_at_the_start(get_robot, name, terrain, seed):
     robot = get_robot(name)
     blocks = terrain_blocks(terrain, robot, seed=seed)
@@ -98,46 +96,20 @@ def test_bumps_are_low_ahead_too_and_the_seeds_own(get_robot):
     assert terrain_blocks("bumps", robot, seed=5) != blocks
 
 
-def test_an_unknown_terrain_lists_what_there_is(get_robot):
-    with pytest.raises(UnknownNameError, match="got 'swamp'.*flat.*obstacle.*steps.*bumps"):
-        terrain_blocks("swamp", get_robot("biped20"))
-
-
 @pytest.mark.parametrize("terrain", TERRAINS)
 def test_a_plant_with_blocks_survives_a_recordings_header(get_robot, terrain):
     plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks(terrain, get_robot("g1"), seed=2))
     assert plant_from_json(json.loads(json.dumps(asdict(plant)))) == plant
 
 
-@pytest.mark.slow
 def test_a_replay_has_the_terrain_of_its_recording_and_the_same_commands(get_robot, tmp_path):
     robot, path = get_robot("biped20"), tmp_path / "run.mcap"
-    # The foot stands on the first stair when the run ends.
-    points, _ = careful_steps(("right", 0.385, 0.05))
-    plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks("steps", robot))
-    run = run_teleop(
-        robot,
-        lambda c: ScriptedDevice(points, *c.estimator.anchors),
-        plant,
-        duration=4.5,
-        recording=path,
-    )
+    bumps, wall = terrain_blocks("bumps", robot, seed=1), Block(center=(0.2, -0.1), size=(0.3,) * 3)
+    plant = replace(VELOCITY_TELEOP_PLANT, blocks=(*bumps, wall))
+    still = lambda c: ScriptedDevice([], *c.estimator.anchors)  # noqa: E731
+    run = run_teleop(robot, still, plant, duration=0.1, recording=path)
     assert run.log.touched.any()
     again = replay_teleop(path)
     assert again.plant.config.blocks == plant.blocks
     assert np.array_equal(again.log.command, run.log.command)
     assert np.array_equal(again.log.touched, run.log.touched)
-
-
-def test_a_recordings_header_has_room_for_all_bumps(get_robot, tmp_path):
-    robot, path = get_robot("biped20"), tmp_path / "run.mcap"
-    plant = replace(VELOCITY_TELEOP_PLANT, blocks=terrain_blocks("bumps", robot, seed=1))
-    point = [WayPoint(at=0.0, right=(0.0, 0.0, 0.0))]
-    run_teleop(
-        robot,
-        lambda c: ScriptedDevice(point, *c.estimator.anchors),
-        plant,
-        duration=0.05,
-        recording=path,
-    )
-    assert replay_teleop(path).plant.config.blocks == plant.blocks

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 from slow import slow
 
 pytest.importorskip("mcap")
@@ -82,25 +81,6 @@ def test_a_recorded_step_is_made_in_the_size_of_another_robot(
     assert soles[:, 2].max() == pytest.approx(size * UP, abs=0.025)
     # Nobody pushed this robot.
     assert run.teleoperator.device.pushes == []
-
-
-class Sticks:
-    """A device whose sticks are out of their range."""
-
-    def __init__(self, teleoperator):
-        self._sample = teleoperator.resting_sample
-
-    def sample(self, time):
-        return replace(self._sample, time=time, move=(2.0, -3.0), second=(9.0, 0.0), turn=1e3)
-
-
-def test_a_run_whose_device_sends_sticks_out_of_range_is_recorded_and_read(get_robot, tmp_path):
-    robot, path = get_robot("biped20"), tmp_path / "sticks.mcap"
-    lead(robot, Sticks, "velocity", duration=0.05, recording=path)
-    samples = [sample for _, sample in read_recording(path).samples]
-    assert len(samples) == 10
-    # Nobody but a page's server reads sticks: a device's are no part of its recorded samples.
-    assert all(sample.move == (0.0, 0.0) for sample in samples)
 
 
 def test_a_recording_without_samples_drives_nothing(get_robot, tmp_path):

@@ -17,12 +17,13 @@ import asyncio
 import secrets
 import socket
 import threading
+import time as clock
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from http import HTTPStatus
 from importlib.resources import files
-from pathlib import Path
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
@@ -32,14 +33,15 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
+from poise.apps.live._loop import STATUS_PERIOD
 from poise.apps.live._paced import DRIVES, WATCHES, PacedConnection
-from poise.apps.live._seat import Grant, Seat, is_local, is_same_origin
 from poise.apps.report import asset
 from poise.errors import ConfigurationError, PoiseError
 
+if TYPE_CHECKING:
+    from poise.apps.live._session import LiveSession
+
 HOST = "127.0.0.1"
-STATUS_PERIOD = 0.04  # [s]
-_LONGEST = 65536  # message of a page [bytes]
 _FILES = ("page.html", "page.css", "page.js", "body.js", "view.js")
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "json": "text/json"}
 _HEADERS = {
@@ -51,7 +53,6 @@ _HEADERS = {
     "connect-src 'self' ws://127.0.0.1:* ws://localhost:*; base-uri 'none'; form-action 'none'",
     "X-Content-Type-Options": "nosniff",
 }
-_PING = 5.0  # period of the question whether a connection is there, answered in twice that [s]
 _MOST_WATCHERS = 32
 _KEPT_FREE = 8  # more connections for the token: watchers keep nobody from driving
 _FULL = f"There are {_MOST_WATCHERS} who look on already, and no more can: close another page."
@@ -61,39 +62,73 @@ _TOO_LATE = (
     "left."
 )
 
+SILENT_FOR = 5.0  # silence after which an operator keeps nobody else from the seat [s]
+_NO_TOKEN = (
+    "The token in the address is wrong, or of an earlier run: you can watch, not drive. The "
+    "address for driving was printed when this run began."
+)
+_TAKEN = "Somebody else is driving: you can watch. Reload the page when they have left."
+
 Answer = dict[str, Any] | None  # to a message
-_Reply = TypeVar("_Reply")
 
 
 class PortInUseError(PoiseError):
     """Something else listens on the port."""
 
 
-@runtime_checkable
-class Desk(Protocol):
-    """Receiver of the operator's messages, and source of all that pages show."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Grant:
+    """Rights of one connection; no other equals it."""
 
-    def order(self, text: str | bytes) -> Answer | Callable[[], Answer]:
-        """Carry out a message; return the answer, or slow work for it, done in another thread."""
-        ...
+    drives: bool  # it came with the operator's seat
+    reason: str = ""  # why one with a token only watches
 
-    def left(self) -> None:
-        """Note that the operator has gone."""
-        ...
 
-    def status(self) -> dict[str, Any]:
-        """Return what every page shows."""
-        ...
+class Seat:
+    """Lease of the operator; a silent one loses it only when another one with the token comes."""
 
-    def file(self, name: str) -> Path | None:
-        """Return a recording by its name."""
-        ...
+    def __init__(self) -> None:
+        self.token = secrets.token_urlsafe(16)
+        self._holder: Grant | None = None
+        self._heard_at = 0.0
+
+    @property
+    def taken(self) -> bool:
+        """True where there is an operator that was not silent for long."""
+        return self._holder is not None and clock.monotonic() - self._heard_at <= SILENT_FOR
+
+    def enter(self, token: str | None) -> Grant:
+        """Grant a new connection its rights, by its token or None to watch."""
+        if token is None or not self.shows(token):
+            return Grant(False, "" if token is None else _NO_TOKEN)
+        if self.taken:
+            return Grant(False, _TAKEN)
+        self._holder, self._heard_at = Grant(True), clock.monotonic()
+        return self._holder
+
+    def hears(self, grant: Grant) -> bool:
+        """Note a sign of life; return whether the grant is the operator's."""
+        holds = grant is self._holder
+        if holds:
+            self._heard_at = clock.monotonic()
+        return holds
+
+    def shows(self, token: str) -> bool:
+        """Return whether a token is the right one."""
+        return secrets.compare_digest(token.encode(), self.token.encode())
+
+    def leave(self, grant: Grant) -> bool:
+        """End a grant; return whether it was the operator's, whose seat is free then."""
+        held = grant is self._holder
+        if held:
+            self._holder = None
+        return held
 
 
 class Front:
     """Server on 127.0.0.1 with the page and one channel."""
 
-    def __init__(self, desk: Desk, *, port: int, shapes: dict[str, Any]) -> None:
+    def __init__(self, desk: "LiveSession", *, port: int, shapes: dict[str, Any]) -> None:
         self._desk = desk
         self.seat = Seat()
         # A page that comes back knows by it whether it is still the robot that it has drawn.
@@ -140,11 +175,12 @@ class Front:
             sock=self._socket,
             process_request=self._requested,
             compression=None,
-            max_size=_LONGEST,
+            max_size=65536,
+            max_queue=None,
             create_connection=PacedConnection,
             close_timeout=1.0,
-            ping_interval=_PING,
-            ping_timeout=2.0 * _PING,
+            ping_interval=5.0,
+            ping_timeout=10.0,
         ):
             self._ready.set()
             await self._stopped.wait()
@@ -193,8 +229,8 @@ class Front:
             return
         self._open += 1
         grant = self.seat.enter(token)
-        connection.pace = DRIVES if grant.drives else WATCHES
         if grant.drives:
+            connection.pace = DRIVES
             # An operator who was silent does not drive any more.
             self._desk.left()
         telling = asyncio.create_task(self._tell(connection, grant))
@@ -224,7 +260,7 @@ class Front:
         drives = grant.drives
         async for text in connection:
             if self.seat.hears(grant):
-                reply = _obey(lambda said=text: self._desk.order(said))
+                reply = _obey(self._desk.order, text)
             else:
                 if drives:
                     drives, connection.pace = False, WATCHES
@@ -237,7 +273,7 @@ class Front:
             elif reply is not None:
                 await connection.send(_json(reply))
 
-    async def _carry_out(self, connection: ServerConnection, work: Callable[[], Answer]) -> None:
+    async def _carry_out(self, connection: ServerConnection, work: Callable[..., Any]) -> None:
         answer = await asyncio.to_thread(_obey, work)
         if answer is not None:
             with suppress(ConnectionClosed):
@@ -252,9 +288,26 @@ class Front:
         return self._told
 
 
-def _obey(work: Callable[[], _Reply]) -> _Reply | dict[str, Any]:
+def is_local(host: str | None) -> bool:
+    """Return whether a Host header names this machine, not a foreign name that resolves to it."""
     try:
-        return work()
+        return host is not None and urlsplit(f"//{host}").hostname in (
+            "127.0.0.1",
+            "localhost",
+            "::1",
+        )
+    except ValueError:
+        return False
+
+
+def is_same_origin(origin: str | None, host: str | None) -> bool:
+    """Accept connections of this server's own page, and those of no page."""
+    return origin is None or (is_local(host) and origin == f"http://{host}")
+
+
+def _obey(work: Callable[..., Any], *arguments: Any) -> Any:
+    try:
+        return work(*arguments)
     except PoiseError as error:
         return {"error": str(error)}
 

@@ -10,12 +10,6 @@ from poise.apps.live._inputs import OperatorInputs
 from poise.errors import MissingExtraError, PoiseError
 from poise.locomotion import OperatorSample
 
-_DEAD = 0.15  # a stick nearer to the middle is in the middle
-_FULL = 32768.0  # What an axis says at its end
-_PERIOD = 1.0 / 60.0
-# How the gamepad shakes: its two motors, from 0 to 1, and how long [ms]
-_STRONG, _WEAK, _SHAKE = 0.8, 0.4, 80
-
 
 class NoGamepadError(PoiseError):
     """There is no gamepad on this machine."""
@@ -24,9 +18,9 @@ class NoGamepadError(PoiseError):
 def sample_from(pressed: Callable[[str], bool], axis: Callable[[str], float]) -> OperatorSample:
     """Return the sample of buttons and axes by SDL's names; `page.js` has the same layout."""
 
-    def stick(name: str) -> float:
+    def stick(name: str, dead: float = 0.15) -> float:
         value = axis(name)
-        return -max(-1.0, min(1.0, value)) if abs(value) > _DEAD else 0.0
+        return -max(-1.0, min(1.0, value)) if abs(value) > dead else 0.0
 
     up = float(pressed("DPAD_UP") - pressed("DPAD_DOWN"))
     left = float(pressed("DPAD_LEFT") - pressed("DPAD_RIGHT"))
@@ -89,7 +83,7 @@ class HostGamepad:
             self._thread.join()
 
     def _run(self, landings: Callable[[], int]) -> None:
-        while not self._stop.wait(_PERIOD):
+        while not self._stop.wait(1.0 / 60.0):
             self.poll()
             self.shake(landings())
 
@@ -107,14 +101,15 @@ class HostGamepad:
         if pad is not None:
             sample = sample_from(
                 lambda name: bool(pad.get_button(getattr(sdl, f"CONTROLLER_BUTTON_{name}"))),
-                lambda name: pad.get_axis(getattr(sdl, f"CONTROLLER_AXIS_{name}")) / _FULL,
+                lambda name: pad.get_axis(getattr(sdl, f"CONTROLLER_AXIS_{name}")) / 2**15,
             )
             self._inputs.take(sample)
 
     def shake(self, landings: int) -> None:
         """Shake the gamepad, if it can, where the number of landings has grown."""
         if landings > self._landings and self._pad is not None:
-            self._pad.rumble(_STRONG, _WEAK, _SHAKE)
+            # Its two motors, from 0 to 1, and how long [ms].
+            self._pad.rumble(0.8, 0.4, 80)
         self._landings = landings
 
     def _first(self) -> Any:

@@ -20,7 +20,6 @@ class StageTimes(NamedTuple):
     commanded: float  # the robot had the command that follows from it [s]
 
 
-_STAGES = 10_000  # messages whose times are kept: half an hour at the page's rate in single ticks
 _REST = OperatorSample()
 # Buttons and sticks of a sample
 _LEVERS = ("lift", "grip", "move", "second", "turn", "velocity", "bend", "reach", "neutral")
@@ -41,15 +40,13 @@ class OperatorInputs:
         self._came, self._stale = False, set[Lever]()
         self._newest: _Message | None = None
         # No more than are read of a connection in one look.
-        self._unread: deque[_Message] = deque(maxlen=int(DRIVES.burst))
-        self.stages: deque[StageTimes] = deque(maxlen=_STAGES)
+        self._unread: deque[_Message] = deque(maxlen=DRIVES.burst)
+        # Five minutes of them at the page's rate.
+        self.stages: deque[StageTimes] = deque(maxlen=10_000)
         self._sampled: tuple[float, float, float] | None = None
 
     def take(self, sample: OperatorSample) -> dict[str, float | bool]:
-        """Take a state of keys, sticks, handles and trackers.
-
-        Returns why it does not count [s], or `again` where a lever has to be let go first.
-        """
+        """Take a sample; return why it does not count [s], or `again`: release the levers first."""
         with self._lock:
             now, stamp = clock.monotonic(), sample.time
             lost = self._clock.is_lost(now)

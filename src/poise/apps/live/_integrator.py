@@ -38,12 +38,10 @@ _STICK_LEAD = 0.06
 # Distance to which a handle leads from the robot's foot [m]: further than a leg reaches, and
 # near enough to be back within a second at `_SPEED`
 _HANDLE_LEAD = 0.4
-_HAND_SPEED = 0.15  # Speed of a hand that keys lead [m/s]
 # Rates of height [m/s], and of torso and feet [rad/s], with their key held
 _RAISED, _TURNED = 0.06, 0.4
 _SHARE = 0.85  # part of its limits that a stick commands: feedback needs the rest
 _AT_REST = 0.05  # A stick that is no further over commands nothing: none rests at exactly zero
-_RISE = 0.04  # Rise of the COM by legs that straighten, over its height
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
@@ -60,7 +58,8 @@ class BodyLimits(NamedTuple):
         estimator = teleoperator.estimator
         left, right = estimator.anchors
         height = float(estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
-        reach = (-teleoperator.parameters.stoop_max * height, _RISE * height)
+        # Legs that straighten raise the COM by 4%.
+        reach = (-teleoperator.parameters.stoop_max * height, 0.04 * height)
         turns = teleoperator.actuation != "velocity"
         return cls(reach, TORSO_MOST, FOOT_TURNS) if turns else cls(reach)
 
@@ -100,8 +99,10 @@ class Integrator:
             rest=raw.rest,
         )
 
-    def _hand(self, hand: int, raw: OperatorSample, *, came: bool) -> TrackedPose | None:
-        """One tick of a hand, which a closed clutch leads, or keys do."""
+    def _hand(
+        self, hand: int, raw: OperatorSample, *, came: bool, speed: float = 0.15
+    ) -> TrackedPose | None:
+        """One tick of a hand, which a closed clutch leads, or keys do, at a speed [m/s]."""
         seen, way = raw.hands[hand], self._ways[hand]
         if not raw.grip[hand] or (seen is not None and seen.clutch):
             self._ways[hand] = None
@@ -109,7 +110,7 @@ class Integrator:
         if way is None:
             self._ways[hand] = _ORIGIN
             return TrackedPose(_ORIGIN, clutch=False)
-        step = self._dt * _HAND_SPEED
+        step = self._dt * speed
         (x, y, z), (forward, left, up) = way, _deflections(raw.reach)
         self._ways[hand] = way = (x + step * forward, y + step * left, z + step * up)
         return TrackedPose(way, clutch=True)

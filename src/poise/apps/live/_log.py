@@ -12,15 +12,11 @@ from poise.sim import AnyController, LeadFunction, Plant, Recorder, Tick, finish
 from poise.stack import Leader
 
 MOST_BYTES = 1 << 30  # of the files of live runs in a folder: some ten hours
-# Time from one look into the folder to the next [s]; a run writes some 20 kB in a second
-_LOOK_EVERY = 10.0
+_LOOK_EVERY = 10.0  # time from one look into the folder to the next: of some 200 kB [s]
 
 
 class Takes:
-    """The observer that records live runs into numbered files of a folder, from reset to reset.
-
-    A run beyond the quota of the folder, or whose file cannot be written, goes on unrecorded.
-    """
+    """Record live runs, from reset to reset, as far as the disk and the folder's quota allow."""
 
     def __init__(self, folder: Path, kind: str = "take", *, most_bytes: int = MOST_BYTES) -> None:
         self.folder, self._kind, self._most = folder, kind, most_bytes

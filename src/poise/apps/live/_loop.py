@@ -1,12 +1,15 @@
 """`LiveLoop`: a rollout against the clock, in a thread of its own."""
 
 import math
+import re
 import threading
 import time as clock
 from bisect import insort
 from collections import deque
 from collections.abc import Generator
-from typing import Literal
+from dataclasses import dataclass, fields
+from enum import Enum
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float64
@@ -14,24 +17,20 @@ from msgspec import Struct
 
 from poise.apps.live._leads import Lead
 from poise.apps.live._log import Takes
-from poise.apps.live._snapshot import Snapshot
 from poise.apps.teleoperation import RecordedPush
-from poise.locomotion import Mode, along_ahead, signed_margin, soles_outline, yaw_of
+from poise.locomotion import (
+    DeviceStatus,
+    HandStatus,
+    Mode,
+    along_ahead,
+    signed_margin,
+    soles_outline,
+    yaw_of,
+)
 from poise.sim import Plant, Tick, rollout
 
-FRAMES_PER_SECOND = 25.0
+STATUS_PERIOD = 0.04  # of the state that pages get [s]
 SLOW = 0.25  # speed of slow motion
-# Directions of pushes: ahead, left and up of the robot
-_PUSHES = {
-    "left": (0.0, 1.0, 0.0),
-    "right": (0.0, -1.0, 0.0),
-    "forward": (1.0, 0.0, 0.0),
-    "back": (-1.0, 0.0, 0.0),
-}
-_PUSH_SPEED, _PUSH_TIME = 0.08, 0.1  # change of the robot's velocity [m/s], within this time [s]
-_PUSH_EVERY = 0.3  # least robot time from push to push [s]
-_LATE = 0.1  # farther behind the clock the loop gives up catching up [s]
-_FLUSH_EVERY = 0.25  # [s]
 
 
 class Order(Struct, forbid_unknown_fields=True, tag_field="do", tag=str.lower):
@@ -60,13 +59,60 @@ class Reset(Order):
     """Put the robot back to its start, and begin anew."""
 
 
-class LiveLoop:
-    """Real-time loop of a simulated robot.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Snapshot:
+    """One moment of a live run; positions in the drawn world, which is the simulator's."""
 
-    Orders come from any thread and are carried out between ticks. Of each kind only the newest
-    waits, and a push during a push is dropped: however many orders come, they cost the robot no
-    time. An error ends the thread, finishes the recording and stays in `error`.
-    """
+    time: float  # of the robot [s]
+    mode: Mode
+    mode_text: str
+    device: DeviceStatus
+    zmp: Float64[np.ndarray, "2"]  # measured [m]
+    zmp_reference: Float64[np.ndarray, "2"]  # [m]
+    com: Float64[np.ndarray, "3"]  # [m]
+    soles: Float64[np.ndarray, "2 3"]  # left and right [m]
+    handles: Float64[np.ndarray, "2 3"]  # where the operator holds the feet [m]
+    target: Float64[np.ndarray, "3"] | None = None  # of the swing foot [m]
+    polygon: Float64[np.ndarray, "h 2"]  # corners of the support polygon, counter-clockwise [m]
+    margin: float  # of the ZMP to its nearest edge, negative outside [m]
+    loads: Float64[np.ndarray, "2"]  # on the soles [N]
+    landings: int  # of feet that had been in the air; none of a walk
+    tilt: float  # of the torso [rad]
+    heading: float  # of the torso, to the left of the world's x axis [rad]
+    hands: Float64[np.ndarray, "k 3"]  # targets, left and right [m]
+    hands_do: tuple[HandStatus, ...]
+    hand_turns: tuple[Float64[np.ndarray, "9"] | None, ...]  # world_R_hand of targets, by rows
+    gaze: HandStatus | None  # None where nothing can turn it
+    bodies: Float64[np.ndarray, " b"]  # positions of the simulator's bodies [m]
+    turns: Float64[np.ndarray, " t"]  # their quaternions (w, x, y, z)
+    fallen: bool
+    paused: bool
+    speed: float  # commanded robot time over wall-clock time
+    real_time_factor: float  # part of that speed reached in the last second
+    take: str  # name of the recording, or why there is none
+
+    def message(self) -> dict[str, Any]:
+        """Return the members of the status that a page gets."""
+        told = {key: _plain(getattr(self, name)) for name, key in _KEYS.items()}
+        return told | {"deviceText": self.device.value}
+
+
+_KEYS = {f.name: re.sub("_(.)", lambda m: m[1].upper(), f.name) for f in fields(Snapshot)}
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON, rounded to figures that can be seen."""
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, np.ndarray):
+        return value.round(4).tolist()
+    return round(value, 4) if isinstance(value, float) else value
+
+
+class LiveLoop:
+    """Real-time loop of a simulated robot, with orders from any thread between ticks."""
 
     def __init__(self, lead: Lead, takes: Takes) -> None:
         self.lead, self.takes = lead, takes
@@ -79,6 +125,7 @@ class LiveLoop:
         self._pushed_until = 0.0
         self._stop = threading.Event()
         self._paused, self._speed = False, 1.0
+        self._show_at = self._flush_at = 0.0
         self._progress: deque[tuple[float, float]] = deque()
         self._thread = threading.Thread(target=self._run, name="poise live loop", daemon=True)
 
@@ -101,7 +148,7 @@ class LiveLoop:
         return self._thread.is_alive()
 
     def order(self, order: Order) -> None:
-        """Carry out an order after the tick."""
+        """Carry out an order after the tick; of each kind only the newest waits."""
         with self._ordering:
             # The newest is the last one to be carried out, too.
             self._orders.pop(type(order), None)
@@ -113,7 +160,7 @@ class LiveLoop:
         for order in orders.values():
             match order:
                 case PushOrder():
-                    self._push(_PUSHES[order.value])
+                    self._push(order.value)
                 case Pause():
                     self._paused = order.value
                 case Slow():
@@ -148,32 +195,38 @@ class LiveLoop:
             self.error = error
             self._ticks.close()
 
-    def _keep_time(self) -> None:
-        due = show = flush = clock.perf_counter()
+    def _keep_time(self, *, late: float = 0.1) -> None:
+        """Take turns when they are due; farther behind the clock, give up catching up."""
+        due = clock.perf_counter()
         while not self._stop.is_set():
-            self._carry_out()
-            still = self._paused or self.plant.fallen
-            if not still:
-                self._tick()
-            now = clock.perf_counter()
-            if now >= show:
-                self._measure(now)
-                if self.plant.time > 0.0:
-                    self.snapshot = self._picture()
-                show = max(show + 1.0 / FRAMES_PER_SECOND, now)
-            if now >= flush:
-                self.takes.flush()
-                flush = now + _FLUSH_EVERY
-            if still:
-                self._progress.clear()
-                due = clock.perf_counter() + 0.01
-            else:
+            if self.turn(clock.perf_counter()):
                 due += self.plant.control_dt / self._speed
+            else:
+                due = clock.perf_counter() + 0.01
             ahead = due - clock.perf_counter()
             if ahead > 0.0:
                 clock.sleep(ahead)
-            elif ahead < -_LATE:
+            elif ahead < -late:
                 due = clock.perf_counter()
+
+    def turn(self, now: float, *, flush_every: float = 0.25) -> bool:
+        """Carry out orders, run a tick and show it at a time [s]; return False in standstill."""
+        self._carry_out()
+        moves = not (self._paused or self.plant.fallen)
+        if moves:
+            self._tick()
+        else:
+            self._progress.clear()
+        if now >= self._show_at:
+            if moves:
+                self._measure(now)
+            if self.plant.time > 0.0:
+                self.snapshot = self._picture()
+            self._show_at = max(self._show_at + STATUS_PERIOD, now)
+        if now >= self._flush_at:
+            self.takes.flush()
+            self._flush_at = now + flush_every
+        return moves
 
     def _tick(self) -> None:
         begin, tick = clock.monotonic(), next(self._ticks)
@@ -182,15 +235,21 @@ class LiveLoop:
         self.lead.inputs.commanded(begin + spent)
         self.lead.take_in(tick, self.plant)
 
-    def _push(self, direction: tuple[float, float, float]) -> None:
+    def _push(self, way: str, *, speed: float = 0.08, seconds: float = 0.1) -> None:
+        """Change the robot's velocity [m/s] within a time [s], which passes thrice between two."""
         lead, plant = self.lead, self.plant
         if plant.fallen or plant.time < self._pushed_until:
             return
-        self._pushed_until = plant.time + _PUSH_EVERY
-        strength = lead.robot.mass * _PUSH_SPEED / _PUSH_TIME
+        self._pushed_until = plant.time + 3.0 * seconds
+        direction = (
+            float(way == "forward") - float(way == "back"),
+            float(way == "left") - float(way == "right"),
+            0.0,
+        )
+        strength = lead.robot.mass * speed / seconds
         ahead = yaw_of(self._site(lead.robot.pelvis)[1])
         x, y, z = (strength * along_ahead(direction, ahead)).tolist()
-        push = RecordedPush(round(plant.time / plant.control_dt), (x, y, z), _PUSH_TIME)
+        push = RecordedPush(round(plant.time / plant.control_dt), (x, y, z), seconds)
         insort(lead.pushes, push)
         plant.push(lead.robot.torso, push.force, push.duration)
 

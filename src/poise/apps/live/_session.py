@@ -31,8 +31,6 @@ class Keep(Order):
 _ORDERS: msgspec.json.Decoder[OperatorSample | PushOrder | Pause | Slow | Reset | Keep] = (
     msgspec.json.Decoder(OperatorSample | PushOrder | Pause | Slow | Reset | Keep)
 )
-_RARE = 1.0  # least time from reset to reset, and from copy to copy [s]
-_WAIT = {"error": "Not again within a second."}
 
 
 class LiveSession:
@@ -127,7 +125,7 @@ class LiveSession:
         if self.loop.error is not None:
             raise self.loop.error
 
-    # Methods of a `Desk` -------------------------------------------------------------------------
+    # What the page asks for ----------------------------------------------------------------------
 
     def order(self, text: str | bytes) -> Answer | Callable[[], Answer]:
         """Carry out a message of the operator's page."""
@@ -141,7 +139,7 @@ class LiveSession:
                 answer = {"echo": message.time, "forces": self.loop.lead.forces}
                 return answer | (self.inputs.take(message) if self._source == "browser" else {})
             case Reset() | Keep() if not self._is_rare(type(message)):
-                return _WAIT
+                return {"error": "Not again within a second."}
             case Keep():
                 return lambda: {"kept": self.takes.keep().name}
             case _:
@@ -154,7 +152,7 @@ class LiveSession:
     def _is_rare(self, order: type[Order]) -> bool:
         """Return whether an order that writes files was not just given; from now on it was."""
         now = clock.monotonic()
-        rare = now - self._last.get(order, -math.inf) >= _RARE
+        rare = now - self._last.get(order, -math.inf) >= 1.0
         if rare:
             self._last[order] = now
         return rare

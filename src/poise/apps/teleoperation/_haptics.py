@@ -13,6 +13,7 @@ from poise._checks import checked_number
 from poise.dynamics import saturate
 from poise.errors import ConfigurationError
 from poise.locomotion import (
+    SILENT_AFTER,
     FieldError,
     OperatorSample,
     StepTeleoperator,
@@ -108,10 +109,6 @@ def _positive(owner: str, **numbers: float) -> list[float]:
 _UNLOADED, _LIFTED = 0.05, 0.05
 # Part of a landed foot's force that has to be washed out for the foot to count as standing
 _SETTLED = 0.9
-_LEAST = 1e-3  # a force that is nearer than this to where it goes is there [N]
-_ENDED = 0.1  # an arm that nobody ticks for so long leads nothing [s]
-# A clock of the robot that jumps by more than this [s] is followed from where it is then
-_PAUSE = 0.1
 
 
 class _Hand:
@@ -139,7 +136,8 @@ class _Hand:
         holds = reading is not None and reading[1] and heard
         goal = saturate(self._most, self._gain * touch) if holds else np.zeros(3)
         left = (goal - self._force) * self._smoothing / (self._smoothing + self._dt)
-        self._force = goal - left if math.sqrt(float(left @ left)) > _LEAST else goal
+        # Within a millinewton it is there.
+        self._force = goal - left if float(left @ left) > 1e-6 else goal
         try:
             self._arm.write(self._force.copy() if reading is not None else np.zeros(3))
         except Exception as error:
@@ -235,7 +233,7 @@ class HapticDriver:
         None for both without a `tick` for 0.1 s, or for two periods if those are longer.
         """
         read_at, readings = self._read
-        ended = clock.monotonic() - read_at > max(_ENDED, 2.0 * self.dt)
+        ended = clock.monotonic() - read_at > max(SILENT_AFTER, 2.0 * self.dt)
         return (None, None) if ended else readings
 
     def feel(self, forces: Sequence[Sequence[float]], now: float) -> None:
@@ -307,7 +305,8 @@ class HapticFeet:
         """
         driver = self.driver
         driver.feel(foot_forces(self._teleoperator), time)
-        if abs(time - self._begin - self._periods * driver.dt) > _PAUSE:
+        # A clock that jumps is followed from where it is then.
+        if abs(time - self._begin - self._periods * driver.dt) > SILENT_AFTER:
             self._begin, self._periods = time, 0
         while (now := self._begin + self._periods * driver.dt) <= time:
             # Not `driver.readings`: a slow computer would let go of a simulated robot's feet.

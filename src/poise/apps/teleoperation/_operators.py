@@ -13,10 +13,6 @@ from poise._checks import checked_count, checked_kind, checked_number
 from poise.errors import ConfigurationError
 from poise.locomotion import Device, OperatorSample, StepTeleoperator, TrackedPose
 
-_PAUSE = (0.05, 0.75)  # Time from one whim to the next [s]: two and a half a second
-
-_ROUNDING = 1e-9  # Times are sums of decimal fractions [s]
-
 
 class BadOperator:
     """Two devices moved at random, seen from the robot's feet, twice to three times a second.
@@ -47,7 +43,7 @@ class BadOperator:
         if time >= self._next:
             whim = self._whims[int(self._rng.integers(len(self._whims)))]
             whim(int(self._rng.integers(2)))
-            self._next = time + self._draw(*_PAUSE)
+            self._next = time + self._draw(0.05, 0.75)
         for foot, (start, goal, begin, end) in enumerate(self._moves):
             share = 1.0 if time >= end else (time - begin) / (end - begin)
             self._hands[foot] = start + share * (goal - start)
@@ -182,6 +178,7 @@ class PoorLink:
             arrives = time + self._latency + late
             insort(self._under_way, (arrives, deepcopy(sent)), key=itemgetter(0))
         newest = None
-        while self._under_way and self._under_way[0][0] <= time + _ROUNDING:
+        # Times are sums of decimal fractions, and rounded.
+        while self._under_way and self._under_way[0][0] <= time + 1e-9:
             newest = self._under_way.pop(0)[1]
         return newest

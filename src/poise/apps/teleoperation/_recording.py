@@ -29,7 +29,6 @@ SAMPLES, PUSHES = "operator", "push"  # Topics of the messages that hold samples
 
 # Keys of a record: a `TeleopSetup` in JSON, or its `dt` alone; length of the run [s]
 _SETUP, _DURATION = "teleoperation", "duration"
-_MOST_TICKS = 10**15
 
 
 class RecordingError(PoiseError):
@@ -294,7 +293,7 @@ def _last_tick(
             tick = decode(content).tick
         except (msgspec.DecodeError, TypeError, ValueError, OverflowError) as error:
             raise RecordingError(f"number {number} of the {what} cannot be read: {error}") from None
-        if not max(last, 0) <= tick < _MOST_TICKS:
+        if not max(last, 0) <= tick < 10**15:
             fault = f"number {number} of the {what} cannot be: its tick goes backwards"
             raise RecordingError(fault, got=tick)
         last = tick

@@ -1,9 +1,9 @@
 """Scripts, way-points that a careful operator would take, and grounds to walk on."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import islice, product
 from typing import Any, Literal
 
 import numpy as np
@@ -20,8 +20,6 @@ from poise.sim import Block
 # swing of scenario 4 begins [s]
 LIFT_EVENT, SWING_START = 0.565, 3.0
 
-_PAPER_ROBOT, _PAPER_STANCE, _PAPER_HEIGHT = "biped20", 0.42, 0.765
-
 
 class HomePose:
     """Sizes of a robot at home [m]; `size` is over the paper's robot."""
@@ -30,16 +28,12 @@ class HomePose:
         dynamics, names = Dynamics(robot), two_soles(robot)
         dynamics.update(RobotState(robot.q_home, np.zeros(robot.nv)))
         self.height = float(dynamics.com[2])
-        self.size = self.height / _PAPER_HEIGHT
+        self.size = self.height / 0.765
         self.soles = np.array([dynamics.frame(robot.frame_id(n)).position[:2] for n in names])
         self.length = max(sole.length for sole in robot.soles.values())
         self.apart = float(self.soles[0, 1] - self.soles[1, 1])
-        self._paper = robot.name == _PAPER_ROBOT
-
-    @property
-    def stance(self) -> float:
-        """The paper's distance of the feet; of other robots, whose ankles roll less, as at home."""
-        return _PAPER_STANCE if self._paper else self.apart
+        # The paper's distance of the feet; of other robots, whose ankles roll less, as at home.
+        self.stance = 0.42 if robot.name == "biped20" else self.apart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,21 +145,6 @@ def _careful_step(
 
 TERRAINS = ("flat", "obstacle", "steps", "bumps", "tiles")
 
-# Heights of the stairs [m]: down by less than up, for a foot is sent no deeper than 5 cm below
-# the other one, and has to press
-_STAIRS = (0.05, 0.08, 0.04)
-_GAP, _TREAD = 0.05, 1.3  # room before the first stair [m]; depth of one over a sole's length
-_WIDTH = 6.0  # of the stairs over the distance of the feet
-
-_BUMPS = 60
-_BUMP_HEIGHT, _BUMP_SIDE = (0.01, 0.02), (0.05, 0.15)  # least and largest [m]
-_FIELD = ((-0.6, 2.4), (-0.8, 0.8))  # of the bumps, forward and sideways [m]
-_CLEAR = 0.02  # room between a sole at the start and the nearest bump [m]
-
-_TILE = 0.15  # side of a tile [m]
-_TILED, _TILED_PART = 3.0, 0.3  # reach of the tiles [m], and how much of that floor they cover
-_CENTRE = 0.35  # no tile's middle is nearer to where the robot starts [m]
-
 
 def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ...]:
     """Make the blocks of a ground, for a robot that stands at the origin as at home.
@@ -190,41 +169,53 @@ def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ..
     if name not in TERRAINS:
         raise UnknownNameError("no such terrain", got=name, choices=TERRAINS)
     home = HomePose(robot)
-    if name in ("bumps", "tiles"):
-        rng = np.random.default_rng(checked_count(seed, f"seed of the {name}"))
-        return _bumps(robot, home, rng) if name == "bumps" else _tiles(home.size, rng)
-    if name != "steps":
-        return over_an_obstacle(robot).blocks if name == "obstacle" else ()
-    size, depth = home.size, _TREAD * home.length
-    front = float(home.soles[:, 0].max()) + 0.5 * home.length + _GAP * size
-    width = _WIDTH * float(np.ptp(home.soles[:, 1]))
-    return tuple(
-        Block(center=(front + (i + 0.5) * depth, 0.0), size=(depth, width, height * size))
-        for i, height in enumerate(_STAIRS)
-    )
+    rng = np.random.default_rng(checked_count(seed, f"seed of the {name}"))
+    match name:
+        case "obstacle":
+            return over_an_obstacle(robot).blocks
+        case "steps":
+            return tuple(_stairs(home))
+        case "bumps":
+            return tuple(islice(_bumps(robot, home, rng), 60))
+        case "tiles":
+            return tuple(_tiles(home.size, rng))
+        case _:
+            return ()
 
 
-def _bumps(robot: Robot, home: HomePose, rng: np.random.Generator) -> tuple[Block, ...]:
+def _stairs(home: HomePose, gap: float = 0.05) -> Iterator[Block]:
+    """Stairs; down by less than up, for a foot is sent no deeper than 5 cm below the other one."""
+    size, depth = home.size, 1.3 * home.length
+    front = float(home.soles[:, 0].max()) + 0.5 * home.length + gap * size
+    width = 6.0 * float(np.ptp(home.soles[:, 1]))
+    for i, height in enumerate((0.05, 0.08, 0.04)):
+        center = front + (i + 0.5) * depth, 0.0
+        yield Block(center=center, size=(depth, width, height * size))
+
+
+def _bumps(
+    robot: Robot, home: HomePose, rng: np.random.Generator, clear: float = 0.02
+) -> Iterator[Block]:
+    """Bumps without end around the start and ahead of it, that far from the soles [m]."""
     size = home.size
     half = 0.5 * np.array([(sole.length, sole.width) for sole in list(robot.soles.values())[:2]])
-    blocks: list[Block] = []
-    while len(blocks) < _BUMPS:
-        x, y = (size * float(rng.uniform(*side)) for side in _FIELD)
-        length, width = (size * rng.uniform(*_BUMP_SIDE, 2)).tolist()
-        height, yaw = size * float(rng.uniform(*_BUMP_HEIGHT)), float(rng.uniform(0.0, np.pi))
+    while True:
+        x, y = (size * float(rng.uniform(*side)) for side in ((-0.6, 2.4), (-0.8, 0.8)))
+        length, width = (size * rng.uniform(0.05, 0.15, 2)).tolist()
+        height, yaw = size * float(rng.uniform(0.01, 0.02)), float(rng.uniform(0.0, np.pi))
         # However it is turned, a bump is within this of its middle.
-        apart = 0.5 * float(np.hypot(length, width)) + _CLEAR * size
+        apart = 0.5 * float(np.hypot(length, width)) + clear * size
         outside = np.maximum(np.abs(np.array([x, y]) - home.soles) - half, 0.0)
         if float(np.linalg.norm(outside, axis=1).min()) > apart:
-            blocks.append(Block(center=(x, y), size=(length, width, height), yaw=yaw))
-    return tuple(blocks)
+            yield Block(center=(x, y), size=(length, width, height), yaw=yaw)
 
 
-def _tiles(size: float, rng: np.random.Generator) -> tuple[Block, ...]:
-    blocks: list[Block] = []
-    for x, y in product(np.arange(-_TILED, _TILED, _TILE).tolist(), repeat=2):
-        height = float(rng.uniform(1e-3, _BUMP_HEIGHT[1]))
-        if rng.random() < _TILED_PART and math.hypot(x, y) >= _CENTRE:
-            sides = (size * _TILE, size * _TILE, size * height)
-            blocks.append(Block(center=(size * x, size * y), size=sides))
-    return tuple(blocks)
+def _tiles(
+    size: float, rng: np.random.Generator, side: float = 0.15, clear: float = 0.35
+) -> Iterator[Block]:
+    """Tiles of a side on part of six metres of floor, their middles that far from the origin."""
+    for x, y in product(np.arange(-3.0, 3.0, side).tolist(), repeat=2):
+        height = float(rng.uniform(1e-3, 0.02))
+        if rng.random() < 0.3 and math.hypot(x, y) >= clear:
+            sides = (size * side, size * side, size * height)
+            yield Block(center=(size * x, size * y), size=sides)
