@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.commands import Bench
 from benchmarks.recording import Progress
 from benchmarks.result import Figure, Result
 from poise.control import CONTROLLERS
@@ -49,8 +50,11 @@ print(json.dumps({"times": times, "wall": wall, "tick": tick, "status": status.v
 
 
 @dataclass(frozen=True, kw_only=True)
-class FirstBench:
-    """Settings of the benchmark; checked when made."""
+class FirstBench(Bench):
+    """Time import and first controller, from an empty cache and in a second process.
+
+    example: python -m benchmarks first --controller osf
+    """
 
     robot: str = "humanoid33"  # name or path of a robot
     controller: str = "whole_body"  # one of `CONTROLLERS`
@@ -63,6 +67,10 @@ class FirstBench:
             )
         if self.runs < 1:
             raise ConfigurationError("nothing to time", got=self.runs, wanted="at least one run")
+
+    def act(self) -> int:
+        """Time and print."""
+        return self.show(bench_first, first_figures, unit=" processes")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.commands import Bench
 from benchmarks.recording import Progress
 from benchmarks.result import Figure, Result
 from poise.apps.live import LiveSession
@@ -32,8 +33,11 @@ _ANSWER, _STALLS = 2.0, 10
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeysBench:
-    """Settings of the benchmark; checked when made."""
+class KeysBench(Bench):
+    """Press a key in a browser without a screen, and time how soon the commanded velocity changes.
+
+    example: python -m benchmarks keys --presses 20
+    """
 
     robot: str = "g1"  # name or path of a humanoid
     presses: int = 40  # of a key that count; each is let go again, which counts, too
@@ -41,6 +45,10 @@ class KeysBench:
     def __post_init__(self) -> None:
         if self.presses < 1:
             raise ConfigurationError("nothing to time", got=self.presses, wanted="presses >= 1")
+
+    def act(self) -> int:
+        """Time and print."""
+        return self.show(bench_keys, keys_figures, unit=" presses")
 
 
 @dataclass(frozen=True, kw_only=True)

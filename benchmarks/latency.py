@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.commands import Bench
 from benchmarks.recording import Progress
 from benchmarks.result import Figure, Result
 from poise.apps.live import LiveSession
@@ -51,8 +52,11 @@ with connect(url, proxy=None, max_queue=None) as socket:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LatencyBench:
-    """Settings of the benchmark; checked when made."""
+class LatencyBench(Bench):
+    """Time an operator's message over the websocket, stage by stage, until the robot's command.
+
+    example: python -m benchmarks latency --actuation torque
+    """
 
     robot: str = "biped20"  # name or path of a biped
     actuation: str = "velocity"  # what is commanded, "velocity" or "torque"
@@ -68,6 +72,10 @@ class LatencyBench:
                 got=(self.messages, self.rate),
                 wanted="at least one message, at up to 1000 Hz",
             )
+
+    def act(self) -> int:
+        """Time and print."""
+        return self.show(bench_latency, latency_figures, unit=" messages")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
+from benchmarks.commands import Bench, Words
 from benchmarks.recording import Progress
 from benchmarks.result import Figure, Result, spread_us
 from poise.apps.scenarios import Run, Scenario, load_scenario, run_scenario, stage_scenario
@@ -43,16 +44,23 @@ PARTS = ("physics", "sensors", *STEP, "recording", "log", "rest")
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunBench:
-    """Settings of the benchmark."""
+class RunBench(Bench):
+    """Time whole scenarios, recorded and logged, by parts of a tick, and the worst tick.
 
-    scenarios: Sequence[str] = ("walk",)  # shipped ones, or files
+    example: python -m benchmarks run --scenarios walk,over_an_obstacle --robot g1 --ticks 50000
+    """
+
+    scenarios: Words = ("walk",)  # shipped ones, or files
     robot: str | None = None  # another robot than the scenarios' own
     ticks: int = 1  # of each scenario, in as many watched runs as that takes
 
     def __post_init__(self) -> None:
         if self.ticks < 1:
             raise ConfigurationError("nothing to time", got=self.ticks, wanted=">= 1 tick")
+
+    def act(self) -> int:
+        """Time and print."""
+        return self.show(bench_run, run_figures, unit="")
 
 
 @dataclass(frozen=True, kw_only=True)

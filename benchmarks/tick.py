@@ -3,16 +3,29 @@
 `peer_figures`: how many times longer the tick of the paper's own code takes.
 """
 
+import os
+import sys
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Annotated, ClassVar
+
+from tyro.conf import arg
 
 from benchmarks.clocked import Subject, batches, in_turn
+from benchmarks.commands import Bench, MaybeWords, read_by, words_of
 from benchmarks.methods import BY_PROGRAMS, DIRECT, Method, parse_method, timed_methods
-from benchmarks.peers.process import PROGRAMS, TORQUE_PEERS, VELOCITY_PEERS, PeerProcess
+from benchmarks.peers.process import (
+    PROGRAMS,
+    TORQUE_PEERS,
+    VELOCITY_PEERS,
+    PeerProcess,
+    how_to_install,
+    peer_variable,
+)
 from benchmarks.recording import STACKS, STANCES, Progress, Recording, check_biped, record_run
-from benchmarks.result import Figure, TickResult, Ticks, time_statistics
+from benchmarks.result import Figure, TickResult, Ticks, format_table, time_statistics
 from poise.control import CONTROLLERS
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.hqp import make_solver
@@ -34,21 +47,51 @@ Guest = Subject | PeerProcess
 """Who is timed a batch at a time: peers, and every `direct` beside them as their reference."""
 
 
+def _read_stacks(text: str) -> tuple[str, ...]:
+    return STACKS if text == "both" else (text,)
+
+
+Stacks = Annotated[tuple[str, ...], read_by(_read_stacks, "S"), arg(name="stack")]
+
+
+def _read_peers(text: str) -> dict[str, Path]:
+    peers: dict[str, Path] = {}
+    for word in words_of(text):
+        name, separator, path = word.partition("=")
+        if not separator or not path:
+            raise ConfigurationError(
+                "a peer needs the Python of its environment, or its program",
+                got=word,
+                wanted="NAME=PATH, such as tsid=peers/tsid/bin/python",
+            )
+        # The program of libdwbc serves both its ways.
+        peers |= dict.fromkeys(PROGRAMS if name == "libdwbc" else (name,), Path(path))
+    return peers
+
+
 @dataclass(frozen=True, kw_only=True)
-class TickBench:
-    """Settings of the benchmark; checked when made."""
+class TickBench(Bench):
+    """Time a controller's tick from state to command, by phase, on a recorded moving run.
+
+    example: python -m benchmarks tick --controller reduced
+    """
+
+    expected: ClassVar[tuple[str, ...]] = ()  # peers that are looked for in the environment
 
     robot: str = "humanoid33"  # name or path of a biped
     contacts: str = "double"  # "double" or "single" support
     controller: str = "whole_body"  # one of `CONTROLLERS`
-    stacks: tuple[str, ...] = STACKS  # "table1", "default", or both
+    # "table1", "default", or both
+    stacks: Stacks = STACKS
     # Names of the controller's methods, its usual ones when None; the whole-body controller's
     # `direct` is timed in any case, as the reference, and beside a method of the reduced controller
     # the whole-body controller's of the same name
-    methods: tuple[str, ...] | None = None
+    methods: MaybeWords = None
     # Python interpreters of other packages' environments, or programs, by name: of `TORQUE_PEERS`,
     # or of `VELOCITY_PEERS` beside a controller that commands velocities
-    peers: Mapping[str, Path] = field(default_factory=dict)
+    peers: Annotated[Mapping[str, Path], read_by(_read_peers, "P=PATH")] = field(
+        default_factory=dict
+    )
     ticks: int = 500  # timed ticks of each method
 
     def __post_init__(self) -> None:
@@ -72,6 +115,56 @@ class TickBench:
                     got=str(path),
                     wanted=f"a path such as {example}",
                 )
+
+    def act(self) -> int:
+        """Time and print, with the peers that the environment names where none are given."""
+        named = {name: os.environ.get(peer_variable(name)) for name in self.expected}
+        found = {name: Path(path) for name, path in named.items() if path}
+        plan = replace(self, peers=self.peers or found)
+        plan.show(bench_tick, self.figures, format_table)
+        missing = (how_to_install(name) for name in self.expected if name not in plan.peers)
+        for words in dict.fromkeys(missing):
+            print(words, file=sys.stderr)
+        return 0
+
+    def figures(self, results: Sequence[TickResult]) -> list[Figure]:
+        """Figures with bounds; none here."""
+        del results
+        return []
+
+
+@dataclass(frozen=True, kw_only=True)
+class PeersBench(TickBench):
+    """Time TSID, placo and libdwbc beside the full and the reduced controller.
+
+    example: python -m benchmarks peers --peers tsid=peers/tsid/bin/python
+    """
+
+    expected: ClassVar[tuple[str, ...]] = TORQUE_PEERS
+    controller: str = "reduced"
+    stacks: Stacks = ("table1",)
+    methods: MaybeWords = ("direct",)
+
+    def figures(self, results: Sequence[TickResult]) -> list[Figure]:
+        """Times of libdwbc over ours, with their bounds."""
+        return peer_figures(results)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VelocityBench(TickBench):
+    """Time mink and pink beside every method of differential inverse kinematics.
+
+    example: python -m benchmarks ik --peers mink=peers/mink/bin/python
+    """
+
+    expected: ClassVar[tuple[str, ...]] = VELOCITY_PEERS
+    robot: str = "g1"
+    controller: str = "differential_ik"
+    methods: MaybeWords = CONTROLLERS["differential_ik"].strategies
+
+    def figures(self, results: Sequence[TickResult]) -> list[Figure]:
+        """Our times over mink's."""
+        return velocity_figures(results)
 
 
 def bench_tick(plan: TickBench, progress: Progress | None = None) -> list[TickResult]:

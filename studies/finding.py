@@ -7,10 +7,9 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any
 
-from benchmarks.drawing import number
 from poise.apps.pages import house_style, inline_svg
 from poise.errors import ConfigurationError, MissingExtraError
 
@@ -91,10 +90,6 @@ def require_matplotlib() -> None:
         raise MissingExtraError("matplotlib", "sim", "a study's figures") from None
 
 
-_IN_FULL = 1e9
-"""A number from 1,000 up to here is written out, with separators; beyond, as a power of ten."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Finding:
     """One number beside what a paper says of it, or a bound."""
@@ -130,12 +125,11 @@ class Finding:
 
 
 def number_text(value: int | float | None) -> str:
-    """A number for readers: whole numbers exactly, others with three or four figures."""
-    if value is None:
+    """A number for readers: whole numbers and large ones to the last digit, others to the third."""
+    if value is None or isnan(value):
         return "–"
-    if isinstance(value, int) or 1e3 <= abs(value) < _IN_FULL:
-        return f"{value:,.0f}".replace("-", "−")
-    return number(value)
+    whole = isinstance(value, int) or 1e3 <= abs(value) < 1e9
+    return (f"{value:,.0f}" if whole else f"{value:.3g}").replace("-", "−")
 
 
 def with_unit(value: int | float | None, unit: str) -> str:

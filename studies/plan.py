@@ -62,6 +62,8 @@ class StudyOptions:
             raise ConfigurationError("a seed cannot be negative", got=self.seed, wanted=">= 0")
         if self.seeds is not None and self.seeds < 1:
             raise ConfigurationError("a case needs a seed", got=self.seeds, wanted=">= 1")
+        if self.processes is not None and self.processes < 1:
+            raise ConfigurationError("nobody makes runs", got=self.processes, wanted=">= 1")
 
     @property
     def first_seed(self) -> int:

@@ -3,20 +3,31 @@
 Results as JSON, and as tables: Markdown, which a terminal shows as well as a page does.
 """
 
+import json
+import sys
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
-from benchmarks.hqp.methods import REFERENCE, checked_methods, is_quick, make_contestant
+from benchmarks.commands import Bench, MaybeWords
+from benchmarks.hqp.methods import (
+    REFERENCE,
+    checked_methods,
+    is_quick,
+    make_contestant,
+    what_is_missing,
+)
 from benchmarks.hqp.problem_set import FAMILIES, ProblemSequence
 from benchmarks.hqp.race import COLD, WARM, Lap, Runner, judge_runners, take_turns
 from benchmarks.recording import Progress
 from benchmarks.result import Result, or_dash, spread_us
-from poise.errors import ConfigurationError
+from poise.cli import Bar
+from poise.errors import ConfigurationError, MissingExtraError, UnknownNameError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,18 +112,37 @@ def _largest(gaps: Float64[np.ndarray, " count"]) -> float | None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HqpBench:
-    """Methods and sequences of a race; checked when made."""
+class HqpBench(Bench):
+    """Race solvers on hierarchical problems of robots, and judge their answers.
 
-    # Of `METHODS`, all usual ones that are installed when None; `direct` is always raced, because
-    # the others are compared with it
-    methods: tuple[str, ...] | None = None
+    example: python -m benchmarks hqp --methods daqp-hierarchical,cascade/osqp --out bench
+    """
+
+    # Such as cascade/osqp, daqp-hard, daqp-hierarchical, direct/solve; all usual ones that are
+    # installed when None. `direct` is always raced: the others are compared with it
+    methods: MaybeWords = None
     cap: float = 1.0  # on a solve [s]; what takes longer counts as not solved
+    problems: str | None = None  # folder of the sequences to race on; new ones are made without
+    # Names of sequences: all of a folder, or some that are quickly made, when None; "all" for every
+    # one that can be made
+    sequences: MaybeWords = None
+    count: int | None = None  # most problems of a sequence; 31 of one that is made when None
+    save: str | None = None  # make all sequences and save them in this folder, race nothing
 
     def __post_init__(self) -> None:
         checked_methods(self.methods)
         if not self.cap > 0.0:
             raise ConfigurationError("not a cap on time", got=self.cap, wanted="cap > 0 [s]")
+        if self.count is not None and self.count < 2:
+            raise ConfigurationError("too few problems", got=self.count, wanted="--count 2 or more")
+
+    def act(self) -> int:
+        """Make and save problems, or race on them."""
+        if self.save is None:
+            _race(self)
+        else:
+            _save(self, Path(self.save))
+        return 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -279,3 +309,77 @@ def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         + " |"
         for line in lines
     )
+
+
+def _save(plan: HqpBench, folder: Path) -> None:
+    from benchmarks.hqp.problem_sources import save_all
+
+    for name in ("problems", "sequences", "methods", "out", "json"):
+        if getattr(plan, name):
+            raise ConfigurationError(
+                "--save makes problems and races nothing", got=f"--{name}", wanted="--count"
+            )
+    folder.mkdir(parents=True, exist_ok=True)
+    with Bar("making problems", "") as bar:
+        paths = save_all(folder, plan.count or 31, bar)
+    print(f"{len(paths)} sequences in {folder}")
+
+
+def _race(plan: HqpBench) -> None:
+    from benchmarks.hqp.figure import write_profile_figure
+
+    folder = plan.folder()
+    sequences = _loaded(plan, Path(plan.problems)) if plan.problems else _made(plan)
+    with Bar("racing", " problems") as bar:
+        race = bench_hqp(sequences, plan, bar)
+    lines = "".join(json.dumps(result.to_json()) + "\n" for result in race.results)
+    print(lines if plan.json else format_hqp_table(race), end="" if plan.json else "\n")
+    if folder is not None:
+        (folder / "hqp.json").write_text(lines, encoding="utf-8")
+        write_profile_figure(race.laps, folder / "hqp.png")
+    if plan.methods is None:
+        for reason in what_is_missing():
+            print(f"left out: {reason}", file=sys.stderr)
+
+
+def _loaded(plan: HqpBench, folder: Path) -> list[Any]:
+    """Sequences of a folder, as many of their problems as are wanted."""
+    from benchmarks.hqp.problem_set import load_folder
+
+    sequences = {one.name: one for one in load_folder(folder)}
+    wanted = _names(plan.sequences, tuple(sequences), tuple(sequences))
+    return [
+        replace(sequences[name], problems=sequences[name].problems[: plan.count]) for name in wanted
+    ]
+
+
+def _made(plan: HqpBench) -> list[Any]:
+    """New sequences; of the usual ones those for which all is installed."""
+    from benchmarks.hqp.problem_sources import USUAL_SEQUENCES, make_sequence, sequence_names
+
+    wanted = _names(plan.sequences, sequence_names(), USUAL_SEQUENCES)
+    made: list[Any] = []
+    with Bar("making problems", " sequences") as bar:
+        for i, name in enumerate(wanted):
+            bar(float(i), float(len(wanted)))
+            try:
+                made.append(make_sequence(name, plan.count or 31))
+            except MissingExtraError as reason:
+                if plan.sequences is not None:
+                    raise
+                print(f"left out {name}: {reason}", file=sys.stderr)
+    return made
+
+
+def _names(
+    names: tuple[str, ...] | None, choices: tuple[str, ...], usual: tuple[str, ...]
+) -> tuple[str, ...]:
+    if names is None:
+        return usual
+    names = choices if names == ("all",) else names
+    for name in names:
+        if name not in choices:
+            raise UnknownNameError(
+                "unknown sequence of problems", got=name, choices=(*choices, "all")
+            )
+    return tuple(dict.fromkeys(names))

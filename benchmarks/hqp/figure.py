@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from benchmarks.drawing import INK, line_style, picture, plain_number
 from benchmarks.hqp.methods import REFERENCE
 from benchmarks.hqp.race import COLD, WARM, Lap
+from poise.apps.pages import house_style
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,18 +82,21 @@ def write_profile_figure(laps: Sequence[Lap], path: Path) -> Path:
     its right end how many it solves at all.
     """
     starts = [start for start in (COLD, WARM) if any(lap.start == start for lap in laps)]
-    methods = list(dict.fromkeys(lap.method for lap in laps))
-    with picture(path, 9.0, 4.4, 110) as figure:
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure: Any = Figure(figsize=(9.0, 4.4), layout="constrained")
         panels = figure.subplots(1, len(starts), squeeze=False, sharey=True)[0]
         for ax, start in zip(panels, starts, strict=True):
             profiles = profiles_of(laps, start)
-            _draw(ax, profiles, methods)
+            _draw(ax, profiles)
             count = sum(len(lap.seconds) for lap in laps if _is_reference(lap, start))
             ax.set_title(f"{_TITLES[start]}: {count} solves")
             ax.set_xlabel("time by that of the quickest right answer")
         panels[0].set_ylabel("solved within that factor [%]")
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=3.2)
+        figure.savefig(path, facecolor="white", dpi=110)
     return path
 
 
@@ -101,19 +104,18 @@ def _is_reference(lap: Lap, start: str) -> bool:
     return lap.start == start and lap.method == REFERENCE
 
 
-def _draw(ax: Any, profiles: Sequence[Profile], methods: Sequence[str]) -> None:
+def _draw(ax: Any, profiles: Sequence[Profile]) -> None:
     slowest = max((float(one.factors[-1]) for one in profiles if len(one.factors)), default=2.0)
     end = min(max(2.0 * slowest, 4.0), LARGEST_FACTOR)
     for one in profiles:
         # From the first step on; a method that is never right lies on the axis.
         x = [1.0, *one.factors[one.factors <= end].tolist(), end]
         y = [one.at(factor) for factor in x]
-        style = line_style(methods.index(one.method))
-        if one.method == REFERENCE:
-            style = {"color": INK, "linewidth": 2.6, "zorder": 3}
+        own = one.method == REFERENCE
+        style = {"color": "black", "linestyle": "-", "linewidth": 2.6, "zorder": 3} if own else {}
         percent = [100.0 * share for share in y]
         ax.plot(x, percent, drawstyle="steps-post", label=one.method, **style)
     ax.set_xscale("log", base=2)
-    ax.xaxis.set_major_formatter(plain_number)
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.set_xlim(1.0, end)
     ax.set_ylim(-2.0, 102.0)

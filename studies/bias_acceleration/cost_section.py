@@ -6,7 +6,6 @@ from functools import partial
 from math import floor
 from typing import Any
 
-from benchmarks.drawing import PALETTE
 from studies.bias_acceleration import cost_model as cost
 from studies.bias_acceleration.cost_model import FIGURE_2, QUOTED, SWEEPS, Formula, Size, plain
 from studies.finding import Figure, Finding, Section, Table, draw, number_text, one_legend
@@ -169,15 +168,15 @@ def _claims() -> list[Finding]:
 Curve = tuple[str, Formula, str]
 """Label, cost and colour of a curve."""
 
-_ORIGINAL: Curve = ("original bias acceleration", cost.bias_original, PALETTE[1])
+_ORIGINAL: Curve = ("original bias acceleration", cost.bias_original, "C1")
 _FIGURES: dict[str, tuple[str, tuple[Curve, Curve]]] = {
     "figure-1": (
         "Figure 1: the original bias acceleration within the formulation",
-        (("whole OSF with the original formula", cost.osf_original, PALETTE[0]), _ORIGINAL),
+        (("whole OSF with the original formula", cost.osf_original, "C0"), _ORIGINAL),
     ),
     "figure-3": (
         "Figure 3: the bias acceleration by the original and by the proposed formula",
-        (_ORIGINAL, ("proposed bias acceleration", cost.bias_proposed, PALETTE[2])),
+        (_ORIGINAL, ("proposed bias acceleration", cost.bias_proposed, "C2")),
     ),
 }
 

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from benchmarks.drawing import PALETTE, plain_number
 from benchmarks.result import TickResult
 from benchmarks.tick import TickBench, bench_tick
 from studies.finding import Figure, Finding, Section, Table, draw
@@ -122,15 +121,15 @@ def _figure(rows: Rows, joints: tuple[int, ...]) -> Figure:
     def paint(canvas: Any) -> None:
         panels = canvas.subplots(1, len(STANCES), sharey=True)
         for panel, stance in zip(panels, STANCES, strict=True):
-            for solver, colour in zip(_SOLVERS, PALETTE, strict=False):
+            for i, solver in enumerate(_SOLVERS):
                 shares = [100.0 * _ratio(rows, stance, n, solver) for n in joints]
-                panel.semilogy(joints, shares, "--", color=colour, label=solver)
+                panel.semilogy(joints, shares, "--", color=f"C{i}", label=solver)
             if stance == "double":
                 quoted = [100.0 * own / full for full, own in _PAPER.values()]
                 panel.plot(list(_PAPER), quoted, "k.", label="paper")
-            panel.yaxis.set_major_formatter(plain_number)
+            panel.yaxis.set_major_formatter("{x:g}")
             panel.yaxis.set_minor_formatter(lambda _value, _position: "")
-            panel.axhline(100.0, color="#52606D", linewidth=0.8)
+            panel.axhline(100.0, color="dimgrey", linewidth=0.8)
             panel.set_title(f"{stance} support", fontweight="normal")
             panel.set_xlabel("joints")
         panels[0].set_ylabel("proposed to conventional [%]")

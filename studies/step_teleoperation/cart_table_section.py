@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.drawing import PALETTE
 from poise.locomotion import ComShifter
 from studies.finding import Figure, Finding, Section, Table, draw
 from studies.plan import Progress, StudyOptions
@@ -135,12 +134,12 @@ def _settling(zmp: np.ndarray) -> float:
 def _figure(responses: list[Response]) -> Figure:
     def paint(canvas: Any) -> None:
         left, right = canvas.subplots(1, 2)
-        for (kd, zmp, com), colour in zip(responses, PALETTE, strict=False):
+        for kd, zmp, com in responses:
             time = _DT * np.arange(len(zmp))
-            left.plot(time, zmp, color=colour, label=f"k_d = {kd:.2f} /s")
-            right.plot(time, com, color=colour)
+            left.plot(time, zmp, label=f"k_d = {kd:.2f} /s")
+            right.plot(time, com)
         for panel, name in ((left, "ZMP [m]"), (right, "COM [m]")):
-            panel.axhline(_STEP, color="#52606D", linestyle="--", linewidth=0.8)
+            panel.axhline(_STEP, color="dimgrey", linestyle="--", linewidth=0.8)
             panel.set_xlabel("time [s]")
             panel.set_ylabel(name)
         left.legend(loc="lower right")

@@ -8,7 +8,6 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float64
 
-from benchmarks.drawing import COM, EVENT, REFERENCE, ZMP
 from poise.apps.teleoperation import SCRIPTS, Script, TeleopRun
 from poise.locomotion import Mode, PreviewControl, StepTeleoperator
 from poise.robots import Robot, catalog, load_robot
@@ -48,19 +47,19 @@ def _figure(
             log = run.log
             rows = (log.time >= span[0]) & (log.time <= span[1])
             for values, colour, style, label in (
-                (log.zmp, ZMP, "-", "ZMP"),
-                (log.com, COM, "-", "COM"),
-                (log.zmp_reference, REFERENCE, "--", "ZMP reference"),
+                (log.zmp, "C1", "-", "ZMP"),
+                (log.com, "C0", "-", "COM"),
+                (log.zmp_reference, "dimgrey", "--", "ZMP reference"),
             ):
                 panel.plot(
                     log.time[rows], values[rows, axis], color=colour, linestyle=style, label=label
                 )
             for i in np.flatnonzero(np.diff(log.mode)) + 1:
                 if rows[i]:
-                    panel.axvline(log.time[i], color=EVENT, linewidth=0.7)
+                    panel.axvline(log.time[i], color="grey", linewidth=0.7)
                     panel.annotate(
                         tuple(Mode)[log.mode[i]].name, (log.time[i], 1.01), fontsize=7,
-                        color=EVENT, xycoords=panel.get_xaxis_transform(),
+                        color="grey", xycoords=panel.get_xaxis_transform(),
                     )  # fmt: skip
             panel.set_title(words, fontweight="normal", pad=14)
             panel.set_xlabel("time [s]")

@@ -29,19 +29,3 @@ def test_a_state_is_timed_and_its_figures_have_bounds(capsys):
     assert gain["ok"] is (gain["ours"] >= gain["bound"] == 1.8)
     assert dear["ours"] == result["batch_over_single"]
     assert gain["ours"] == result["threads"]
-
-
-def test_the_table_says_what_holds(capsys):
-    assert main(["batch", "--robot", "humanoid20", "--ticks", "40"]) == 0
-    printed = capsys.readouterr().out
-    assert "40 states of humanoid20, default" in printed
-    assert "(1.2)" in printed
-    assert "(1.8)" in printed
-
-
-@pytest.mark.parametrize(
-    ("more", "words"), [(["--stack", "both"], "table1"), (["--ticks", "0"], "states")]
-)
-def test_what_cannot_be_timed_is_refused(more, words, capsys):
-    assert main(["batch", *more]) == 2
-    assert words in capsys.readouterr().err

@@ -44,20 +44,3 @@ def test_the_empty_cache_and_the_second_process_have_bounds(processes, capsys):
         (25.0, empty["controller_s"], True),
         (0.8, second["both_s"], True),
     ]
-
-
-def test_all_processes_but_the_first_share_one_cache_that_was_empty(processes, capsys):
-    assert main(["first", "--robot", "g1"]) == 0
-    out = capsys.readouterr().out
-    assert "whole_body on g1" in out
-    assert "ok    second: import and first controller" in out
-    caches = {environment.get("NUMBA_CACHE_DIR") for _, environment in processes}
-    assert len(caches) == 2
-    assert None in caches
-    assert {tuple(words) for words, _ in processes[1:]} == {("g1", "whole_body")}
-
-
-def test_a_process_that_fails_is_said_in_one_line(capsys):
-    assert main(["first", "--robot", "nobody"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "unknown robot" in line

@@ -10,8 +10,6 @@ pytest.importorskip("websockets")
 pytest.importorskip("playwright")
 
 from benchmarks.__main__ import main
-from benchmarks.keys import KeysBench, bench_keys
-from poise.errors import ConfigurationError, PoiseError
 
 
 @pytest.mark.slow
@@ -27,11 +25,3 @@ def test_presses_and_releases_are_timed(capsys):
     spans = [ms for line in times for ms in (line["p50_ms"], line["p99_ms"])]
     assert [figure["ours"] for figure in figures] == spans
     assert all(figure["ok"] is (figure["ours"] <= 50.0) for figure in figures)
-
-
-def test_nothing_to_time_is_refused(monkeypatch):
-    with pytest.raises(ConfigurationError, match="nothing to time"):
-        KeysBench(presses=0)
-    monkeypatch.setattr("benchmarks.keys._BROWSERS", ("no-such-browser",))
-    with pytest.raises(PoiseError, match="no-such-browser"):
-        bench_keys(KeysBench(robot="humanoid33", presses=1))

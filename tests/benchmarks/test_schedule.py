@@ -36,9 +36,3 @@ def test_quick_methods_do_every_tick_in_turn_and_slow_ones_some_or_skip_it():
     # Each comes first as often as the other.
     first = [who for (who, i), (_, k) in pairwise(log) if who in "ab" and i == k]
     assert abs(first.count("a") - first.count("b")) <= 1
-
-
-def test_the_first_tick_of_a_batch_and_the_first_batch_do_not_count():
-    turns = Turns(ticks=25, batch=10, slow=2)
-    assert turns.quick_counted().tolist() == [*range(11, 20), *range(21, 25)]
-    assert turns.slow_counted().tolist() == [11, 12, 21, 22]

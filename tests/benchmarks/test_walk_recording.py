@@ -6,10 +6,6 @@ import sys
 
 import pytest
 
-from benchmarks.walk_recording import WALK_STACKS, walk_stack
-from poise.errors import UnknownNameError
-from poise.robots import load_robot
-
 REPLAY = """
 import json
 import numpy as np
@@ -54,17 +50,3 @@ def test_a_walk_is_led_again_bit_by_bit_and_both_controllers_agree_on_it():
     assert found["torque"] < 1e-6
     assert found["com"] < 5e-3
     assert found["hand"] < 5e-3
-
-
-@pytest.mark.parametrize("kind", WALK_STACKS)
-def test_stacks_of_a_walk_have_a_task_for_each_foot_and_hand(kind):
-    robot = load_robot("humanoid33")
-    stack = walk_stack(robot, kind)
-    names = [task.name for _, task in stack.tasks()]
-    assert {"com", "pelvis", *robot.soles, *robot.hands} <= set(names)
-    assert len(set(names)) == len(names)
-
-
-def test_an_unknown_stack_is_refused():
-    with pytest.raises(UnknownNameError, match="table1"):
-        walk_stack(load_robot("humanoid33"), "table2")

@@ -38,15 +38,6 @@ def trial(monkeypatch, tmp_path):
     return install
 
 
-def test_help_names_the_studies_and_has_an_example(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["--help"])
-    assert stop.value.code == 0
-    out = capsys.readouterr().out
-    assert "example: python -m studies bias-acceleration" in out
-    assert "which study: bias-acceleration" in out
-
-
 def test_files_lie_beside_one_another_and_the_findings_are_printed(trial, tmp_path, capsys):
     trial(one=section(OK))
     assert main(["trial"]) == 0
@@ -69,14 +60,6 @@ def test_json_prints_one_finding_a_line_and_nothing_else(trial, tmp_path, capsys
     assert list(rows[0]) == ["name", "paper", "ours", "unit", "ok", "note"]
 
 
-def test_a_finding_that_fails_gives_status_one(trial, capsys):
-    trial(one=section(OK, BAD))
-    assert main(["trial"]) == 1
-    out = capsys.readouterr().out
-    assert "1 of 2 findings failed" in out
-    assert "  FAIL  of ours: 1.5\n" in out
-
-
 def test_parts_that_are_named_are_the_study(trial, capsys):
     trial(one=section(OK), two=broken, three=section(OK))
     assert main(["trial", "--part", "three", "--part", "one"]) == 0
@@ -96,39 +79,6 @@ def test_seeds_are_as_many_as_asked_for(trial, capsys):
         assert f"seeds: {seeds}\n" in capsys.readouterr().out
     assert main(["trial", "--seeds", "0"]) == 2
     assert "got 0; wanted >= 1" in capsys.readouterr().err
-
-
-def test_a_part_that_fails_gives_status_one_and_is_named_in_one_line(trial, tmp_path, capsys):
-    trial(one=section(OK), two=broken, three=section(OK))
-    assert main(["trial", "--out", "o"]) == 1
-    out, err = capsys.readouterr()
-    assert err == "Part two: failed: ZeroDivisionError: by zero\n"
-    assert "1 part has no result" in out
-    rows = json.loads((tmp_path / "o" / "study.json").read_text())
-    assert [row["ok"] for row in rows] == [True, True, False]
-
-
-def test_ctrl_c_leaves_what_is_done(trial, tmp_path, capsys):
-    def interrupted(options, progress):
-        raise KeyboardInterrupt
-
-    trial(one=section(OK), two=interrupted)
-    assert main(["trial", "--out", "o"]) == 1
-    assert capsys.readouterr().err == "studies: interrupted\n"
-    assert "of the paper" in (tmp_path / "o" / "study.json").read_text()
-
-
-def test_quick_and_seed_reach_the_parts(trial, capsys):
-    seen = []
-
-    def look(options, progress):
-        seen.append((options.quick, options.seed))
-        return Section()
-
-    trial(one=look)
-    assert main(["trial", "--quick", "--seed", "7"]) == 0
-    assert main(["trial"]) == 0
-    assert seen == [(True, 7), (False, 0)]
 
 
 def untouched(options, progress):
@@ -158,13 +108,3 @@ def test_bad_input_is_one_line_and_status_two_and_nothing_is_computed(
     assert err.startswith("studies: ")
     assert err.count("\n") == 1
     assert all(word in err for word in words)
-
-
-@pytest.mark.parametrize(
-    "arguments", [[], ["trial", "--seed", "-1"], ["trial", "--seed", "1.5"], ["a", "b"]], ids=str
-)
-def test_a_command_line_that_cannot_be_read_gives_status_two(trial, capsys, arguments):
-    with pytest.raises(SystemExit) as stop:
-        main([*arguments])
-    assert stop.value.code == 2
-    assert "Traceback" not in capsys.readouterr().err

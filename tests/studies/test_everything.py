@@ -7,12 +7,7 @@ from poise.locomotion import StepTeleoperator
 
 pytest.importorskip("mujoco")
 
-from studies.torque_teleoperation.everything import (
-    DESCRIBED,
-    EverythingOperator,
-    Trial,
-    run_trial,
-)
+from studies.torque_teleoperation.everything import EverythingOperator
 
 SECONDS = 30.0
 
@@ -53,19 +48,3 @@ def test_all_of_it_is_led_and_no_faster_than_it_says(heard):
     feet = np.array([[s.place(0), s.place(1)] for _, s in samples])
     assert (np.ptp(feet[np.isfinite(feet).all(axis=(1, 2))], axis=0) > 0.02).all()
     assert any(s is None for _, s in heard)
-
-
-def test_a_seed_decides_all_of_it(get_robot, heard):
-    again, other = said(get_robot, 4), said(get_robot, 5)
-    assert [s and s.body for _, s in heard] == [s and s.body for _, s in again]
-    assert [s and s.velocity for _, s in heard] == [s and s.velocity for _, s in again]
-    assert [s and s.body for _, s in heard] != [s and s.body for _, s in other]
-
-
-def test_a_robot_stands_it_for_a_while():
-    trial = Trial(robot="biped20", condition=DESCRIBED, seed=3, seconds=3.0)
-    outcome = run_trial(trial)
-    assert not outcome.fell
-    assert outcome.seconds == pytest.approx(3.0, abs=0.01)
-    # It bends the torso besides, which the bad operator does not.
-    assert outcome.tilt > 0.02

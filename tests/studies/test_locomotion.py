@@ -55,16 +55,6 @@ def test_one_bad_seed_of_a_robot_fails_that_finding_alone(monkeypatch, change, n
     assert count == 17
 
 
-def test_a_fall_on_a_slippery_floor_is_the_controllers_and_one_with_bad_cells_is_not(monkeypatch):
-    names, _ = failed(
-        monkeypatch,
-        estimation_section,
-        GOOD,
-        lambda t: {"fell": t.friction < 1.0 or t.cells == "zero"},
-    )
-    assert names == ["cells: zero: falls in 2 trials"]
-
-
 def test_a_fault_that_does_not_exist_is_refused(get_robot):
     with pytest.raises(UnknownNameError, match="stuck"):
         cell_fault(get_robot("g1"), "cracked", 0)

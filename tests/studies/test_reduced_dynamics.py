@@ -1,23 +1,20 @@
 """The study of reduced dynamics: its measures against oracles, its parts on a standstill."""
 
-import json
-import subprocess
-import sys
 from importlib import import_module
 
 import numpy as np
 import pytest
+from tick_results import tick_result
 
 from benchmarks.clocked import Turns, take_turns
 from benchmarks.methods import timed_methods
-from benchmarks.result import PHASES, TickResult
 from benchmarks.walk_recording import WalkRecording, WalkSubject
 from poise.dynamics import RobotState
 from poise.locomotion import Stride, plan_footsteps
 from poise.locomotion._walking._step_planner import StepPlanner
 from poise.robots import load_robot
 from studies.plan import StudyOptions
-from studies.reduced_dynamics import PLAN, walk_run
+from studies.reduced_dynamics import walk_run
 from studies.reduced_dynamics.difference_section import difference_section
 from studies.reduced_dynamics.sizes_section import sizes_section
 from studies.reduced_dynamics.timing_section import timing_section
@@ -25,15 +22,6 @@ from studies.reduced_dynamics.timing_section import timing_section
 for package in ("matplotlib", "mujoco", "osqp"):
     pytest.importorskip(package)
 
-TRACKING = """
-import json
-from studies.reduced_dynamics.tracking_section import _DIRECT, _findings, _stand
-from poise.robots import load_robot
-robot = load_robot("humanoid33")
-curves = {("double support", name): _stand(robot, *method, 60, lambda share: None)
-          for name, method in _DIRECT.items()}
-print(json.dumps([[f.ours, f.ok] for f in _findings(curves)]))
-"""
 OPTIONS = StudyOptions(quick=True)
 DT = 0.02
 
@@ -86,10 +74,6 @@ def installed(run):
     holder[:] = before
 
 
-def test_both_stances_occur(run):
-    assert set(np.unique(run.recording.feet)) == {1, 2}
-
-
 @pytest.mark.parametrize("section", [timing_section, sizes_section, difference_section])
 def test_a_part_says_its_findings_and_comes_to_its_end(installed, section):
     seen = []
@@ -111,40 +95,6 @@ def test_full_and_reduced_are_one_wherever_no_limit_of_the_hanging_chain_is_acti
         assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()
 
 
-def test_the_sizes_are_those_of_the_paper(installed):
-    findings = sizes_section(OPTIONS, lambda done, total: None).findings
-    assert [f.paper for f in findings] == [51, 36, 21, 45, 24, 27]
-    assert [f.name for f in findings if not f.ok] == []
-
-
-def tick_result(joints, controller, solver, contacts, time):
-    return TickResult(
-        robot=f"humanoid{joints}",
-        joints=joints,
-        controller=controller,
-        solver=solver,
-        stack="table1",
-        contacts=contacts,
-        schedule="tick",
-        variables=joints + 18,
-        rows=90,
-        p50_us=time,
-        p99_us=1.2 * time,
-        max_us=2.0 * time,
-        cpu_min_us=time,
-        cpu_p10_us=time,
-        cpu_p50_us=time,
-        cpu_p99_us=time,
-        phases_us=dict.fromkeys(PHASES, 0.25 * time),
-        ticks=40,
-        residual_max=1e-12,
-        ratio_to_direct=1.0,
-        ratio_to_whole=None,
-        relaxed_ticks=0,
-        missed_ticks=0,
-    )
-
-
 TIMES = {
     ("double", 20): (200.0, 210.0, 5000.0, 3700.0),
     ("double", 45): (250.0, 140.0, 9000.0, 3000.0),
@@ -159,7 +109,14 @@ def test_figure_5_compares_with_the_numbers_of_the_paper(monkeypatch):
         joints = int(plan.robot.removeprefix("humanoid"))
         times = iter(TIMES[plan.contacts, joints])
         return [
-            tick_result(joints, controller, solver, plan.contacts, next(times))
+            tick_result(
+                robot=plan.robot,
+                joints=joints,
+                controller=controller,
+                solver=solver,
+                contacts=plan.contacts,
+                p50_us=next(times),
+            )
             for solver in plan.methods
             for controller in ("whole_body", "reduced")
         ]
@@ -179,19 +136,3 @@ def test_figure_5_compares_with_the_numbers_of_the_paper(monkeypatch):
     assert sum(f.ok for f in section.findings) == 5
     assert [f.name for f in section.figures] == ["figure-5"]
     assert len(section.tables[0].rows) == 16
-
-
-@pytest.mark.slow
-def test_both_methods_track_alike_in_the_loop():
-    # Without the shape checks of the tests, which take five times as long.
-    done = subprocess.run(
-        [sys.executable, "-c", TRACKING], capture_output=True, text=True, check=True
-    )
-    com, hand = json.loads(done.stdout)
-    assert com == [pytest.approx(1.0, abs=0.1), True]
-    assert hand == [pytest.approx(1.0, abs=0.1), True]
-
-
-def test_parts_have_names_of_their_own():
-    names = [part.name for part in PLAN.parts]
-    assert len(set(names)) == len(names)

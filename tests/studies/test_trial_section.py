@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from studies import trial_section as module
 from studies.plan import StudyOptions
-from studies.trial_section import Bound, Case, TrialSection, counted, part, worst
+from studies.trial_section import Bound, Case, TrialSection, worst
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,6 @@ def section(monkeypatch, *cases):
     return made(StudyOptions(), lambda done, total: None), ran
 
 
-def test_counts_have_wilsons_interval():
-    assert counted(19, 20) == "19 of 20 (76 to 99%)"
-    assert counted(0, 36) == "0 of 36 (0 to 10%)"
-
-
 def test_each_case_has_its_findings_and_its_row_and_shared_trials_run_once(monkeypatch):
     even, odd = Case(name="even", trials=[0, 2]), Case(name="odd", trials=[1, 3, 2])
     found, ran = section(monkeypatch, even, odd)
@@ -53,16 +48,6 @@ def test_each_case_has_its_findings_and_its_row_and_shared_trials_run_once(monke
     ]
     assert [row[0] for row in found.tables[0].rows] == ["even", "odd"]
     assert [row[-1] for row in found.tables[0].rows] == [2.0, 3.0]
-
-
-def test_a_share_may_fail_and_where_nothing_is_asked_there_is_no_finding(monkeypatch):
-    trials = range(20)
-    some = Case(name="half", trials=trials, allowed=part(0.5))
-    fewer = Case(name="less", trials=trials, allowed=part(0.45))
-    free = Case(name="free", trials=trials, allowed=None)
-    found, _ = section(monkeypatch, some, fewer, free)
-    assert [f.ok for f in found.findings] == [True, False]
-    assert len(found.tables[0].rows) == 3
 
 
 def test_bounds_are_findings_of_their_own_and_failures_are_what_a_case_says(monkeypatch):

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from poise.errors import PoiseError
-from studies import trial_section as module
 from studies.plan import StudyOptions
 from studies.trial_section import run_each
 
@@ -75,27 +74,9 @@ def test_a_record_that_was_not_finished_is_computed_again_and_later_ones_stay(tr
 
 
 @pytest.mark.slow
-def test_another_code_takes_no_results_of_the_former_and_leaves_them(trials, tmp_path, monkeypatch):
-    run(trials[:1], tmp_path / "out")
-    monkeypatch.setattr(module, "_code", lambda: "other")
-    run(trials[:1], tmp_path / "out")
-    assert ran(tmp_path, 0) == 2
-    assert len(list((tmp_path / "out" / "trials").iterdir())) == 2
-
-
-@pytest.mark.slow
 def test_what_was_done_before_a_trial_without_outcome_is_kept(trials, tmp_path):
     run(trials[:1], tmp_path / "out")
     with pytest.raises(PoiseError, match="no square of 1"):
         run(trials[1:], tmp_path / "out", function=refuse)
     run(trials[:1], tmp_path / "out")
     assert ran(tmp_path, 0) == 1
-
-
-@pytest.mark.slow
-def test_without_a_folder_nothing_is_kept(trials, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for _ in range(2):
-        run_each(square, Outcome, trials[:1], lambda done, total: None, workers=1)
-    assert ran(tmp_path, 0) == 2
-    assert not (tmp_path / "trials").exists()

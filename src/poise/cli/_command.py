@@ -1,6 +1,5 @@
 """Command lines: read, carried out, and refused in one line without a traceback."""
 
-import argparse
 import io
 import json
 import os
@@ -50,18 +49,23 @@ class Output(Figures):
     out: Annotated[str | None, tyro.conf.arg(metavar="DIR")] = None
 
 
-def run_command(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> int:
-    """Parse a command line and carry it out.
+def run_command(program: str, kind: Any, words: Sequence[str]) -> int:
+    """Make a dataclass of options from a command line and carry it out.
 
     Args:
-        parser: sets `act`, a function of the options that returns the exit status.
-        arguments: the command line without the program's name; the process's own when None.
+        program: the command as a user types it, such as `python -m benchmarks tick`.
+        kind: the dataclass; its docstring is the help, its method `act` returns the exit status.
+        words: the command line without the program.
 
     Returns:
         The exit status; bad input gives one line on stderr and no traceback.
     """
-    options = parser.parse_args(arguments)
-    return carry_out(parser.prog.split()[-1], lambda: options.act(options))
+
+    def act() -> int:
+        options = parse(kind, program, words)
+        return OK if options is None else options.act()
+
+    return carry_out(program.removeprefix("python -m ").split()[0], act)
 
 
 def carry_out(program: str, act: Callable[[], int]) -> int:

@@ -4,7 +4,6 @@ import os
 import time
 from collections import Counter
 from contextlib import contextmanager
-from importlib.metadata import PackageNotFoundError
 
 import episodes
 import pytest
@@ -16,7 +15,7 @@ pytest.importorskip("distributed")
 import dask
 import distributed
 
-from poise.apps.campaigns import DaskWorkers, SlurmWorkers, WorkerLostError, _cluster
+from poise.apps.campaigns import DaskWorkers, SlurmWorkers
 from poise.apps.campaigns._episode import run_episode
 from poise.errors import ConfigurationError, PoiseError
 
@@ -48,90 +47,15 @@ def workers(cluster):
         yield workers
 
 
-@pytest.fixture
-def doomed_workers():
-    """Of a cluster of their own: it may have lost one for good when the test ends."""
-    with a_cluster() as cluster, DaskWorkers(cluster.scheduler_address) as workers:
-        yield workers
-
-
-@pytest.mark.slow
-def test_one_that_ends_every_worker_is_a_result(doomed_workers):
-    jobs = episodes.jobs(5, after=KNOWN)
-    found = {job.number: row for job, row in doomed_workers.each(episodes.ending_third, jobs)}
-    assert sorted(found) == [0, 1, 2, 3, 4]
-    lost = {n: str(row) for n, row in found.items() if isinstance(row, WorkerLostError)}
-    assert lost == {3: "it ended 2 workers"}
-
-
-def test_an_error_of_the_function_is_raised_here(workers):
-    with pytest.raises(PoiseError, match="not this one; got 0"):
-        list(workers.each(episodes.refusing, episodes.jobs(1)))
-    with pytest.raises(PoiseError, match="a worker failed: .*IndexError"):
-        list(workers.each(episodes.failing, episodes.jobs(1)))
-
-
-def test_machines_are_warmed_once_each(workers, tmp_path):
-    notes = tmp_path / "notes"
-    workers.warm(episodes.noted, episodes.jobs(1, notes=str(notes))[0])
-    assert len(notes.read_text().splitlines()) == 1
-
-
 def test_a_worker_of_another_version_is_refused(workers):
     with pytest.raises(PoiseError, match=r"a worker on .* another version .*'0.1.0\+.*wanted x"):
         list(workers.each(run_episode, episodes.jobs(1)))
 
 
-@pytest.mark.slow
-def test_a_scheduler_that_goes_away_is_said(monkeypatch):
-    monkeypatch.setattr(_cluster, "_PATIENCE", 2.0)
-    cluster = distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
-    )
-    with DaskWorkers(cluster.scheduler_address) as workers:
-        found = workers.each(episodes.slow, episodes.jobs(50))
-        next(found)
-        cluster.close()
-        with pytest.raises(PoiseError, match="the scheduler is not there any more"):
-            list(found)
-
-
-def test_a_cluster_without_workers_is_said(monkeypatch):
-    monkeypatch.setattr(_cluster, "_WITHOUT_WORKER", 0.5)
-    with distributed.LocalCluster(
-        n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0"
-    ) as cluster:
-        with (
-            pytest.raises(PoiseError, match="the cluster has no worker; got 'tcp://"),
-            DaskWorkers(cluster.scheduler_address),
-        ):
-            pass
-        monkeypatch.setattr(DaskWorkers, "_check_poise", lambda _: None)
-        monkeypatch.setattr(distributed.Client, "wait_for_workers", lambda *_, **__: None)
-        with (
-            DaskWorkers(cluster.scheduler_address) as workers,
-            pytest.raises(PoiseError, match="no worker any more"),
-        ):
-            list(workers.each(abs, [-1]))
-
-
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "udp://x:1", ""])
-def test_a_scheduler_that_is_not_there_is_said(monkeypatch, address):
-    monkeypatch.setattr(_cluster, "_PATIENCE", 0.3)
-    with pytest.raises(ConfigurationError, match="no scheduler there"), DaskWorkers(address):
-        pass
-
-
-def test_a_worker_without_poise_is_refused(cluster, monkeypatch):
-    def nowhere(name):
-        raise PackageNotFoundError(name)
-
-    assert _cluster.version()  # Kept, so that it is not asked for again here.
-    monkeypatch.setattr(_cluster.metadata, "version", nowhere)
-    with (
-        pytest.raises(PoiseError, match="worker tcp://.* has no Poise"),
-        DaskWorkers(cluster.scheduler_address),
-    ):
+def test_a_scheduler_that_is_not_there_is_said(address):
+    workers = DaskWorkers(address, patience=0.3)
+    with pytest.raises(ConfigurationError, match="no scheduler there"), workers:
         pass
 
 

@@ -2,9 +2,6 @@
 
 import os
 import signal
-import subprocess
-import sys
-import time
 from collections import Counter
 from dataclasses import replace
 
@@ -29,8 +26,8 @@ from poise.apps.campaigns import (
     version,
 )
 from poise.apps.campaigns._episode import run_episode, warm_up
-from poise.apps.scenarios import run_scenario, stage_scenario
-from poise.errors import ConfigurationError, PoiseError
+from poise.apps.scenarios import run_scenario
+from poise.errors import PoiseError
 
 STACK = {"contacts": [{"surface": {"frame": "left_sole"}}]}
 CONTENT = {"campaign": {}, "scenario": {}}
@@ -132,18 +129,6 @@ def test_what_becomes_of_an_episode_is_its_outcome(monkeypatch):
     assert "'nobody'" in refused["reason"]
 
 
-def test_an_episode_that_crashes_the_simulator_is_a_result(monkeypatch):
-    def crash(*_, **__):
-        raise MemoryError("mj_stackAlloc: out of\nmemory")
-
-    monkeypatch.setattr(_episode, "run_scenario", crash)
-    row = outcome_of()
-    assert (row["outcome"], row["reason"]) == (
-        "error",
-        "MemoryError: mj_stackAlloc: out of memory",
-    )
-
-
 def test_a_worker_of_another_version_is_refused():
     job = episodes.jobs(1)[0]
     with pytest.raises(PoiseError, match=r"another version of Poise; got '0.1.0.*wanted x"):
@@ -160,37 +145,6 @@ def test_a_scenario_that_does_not_fit_its_robot_is_found_before_the_first_episod
         warm_up([([replace(misfit, version="x")], True)])
 
 
-def test_what_is_compiled_for_is_the_first_job_of_a_kind_that_fits(monkeypatch):
-    tried = []
-
-    def stage(scenario):
-        tried.append(scenario.seed)
-        if scenario.seed < 2:
-            raise ConfigurationError("it does not fit")
-        return stage_scenario(scenario)
-
-    monkeypatch.setattr(_episode, "stage_scenario", stage)
-    jobs = [replace(job, version=version()) for job in episodes.jobs(5)]
-    warm_up([(jobs, False)])
-    assert tried == [0, 1, 2]
-
-
-def test_jobs_far_from_each_other_are_tried_and_a_kind_with_a_row_is_begun(tmp_path):
-    asked = []
-
-    def prepare(kinds):
-        asked.append([([job.number for job in jobs], begun) for jobs, begun in kinds])
-        return False
-
-    folder, jobs = CampaignFolder(tmp_path), episodes.jobs(20)
-    for count in (17, 20):
-        with folder.claimed(CONTENT):
-            Runner(ThisProcess(), folder, function=episodes.quick, prepare=prepare).run(
-                jobs[:count]
-            )
-    assert asked == [[([0, 3, 6, 9, 12, 15], False)], [([17, 18, 19], True)]]
-
-
 def test_what_is_recorded_is_not_run_again_and_rows_come_in_order(run, tmp_path):
     notes = tmp_path / "notes"
     jobs = episodes.jobs(6, notes=str(notes))
@@ -202,16 +156,6 @@ def test_what_is_recorded_is_not_run_again_and_rows_come_in_order(run, tmp_path)
     assert ran == dict.fromkeys("012345", 1)
 
 
-def test_rows_of_a_longer_campaign_are_no_progress_of_a_shorter_one(campaign, tmp_path):
-    told = []
-    campaign.write_text(CAMPAIGN.replace("episodes: 6", "episodes: 3"))
-    run_campaign(campaign, tmp_path / "out", ThisProcess())
-    campaign.write_text(CAMPAIGN.replace("episodes: 6", "episodes: 2"))
-    rows = run_campaign(campaign, tmp_path / "out", Nobody(), lambda *at: told.append(at))
-    assert told == [(2.0, 2.0)]
-    assert [row["number"] for row in rows] == [0, 1]
-
-
 def test_an_episode_that_ctrl_c_ends_is_no_result(campaign, tmp_path, monkeypatch):
     def interrupted(*_, **__):
         os.kill(os.getpid(), signal.SIGINT)
@@ -221,40 +165,3 @@ def test_an_episode_that_ctrl_c_ends_is_no_result(campaign, tmp_path, monkeypatc
     with pytest.raises(KeyboardInterrupt):
         run_campaign(campaign, tmp_path / "out", ThisProcess())
     assert CampaignFolder(tmp_path / "out").rows == {}
-
-
-def test_a_worker_that_dies_every_time_gives_a_row(run, tmp_path):
-    rows = run(CampaignFolder(tmp_path), episodes.jobs(5), episodes.ending_third)
-    assert [row["outcome"] for row in rows] == ["ok", "ok", "ok", "crashed", "ok"]
-    assert rows[3]["reason"] == "its process ended by SIGSEGV"
-
-
-KILLED = """
-import sys
-from pathlib import Path
-sys.path.insert(0, sys.argv[2])
-import episodes
-from poise.apps.campaigns import CampaignFolder, LocalWorkers, Runner
-if __name__ == "__main__":
-    folder = CampaignFolder(Path(sys.argv[1]))
-    with folder.claimed({"campaign": {}, "scenario": {}}), LocalWorkers(2) as workers:
-        runner = Runner(workers, folder, function=episodes.slow, prepare=None)
-        runner.run(episodes.jobs(20))
-"""
-
-
-def test_a_killed_parent_loses_nothing_that_was_recorded(run, tmp_path):
-    (tmp_path / "parent.py").write_text(KILLED)
-    here = os.path.dirname(episodes.__file__)
-    with subprocess.Popen([sys.executable, "parent.py", "c", here], cwd=tmp_path) as parent:
-        deadline = time.monotonic() + 60.0
-        while len(CampaignFolder(tmp_path / "c").rows) < 5:
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
-        parent.send_signal(signal.SIGKILL)
-    folder = CampaignFolder(tmp_path / "c")
-    before = dict(folder.rows)
-    assert 5 <= len(before) < 20
-    rows = run(folder, episodes.jobs(20), episodes.quick)
-    assert [row["number"] for row in rows] == list(range(20))
-    assert all(folder.rows[number] == row for number, row in before.items())

@@ -1,6 +1,5 @@
 """Tuning: better than it began, the same again with its seed, interrupted or not."""
 
-import dataclasses
 import sys
 
 import episodes
@@ -19,7 +18,7 @@ from poise.apps.campaigns import (
     best_trial,
 )
 from poise.apps.campaigns._tune import cost, tune
-from poise.errors import MissingExtraError, PoiseError
+from poise.errors import MissingExtraError
 
 CAMPAIGN = {
     "name": "valley",
@@ -113,41 +112,6 @@ def test_an_interrupted_tuning_goes_on_as_if_it_had_not_been(tmp_path):
             tuned(tmp_path / "b", stop_after=stop, trials=9)
     _, again = tuned(tmp_path / "b", trials=9)
     assert values(again) == values(whole)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("unplotted")
-def test_a_tuning_may_be_made_longer(tmp_path):
-    _, whole = tuned(tmp_path / "a", trials=7)
-    tuned(tmp_path / "b", trials=4)
-    _, longer = tuned(tmp_path / "b", trials=7)
-    assert values(longer) == values(whole)
-
-
-def test_what_failed_counts_as_the_campaign_says():
-    plan = dataclasses.replace(
-        Design(CAMPAIGN, episodes.TINY, "valley.yaml").campaign.tune, failure=7.0
-    )
-    good = {"outcome": "ok", "com_error_max_m": 1.0}
-    assert cost([good, good | {"outcome": "failed"}], plan) == 1.0
-    for outcome in ("fell", "diverged", "error", "refused", "crashed"):
-        assert cost([good, good | {"outcome": outcome}], plan) == 4.0
-    assert cost([good | {"com_error_max_m": None}], plan) == 7.0
-
-
-def test_a_start_may_be_at_a_bound_or_any_choice():
-    start = {"plant.mass_scale": 10, "plant.floor_slope": [0.1, 0.0]}
-    content = CAMPAIGN | {"tune": CAMPAIGN["tune"] | {"start": start}}
-    assert Design(content, episodes.TINY, "valley.yaml").campaign.tune.start == start
-
-
-def test_a_damaged_storage_is_said(tmp_path):
-    (tmp_path / "tuning.sqlite").write_bytes(b"this was a database" * 100)
-    with pytest.raises(PoiseError, match=r"storage failed .*not a database.*tuning\.sqlite"):
-        tuned(tmp_path)
-    design = Design(CAMPAIGN, episodes.TINY, "valley.yaml")
-    with pytest.raises(PoiseError, match=r"storage failed .*not a database.*tuning\.sqlite"):
-        best_trial(design.campaign, design.campaign.tune, tmp_path)
 
 
 def test_without_optuna_the_command_that_installs_it_is_said(tmp_path, monkeypatch):

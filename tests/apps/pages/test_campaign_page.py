@@ -28,20 +28,6 @@ def test_falls_are_counted_by_each_value_among_the_episodes_that_ran(tmp_path):
     assert "75% [30%, 95%]" in page
 
 
-def test_many_numbers_are_grouped_so_that_each_group_has_as_many(tmp_path):
-    page = written(tmp_path, [row(i, "ok", force=float(i)) for i in range(40)])
-    assert re.findall(r'"ends">(.*?)</div>', page) == ["0 of 10"] * 4
-    assert "force 0 to 9.75" in page
-
-
-def test_quantiles_are_of_results_alone(tmp_path):
-    rows = [{**row(i, "ok", force=i), "force": i, "seed": i, "sway": 0.1 * i} for i in range(101)]
-    page = written(tmp_path, rows)
-    figures = page[page.index('id="figures"') : page.index('id="wrong"')]
-    cells = re.findall(r"<td[^>]*>(.*?)</td>", figures)
-    assert cells == ["sway", "101", "0.5", "2.5", "5", "7.5", "9.5"]
-
-
 def test_episodes_that_went_wrong_have_number_values_and_reason_and_no_markup(tmp_path):
     rows = [row(0, "ok", x=1), {**row(7, "error", x=2), "reason": "<b> & no more"}]
     page = written(tmp_path, rows)

@@ -1,12 +1,9 @@
 """Templates: text escaped, nothing forgotten, files whole or not there."""
 
-import sys
-
 import jinja2
 import pytest
 
-from poise.apps.pages import _render, render_page, replace_file
-from poise.errors import MissingExtraError
+from poise.apps.pages import render_page, replace_file
 
 BASE = '{% extends "base.html.j2" %}{% block main %}'
 
@@ -27,13 +24,6 @@ def test_a_template_of_ones_own_extends_the_kits_frame_and_text_is_escaped(tmp_p
 def test_a_name_without_a_value_is_an_error(tmp_path):
     with pytest.raises(jinja2.UndefinedError, match="words"):
         page_of(tmp_path, "{{ words }}")
-
-
-def test_without_jinja_the_error_names_the_extra(monkeypatch):
-    _render._environment.cache_clear()
-    monkeypatch.setitem(sys.modules, "jinja2", None)
-    with pytest.raises(MissingExtraError, match=r"poise\[sim\]"):
-        render_page("report.html.j2")
 
 
 def test_a_file_that_cannot_be_written_leaves_the_former_one(tmp_path):

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from poise.apps.report import (
     Check,
@@ -28,23 +29,9 @@ def rectangle(x, y, length=0.24, width=0.12):
 
 
 def joint_names(n):
-    legs = [f"{s}_{j}" for s in ("left", "right") for j in LEG]
-    arms = [f"{s}_{j}" for s in ("left", "right") for j in ARM]
-    named = [*legs, "waist_yaw", "waist_pitch", "waist_roll", *arms, "head_yaw", "head_pitch"]
-    return tuple([*named, *(f"extra_{i}" for i in range(n))][:n])
-
-
-LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
-ARM = (
-    "shoulder_pitch",
-    "shoulder_roll",
-    "shoulder_yaw",
-    "elbow",
-    "forearm_yaw",
-    "wrist_pitch",
-    "wrist_roll",
-    "hand_yaw",
-)
+    parts = ("hip_yaw", "hip_pitch", "knee", "ankle", "shoulder", "elbow", "wrist")
+    named = [f"{side}_{part}" for part in parts for side in ("left", "right")]
+    return tuple([*named, "waist_yaw", "head_yaw", *(f"extra_{i}" for i in range(n))][:n])
 
 
 def foot_places(time):
@@ -65,85 +52,34 @@ def foot_places(time):
 
 
 def support_phases(time, feet):
-    left_on, right_on = feet["left"][1], feet["right"][1]
-    code = left_on.astype(int) + 2 * right_on.astype(int)
+    code = feet["left"][1].astype(int) + 2 * feet["right"][1].astype(int)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(code)) + 1, [len(code)]])
     phases = []
     for a, b in pairwise(edges):
         on = [feet[s][0][a] for s, bit in (("left", 1), ("right", 2)) if code[a] & bit]
-        corners = np.concatenate([rectangle(p[0], p[1]) for p in on]) if on else np.zeros((0, 2))
-        end = time[b] if b < len(time) else time[-1]
+        corners = np.concatenate([rectangle(p[0], p[1]) for p in on])
         phases.append(
             SupportPhase(
                 start=float(time[a]),
-                end=float(end),
-                vertices=hull(corners),
+                end=float(time[min(b, len(time) - 1)]),
+                vertices=corners[ConvexHull(corners).vertices],
             )
         )
     return tuple(phases)
 
 
-def hull(points):
-    if len(points) < 3:
-        return points
-    from scipy.spatial import ConvexHull
-
-    return points[ConvexHull(points).vertices]
-
-
-def replay_of(time, com, feet, forces, mesh=None):
-    """A simple figure of boxes and capsules that walks with the feet and the COM."""
+def replay_of(time, com, feet, forces):
+    """A pelvis, a trunk and two feet, all boxes, that walk with the feet and the COM."""
     frames = np.unique(
         np.linspace(0, len(time) - 1, max(1, round((time[-1] - time[0]) * 30) + 1)).astype(int)
     )
-    t = time[frames]
-    names = ["pelvis", "torso", "head"]
-    places = [com[frames], com[frames] + [0, 0, 0.35], com[frames] + [0, 0, 0.72]]
-    geometries = [
-        Geometry(body=0, shape="box", size=(0.09, 0.14, 0.08), rgba=(0.25, 0.3, 0.36, 1)),
-        Geometry(body=1, shape="box", size=(0.1, 0.17, 0.22), rgba=(0.86, 0.88, 0.9, 1)),
-        Geometry(body=2, shape="ellipsoid", size=(0.09, 0.08, 0.12), rgba=(0.25, 0.3, 0.36, 1)),
-    ]
-    turns = [np.tile([0.0, 0, 0, 1], (len(t), 1)) for _ in names]
-    for side, y in (("left", 0.1), ("right", -0.1)):
-        foot = feet[side][0][frames]
-        hip = com[frames] + [0, y - 0.0, -0.06]
-        knee = 0.5 * (foot + hip) + [0.06, 0, 0.03]
-        elements = [(hip, knee, 0.062), (knee, foot + np.array([0, 0, 0.08]), 0.05)]
-        shoulder = com[frames] + [0, 1.9 * y, 0.5]
-        swing = 0.25 * np.sin(np.pi * t / STEP + (0 if side == "left" else np.pi))
-        elbow = shoulder + np.stack([swing - 0.05, 0.4 * y + 0 * t, -0.28 + 0 * t], axis=1)
-        hand = elbow + np.stack([swing + 0.12, 0 * t, -0.22 + 0 * t], axis=1)
-        elements += [(shoulder, elbow, 0.045), (elbow, hand, 0.038)]
-        for a, b, radius in elements:
-            body = len(names)
-            names.append(f"{side}_{body}")
-            places.append(0.5 * (a + b))
-            turns.append(aligned(b - a))
-            half = 0.5 * float(np.linalg.norm(b - a, axis=1).mean())
-            geometries.append(
-                Geometry(body=body, shape="capsule", size=(radius, half - 0.3 * radius))
-            )
-            geometries.append(
-                Geometry(
-                    body=body,
-                    shape="sphere",
-                    size=(1.18 * radius,),
-                    position=np.array([0, 0, half]),
-                    rgba=(0.25, 0.3, 0.36, 1),
-                )
-            )
-        body = len(names)
-        names.append(f"{side}_foot")
-        places.append(foot + np.array([0, 0, 0.03]))
-        turns.append(np.tile([0.0, 0, 0, 1], (len(t), 1)))
-        geometries.append(
-            Geometry(body=body, shape="box", size=(0.12, 0.055, 0.03), rgba=(0.3, 0.3, 0.3, 1))
-        )
-    if mesh is not None:
-        geometries.append(
-            Geometry(body=1, shape="mesh", vertices=mesh[0], faces=mesh[1], rgba=(0.9, 0.5, 0.2, 1))
-        )
+    t, up = time[frames], np.array([0.0, 0.0, 0.35])
+    places = [com[frames], com[frames] + up, *(feet[s][0][frames] for s in feet)]
+    sizes = [(0.09, 0.14, 0.08), (0.1, 0.17, 0.22), *[(0.12, 0.055, 0.03)] * 2]
+    boxes = (
+        Geometry(body=body, shape="box", size=size, rgba=(0.2 * body, 0.5, 0.7, 1))
+        for body, size in enumerate(sizes)
+    )
     push = np.zeros((len(t), 3))
     push[(t > 2.0) & (t < 2.15)] = [0, -120, 0]
     tracks = [
@@ -160,37 +96,14 @@ def replay_of(time, com, feet, forces, mesh=None):
     return Replay(
         time=t,
         position=np.stack(places, axis=1),
-        quaternion=np.stack(turns, axis=1),
-        geometries=tuple(geometries),
+        quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (len(t), len(places), 1)),
+        geometries=tuple(boxes),
         forces=tuple(tracks),
         markers={"left hand target": target},
     )
 
 
-def ball_mesh(rings=24, radius=0.5):
-    """A ball of triangles."""
-    polar, around = np.meshgrid(
-        np.linspace(0.01, np.pi - 0.01, rings), np.linspace(0, 2 * np.pi, rings), indexing="ij"
-    )
-    sine = np.sin(polar)
-    places = [sine * np.cos(around), sine * np.sin(around), np.cos(polar)]
-    vertices = radius * np.stack(places, axis=-1).reshape(-1, 3)
-    first = (np.arange(rings - 1)[:, None] * rings + np.arange(rings - 1)).ravel()
-    lower = np.stack([first, first + rings, first + 1], axis=1)
-    upper = np.stack([first + 1, first + rings, first + rings + 1], axis=1)
-    return vertices, np.concatenate([lower, upper])
-
-
-def aligned(v):
-    """Quaternion (x, y, z, w) that turns z to each direction."""
-    d = v / np.linalg.norm(v, axis=1, keepdims=True)
-    q = np.stack([-d[:, 1], d[:, 0], 0 * d[:, 0], 1 + d[:, 2]], axis=1)
-    flipped = np.linalg.norm(q, axis=1) < 1e-6
-    q[flipped] = [1.0, 0, 0, 0]
-    return q / np.linalg.norm(q, axis=1, keepdims=True)
-
-
-def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, mesh=None, **changes):
+def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, **changes):
     """A robot that walks forward, is pushed at 2 s and reaches with its left hand from 3 s."""
     rng = np.random.default_rng(seed)
     time = np.arange(round(duration * rate)) / rate
@@ -227,29 +140,16 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, mesh=None, **cha
     reached = np.abs(0.35 * np.exp(-np.maximum(time - 3.0, 0) / 0.3) * (time >= 3.0))
     hand_error = np.where(time < 3.0, np.nan, reached + 0.002)
     com_error = reference - com
-    tasks = (
-        TaskTrack(
-            name="com",
-            level=0,
-            unit="m",
-            error=np.linalg.norm(com_error, axis=1),
-        ),
-        TaskTrack(
-            name="swing foot",
-            level=0,
-            unit="m",
-            error=0.004 + 0.003 * np.abs(np.sin(np.pi * time / STEP)),
-        ),
-        TaskTrack(
-            name="pelvis orientation", level=0, unit="rad", error=0.01 + 0.08 * kick + 0 * time
-        ),
-        TaskTrack(name="left hand", level=1, unit="m", error=hand_error),
-        TaskTrack(
-            name="posture",
-            level=2,
-            unit="rad",
-            error=0.4 + 0.1 * np.sin(time),
-        ),
+    errors = {
+        ("com", 0, "m"): np.linalg.norm(com_error, axis=1),
+        ("swing foot", 0, "m"): 0.004 + 0.003 * np.abs(np.sin(np.pi * time / STEP)),
+        ("pelvis orientation", 0, "rad"): 0.01 + 0.08 * kick,
+        ("left hand", 1, "m"): hand_error,
+        ("posture", 2, "rad"): 0.4 + 0.1 * np.sin(time),
+    }
+    tasks = tuple(
+        TaskTrack(name=name, level=level, unit=unit, error=error)
+        for (name, level, unit), error in errors.items()
     )
     tick = {
         "dynamics": 60 + 4 * rng.gamma(2.0, 1.0, ticks),
@@ -311,7 +211,7 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, mesh=None, **cha
             "tick_us": {"p50": 241.0, "p99": 288.0, "max": 770.0},
             "real_time_factor": 2.7,
         },
-        "replay": replay_of(time, com, feet, forces, mesh),
+        "replay": replay_of(time, com, feet, forces),
         "notes": ("No video: this machine has no OpenGL. Install libegl1 or libosmesa6.",),
     }
     fields |= changes

@@ -6,7 +6,7 @@ import subprocess
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
-from synthetic_run import ball_mesh, walking_record
+from synthetic_run import walking_record
 
 from poise.apps.report import Check, write_report
 
@@ -155,13 +155,3 @@ def test_without_webgl_a_sentence_stands_in_and_the_time_still_moves(tmp_path):
     assert seen["sorry"]
     assert seen["movedText"].startswith("3.10 s")
     assert seen["movedCursors"] != seen["startCursors"]
-
-
-@pytest.mark.slow
-def test_one_frame_is_enough_and_a_mesh_is_drawn_in_its_colour(tmp_path):
-    seen = visit(walking_record(duration=0.004, mesh=ball_mesh()), tmp_path)
-    assert seen["errors"] == []
-    assert seen["colours"] > 50
-    # The mesh is orange and so large that it fills the middle of the picture.
-    red, green, blue = seen["middle"]
-    assert red > 1.3 * green > 1.3 * blue

@@ -1,6 +1,6 @@
 import pytest
 
-from poise.apps.report._plots._torque import grouped_order, guess_group, short_names
+from poise.apps.report._plots._torque import grouped_order, guess_group
 
 
 @pytest.mark.parametrize(
@@ -28,8 +28,3 @@ def test_the_order_keeps_every_joint_once_and_groups_together():
     order, groups = grouped_order(names)
     assert order == [0, 2, 1, 3, 4]
     assert groups == [("left leg", 2), ("right leg", 2), ("head", 1)]
-
-
-def test_an_ending_that_all_names_share_is_left_out():
-    assert short_names(["a_joint", "b_joint"]) == ["a", "b"]
-    assert short_names(["a_joint", "b"]) == ["a_joint", "b"]

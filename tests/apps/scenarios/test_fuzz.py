@@ -11,7 +11,6 @@ from dry_run import forbid_ticks, loaded, prepare
 from poise.apps.scenarios import (
     _scenario as reader,
     _stage as stage_module,
-    parse_scenario,
     shipped_scenarios,
 )
 from poise.apps.scenarios._scenario import SHIPPED
@@ -139,21 +138,6 @@ def mutated(data, rng):
     return data
 
 
-def outcome(text):
-    """What a text came to: "" where it works, else the message. Other exceptions go through."""
-    try:
-        prepare(text)
-    except PoiseError as error:
-        return str(error)
-    return ""
-
-
-def test_the_fuzz_starts_from_files_that_work():
-    assert outcome(WHOLE) == ""
-    for name in shipped_scenarios():
-        assert outcome((SHIPPED / f"{name}.yaml").read_text()) == ""
-
-
 def bases():
     shipped = [yaml.safe_load((SHIPPED / f"{n}.yaml").read_text()) for n in shipped_scenarios()]
     return shipped + [yaml.safe_load(WHOLE)] * 5
@@ -173,7 +157,7 @@ def checked(work, kept):
 @pytest.mark.fast_cases(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_mutated_files_get_to_their_first_tick_or_raise_a_poise_error(seed, monkeypatch):
-    rng, count, starts = random.Random(seed), 250, bases()
+    rng, count, starts = random.Random(seed), 60, bases()
     refused = 0
     for _ in range(count):
         data = mutated(rng.choice(starts), rng)
@@ -181,32 +165,6 @@ def test_mutated_files_get_to_their_first_tick_or_raise_a_poise_error(seed, monk
         monkeypatch.setattr(reader, "read_yaml", lambda *_, data=data, **__: data)
         refused += checked(lambda: prepare(""), data)
     assert count / 4 < refused < count
-
-
-def test_a_thousand_mutated_trees_are_read_or_refused(monkeypatch):
-    rng, starts = random.Random(100), bases()
-    for _ in range(1000):
-        data = mutated(rng.choice(starts), rng)
-        monkeypatch.setattr(reader, "read_yaml", lambda *_, data=data, **__: data)
-        checked(lambda: parse_scenario("", "fuzz.yaml"), data)
-
-
-LETTERS = "abn:-[]{}&*!|>'\"%@`#,?<=. \n\t0123456789exy_~é\x07"
-
-
-def test_text_that_is_barely_yaml_is_read_or_refused():
-    rng = random.Random(200)
-    whole = (SHIPPED / "stand.yaml").read_text()
-    for i in range(600):
-        if i % 5:
-            text = "".join(rng.choices(LETTERS, k=rng.randrange(40)))
-        else:
-            text = whole
-            for _ in range(rng.randrange(1, 4)):
-                k = rng.randrange(len(text))
-                some = "".join(rng.choices(LETTERS, k=rng.randrange(3)))
-                text = text[:k] + some + text[k + rng.randrange(4) :]
-        checked(lambda text=text: parse_scenario(text, "fuzz.yaml"), text)
 
 
 def test_every_number_may_be_extreme(monkeypatch):

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from poise.apps.report._plots._tracking import draw_estimate
 from poise.apps.scenarios import load_scenario, run_scenario
 from poise.apps.scenarios._metrics import METRICS
 from poise.apps.scenarios._signals import BaseKnowledge, collect_signals
@@ -19,10 +18,6 @@ def test_the_base_is_estimated_unless_a_scenario_wants_the_truth():
     scenario = load_scenario("stand")
     assert isinstance(stage_scenario(scenario).estimator, StateEstimator)
     assert stage_scenario(replace(scenario, ground_truth=True)).estimator is None
-
-
-def test_a_base_that_is_fixed_needs_no_estimate():
-    assert stage_scenario(load_scenario("reach_arm")).estimator is None
 
 
 def pose(position, turn):
@@ -61,22 +56,6 @@ def test_errors_of_the_base_are_those_of_its_level_place_its_vertical_and_its_ve
     np.testing.assert_allclose(errors.tilt, 0.0, atol=1e-9)
 
 
-def test_a_tilted_estimate_is_off_by_the_angle():
-    record = RunRecord()
-    record.add(
-        0.0,
-        {
-            "base_truth": pose([0.0, 0.0, 1.0], [0.0, 0.0, 2.0]),
-            "base_estimate": pose([0.0, 0.0, 1.0], [0.02, 0.0, 0.0]),
-            "velocity_truth": np.zeros(6),
-            "velocity_estimate": np.zeros(6),
-        },
-    )
-    errors = BaseKnowledge(record).errors
-    assert errors is not None
-    np.testing.assert_allclose(errors.tilt, 0.02, rtol=1e-9)
-
-
 def test_points_that_the_robot_knows_stay_where_they_are_about_its_base(record):
     asked = np.tile([1.5, 2.0, 0.0], (3, 1))
     seen = BaseKnowledge(record).in_world(asked)
@@ -109,23 +88,3 @@ def test_a_run_records_both_and_measures_by_both():
     view = collect_signals(record, run.robot)
     assert view.base_errors is not None
     assert not view.payload.any()
-
-
-@pytest.mark.slow
-def test_a_robot_heavier_than_described_is_found_so_and_the_report_shows_it():
-    scenario = load_scenario("stand")
-    plant = replace(scenario.plant, mass_scale=1.1)
-    run = run_scenario(replace(scenario, plant=plant, duration=4.0, checks=(), motions=()))
-    assert run.record["payload_estimate"][-1, 0] == pytest.approx(0.1 * run.robot.mass, rel=0.1)
-    (figure,) = draw_estimate(collect_signals(run.record, run.robot))
-    assert "payload [kg]" in figure.svg
-
-
-def test_where_the_truth_is_told_nothing_is_off():
-    scenario = replace(load_scenario("stand"), duration=0.01, ground_truth=True, motions=())
-    run = run_scenario(replace(scenario, checks=()))
-    assert "base_estimate" not in run.record
-    assert collect_signals(run.record, run.robot).base_errors is None
-    rows = np.ones(len(run.signals.time), dtype=bool)
-    for metric in ("drift_max", "tilt_error_rms", "velocity_error_rms"):
-        assert METRICS[metric].measure(run.signals, "", None, rows).value == 0.0

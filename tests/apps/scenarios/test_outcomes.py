@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from poise.apps.scenarios import (
     write_summary,
 )
 from poise.control import CommandStatus
-from poise.errors import ConfigurationError, UnknownNameError
+from poise.errors import ConfigurationError
 from poise.sim import RunRecord, read_log
 
 STAND = """
@@ -72,43 +71,6 @@ def test_a_run_has_one_tick_a_control_period_until_its_duration():
     assert set(done.signals.status) == {"ok"}
 
 
-def test_equal_scenarios_give_equal_runs_and_another_seed_another_one():
-    noisy = "plant: {{sensors: {{joint_velocity_noise: 0.01}}}}\nseed: {}"
-    a, b, c = (run(stand(0.02, noisy.format(seed))).signals.torque for seed in (1, 1, 2))
-    assert (a == b).all()
-    assert (a != c).any()
-
-
-def test_a_payload_and_a_heavier_plant_are_the_plants_alone():
-    more = "plant: {mass_scale: 1.1, payloads: [{frame: left_hand, mass: 5.0}]}"
-    done = run(stand(0.01, more))
-    weight = done.plant.model.body_subtreemass[1]
-    assert weight == pytest.approx(1.1 * done.robot.mass + 5.0)
-    assert done.controller.robot.mass == pytest.approx(100.0)
-
-
-def test_the_height_of_a_sole_is_that_over_the_slope_below_it():
-    signals = run(stand(0.005, "plant: {floor_slope: [0.1, 0.0]}")).signals
-    assert set(signals.soles) == {"left_sole", "right_sole"}
-    for sole in signals.soles.values():
-        _, y, z = sole.position.T
-        np.testing.assert_allclose(sole.height, z - y * np.tan(0.1), atol=1e-12)
-
-
-def test_a_scenario_without_a_stack_stands_on_the_default_one():
-    done = run("name: s\nduration: 0.02\n")
-    assert done.ok
-    assert next(t.name for _, t in done.controller.stack.tasks()) == "com"
-
-
-def test_a_robot_that_stands_on_no_sole_runs_too(tmp_path):
-    more = "stack:\n  levels:\n    - - posture\n"
-    done = run(f"name: s\nduration: 0.02\nrobot: arm6\n{more}", log=tmp_path / "log.mcap")
-    assert done.ok, done.checks
-    page = write_page(done, summarise(done), tmp_path, None)
-    assert page.stat().st_size > 100_000
-
-
 def test_a_push_that_nobody_could_brake_ends_in_a_fall_and_a_report(tmp_path, scenario_file):
     # Ticks that find nothing feasible are slow: the cap keeps the fall short in wall-clock time.
     text = stand(4.0, HARD_PUSH + "controller: {time_limit: 0.002}\n")
@@ -142,15 +104,6 @@ def test_a_simulation_that_diverges_gives_a_report_too(tmp_path):
     assert "the simulation diverged" in page.read_text()
 
 
-def test_a_check_that_fails_fails_the_run():
-    done = run(stand(0.02, "checks: [{metric: com_travel, at_least: 1.0}]"))
-    assert not done.fell
-    assert not done.ok
-    assert [c.name for c in done.checks if not c.ok] == [
-        "how far the COM moved, from least to most"
-    ]
-
-
 def test_a_check_says_when_it_was_worst_and_what_went_wrong_then():
     push = "pushes: [{body: torso, at: 0.1, duration: 0.1, velocity_change: [0.8, 0.0, 0.0]}]\n"
     bounds = "checks:\n  - {metric: zmp_margin_min, at_least: 0.03}\n"
@@ -163,16 +116,6 @@ def test_a_check_says_when_it_was_worst_and_what_went_wrong_then():
     assert margin.time == pytest.approx(done.signals.time[worst])
     assert "ZMP at the edge of the feet" in margin.mechanism
     assert (before.ok, before.mechanism) == (True, "")
-
-
-def test_a_check_that_could_not_be_measured_does_not_hold():
-    done = run(stand(0.02, "checks: [{metric: com_travel, from: 0.0199, at_most: 1.0}]"))
-    last = done.checks[-1]
-    assert last.ok == (last.value == 0.0), "one tick is left in the window"
-    more = "checks: [{metric: com_speed_end, from: 0.0199, at_most: 1.0}]"
-    last = run(stand(0.02, more)).checks[-1]
-    assert last.value != last.value
-    assert not last.ok
 
 
 def test_a_solver_without_time_counts_missed_ticks_and_raises_nothing(tmp_path):
@@ -211,40 +154,6 @@ def test_ctrl_c_ends_the_run_after_a_whole_tick_and_keeps_what_there_is(tmp_path
     assert read_log(tmp_path / "log.mcap").complete
     summary = summarise(done)
     assert write_page(done, summary, tmp_path, None).is_file()
-
-
-def test_ctrl_c_at_the_first_tick_still_gives_a_run():
-    done = run(stand(5.0), progress=interrupt_at(0.0))
-    assert len(done.signals.time) >= 1
-    assert done.ended_early == "interrupted by the user"
-
-
-def running(folder, *arguments):
-    """A `poise run` in a process of its own that has got to half a second of its log."""
-    command = [sys.executable, "-m", "poise", "run", *arguments, "--no-video"]
-    process = subprocess.Popen(
-        [*command, "--out", str(folder)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    log, deadline = folder / "log.mcap", time.monotonic() + 60.0
-    while time.monotonic() < deadline:
-        time.sleep(0.2)
-        if log.is_file() and log.stat().st_size > 100 and read_log(log).end > 0.5:
-            return process
-    process.kill()
-    raise AssertionError(f"the run did not get going: {process.communicate()}")
-
-
-@pytest.mark.slow
-def test_ctrl_c_in_a_terminal_leaves_summary_and_report(tmp_path, scenario_file):
-    folder = tmp_path / "out"
-    process = running(folder, scenario_file(stand(500.0)))
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert err == "ended early: interrupted by the user\n"
-    assert json.loads((folder / "summary.json").read_text())["fell"] is False
-    assert "interrupted by the user" in (folder / "report.html").read_text()
-    assert read_log(folder / "log.mcap").complete
 
 
 KILLED = """
@@ -289,27 +198,6 @@ def test_a_report_can_be_made_of_a_log_alone(tmp_path):
     assert page == report(done.record, tmp_path / "memory", done.robot).read_text()
     for words in ("stand still", "whole_body", "tracking", "left_sole"):
         assert words in page
-
-
-def test_a_scenario_is_run_by_its_name_or_file_and_paths_are_texts(scenario_file, tmp_path):
-    log, folder = str(tmp_path / "log.mcap"), str(tmp_path / "page")
-    done = run_scenario(scenario_file(stand(0.05)), log=log, progress=True)
-    assert done.ok
-    assert report(log, folder).parent == tmp_path / "page"
-    with pytest.raises(UnknownNameError, match="neither a shipped scenario nor a file.*stand"):
-        run_scenario("stnad")
-
-
-def test_a_record_of_a_robot_from_a_file_says_how_to_give_it(scenario_file, tmp_path):
-    page = tmp_path / "page"
-    done = run_scenario(scenario_file(stand(0.05)))
-    # As a robot from mona.urdf is called.
-    done.record.metadata["robot"] = "mona"
-    wanted = r"was made with a robot that is not in the catalog; got 'mona'.*robot=load_robot\(\"F"
-    with pytest.raises(UnknownNameError, match="the record " + wanted):
-        report(done.record, page)
-    assert not page.exists()
-    assert report(done.record, page, done.robot).is_file()
 
 
 def test_a_record_of_no_rollout_is_not_reported(get_robot, tmp_path):

@@ -4,7 +4,6 @@ import itertools
 import json
 
 import pytest
-from conftest import poise_run
 from slow import slow
 
 from poise.apps.scenarios import shipped_scenarios
@@ -25,10 +24,6 @@ KEYS = {
     "tick_us": dict,
     "real_time_factor": float,
 }
-
-
-def test_the_scenarios_of_the_documentation_are_shipped():
-    assert {"stand", "squat", "reach", "push", "balance_one_leg"} <= set(shipped_scenarios())
 
 
 BIPEDS = [
@@ -88,36 +83,6 @@ def test_a_shipped_scenario_holds(shipped_run, scenario, robot):
     assert residuals.shape[1] == len(summary["residual_max"])
     assert log.end == pytest.approx(time[-1], abs=0.01)
     assert (residuals[:, :2].max(axis=0) <= summary["residual_max"][:2]).all()
-
-
-SHORT = """
-walk:
-  strides: [{steps: 3, length: 0.1}]
-  gait: {step_time: 0.8, crouch: 0.02, shift_time: 0.8, settle_time: 1.0}
-duration: 5.1
-plant: {control_dt: 0.002}
-name: short_walk
-motions: [{task: left_hand, at: 0.1, over: 1.0, by: [0.06, 0.0, 0.1]}]
-checks:
-  - {metric: steps_made, at_least: 4}
-  - {metric: com_error_rms, at_most: 0.005}
-  - {metric: task_error_rms, task: left_foot, at_most: 0.005}
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("controller", ["whole_body", "reduced"])
-def test_a_walk_of_a_file_leaves_its_figures(tmp_path, controller):
-    file = tmp_path / "short_walk.yaml"
-    file.write_text(SHORT)
-    options = ("--controller", controller, "--no-video", "--json")
-    outcome = poise_run(tmp_path / "run", str(file), *options)
-    assert outcome.status == 0, outcome.out + outcome.err
-    assert outcome.summary["missed_ticks"] == 0
-    log = read_log(outcome.folder / "log.mcap")
-    assert log.signal("zmp_reference")[1].shape[1] == 2
-    assert (log.signal("tick_us/leader")[1] > 0.0).all()
-    assert "walk standing" in (outcome.folder / "report.html").read_text()
 
 
 def assert_holds(outcome):

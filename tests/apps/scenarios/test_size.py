@@ -9,9 +9,7 @@ import pytest
 pytest.importorskip("mujoco")
 
 from poise.apps.scenarios import load_scenario, parse_scenario, stage_scenario
-from poise.apps.scenarios._size import size_ratio, sized, without_hands
-from poise.errors import ConfigurationError
-from poise.sim import Block
+from poise.apps.scenarios._size import size_ratio, without_hands
 
 TEXT = """
 name: s
@@ -71,37 +69,6 @@ def test_lengths_are_scaled_and_nothing_else(staged):
     assert replace(half.pushes[0], velocity_change=(0.1, 0.0, 0.0)) == written.pushes[0]
 
 
-BY_HAND = """
-name: s
-robot: biped20
-controller: step_teleoperation
-reference_com_height: {height}
-duration: 6.0
-plant:
-  control_dt: 0.005
-  payloads: [{{frame: torso, mass: 2.0, offset: [0.1, 0.0, 0.2], radius: 0.08}}]
-devices:
-  points:
-    - {{at: 1.0, left: [0.2, 0.0, 0.1], left_hand: [0.1, 0.0, 0.2], left_turn: [0.3, 0.0, 0.0]}}
-    - {{at: 2.0, right: [0.0, -0.1, 0.05], head: [0.0, 0.2, 0.0]}}
-"""
-
-
-def test_places_of_devices_and_payloads_are_scaled_turns_and_masses_are_not(get_robot):
-    height = com_height(get_robot("biped20"))
-    text = BY_HAND.format(height=2.0 * height)
-    scenario = stage_scenario(parse_scenario(text, "s.yaml")).scenario
-    first, second = scenario.devices.points
-    assert first.left == pytest.approx((0.1, 0.0, 0.05))
-    assert first.left_hand == pytest.approx((0.05, 0.0, 0.1))
-    assert (first.at, first.left_turn, first.right) == (1.0, (0.3, 0.0, 0.0), None)
-    assert second.right == pytest.approx((0.0, -0.05, 0.025))
-    assert second.head == (0.0, 0.2, 0.0)
-    (payload,) = scenario.plant.payloads
-    assert (payload.mass, payload.radius) == (2.0, pytest.approx(0.04))
-    assert payload.offset == pytest.approx((0.05, 0.0, 0.1))
-
-
 def test_bounds_in_metres_are_scaled_and_others_stay(staged):
     half, written = staged
     ratios = [a.bound / b.bound for a, b in zip(half.checks, written.checks, strict=True)]
@@ -122,12 +89,6 @@ def test_a_robot_of_that_size_changes_nothing(get_robot):
     assert size_ratio(replace(same, reference_com_height=None), get_robot("g1")) == 1.0
 
 
-@pytest.mark.parametrize("height", ["0.0", "-1.0", ".inf", "tall"])
-def test_heights_that_cannot_be_are_refused(height):
-    with pytest.raises(ConfigurationError, match="reference_com_height"):
-        parse_scenario(TEXT.format(height=height), "s.yaml")
-
-
 def test_a_robot_without_hands_walks_without_them(get_robot):
     scenario = load_scenario("walk")
     handless = replace(get_robot("humanoid33"), hands=())
@@ -141,9 +102,3 @@ def test_a_robot_without_hands_walks_without_them(get_robot):
     # A reach is nothing without hands, and is refused as it was.
     reach = load_scenario("reach")
     assert without_hands(reach, handless) is reach
-
-
-def test_a_block_that_is_sunk_in_is_sunk_in_as_far_for_its_size():
-    sunk = Block(center=(0.6, 0.2), size=(0.5, 1.2, 0.1), top=0.05, told=False)
-    assert sized(sunk, 0.5).top == pytest.approx(0.025)
-    assert sized(replace(sunk, top=None), 0.5).top is None

@@ -36,24 +36,6 @@ def test_a_file_that_is_no_card_is_refused(tmp_path, text, words):
         read_card(path)
 
 
-def test_a_card_with_a_value_that_cannot_be_is_refused(tmp_path):
-    data = json.loads(CARD.write(tmp_path).read_text())
-    data["trials"][0]["cases"][0]["level"] = 2.0
-    (tmp_path / "scorecard.json").write_text(json.dumps(data))
-    with pytest.raises(ConfigurationError, match=r"level.*2\.0"):
-        read_card(tmp_path)
-
-
-def test_a_card_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(PoiseError, match="scorecard.json"):
-        read_card(tmp_path)
-
-
-def test_the_worst_is_the_nearest_to_its_easy_end():
-    found, case = CARD.worst
-    assert (found.name, case.angle) == ("push", 0.0)
-
-
 def test_cases_whose_intervals_are_apart_are_told_from_others():
     found = {(d.trial.name, d.first.angle, d.first.phase): d for d in compare(CARD, other())}
     assert found["delay", None, None].verdict == "worse"

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from poise.apps.scenarios import parse_scenario, run_scenario, symptoms_of
-from poise.apps.scorecard._mechanism import lean, mechanism, survived
 from poise.apps.scorecard._plan import QUICK, Case, Plan
-from poise.apps.scorecard._run import run_trial
+from poise.apps.scorecard._run import lean, mechanism, run_trial, survived
 from poise.apps.scorecard._trials import TRIALS
 
 STAND = """
@@ -46,13 +45,6 @@ def test_a_robot_that_is_hardly_pushed_survives():
     assert [s.what for s in symptoms(calm) if s.begin(calm.signals.time) is not None] == []
 
 
-def test_a_robot_that_still_moves_has_not_survived():
-    moving = run(0.3, duration=0.25)
-    assert not moving.fell
-    assert not survived(moving)
-    assert "at the end mean speed of the COM over the last 0.1 s was 0." in mechanism(moving)
-
-
 def test_what_happened_first_is_told_first_and_how_it_ended_last(hard):
     assert not survived(hard)
     told = mechanism(hard)
@@ -67,13 +59,6 @@ def test_what_happened_first_is_told_first_and_how_it_ended_last(hard):
     assert all(0.1 <= time <= hard.signals.time[-1] for time in begun)
 
 
-def test_torques_at_their_limit_and_the_zmp_at_the_edge_are_seen():
-    falling = run(1.5, duration=1.2, controller="whole_body")
-    told = " ".join(symptom.what for symptom in symptoms(falling))
-    assert "ZMP at the edge" in told
-    assert "at its limit" in told
-
-
 def test_a_fall_is_the_same_however_busy_the_machine_is(hard, monkeypatch):
     """Each look at the clock takes a while, as where others want the processor."""
     from time import perf_counter
@@ -85,10 +70,6 @@ def test_a_fall_is_the_same_however_busy_the_machine_is(hard, monkeypatch):
             monkeypatch.setattr(module, "perf_counter", time.perf_counter)
     again = run(3.0, duration=1.5)
     assert np.array_equal(again.signals.q, hard.signals.q)
-
-
-def test_a_robot_on_ice_slips():
-    assert any("slips" in symptom.what for symptom in symptoms(run(0.8, friction=0.02)))
 
 
 def test_the_row_of_an_episode_says_whether_it_was_survived():

@@ -17,23 +17,6 @@ def recorded():
     return robot, record_motion(robot)
 
 
-def test_the_recorded_robot_moves_and_every_task_keeps_its_rank(recorded):
-    robot, states = recorded
-    assert len(states) == 550
-    assert np.ptp([s.q for s in states], axis=0).max() > 0.05
-    inputs = BiasInputs(robot)
-    for state in states[::50]:
-        inputs.of(state)
-        assert inputs._recursion.regular
-
-
-def test_the_torso_of_the_second_study_turns_by_15_degrees(recorded):
-    robot, states = recorded
-    turned = states[-1].q - robot.q_home
-    assert np.degrees(turned[0]) == pytest.approx(15.0, abs=0.05)
-    assert np.abs(np.degrees(turned[1:5])).max() < 0.05
-
-
 def test_the_timed_formulas_give_the_same_bias_acceleration(recorded):
     robot, states = recorded
     inputs = BiasInputs(robot)

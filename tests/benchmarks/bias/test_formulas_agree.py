@@ -19,11 +19,11 @@ from benchmarks.bias.recursion import FusedRecursion, PaperRecursion
 from benchmarks.bias.rows import PaperFormulation
 from poise.control import OperationalSpaceController, RankTreatment
 from poise.dynamics import Dynamics, RobotState
-from poise.errors import PoiseError, UnknownNameError
+from poise.errors import PoiseError
 from poise.stack import FrameTask, Stack
 
-STATES = 170
-"""States a robot: 1,020 in all."""
+STATES = 40
+"""States a robot: 240 in all."""
 
 RANK = RankTreatment()
 
@@ -111,13 +111,13 @@ def test_fused_says_where_a_level_has_lost_rank(get_any):
     assert not paper.regular
 
 
-@pytest.mark.parametrize("name", ["panda", "upper17", "humanoid33"])
+@pytest.mark.parametrize("name", ["panda", "humanoid33"])
 @pytest.mark.parametrize("case", range(4))
 def test_lost_ranks_give_what_a_pseudo_inverse_gives(get_any, name, case):
     robot = get_any(name)
     stack, met = list(redundant_stacks(robot).values())[case]
     world, rng = World(robot, stack), np.random.default_rng(case)
-    for seed in range(10):
+    for seed in range(3):
         random_references(stack, rng)
         rows = world.at(near_home(robot, seed, spread=0.05, speed=0.3))
         wanted = dense_acceleration(rows, world.dynamics)
@@ -127,28 +127,6 @@ def test_lost_ranks_give_what_a_pseudo_inverse_gives(get_any, name, case):
             for level in (rows.slices[i + 1] for i in met):
                 missed = rows.jacobian[level] @ found + rows.drift[level] - rows.reference[level]
                 assert np.abs(missed).max() < 1e-6
-
-
-def test_an_unknown_formula_is_refused():
-    with pytest.raises(UnknownNameError, match="numerical"):
-        PaperRecursion("fancy")
-
-
-@pytest.mark.parametrize("name", ["arm6", "upper17", "humanoid33"])
-def test_they_agree_along_a_motion_too(get_any, name):
-    """What the derivative adds to the bias acceleration it takes away again in the force."""
-    robot = get_any(name)
-    world, rng = World(robot, stack_for(robot)), np.random.default_rng(2)
-    for seed in range(5):
-        others = [PaperRecursion(f) for f in ("original", "proposed")]
-        random_references(world.stack, rng)
-        state = near_home(robot, seed, spread=0.2, speed=0.5)
-        for k in range(3):
-            q = pin.integrate(robot.model, state.q, 1e-3 * k * state.v)
-            rows = world.at(RobotState(q, state.v, time=1e-3 * k))
-            wanted = world.force(dense_acceleration(rows, world.dynamics, rank=RANK))
-            for other in others:
-                assert relative(world.force(other.resolve(rows, world.dynamics)), wanted) < 1e-8
 
 
 def test_the_numerical_formula_is_wrong_by_what_its_differences_miss(get_any):

@@ -29,12 +29,6 @@ def test_shares_are_those_of_the_table():
     assert [c.at(factor) for factor in (1.0, 7.9, 8.0)] == [0.0, 0.0, 0.25]
 
 
-def test_who_solves_nothing_has_an_empty_profile():
-    nobody = {name: np.zeros(4, dtype=np.bool_) for name in SECONDS}
-    assert [one.at(np.inf) for one in make_profiles(SECONDS, nobody)] == [0.0, 0.0, 0.0]
-    assert make_profiles({}, {}) == []
-
-
 def lap(method, sequence, seconds, right, start=COLD):
     count = len(seconds)
     return Lap(
@@ -51,29 +45,14 @@ def lap(method, sequence, seconds, right, start=COLD):
     )
 
 
-def laps():
-    return [
-        lap("direct", "one", [1.0, 2.0], [True, True]),
-        lap("b", "one", [2.0, np.nan], [True, False]),
-        lap("direct", "two", [4.0], [True]),
-        lap("b", "two", [1.0], [True]),
-        lap("direct", "two", [1.0], [True], WARM),
-        lap("b", "two", [8.0], [True], WARM),
-    ]
-
-
-def test_all_sequences_of_a_start_count_together():
-    direct, other = profiles_of(laps(), COLD)
-    assert (direct.method, other.method) == ("direct", "b")
-    np.testing.assert_array_equal(direct.factors, [1.0, 1.0, 4.0])
-    np.testing.assert_array_equal(other.factors, [1.0, 2.0])
-    assert other.at(np.inf) == pytest.approx(2.0 / 3.0)
-    assert [one.at(1.0) for one in profiles_of(laps(), WARM)] == [1.0, 0.0]
-
-
-@pytest.mark.parametrize("starts", [(COLD, WARM), (COLD,)])
-def test_the_figure_is_drawn(starts, tmp_path):
+def test_the_figure_is_drawn(tmp_path):
     pytest.importorskip("matplotlib")
-    own = [one for one in laps() if one.start in starts]
-    path = write_profile_figure(own, tmp_path / "hqp.png")
+    laps = [
+        lap(method, name, seconds, [True], start)
+        for name, start in (("one", COLD), ("two", COLD), ("two", WARM))
+        for method, seconds in (("direct", [1.0]), ("b", [2.0]))
+    ]
+    direct, other = profiles_of(laps, COLD)
+    assert (direct.at(1.0), other.at(1.0), other.at(2.0)) == (1.0, 0.0, 1.0)
+    path = write_profile_figure(laps, tmp_path / "hqp.png")
     assert path.read_bytes().startswith(b"\x89PNG")

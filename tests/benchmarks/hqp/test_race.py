@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from benchmarks.hqp import bench
-from benchmarks.hqp.bench import HqpBench, bench_hqp, format_hqp_table
+from benchmarks.hqp.bench import HqpBench, bench_hqp
 from benchmarks.hqp.judge import best_known, judge_point, measure_point
 from benchmarks.hqp.methods import Answer
 from benchmarks.hqp.problem_set import ProblemSequence
-from benchmarks.hqp.race import BATCH, COLD, GIVEN_UP, LATE, PATIENCE, WARM, Runner, take_turns
-from poise.errors import ConfigurationError
+from benchmarks.hqp.race import COLD, GIVEN_UP, LATE, PATIENCE, WARM, Runner, take_turns
 from poise.hqp import HierarchicalProblem, Level, solve
 
 
@@ -70,14 +69,6 @@ def test_a_point_is_measured_on_the_rows_in_the_levels_scale():
     )
 
 
-def test_weights_and_simple_bounds_count_where_they_belong():
-    levels = [Level([[1.0, 1.0]], 0.0, np.inf), Level([[1.0, 0.0]], 2.0, 2.0, 3.0)]
-    problem = HierarchicalProblem(levels, x_lower=[-1.0, -np.inf], x_upper=0.5, bounds_level=1)
-    found = measure_point(problem, np.array([1.5, 0.0]))
-    # At zero the second level misses 3 * 2 = 6.
-    np.testing.assert_allclose(found.residuals, [0.0, np.hypot(1.0, 3.0 * 0.5) / 6.0])
-
-
 def test_the_best_known_goes_level_by_level_among_those_that_tie():
     problem = conflict()
     points = {
@@ -110,14 +101,6 @@ def test_what_a_sloppy_point_gains_below_makes_no_exact_one_wrong():
         assert judge_point(exact, best).right
 
 
-def test_where_a_norm_is_flat_most_points_decide_who_leads():
-    problem = HierarchicalProblem([Level([[1.0], [1.0]], [-1.0, 1.0], [-1.0, 1.0])])
-    exact = [measure_point(problem, np.array([x])) for x in (1e-16, -1e-16)]
-    off = measure_point(problem, np.array([1e-8]))
-    assert abs(off.residuals[0] - exact[0].residuals[0]) < 1e-15
-    assert best_known([off, *exact]).cost < 1e-31
-
-
 def test_a_wrong_answer_with_a_good_status_is_silent(monkeypatch):
     results, _ = race_fakes(
         monkeypatch, {"direct": Fake(), "weighted": Fake(error=(0.0, 1e-2)), "daqp-hard": Fake()}
@@ -129,58 +112,9 @@ def test_a_wrong_answer_with_a_good_status_is_silent(monkeypatch):
     assert results["direct", COLD].silent == 0
 
 
-def test_direct_loses_where_another_is_better(monkeypatch):
-    results, _ = race_fakes(
-        monkeypatch, {"direct": Fake(error=(-0.1, 0.0)), "weighted": Fake(error=(0.0, 0.0))}
-    )
-    assert (results["direct", COLD].solved, results["direct", COLD].silent) == (0.0, 5)
-    assert results["weighted", COLD].solved == 1.0
-
-
-def test_a_wrong_answer_that_says_so_is_not_silent(monkeypatch):
-    results, _ = race_fakes(
-        monkeypatch, {"direct": Fake(), "weighted": Fake(error=(1.0, 0.0), claimed=False)}
-    )
-    wrong = results["weighted", COLD]
-    assert (wrong.solved, wrong.silent, wrong.gap) == (0.0, 0, None)
-
-
-def test_a_point_that_is_not_finite_is_wrong_and_no_best(monkeypatch):
-    results, _ = race_fakes(monkeypatch, {"direct": Fake(), "weighted": Fake(error=(np.nan, 0.0))})
-    assert results["weighted", COLD].silent == 5
-    assert results["direct", COLD].solved == 1.0
-
-
-def test_a_dearer_point_of_the_same_levels_is_right_and_shows_its_cost():
-    free = HierarchicalProblem([Level([[1.0, 0.0]], 2.0, 2.0)])
-    exact, dear = (measure_point(free, np.array([2.0, y])) for y in (0.0, 0.2))
-    verdict = judge_point(dear, best_known([exact, dear]))
-    assert verdict.right
-    assert verdict.cost_gap == pytest.approx(0.5 * 0.2**2 / 2.0)
-
-
 def runner(fake, count, *, start=COLD, quick=True, cap=1.0):
     problems = sequence(count).problems
     return Runner(fake.name, start, fake, problems, cap, quick=quick)
-
-
-def test_quick_methods_take_turns_with_rotated_order_and_slow_ones_follow():
-    log = []
-    fakes = [Fake(name, log=log) for name in "abc"]
-    runners = [runner(one, 3, start=WARM, quick=one.name != "c") for one in fakes]
-    assert list(take_turns(runners, 3)) == [3]
-    heights = [4.0, 4.1, 4.2]
-    timed = [("a", 0), ("b", 0), ("b", 1), ("a", 1), ("a", 2), ("b", 2)]
-    roused = [("a", 0), ("b", 0)]
-    slow = [("c", 0), ("c", 0), ("c", 1), ("c", 2)]
-    assert log == [(name, pytest.approx(heights[i])) for name, i in [*roused, *timed, *slow]]
-
-
-def test_every_problem_is_timed_once_whatever_the_batches():
-    count = 2 * BATCH + 3
-    one = runner(Fake(), count)
-    assert list(take_turns([one], count)) == [BATCH, 2 * BATCH, count]
-    assert np.isfinite(one.seconds).all()
 
 
 def test_cold_forgets_before_every_solve_and_warm_never():
@@ -190,39 +124,9 @@ def test_cold_forgets_before_every_solve_and_warm_never():
     assert "forget" not in [what for _, what in warm.log]
 
 
-def test_the_first_problem_does_not_count_for_a_warm_start(monkeypatch):
-    results, found = race_fakes(
-        monkeypatch, {"direct": Fake(), "weighted": Fake()}, consecutive=True
-    )
-    assert [(r.method, r.start, r.count) for r in found.results] == [
-        ("direct", COLD, 5), ("weighted", COLD, 5), ("direct", WARM, 4), ("weighted", WARM, 4),
-    ]  # fmt: skip
-    assert results["direct", WARM].ratio_to_direct == 1.0
-
-
 def test_what_is_late_is_unsolved_and_after_some_the_method_is_out():
     one = runner(Fake(), 6, cap=1e-12)
     list(take_turns([one], 6))
     assert one.statuses == PATIENCE * [LATE] + (6 - PATIENCE) * [GIVEN_UP]
     assert not one.claimed.any()
     assert np.isfinite(one.seconds).sum() == PATIENCE
-
-
-def test_the_table_says_what_is_not_solved(monkeypatch):
-    _, found = race_fakes(
-        monkeypatch, {"direct": Fake(), "weighted": Fake(error=(0.5, 0.0))}, consecutive=True
-    )
-    lines = format_hqp_table(found).splitlines()
-    weighted = next(line for line in lines if line.startswith("| weighted"))
-    assert weighted.count("0% ") == 2
-    by_hand = [line for line in lines if line.startswith("| by-hand")]
-    assert all(line.split("|")[-2].strip().endswith(" (0%)") for line in by_hand)
-
-
-def test_nothing_to_race_on_is_an_error():
-    with pytest.raises(ConfigurationError, match="nothing to race on"):
-        bench_hqp([])
-    with pytest.raises(ConfigurationError, match="at least two"):
-        bench_hqp([sequence(1, consecutive=True)], HqpBench(methods=()))
-    with pytest.raises(ConfigurationError, match="cap"):
-        HqpBench(cap=0.0)

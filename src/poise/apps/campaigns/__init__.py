@@ -17,7 +17,6 @@ from poise.apps.campaigns._folder import (
     CampaignFolder as CampaignFolder,
     RowLog,
     read_rows as read_rows,
-    replaced as replaced,
 )
 from poise.apps.campaigns._run import (
     Runner as Runner,

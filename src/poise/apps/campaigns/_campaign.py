@@ -21,7 +21,6 @@ from poise.errors import ConfigurationError, PoiseError, UnknownNameError
 from poise.robots import files_digest
 
 _OWN = ("seed", "name")  # fields that no campaign varies: each episode has its own seed
-_SEEDS = 10**9  # seeds of episodes are below this, which scenarios allow
 
 # Names of columns of which there are as many as a run has levels and checks.
 _OF_A_RUN = re.compile(r"residual_max_\d+|check: .*", re.DOTALL)
@@ -238,7 +237,7 @@ class Design:
     def job(self, number: int) -> Job:
         """One episode; it does not depend on how many there are."""
         rng = np.random.default_rng([self.campaign.seed, number])
-        seed = int(rng.integers(_SEEDS))
+        seed = int(rng.integers(10**9))
         point, name = self._point(number)
         case, drawn = self.campaign.cases.get(name, {}), dict[str, Any]()
         # Lists of a case are there before their items vary, and it has the last word on a field.

@@ -17,25 +17,21 @@ from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 T = TypeVar("T")
 R = TypeVar("R")
 
-_PATIENCE = 10.0
-"""A scheduler that does not answer for this long is not there [s]."""
-
-_WITHOUT_WORKER = 3600.0
-"""How long there may be no worker: jobs of Slurm have to wait for their turn [s]."""
-
-_LONGEST_JOB = 24 * 60
-"""Limit of a job of Slurm's, where SBATCH_TIMELIMIT says no other [min]."""
-
 
 class DaskWorkers(Workers):
     """The worker processes of a Dask cluster, however many there are at the moment.
 
     The scheduler gives the episode of a worker that dies to another one, and gives it up after
     three deaths (its setting `allowed-failures`).
+
+    Args:
+        address: of its scheduler.
+        patience: a scheduler that does not answer for this long is not there [s].
+        alone: there may be no worker for so long: jobs of Slurm wait for their turn [s].
     """
 
-    def __init__(self, address: str) -> None:
-        self._address = address
+    def __init__(self, address: str, *, patience: float = 10.0, alone: float = 3600.0) -> None:
+        self._address, self._patience, self._most_alone = address, patience, alone
         self._client: Any = None
         self._alone = 0.0
 
@@ -45,7 +41,7 @@ class DaskWorkers(Workers):
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             self._client = distributed.Client(
-                self._address, timeout=_PATIENCE, set_as_default=False
+                self._address, timeout=self._patience, set_as_default=False
             )
         except (OSError, ValueError, TypeError) as error:
             raise ConfigurationError(
@@ -56,17 +52,17 @@ class DaskWorkers(Workers):
         with ExitStack() as ends_where_this_fails:
             ends_where_this_fails.callback(self.__exit__)
             try:
-                self._client.wait_for_workers(1, timeout=_WITHOUT_WORKER)
+                self._client.wait_for_workers(1, timeout=self._most_alone)
             except TimeoutError:
                 raise PoiseError("the cluster has no worker", got=self._address) from None
             self._check_poise()
-            self._alone = monotonic() + _WITHOUT_WORKER
+            self._alone = monotonic() + self._most_alone
             ends_where_this_fails.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._client is not None:
-            self._client.close(timeout=_PATIENCE)
+            self._client.close(timeout=self._patience)
             self._client = None
 
     @property
@@ -74,7 +70,7 @@ class DaskWorkers(Workers):
         """Number of workers now; one where more may come."""
         count = len(self._workers())
         if count > 0:
-            self._alone = monotonic() + _WITHOUT_WORKER
+            self._alone = monotonic() + self._most_alone
         elif monotonic() > self._alone:
             raise PoiseError("the cluster has no worker any more")
         return max(count, 1)
@@ -143,6 +139,11 @@ class SlurmWorkers(DaskWorkers):
     """Workers that are jobs of Slurm, for as long as they are needed.
 
     The scheduler is in this process; jobs connect to it over the cluster's network.
+
+    Args:
+        count: number of jobs.
+        logs: folder of what they print.
+        executor: "local" for processes here.
     """
 
     def __init__(
@@ -172,8 +173,9 @@ class SlurmWorkers(DaskWorkers):
             ends.callback(cluster.close)
             self._address = cluster.scheduler_address
             executor = submitit.AutoExecutor(folder=self._logs, cluster=self._executor)
+            # A day, where SBATCH_TIMELIMIT says no other.
             executor.update_parameters(
-                name="poise", cpus_per_task=1, tasks_per_node=1, timeout_min=_LONGEST_JOB
+                name="poise", cpus_per_task=1, tasks_per_node=1, timeout_min=24 * 60
             )
             for job in executor.map_array(serve, [self._address] * self._count):
                 ends.callback(job.cancel)
@@ -192,7 +194,7 @@ def serve(address: str) -> None:
 
     async def work() -> None:
         # The nanny starts another process in place of one that has died.
-        async with _distributed().Nanny(address, nthreads=1, death_timeout=_PATIENCE) as nanny:
+        async with _distributed().Nanny(address, nthreads=1, death_timeout=10.0) as nanny:
             await nanny.finished()
 
     asyncio.run(work())

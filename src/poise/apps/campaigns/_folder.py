@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from poise.apps.campaigns._episode import Row
+from poise.apps.pages import replace_file
 from poise.errors import ConfigurationError, MissingExtraError, PoiseError
 
 _MANIFEST, _ROWS, _TABLE, _LOCK = "campaign.json", "rows.jsonl", "episodes/rows.parquet", "lock"
@@ -189,8 +190,7 @@ class CampaignFolder:
                         got=ours.get(key),
                         wanted=f"{theirs.get(key)!r} as in the folder, or another --out",
                     )
-        with replaced(path) as draft:
-            draft.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        replace_file(path, json.dumps(content, indent=1) + "\n")
 
     def _write_table(self) -> None:
         """Write all rows as Parquet; scorecards are made without the package as well."""
@@ -204,24 +204,9 @@ class CampaignFolder:
         rows = self.table()
         if rows:
             columns = {name: _alike([row[name] for row in rows]) for name in rows[0]}
-            (self.path / _TABLE).parent.mkdir(exist_ok=True)
-            with replaced(self.path / _TABLE) as draft:
-                pq.write_table(pa.table(columns), draft)
-
-
-@contextmanager
-def replaced(path: Path) -> Generator[Path]:
-    """A file to write, which takes its place whole, or is gone where that fails."""
-    # Readers of datasets pass over names that begin with a dot.
-    draft = path.with_name(f".{path.name}.tmp")
-    try:
-        yield draft
-        with draft.open("rb+") as written:
-            os.fsync(written.fileno())
-        draft.replace(path)
-    except BaseException:
-        draft.unlink(missing_ok=True)
-        raise
+            table = pa.BufferOutputStream()
+            pq.write_table(pa.table(columns), table)
+            replace_file(self.path / _TABLE, table.getvalue().to_pybytes())
 
 
 def require_pyarrow() -> None:

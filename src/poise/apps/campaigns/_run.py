@@ -22,9 +22,6 @@ from poise.apps.campaigns._workers import LocalWorkers, WorkerLostError, Workers
 from poise.apps.pages import write_campaign_page
 from poise.apps.scenarios import Progress
 
-_TRIED = 8
-"""So many jobs of a kind are tried at most until one fits its robot."""
-
 
 class Runner:
     """Runs jobs, once each however often they are asked for; rows are kept in a folder."""
@@ -63,9 +60,9 @@ class Runner:
         kinds: defaultdict[str, list[Job]] = defaultdict(list)
         for job in jobs:
             kinds[same_kind(job)].append(job)
-        # Neighbours in a grid are alike: those that are tried are far from each other.
+        # Neighbours in a grid are alike: of each kind eight at most are tried, far from each other.
         cold = [
-            (own[:: math.ceil(len(own) / _TRIED)], name in self._begun)
+            (own[:: math.ceil(len(own) / 8)], name in self._begun)
             for name, own in kinds.items()
             if name not in self._warm
         ]

@@ -21,7 +21,6 @@ _PLOTS = {
     "slices": "plot_slice",
     "importances": "plot_param_importances",
 }
-_FEWEST = 2  # trials that plots need
 
 
 def tune(
@@ -142,7 +141,7 @@ def _draw(study: Any, folder: Path) -> None:
     from matplotlib import pyplot as plt
 
     plots = import_module("optuna.visualization.matplotlib")
-    if len(_finished(study)) < _FEWEST:
+    if len(_finished(study)) < 2:
         return
     for name, function in _PLOTS.items():
         with warnings.catch_warnings(), mpl.rc_context():

@@ -26,12 +26,6 @@ from poise.sim import silence
 T = TypeVar("T")
 R = TypeVar("R")
 
-ATTEMPTS = 3
-"""Times that an item is tried that takes its worker along: it need not be the culprit."""
-
-_LOOK = 1.0
-"""Period in which workers are counted anew while nothing comes [s]."""
-
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Linear algebra in workers must not start threads of its own: there is a worker a core."""
 
@@ -60,11 +54,12 @@ class Workers(AbstractContextManager["Workers"]):
         function(item)
 
     def each(
-        self, function: Callable[[T], R], items: Iterable[T]
+        self, function: Callable[[T], R], items: Iterable[T], attempts: int = 3
     ) -> Iterator[tuple[T, R | WorkerLostError]]:
         """Call a function with each of many items, as many at a time as there are workers.
 
-        An item whose worker dies goes to another one. Items are taken when a worker is free.
+        An item whose worker dies goes to another one, `attempts` times in all: it need not be the
+        culprit. Items are taken when a worker is free.
         """
         left, again = iter(items), deque[tuple[T, int]]()
         running: dict[Future[tuple[bool, Any]], tuple[T, int]] = {}
@@ -76,12 +71,13 @@ class Workers(AbstractContextManager["Workers"]):
                 running[self.submit(function, upcoming[0])] = upcoming
             if not running:
                 return
-            for future in wait(running, timeout=_LOOK, return_when=FIRST_COMPLETED).done:
+            # Each second workers are counted anew.
+            for future in wait(running, timeout=1.0, return_when=FIRST_COMPLETED).done:
                 item, tried = running.pop(future)
                 try:
                     raised, result = future.result()
                 except WorkerLostError as lost:
-                    if tried < ATTEMPTS:
+                    if tried < attempts:
                         again.append((item, tried + 1))
                         continue
                     raised, result = False, lost

@@ -12,12 +12,9 @@ from jaxtyping import Float64
 
 from poise._show import new_figure
 from poise.apps.onboarding._trial import Attempt, Tryout
-from poise.apps.pages import PALETTE, house_style, inline_svg, render_page, replace_file
+from poise.apps.pages import house_style, inline_svg, render_page, replace_file
 from poise.robots import Proposal, Robot
 from poise.sim import Camera, Marker, Plant, find_opengl
-
-_VIEWS = (("from the front left", 145.0), ("from the left", 90.0))  # [deg]
-_BLUE, _ORANGE = (0.0, 0.45, 0.7, 1.0), (0.85, 0.35, 0.0, 1.0)
 
 
 def write_page(robot: Robot, proposal: Proposal, trial: Tryout | None, path: Path) -> None:
@@ -61,15 +58,16 @@ def _pictures(
     def triple(point: Float64[np.ndarray, "3"]) -> tuple[float, float, float]:
         return float(point[0]), float(point[1]), float(point[2])
 
+    blue, orange = (0.0, 0.45, 0.7, 1.0), (0.85, 0.35, 0.0, 1.0)
     below = (float(com[0]), float(com[1]), 0.0)
-    markers = [Marker(position=below, radius=0.03, colour=_ORANGE)]
+    markers = [Marker(position=below, radius=0.03, colour=orange)]
     for place in places.values():
         arrows = (triple(0.1 * place.rotation[:, axis]) for axis in (0, 2))
         at = triple(place.translation)
-        markers += [Marker(position=at, arrow=a, radius=0.012, colour=_BLUE) for a in arrows]
+        markers += [Marker(position=at, arrow=a, radius=0.012, colour=blue) for a in arrows]
     model = Plant(robot).drawn_model()
     pictures: list[tuple[str, str]] = []
-    for label, azimuth in _VIEWS:
+    for label, azimuth in (("from the front left", 145.0), ("from the left", 90.0)):
         file = io.BytesIO()
         config = Camera.Config(width=560, height=520, azimuth=azimuth)
         with Camera(robot, model, config) as camera:
@@ -90,8 +88,8 @@ def _soles(
         face = proposal.outlines.get(name, rectangle)
         at, turn = places[name].translation[:2], places[name].rotation[:2, :2].T
         panel.fill(*(at + face @ turn).T[::-1], color="#d9e2ec")
-        panel.plot(*(at + rectangle @ turn).T[::-1], color=PALETTE[0])
-    panel.plot(com[1], com[0], "o", color=PALETTE[1])
+        panel.plot(*(at + rectangle @ turn).T[::-1], color="C0")
+    panel.plot(com[1], com[0], "o", color="C1")
     panel.set(aspect="equal", xlabel="y, left [m]", ylabel="x, ahead [m]")
     panel.invert_xaxis()
     return inline_svg(figure, "soles", "Soles from above")

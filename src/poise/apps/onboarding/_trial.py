@@ -10,10 +10,6 @@ from poise.apps.scenarios import INTERRUPTED, Run, make_scenario, run_scenario, 
 from poise.errors import PoiseError, RobotError
 from poise.robots import Robot, standing_posture, swings
 
-_DEPTHS = (0.1, 0.075, 0.05, 0.025)  # of a squat by the COM's height: the first that limits allow
-_BELOW = 1.2  # depth that limits must allow by that of the squat: the controller brakes before them
-_SWING = 0.5  # [rad] by which one joint leads a reach, which can therefore be done
-_FORWARD_AND_UP = np.array([0.6, 0.0, 0.8])
 _DRIFT = 0.01  # [m] of what holds still: less than half the width of the narrowest soles
 _PART = 0.85  # of a motion that counts as all of it
 
@@ -115,9 +111,11 @@ def _attempt(run: Run) -> Attempt:
 def _squat(robot: Robot) -> dict[str, Any]:
     """Down as far as limits allow, and up."""
     height = float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)[2])
-    depths = [depth for depth in _DEPTHS if _stands(robot, (1.0 - _BELOW * depth) * height)]
+    shares = (0.1, 0.075, 0.05, 0.025)
+    # A fifth deeper: the controller brakes before limits.
+    depths = [share for share in shares if _stands(robot, (1.0 - 1.2 * share) * height)]
     # Legs of five joints have no such posture with toes straight ahead: they are tried anyhow.
-    depth = [*depths, _DEPTHS[0]][0] * height
+    depth = [*depths, shares[0]][0] * height
     down = {"task": "com", "at": 0.3, "over": 1.5, "by": [0.0, 0.0, -depth]}
     low = {"metric": "com_travel", "axis": "z", "at_least": _PART * depth}
     back = {"metric": "com_error_max", "from": 4.0, "at_most": _DRIFT}
@@ -142,10 +140,10 @@ def _reach(robot: Robot) -> dict[str, Any]:
     arms = {hand: sorted(set(robot.joints_above(hand)) - trunk) for hand in robot.hands}
     for hand, arm in ((hand, arm) for hand, arm in arms.items() if arm):
         frame = robot.frame_id(hand)
-        turns = list(swings(model, q, arm, frame, _SWING))
+        turns = list(swings(model, q, arm, frame, 0.5))
         ways = np.array([turn.place - data.oMf[frame].translation for turn in turns])
         sizes = np.linalg.norm(ways, axis=1)
-        best = int(np.argmax(ways @ _FORWARD_AND_UP + sizes))
+        best = int(np.argmax(ways @ [0.6, 0.0, 0.8] + sizes))
         motions.append({"task": hand, "by": ways[best].tolist()})
         most = (1.0 - _PART) * float(sizes[best])
         checks.append({"metric": "task_error_end", "task": hand, "at_most": most})

@@ -13,7 +13,6 @@ from poise.apps.pages._style import (
     INK as INK,
     LINE as LINE,
     MUTED as MUTED,
-    PALETTE as PALETTE,
     REFERENCE as REFERENCE,
     SUPPORT as SUPPORT,
     ZMP as ZMP,

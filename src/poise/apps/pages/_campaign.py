@@ -14,11 +14,6 @@ from poise.apps.pages._style import number
 
 _RAN = ("ok", "failed", "fell", "diverged")
 """Outcomes of episodes that ran, whose falls mean something."""
-_GROUPS = 8
-"""Values of a parameter that stand for themselves; more of them are grouped, numbers by size."""
-_QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-_LISTED = 25
-"""Episodes that the page lists by number."""
 
 
 def write_campaign_page(table: Sequence[Mapping[str, Any]], path: Path) -> Path:
@@ -47,7 +42,7 @@ def write_campaign_page(table: Sequence[Mapping[str, Any]], path: Path) -> Path:
         bars=[bar for name in _parameters(ran) for bar in _falls(name, ran)],
         quantiles=list(_quantiles(ran)),
         wrong=[(r["number"], r["outcome"], _in_words(r), r.get("reason")) for r in wrong],
-        listed=_LISTED,
+        listed=25,
     )
     return replace_file(path, page)
 
@@ -103,11 +98,11 @@ def _falls(path: str, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]
     return bars
 
 
-def _groups(values: Sequence[Any]) -> list[tuple[float, str]]:
-    """Place and name of the group of each value."""
+def _groups(values: Sequence[Any], most: int = 8) -> list[tuple[float, str]]:
+    """Place and name of the group of each value: its own, unless there are more than so many."""
     distinct = {json.dumps(value) for value in values}
     numeric = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
-    if numeric and len(distinct) > _GROUPS:
+    if numeric and len(distinct) > most:
         edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, 5)))
         places = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
         names = [f"{number(float(a))} to {number(float(b))}" for a, b in pairwise(edges)]
@@ -115,7 +110,7 @@ def _groups(values: Sequence[Any]) -> list[tuple[float, str]]:
     if numeric:
         return [(float(value), number(value)) for value in values]
     names = [_text(value) for value in values]
-    common = {name for name, _ in Counter(names).most_common(_GROUPS)}
+    common = {name for name, _ in Counter(names).most_common(most)}
     return [(0.0, name if name in common else "any other") for name in names]
 
 
@@ -127,4 +122,8 @@ def _quantiles(rows: Sequence[Mapping[str, Any]]) -> Iterator[tuple[Any, ...]]:
         numbers = [v for v in found if isinstance(v, int | float) and not isinstance(v, bool)]
         finite = [value for value in numbers if np.isfinite(value)]
         if finite and name not in given:
-            yield name, len(finite), *(float(q) for q in np.quantile(finite, _QUANTILES))
+            yield (
+                name,
+                len(finite),
+                *(float(q) for q in np.quantile(finite, (0.05, 0.25, 0.5, 0.75, 0.95))),
+            )

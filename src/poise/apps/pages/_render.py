@@ -58,8 +58,17 @@ def replace_file(path: Path, content: str | bytes) -> Path:
     Returns:
         The path.
     """
+    written = content.encode() if isinstance(content, str) else content
     path.parent.mkdir(parents=True, exist_ok=True)
+    # Readers of datasets pass over names that begin with a dot.
     draft = path.with_name(f".{path.name}.tmp")
-    draft.write_bytes(content.encode() if isinstance(content, str) else content)
-    os.replace(draft, path)
+    try:
+        with draft.open("wb") as file:
+            file.write(written)
+            file.flush()
+            os.fsync(file.fileno())
+        draft.replace(path)
+    except BaseException:
+        draft.unlink(missing_ok=True)
+        raise
     return path

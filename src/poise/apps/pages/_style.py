@@ -60,12 +60,7 @@ def _own_ids(text: str, name: str) -> str:
     return re.sub(r'(url\(#|href="#)', rf"\g<1>{name}-", text)
 
 
-# Okabe and Ito's colours, which stay apart for colour-blind readers; yellow is left out because
-# it vanishes on white, and black because it is the text's.
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C3E")
-_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
-"""Line styles: the palette comes round with the next one."""
-COM, ZMP, SUPPORT = PALETTE[:3]
+COM, ZMP, SUPPORT = "C0", "C1", "C2"
 GOOD, BAD = SUPPORT, ZMP
 INK, MUTED, LINE = "#1F2933", "#616E7C", "#CBD2D9"
 REFERENCE, EVENT = "#52606D", "#7B8794"
@@ -93,8 +88,10 @@ def house_style() -> Generator[None]:
 
 def line_style(index: int) -> dict[str, Any]:
     """Colour and dashes of the line with this number, for `Axes.plot`."""
-    dashes = _DASHES[(index // len(PALETTE)) % len(_DASHES)]
-    return {"color": PALETTE[index % len(PALETTE)], "linestyle": dashes}
+    from matplotlib import rcParams
+
+    cycle = [*rcParams["axes.prop_cycle"]]
+    return cycle[index % len(cycle)]
 
 
 def plain(text: str, limit: int = 26) -> str:

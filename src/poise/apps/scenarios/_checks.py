@@ -16,7 +16,6 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack import ComTask, Stack
 
-_BEFORE = 0.25  # causes come so shortly before the worst moment of a check [s]
 _PHYSICS = ("dynamics and torque limits", "contacts and joint limits")
 
 
@@ -70,8 +69,8 @@ def evaluate_checks(
             return result
         # A fall takes its time: its causes come first.
         whole = result.metric in ("fell", "ended_early")
-        # A symptom that begins at the worst moment lasts beyond it.
-        begin, end = (-np.inf, 0.0) if whole else (-_BEFORE, LASTING)
+        # Others come a quarter of a second before; one that begins at the moment lasts beyond it.
+        begin, end = (-np.inf, 0.0) if whole else (-0.25, LASTING)
         window = (result.time + begin, result.time + end)
         return replace(result, mechanism=explain(symptoms, run.time, *window))
 

@@ -10,8 +10,6 @@ from jaxtyping import Float64, Int
 from poise.apps.report import ForceTrack, Geometry, Replay, RunSignals
 from poise.sim import Plant, Push
 
-FRAMES_PER_SECOND = 30.0
-
 CELL = 0.004
 """Meshes are drawn with their vertices merged on a grid of this size [m]: a hand still looks like
 a hand, and a robot of 30 meshes fits into a page."""
@@ -31,7 +29,7 @@ _PRIMITIVES: dict[int, tuple[_Primitive, int]] = {
 def make_replay(plant: Plant, run: RunSignals, pushes: Sequence[Push] = ()) -> Replay:
     """Body poses at 30 frames a second, with shapes, contact forces, pushes and targets."""
     model, data, last = plant.model, mujoco.MjData(plant.model), len(run.time) - 1
-    period = 1.0 / FRAMES_PER_SECOND
+    period = 1.0 / 30.0
     moments = np.arange(run.time[0], run.time[-1] + 0.5 * period, period)
     rows = np.unique(np.minimum(np.searchsorted(run.time, moments), last))
     time, count = run.time[rows], len(rows)

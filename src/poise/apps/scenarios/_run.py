@@ -29,8 +29,6 @@ INTERRUPTED = "interrupted by the user"
 Progress = Callable[[float, float], None]
 """Called with the seconds done and the seconds in all."""
 
-_SHOWN_EVERY = 0.05  # simulated time from one call of `Progress` to the next [s]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
@@ -163,7 +161,7 @@ def run_scenario(
             time = tick.truth.time
             if time >= shown:
                 progress(time, scenario.duration)
-                shown = time + _SHOWN_EVERY
+                shown = time + 0.05
             if viewer is not None:
                 viewer.sync()
                 if not viewer.open and time < scenario.duration - scenario.plant.control_dt:

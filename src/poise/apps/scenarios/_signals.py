@@ -118,9 +118,6 @@ class BaseKnowledge:
 _TICK, _TARGET = "tick_us/", "target/"
 """Beginnings of the names of signals: times of a tick's phases, and targets."""
 
-TOUCHING = 1.0
-"""A sole that carries more than this counts as standing [N]."""
-
 
 def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
     """Make arrays with one row a tick from the record of a run."""
@@ -150,8 +147,8 @@ def collect_signals(record: RunRecord, robot: Robot) -> RunSignals:
         )
         for name, (at, _) in poses.items()
     }
-    # A foot that touches down early carries load before the controller counts on it.
-    standing = {n: np.maximum(sole.planned, sole.force > TOUCHING) for n, sole in soles.items()}
+    # A foot that touches down early carries load, of a newton, before the controller counts on it.
+    standing = {n: np.maximum(sole.planned, sole.force > 1.0) for n, sole in soles.items()}
     support = support_phases(robot, time, standing, poses)
     tasks = tuple(
         TaskTrack(

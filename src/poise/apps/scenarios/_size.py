@@ -21,9 +21,6 @@ from poise.stack import Stack
 
 T = TypeVar("T")
 
-_SAME = 1e-3
-"""Sizes nearer to each other than this are one: heights in files are rounded."""
-
 _HANDS = ("left_hand", "right_hand")
 """Names of tasks of hands on a robot's own stack."""
 
@@ -51,7 +48,8 @@ def size_ratio(scenario: Scenario, robot: Robot) -> float:
         return 1.0
     height = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)[2]
     ratio = float(height) / scenario.reference_com_height
-    return 1.0 if abs(ratio - 1.0) < _SAME else ratio
+    # Heights in files are rounded.
+    return 1.0 if abs(ratio - 1.0) < 1e-3 else ratio
 
 
 def without_hands(scenario: Scenario, robot: Robot) -> Scenario:

@@ -20,7 +20,6 @@ _STOP = 5e-3  # a joint nearer to its limit is at it [rad]
 _FULL = 0.999  # torque over its limit from which it is at it
 _SLIP = 0.1  # a loaded sole slips along the ground above this speed [m/s]
 _CARRIES = 0.2  # share of the robot's weight from which a sole carries load
-_SAID = 3  # symptoms named of a check
 
 
 class Symptom(NamedTuple):
@@ -73,10 +72,10 @@ def explain(
     begin: float = -np.inf,
     end: float = np.inf,
 ) -> str:
-    """The first symptoms between two times [s], one of a kind, in words."""
+    """The first three symptoms between two times [s], one of a kind, in words."""
     window = (time >= begin) & (time <= end)
     seen = [symptom._replace(there=symptom.there & window) for symptom in symptoms]
-    found = beginnings(seen, time)[:_SAID]
+    found = beginnings(seen, time)[:3]
     return "; then ".join(f"{what} ({at:.2f} s)" for at, what in found)
 
 

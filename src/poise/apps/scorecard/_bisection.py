@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-_CONFIRMED = 2  # looks that confirm a guess
-
 
 @dataclass
 class Bisection:
@@ -38,7 +36,7 @@ class Bisection:
         """Number of looks in the end, as far as is known now."""
         if self.level is None:
             return self.done
-        return max(self.done + 1, self.looks if self.guess is None else _CONFIRMED)
+        return max(self.done + 1, self.looks if self.guess is None else 2)
 
     def tell(self, held: bool) -> None:
         """Take the outcome of the look at `level`."""

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, cast
 
 from poise._schema import Bounds, Number, Text, Truth, checked, read
 from poise._yaml import read_text
-from poise.apps.campaigns import replaced
+from poise.apps.pages import replace_file
 from poise.errors import ConfigurationError
 
 CARD, PAGE = "scorecard.json", "scorecard.html"
@@ -107,9 +107,7 @@ class Card:
 
     def write(self, folder: Path) -> Path:
         """Write the card's file into a folder, whole or not at all."""
-        with replaced(folder / CARD) as draft:
-            draft.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
-        return folder / CARD
+        return replace_file(folder / CARD, json.dumps(asdict(self), indent=1) + "\n")
 
 
 def read_card(path: Path) -> Card:

@@ -12,9 +12,6 @@ from poise.apps.scorecard._trials import TRIALS, Trial
 VERDICTS = {"better": "second better", "worse": "second worse", "alike": "", "": ""}
 """How the second of two cards stands to the first, in words."""
 
-_RADIUS, _CENTRE, _RINGS = 120.0, 170.0, 4
-"""Of polar plots, as their template has them."""
-
 
 def write_page(card: Card, folder: Path, other: Card | None = None) -> Path:
     """Write the page of a card, which needs no network and no other file.
@@ -112,7 +109,7 @@ def _polars(found: Sequence[Difference], count: int) -> Iterator[dict[str, Any]]
             words = trial.title + ("" if phase is None else f", phase {phase:g} of the step")
             yield {
                 "words": words,
-                "rings": [f"{limit * (i + 1) / _RINGS:g} {trial.unit}" for i in range(_RINGS)],
+                "rings": [f"{limit * share:g} {trial.unit}" for share in (0.25, 0.5, 0.75, 1.0)],
                 "series": [_outline([case for case in cases if case], limit) for cases in shown],
             }
 
@@ -126,10 +123,10 @@ def _outline(cases: Sequence[CaseResult], limit: float) -> dict[str, Any]:
     around = sorted(cases, key=lambda case: case.angle or 0.0)
 
     def places(name: str) -> list[str]:
-        # Ahead is up the page, left is left.
+        # As the template has them, of radius 120 about (170, 170); ahead is up, left is left.
         turned = [(math.radians(c.angle or 0.0), getattr(c, name) / limit) for c in around]
-        xs = [_CENTRE - _RADIUS * share * math.sin(turn) for turn, share in turned]
-        ys = [_CENTRE - _RADIUS * share * math.cos(turn) for turn, share in turned]
+        xs = [170.0 - 120.0 * share * math.sin(turn) for turn, share in turned]
+        ys = [170.0 - 120.0 * share * math.cos(turn) for turn, share in turned]
         return [f"{x:.1f} {y:.1f}" for x, y in zip(xs, ys, strict=True)]
 
     return {

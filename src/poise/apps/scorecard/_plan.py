@@ -22,7 +22,6 @@ BY_HAND = "step_teleoperation"
 """The controller whose robot an operator leads: it stands by resting devices."""
 
 _SCENES = Path(__file__).parent / "scenes"
-_MOST_CASES, _MOST_SEEDS, _MOST_LOOKS = 1000, 1000, 100  # for which numbers of episodes leave room
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,9 +173,10 @@ class Plan:
             phase=case.phase or 0.0,
             seed=seed,
         )
-        number = (TRIALS.index(trial) * _MOST_CASES + case.index) * _MOST_SEEDS + seed
+        # There is room for 1000 cases of 1000 seeds of 100 looks.
+        number = (TRIALS.index(trial) * 1000 + case.index) * 1000 + seed
         return Job(
-            number=number * _MOST_LOOKS + look,
+            number=number * 100 + look,
             scenario=scene,
             where=scene["name"],
             values=trial.values(level, place),

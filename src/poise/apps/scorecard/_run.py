@@ -8,6 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
 
 from poise.apps.campaigns import (
     CampaignFolder,
@@ -19,11 +23,9 @@ from poise.apps.campaigns import (
     row_of,
     run_episode,
 )
-from poise.apps.scenarios import Progress, Run
+from poise.apps.scenarios import Progress, Run, explain, missed_ticks, symptoms_of
 from poise.apps.scorecard._bisection import Bisection
 from poise.apps.scorecard._card import Card, CaseResult, Limit, SeedResult, TrialResult
-from poise.apps.scorecard._intervals import Estimate, median_of, share_of
-from poise.apps.scorecard._mechanism import mechanism, survived
 from poise.apps.scorecard._plan import Case, Plan
 from poise.apps.scorecard._trials import TRIALS, Trial
 
@@ -98,6 +100,42 @@ def _judged(job: Job, run: Run) -> Row:
     return {**row_of(job, run), "survived": came_through, "mechanism": why}
 
 
+def survived(run: Run) -> bool:
+    """True for a robot that came through.
+
+    No fall, no divergence, no tick without an answer; it stands upright at the end, its walk has
+    ended, and what its scene checks holds, which for standing is being at rest.
+    """
+    return not (run.fell or run.ended_early or missed_ticks(run.signals) or _end(run))
+
+
+def mechanism(run: Run) -> str:
+    """The first events of a run that was not survived, and its end."""
+    begun = explain(symptoms_of(run.signals, run.robot, run.scenario), run.signals.time)
+    end = run.ended_early or _end(run) or "it went on to the end"
+    return "; then ".join(filter(None, (begun, end)))
+
+
+def lean(run: Run) -> float:
+    """Angle of the base's vertical at the end of a run from that at home [rad]."""
+    home, now = (
+        pin.Quaternion(q[3:7]).toRotationMatrix()[:, 2]
+        for q in (run.robot.q_home, run.signals.q[-1])
+    )
+    return float(np.arccos(np.clip(home @ now, -1.0, 1.0)))
+
+
+def _end(run: Run) -> str:
+    """The state at the end that is no survival, or ""."""
+    # Upright is a base that leans no further than this from its home attitude [rad].
+    if lean(run) > 0.5:
+        return f"it leaned by {lean(run):.2f} rad at the end"
+    if run.scenario.walk is not None and run.signals.modes[-1][1] != "walk standing":
+        return f"the walk was not finished ({run.signals.modes[-1][1]})"
+    own = run.checks[len(run.checks) - len(run.scenario.checks) :]
+    return "; ".join(f"at the end {c.name} was {c.value:.2g} {c.unit}" for c in own if not c.ok)
+
+
 def replay_job(folder: CampaignFolder, number: int) -> Job:
     """The job of an episode that a card's folder has a row of."""
     plan, row = Plan.of(folder), folder.row(number)
@@ -127,6 +165,39 @@ def _results(searches: Sequence[_Search]) -> Iterator[TrialResult]:
             hard=trial.hard,
             cases=tuple(_result(trial, [*same]) for _, same in cases),
         )
+
+
+class Estimate(NamedTuple):
+    """A figure, its interval, and the probability that such an interval holds the true figure."""
+
+    value: float
+    low: float
+    high: float
+    confidence: float
+
+
+def median_of(values: Sequence[float], confidence: float = 0.95) -> Estimate:
+    """The median, with the interval between two order statistics.
+
+    The r-th smallest and the r-th largest of n values hold the median between them with probability
+    1 - 2 P(B < r), B binomial with n and 1/2 (David and Nagaraja, Order Statistics, 2003, 7.1). r
+    is the largest for which that is `confidence` or more; 1 where few values give less.
+    """
+    from scipy.stats import binom  # takes a second, which commands without episodes do without
+
+    found, n = sorted(values), len(values)
+    held = {r: max(0.0, 1.0 - 2.0 * float(binom.cdf(r - 1, n, 0.5))) for r in range(1, n // 2 + 1)}
+    rank = max((r for r, probability in held.items() if probability >= confidence), default=1)
+    middle = 0.5 * (found[(n - 1) // 2] + found[n // 2])
+    return Estimate(middle, found[rank - 1], found[n - rank], held.get(rank, 0.0))
+
+
+def share_of(count: int, of: int, confidence: float = 0.95) -> Estimate:
+    """A share, with Wilson's interval (Wilson 1927, J. Am. Stat. Assoc. 22)."""
+    from scipy.stats import binomtest
+
+    interval = binomtest(count, of).proportion_ci(confidence, method="wilson")
+    return Estimate(count / of, float(interval.low), float(interval.high), confidence)
 
 
 def _result(trial: Trial, searches: Sequence[_Search]) -> CaseResult:

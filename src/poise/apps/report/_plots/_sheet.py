@@ -16,12 +16,8 @@ LEFT, RIGHT, BOTTOM, GAP = 1.25, 2.1, 0.5, 0.34
 """Margins [in], the same in all figures: time runs in line down the page, legends stand right."""
 DASHED: dict[str, Any] = {"color": REFERENCE, "linestyle": (0, (4, 2)), "linewidth": 1.0}
 """Lines that others are compared with."""
-_EVENT_ROW, _EVENT_ROWS, _CHARACTER = 0.165, 3, 0.072
-"""Labels of events: height of a row [in], rows at most, width of a character [in]."""
-_SHORT_LOG = 300.0
-"""A logarithmic axis over less than this ratio also has labels at 2 and 5 of each decade."""
-_LEAST_LOG = 1e-17
-"""Least value on a logarithmic axis: below rounding, zero is drawn here."""
+_EVENT_ROW = 0.165
+"""Height of a row of labels of events [in]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,16 +125,19 @@ def log_axis(axis: Any, low: float, high: float) -> None:
 
     (axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale)("log")
     (axis.axes.set_xlim if axis.axis_name == "x" else axis.axes.set_ylim)(low, high)
-    short = high < _SHORT_LOG * low
+    # Over few decades there is room for labels at 2 and 5 of each.
+    short = high < 300.0 * low
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=8))
     label = number if short else power_of_ten
     axis.set_major_formatter(FuncFormatter(lambda value, _: label(value)))
     axis.set_minor_locator(NullLocator())
 
 
-def above_zero(values: Float64[np.ndarray, "*s"]) -> Float64[np.ndarray, "*s"]:
+def above_zero(
+    values: Float64[np.ndarray, "*s"], least: float = 1e-17
+) -> Float64[np.ndarray, "*s"]:
     """Values for a logarithmic axis: zero becomes a number below rounding."""
-    return np.maximum(np.abs(values), _LEAST_LOG)
+    return np.maximum(np.abs(values), least)
 
 
 def greatest(values: Float64[np.ndarray, " T"]) -> float:
@@ -191,13 +190,13 @@ def _place_labels(
     events: Sequence[Event], start: float, end: float, width: float
 ) -> list[tuple[Event, int, str]]:
     """Find a row and a side for each event's label; one that fits nowhere gets none."""
-    taken = [-np.inf] * _EVENT_ROWS
+    taken = [-np.inf] * 3
     placed: list[tuple[Event, int, str]] = []
     for event in sorted(events, key=lambda e: e.time):
         if not start <= event.time <= end:
             continue
         x = (event.time - start) / (end - start) * width
-        length = _CHARACTER * len(plain(event.label)) + 0.08
+        length = 0.072 * len(plain(event.label)) + 0.08
         side = "left" if x + length <= width + RIGHT else "right"
         first = x if side == "left" else x - length
         row = next((row for row, last in enumerate(taken) if first >= last), None)

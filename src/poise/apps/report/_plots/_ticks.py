@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.pages import BAD, GOOD, INK, PALETTE, inline_svg, line_style, number, plain
+from poise.apps.pages import BAD, GOOD, INK, inline_svg, line_style, number, plain
 from poise.apps.report._plots._sheet import (
     DASHED,
     WIDTH,
@@ -22,13 +22,6 @@ from poise.apps.report._record import RunSignals
 _OK = "ok"
 """The value of `CommandStatus.OK`."""
 _TOTAL = "total"
-_BINS = 70
-_MET = 1e-6
-"""A level with a relative residual below this counts as met."""
-_LEAST = 1e-3
-"""A tick never takes less [us]: below any clock's step."""
-_FLOOR = 1e-12
-"""The axis never shows less than this, which is rounding."""
 
 
 def draw_ticks(run: RunSignals) -> list[PlotFigure]:
@@ -53,7 +46,7 @@ def tick_percentiles(run: RunSignals) -> list[tuple[str, float, float, float]]:
 def _over_time(run: RunSignals) -> PlotFigure:
     sheet = TimeSheet(run, [1.5, 0.3])
     time, status = sheet.axes
-    sheet.plot(time, run.total_tick, color=PALETTE[0], linewidth=0.8, label="tick")
+    sheet.plot(time, run.total_tick, color="C0", linewidth=0.8, label="tick")
     time.axhline(run.tick_budget_us, color=INK, linewidth=1.1, label="budget")
     time.set_ylim(0.0, _useful_top(run))
     time.set_ylabel("tick time [µs]")
@@ -76,7 +69,7 @@ def _useful_top(run: RunSignals) -> float:
 
 def _draw_status(ax: Any, run: RunSignals, end: float) -> None:
     codes = [_OK, *sorted(set(run.status) - {_OK})]
-    colours = [GOOD, BAD, *PALETTE[3:6], INK]
+    colours = [GOOD, BAD, "C3", "C4", "C5", INK]
     for code, name in enumerate(codes):
         on = np.array([status == name for status in run.status])
         bars, count = stretches(run.time, on, end), int(on.sum())
@@ -114,9 +107,10 @@ def _histogram(
     row: tuple[str, float, float, float],
     budget: float,
 ) -> None:
-    finite = np.maximum(total[np.isfinite(total)], _LEAST)
+    # A nanosecond is below any clock's step, and no logarithm of zero.
+    finite = np.maximum(total[np.isfinite(total)], 1e-3)
     low, high = float(finite.min()) * 0.9, float(finite.max()) * 1.1
-    ax.hist(finite, bins=np.geomspace(low, high, _BINS), color=PALETTE[0], alpha=0.85)
+    ax.hist(finite, bins=np.geomspace(low, high, 70), color="C0", alpha=0.85)
     ax.set(title="Whole tick", xlabel="tick time [µs]", ylabel="ticks [-]")
     marks = [("p50", row[1]), ("p99", row[2])]
     if budget < 3.0 * high:
@@ -132,7 +126,7 @@ def _histogram(
 
 def _percentile_bars(ax: Any, rows: list[tuple[str, float, float, float]]) -> None:
     for i, (name, p50, p99, greatest) in enumerate(rows):
-        colour = PALETTE[0] if name == _TOTAL else PALETTE[5]
+        colour = "C0" if name == _TOTAL else "C5"
         ax.barh(i, p50, height=0.62, color=colour, label="p50" if i == 0 else None)
         ax.plot([p50, p99], [i, i], color=INK, linewidth=1.4, zorder=3)
         ax.plot(p99, i, "|", color=INK, markersize=9, zorder=3)
@@ -152,15 +146,15 @@ def draw_residuals(run: RunSignals) -> list[PlotFigure]:
     if levels == 0:
         return []
     sheet = TimeSheet(run, [2.1])
-    ax = sheet.axes[0]
+    ax, rounding = sheet.axes[0], 1e-12
     for i in range(levels):
         label = f"{i + 1}: {plain(run.level_names[i], 22)}"
-        clipped = np.maximum(above_zero(run.residuals[:, i]), _FLOOR)
+        clipped = above_zero(run.residuals[:, i], rounding)
         sheet.plot(ax, clipped, label=label, linewidth=0.9, **line_style(i))
-    ax.axhline(_MET, label="met below 10⁻⁶", zorder=1, **DASHED)
+    ax.axhline(1e-6, label="met below 10⁻⁶", zorder=1, **DASHED)
     finite = run.residuals[np.isfinite(run.residuals)]
     high = 3.0 * float(finite.max()) if finite.size else 1.0
-    low = max(0.5 * float(np.percentile(finite, 0.5)) if finite.size else _FLOOR, _FLOOR / 2.0)
+    low = max(0.5 * float(np.percentile(finite, 0.5)) if finite.size else rounding, rounding / 2.0)
     log_axis(ax.yaxis, min(low, 1e-8), max(high, 1e-3))
     ax.set_ylabel("relative residual [-]")
     legend_beside(ax, title="level")

@@ -16,9 +16,6 @@ from poise.apps.report._plots._sheet import (
 )
 from poise.apps.report._record import RunSignals
 
-_LINES = 6
-_ROW = 0.155
-"""Height of a joint in the heat map [in]: its name is still readable."""
 _LOAD_COLOURS = "YlOrRd"
 """Colour map for loads: pale at rest, darker all the way to the limit."""
 _PARTS = (
@@ -70,7 +67,7 @@ def draw_joints(run: RunSignals) -> list[PlotFigure]:
     ax = sheet.axes[0]
     names = short_names(run.joint_names)
     least = np.where(np.isfinite(margin), margin, np.inf).min(axis=0)
-    for place, i in enumerate(np.argsort(least, kind="stable")[:_LINES]):
+    for place, i in enumerate(np.argsort(least, kind="stable")[:6]):
         if np.isfinite(least[i]):
             label = names[i]
             sheet.plot(ax, margin[:, i], label=label, **line_style(place))
@@ -85,7 +82,7 @@ def draw_joints(run: RunSignals) -> list[PlotFigure]:
 def draw_torques(run: RunSignals) -> list[PlotFigure]:
     """Draw a heat map of all joints over time, and the six that come nearest to their limits."""
     ratio = torque_ratio(run)
-    sheet = TimeSheet(run, [max(_ROW * len(run.joint_names), 0.6), 2.1])
+    sheet = TimeSheet(run, [max(0.155 * len(run.joint_names), 0.6), 2.1])
     _heat_map(sheet, run, np.abs(ratio))
     _highest(sheet, run, ratio)
     return [sheet.finish("torque", "Joint torques over their limits")]
@@ -129,7 +126,7 @@ def _highest(sheet: TimeSheet, run: RunSignals, ratio: Float64[np.ndarray, "T nj
     ax = sheet.axes[1]
     names = short_names(run.joint_names)
     filled = np.where(np.isfinite(ratio), np.abs(ratio), 0.0).max(axis=0)
-    for place, i in enumerate(np.argsort(-filled, kind="stable")[:_LINES]):
+    for place, i in enumerate(np.argsort(-filled, kind="stable")[:6]):
         limit = run.torque_max[i]
         label = f"{names[i]} ({number(float(limit))})"
         sheet.plot(ax, ratio[:, i], label=label, **line_style(place))

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.pages import COM, PALETTE, line_style, plain
+from poise.apps.pages import COM, line_style, plain
 from poise.apps.report._plots._sheet import (
     DASHED,
     PlotFigure,
@@ -14,13 +14,6 @@ from poise.apps.report._plots._sheet import (
     log_axis,
 )
 from poise.apps.report._record import RunSignals
-
-_LEAST_SPAN = 0.01
-"""Least height of an axis [m]: a COM that stands still must not look as if it shook."""
-_LOG_RATIO = 30.0
-"""A panel turns logarithmic when its largest error is this many times a typical one."""
-_LOG_DECADES = 8.0
-"""Decades that a logarithmic panel shows at most, below its largest error."""
 
 
 def draw_tracking(run: RunSignals) -> list[PlotFigure]:
@@ -46,17 +39,14 @@ def draw_tracking(run: RunSignals) -> list[PlotFigure]:
 
 
 def _log_bounds(errors: list[Float64[np.ndarray, " T"]]) -> tuple[float, float] | None:
-    """Bounds of a logarithmic panel; None where a linear one hides none of the errors.
-
-    Short dips to zero, where a sign changes, may leave the panel.
-    """
+    """Bounds of a logarithmic panel, short dips left out; None where a linear one hides nothing."""
     finite = [e[np.isfinite(e)] for e in errors]
     typical = [float(np.median(e)) for e in finite if e.size]
     largest = max(greatest(e) for e in errors)
-    if not typical or not largest > _LOG_RATIO * max(min(typical), 1e-12):
+    if not typical or not largest > 30.0 * max(min(typical), 1e-12):
         return None
     low = min(float(np.percentile(e[e > 0.0], 2.0)) for e in finite if (e > 0.0).any())
-    return max(0.5 * low, 2.0 * largest * 10.0**-_LOG_DECADES), 2.0 * largest
+    return max(0.5 * low, 2e-8 * largest), 2.0 * largest
 
 
 def draw_com(run: RunSignals) -> list[PlotFigure]:
@@ -69,7 +59,8 @@ def draw_com(run: RunSignals) -> list[PlotFigure]:
         ax.set_ylabel(f"{name} [m]")
         ax.ticklabel_format(axis="y", useOffset=False)
         low, high = ax.get_ylim()
-        short = max(0.0, _LEAST_SPAN - (high - low)) / 2.0
+        # A centimetre at least: a COM that stands still must not look as if it shook.
+        short = max(0.0, 0.01 - (high - low)) / 2.0
         ax.set_ylim(low - short, high + short)
     legend_beside(sheet.axes[0])
     return [sheet.finish("com", "Centre of mass")]
@@ -90,7 +81,7 @@ def draw_estimate(run: RunSignals) -> list[PlotFigure]:
         tracks.append(("COM offset [mm]", 1e3 * np.linalg.norm(run.payload[:, 1:], axis=1)))
     sheet = TimeSheet(run, [1.35] * len(tracks))
     for ax, (name, values) in zip(sheet.axes, tracks, strict=True):
-        sheet.plot(ax, values, color=PALETTE[0])
+        sheet.plot(ax, values, color="C0")
         ax.set_ylim(bottom=min(0.0, float(np.nanmin(values))))
         ax.set_ylabel(name)
     return [sheet.finish("estimate", "Error of the base's estimate")]

@@ -21,11 +21,6 @@ from poise.apps.report._record import RunSignals
 
 _TIME_COLOURS = "cividis"
 """Colour map for time: even in lightness, and made for colour-blind readers."""
-_TRAIL_POINTS = 600
-_LEAST_VIEW = 0.12
-"""Least half-width of the view from above [m]."""
-_WIDE = 1.8
-"""A ground this many times longer than wide gets its two views one above the other."""
 
 
 def draw_forces(run: RunSignals) -> list[PlotFigure]:
@@ -59,7 +54,8 @@ def _from_above(run: RunSignals) -> PlotFigure:
     from matplotlib.figure import Figure
 
     centre, half = _view(run)
-    wide = bool(half[0] > _WIDE * half[1])
+    # The two views of a long ground stand one above the other.
+    wide = bool(half[0] > 1.8 * half[1])
     figure: Any = Figure(figsize=(WIDTH, _height(half, wide)))
     rows, columns = (2, 1) if wide else (1, 2)
     bottom = 0.6 / figure.get_figheight()
@@ -121,7 +117,7 @@ def _draw_trail(
 ) -> None:
     from matplotlib.collections import LineCollection
 
-    index = np.unique(np.linspace(0, len(time) - 1, min(len(time), _TRAIL_POINTS)).astype(int))
+    index = np.unique(np.linspace(0, len(time) - 1, min(len(time), 600)).astype(int))
     points, times = trail[index], time[index]
     segments = np.stack([points[:-1], points[1:]], axis=1)
     whole = np.isfinite(segments).all(axis=(1, 2))
@@ -151,7 +147,7 @@ def _view(run: RunSignals) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray
         first, last = soles.min(axis=0), soles.max(axis=0)
         room = last - first + 0.3
         low, high = np.clip(low, first - room, first), np.clip(high, last, last + room)
-    half = np.maximum((high - low) / 2.0 * 1.1, _LEAST_VIEW)
+    half = np.maximum((high - low) / 2.0 * 1.1, 0.12)
     return (low + high) / 2.0, half
 
 
