@@ -18,8 +18,7 @@ from poise.locomotion import (
     StepTeleoperator,
     TrackedPose,
 )
-from poise.locomotion._stepping import FOOT_TURNS
-from poise.locomotion._stepping._stance import _footing as lean
+from poise.locomotion._stepping import FOOT_TURNS, TORSO_MOST
 
 DT = 0.005
 REST = OperatorSample()
@@ -273,7 +272,7 @@ def test_limits_of_the_body_are_the_robots(get_robot, actuation):
     limits, stoop = made.device.limits, made.teleoperator.parameters.stoop_max
     assert limits.height == pytest.approx((-stoop * 0.765, 0.04 * 0.765), rel=0.01)
     turned = actuation == "torque"
-    assert limits.torso == (lean.TORSO_MOST if turned else (0.0, 0.0, 0.0))
+    assert limits.torso == (TORSO_MOST if turned else (0.0, 0.0, 0.0))
     assert limits.turns == (FOOT_TURNS if turned else (0.0, 0.0))
 
 
