@@ -7,7 +7,7 @@ from oracles import near_home
 
 from poise import WholeBodyController, default_stack
 from poise.control import CommandStatus
-from poise.dynamics import Dynamics, Payload, RobotState
+from poise.dynamics import Dynamics, PayloadEstimate, RobotState
 from poise.errors import ConfigurationError
 
 NAMES = ["g1", "humanoid33"]
@@ -25,7 +25,7 @@ def test_mass_and_centre_are_off_by_what_it_says(get_robot, name, part, offset):
     dynamics = Dynamics(robot)
     dynamics.update(state)
     com, torso = dynamics.com, dynamics.placement(robot.frame_id(robot.torso))[1]
-    dynamics.update(carrying(state, Payload(part * robot.mass, np.array(offset))))
+    dynamics.update(carrying(state, PayloadEstimate(part * robot.mass, np.array(offset))))
     np.testing.assert_allclose(dynamics.com - com, torso @ offset, atol=1e-12)
     assert np.linalg.eigvalsh(dynamics.M)[0] > 0.0
     # At rest the base bears all of the weight.
@@ -46,7 +46,7 @@ def test_everything_agrees_with_a_model_made_so(get_robot, name):
         model.inertias[joint] = pin.Inertia(ratio * inertia.mass, lever, ratio * inertia.inertia)
     data = model.createData()
     dynamics = Dynamics(robot)
-    dynamics.update(carrying(state, Payload((ratio - 1.0) * robot.mass, offset)))
+    dynamics.update(carrying(state, PayloadEstimate((ratio - 1.0) * robot.mass, offset)))
     M = pin.crba(model, data, state.q)
     np.testing.assert_allclose(dynamics.M, np.triu(M) + np.triu(M, 1).T, atol=1e-10)
     h = pin.nonLinearEffects(model, data, state.q, state.v)
@@ -61,14 +61,14 @@ def test_what_hands_hold_is_where_the_hands_are(get_robot, name):
     robot, state = get_robot(name), near_home(get_robot(name), 4, speed=0.5)
     left, right = robot.hands
     dynamics, known = Dynamics(robot), Dynamics(robot.carrying(left, 0.5).carrying(right, 2.0))
-    dynamics.update(carrying(state, Payload(0.0, np.zeros(3), np.array([0.5, 2.0]))))
+    dynamics.update(carrying(state, PayloadEstimate(0.0, np.zeros(3), np.array([0.5, 2.0]))))
     known.update(state)
     np.testing.assert_allclose(dynamics.M, known.M, atol=1e-10)
     np.testing.assert_allclose(dynamics.h, known.h, atol=1e-9)
     np.testing.assert_allclose(dynamics.com, known.com, atol=1e-12)
     np.testing.assert_allclose(dynamics.com_velocity, known.com_velocity, atol=1e-12)
     # Hands that the robot has not hold nothing.
-    dynamics.update(carrying(state, Payload(0.0, np.zeros(3), np.array([0.5, 2.0, 7.0]))))
+    dynamics.update(carrying(state, PayloadEstimate(0.0, np.zeros(3), np.array([0.5, 2.0, 7.0]))))
     np.testing.assert_allclose(dynamics.com, known.com, atol=1e-12)
 
 
@@ -78,7 +78,7 @@ def test_nobody_else_feels_it_and_without_it_all_is_as_before(get_robot):
     one, other = Dynamics(robot), Dynamics(robot)
     other.update(state)
     M, com = other.M.copy(), other.com
-    one.update(carrying(state, Payload(5.0, np.array([0.05, 0.0, 0.0]))))
+    one.update(carrying(state, PayloadEstimate(5.0, np.array([0.05, 0.0, 0.0]))))
     other.update(state)
     np.testing.assert_array_equal(other.M, M)
     assert [inertia.mass for inertia in robot.model.inertias] == before
@@ -90,7 +90,7 @@ def test_nobody_else_feels_it_and_without_it_all_is_as_before(get_robot):
 def test_a_controller_gives_the_weight_that_it_is_told(get_robot):
     robot = get_robot("g1")
     state = RobotState(robot.q_home, np.zeros(robot.nv))
-    heavy = carrying(state, Payload(5.0, np.zeros(3)))
+    heavy = carrying(state, PayloadEstimate(5.0, np.zeros(3)))
     controller = WholeBodyController(robot, default_stack(robot))
     for told, weight in ((heavy, robot.weight + 5.0 * 9.81), (state, robot.weight)):
         command = controller.step(told)
@@ -121,20 +121,20 @@ def test_what_is_none_is_a_bad_state(get_robot):
 )
 def test_numbers_that_cannot_be_are_refused(mass, offset, held):
     with pytest.raises(ConfigurationError, match="payload"):
-        Payload(mass, np.full(3, offset), np.array(held))
+        PayloadEstimate(mass, np.full(3, offset), np.array(held))
 
 
 def test_no_robot_loses_all_of_its_mass(get_robot):
     robot = get_robot("g1")
     dynamics = Dynamics(robot)
     state = RobotState(robot.q_home, np.zeros(robot.nv))
-    dynamics.update(carrying(state, Payload(-2.0 * robot.mass, np.zeros(3))))
+    dynamics.update(carrying(state, PayloadEstimate(-2.0 * robot.mass, np.zeros(3))))
     assert np.linalg.eigvalsh(dynamics.M)[0] > 0.0
 
 
 def test_whoever_says_what_is_carried_may_write_over_it(get_robot):
     robot, offset = get_robot("humanoid33"), np.array([0.01, 0.0, 0.0])
-    payload, dynamics = Payload(5.0, offset), Dynamics(robot)
+    payload, dynamics = PayloadEstimate(5.0, offset), Dynamics(robot)
     state = near_home(robot, 3)
     dynamics.update(carrying(state, payload))
     com = dynamics.com.copy()

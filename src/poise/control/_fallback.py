@@ -12,7 +12,7 @@ from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers, is_array, is_time, laid_out
 from poise._compiled import compiled
-from poise.dynamics import Dynamics, Motion, Payload, RobotState, frames_of, motion_of
+from poise.dynamics import Dynamics, Motion, PayloadEstimate, RobotState, frames_of, motion_of
 from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack import TorqueLimit
@@ -248,7 +248,7 @@ def fault_of(state: object, robot: Robot) -> str:
     if not is_time(state.time):
         return f"the time is {state.time!r}, wanted seconds"
     if not _is_payload(state.payload):
-        return f"the payload is of kind {type(state.payload).__name__}, wanted Payload"
+        return f"the payload is of kind {type(state.payload).__name__}, wanted PayloadEstimate"
     for name, value, entries in (
         ("q", state.q, _entries(robot, robot.nq)),
         ("v", state.v, _entries(robot, robot.nv)),
@@ -291,4 +291,4 @@ def _entries(robot: Robot, size: int) -> list[str]:
 
 
 def _is_payload(value: object) -> bool:
-    return value is None or isinstance(value, Payload)
+    return value is None or isinstance(value, PayloadEstimate)

@@ -23,7 +23,7 @@ from poise.dynamics._motion import (
     turn_to_world as turn_to_world,
 )
 from poise.dynamics._partition import Partition as Partition, Partitions
-from poise.dynamics._payload import LoadedModel as LoadedModel, Payload
+from poise.dynamics._payload import LoadedModel as LoadedModel, PayloadEstimate
 from poise.dynamics._reduction import (
     ReducedDynamics,
     ReducedMatrices as ReducedMatrices,
@@ -42,7 +42,7 @@ from poise.dynamics._vectors import (
 __all__ = [
     "Dynamics",
     "Partitions",
-    "Payload",
+    "PayloadEstimate",
     "ReducedDynamics",
     "RobotState",
     "SensorReadings",

@@ -26,7 +26,7 @@ from poise.dynamics._motion import (
     frames_of,
     motion_of,
 )
-from poise.dynamics._payload import LoadedModel, Payload
+from poise.dynamics._payload import LoadedModel, PayloadEstimate
 from poise.robots import Robot
 
 _NUMBER = np.dtype(np.float64)
@@ -72,7 +72,7 @@ class RobotState:
     contacts: Mapping[str, Float64[np.ndarray, "6"]] = field(default_factory=dict)
     time: float = 0.0
     readings: SensorReadings | None = None
-    payload: Payload | None = None
+    payload: PayloadEstimate | None = None
 
     def __init__(
         self,
@@ -81,7 +81,7 @@ class RobotState:
         contacts: Mapping[str, Float64[np.ndarray, "6"]] | None = None,
         time: float | np.generic = 0.0,
         readings: SensorReadings | None = None,
-        payload: Payload | None = None,
+        payload: PayloadEstimate | None = None,
     ) -> None:
         take = object.__setattr__
         take(self, "q", q if type(q) is np.ndarray and q.dtype == _NUMBER else _as_numbers(q))
@@ -196,7 +196,7 @@ class Dynamics:
         self.robot = robot
         self.state: RobotState = RobotState(robot.q_home, np.zeros(robot.nv))
         self._model, self._data = robot.model, robot.model.createData()
-        self._payload: Payload | None = None
+        self._payload: PayloadEstimate | None = None
         self._loaded: LoadedModel | None = None
         data = self._data
         self._frames: dict[int, FrameKinematics] = {}
@@ -241,7 +241,7 @@ class Dynamics:
         pin.crba(self._model, self._data, self.q, pin.Convention.WORLD)
         pin.nonLinearEffects(self._model, self._data, self.q, self.v)
 
-    def _carry(self, payload: Payload | None) -> None:
+    def _carry(self, payload: PayloadEstimate | None) -> None:
         """Replace the payload."""
         if self._loaded is None:
             self._loaded = LoadedModel(self.robot)

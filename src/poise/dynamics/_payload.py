@@ -1,4 +1,4 @@
-"""`Payload`: deviation of a robot's mass and centre of mass from its description.
+"""`PayloadEstimate`: deviation of a robot's mass and centre of mass from its description.
 
 `LoadedModel`: a robot's model with a payload.
 """
@@ -19,7 +19,7 @@ LEAST_MASS = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Payload:
+class PayloadEstimate:
     """Deviation of a robot from its description in mass, centre of mass and loads of hands.
 
     Attributes:
@@ -93,7 +93,7 @@ class LoadedModel:
         turn = data.oMi[self._torso].rotation.T @ data.oMi[torso.parentJoint].rotation
         self._link_R_torso = turn @ torso.placement.rotation
 
-    def carry(self, payload: Payload | None) -> None:
+    def carry(self, payload: PayloadEstimate | None) -> None:
         """Replace the payload."""
         mass, offset = (0.0, np.zeros(3)) if payload is None else (payload.mass, payload.offset)
         ratio = max(1.0 + mass / self._mass, LEAST_MASS)

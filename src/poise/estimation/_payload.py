@@ -14,7 +14,7 @@ from poise.dynamics import (
     VELOCITY,
     Frames,
     Motion,
-    Payload,
+    PayloadEstimate,
     RobotState,
     frames_of,
     motion_of,
@@ -139,7 +139,7 @@ class PayloadEstimator:
 
     def reset(self) -> None:
         """Restart with the robot as described and an attitude that is right."""
-        self.payload: Payload | None = None
+        self.payload: PayloadEstimate | None = None
         self._time, self._since, self._settling = math.nan, 0.0, 0.0
         # By the robot's mass.
         self._mean, self._covariance = np.zeros(len(self._likely)), np.diag(self._likely**2)
@@ -332,7 +332,7 @@ class PayloadEstimator:
         if (np.abs(told - self._last) > _STEP * self._likely).any():
             self._last = told.copy()
             mass, held = float(told[0]) * self._mass, told[_HELD] * self._mass
-            self.payload = Payload(mass, told[1:4], held)
+            self.payload = PayloadEstimate(mass, told[1:4], held)
 
 
 _SOLES, _HAND = 12, 9

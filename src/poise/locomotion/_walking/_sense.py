@@ -17,7 +17,7 @@ from poise.dynamics import (
     Frames,
     LoadedModel,
     Motion,
-    Payload,
+    PayloadEstimate,
     RobotState,
     frames_of,
     motion_of,
@@ -63,7 +63,7 @@ class WalkSense:
     ) -> None:
         self._robot, self._model, self._dynamics = robot, robot.model, dynamics
         self._data = data = robot.model.createData()
-        self._payload: Payload | None = None
+        self._payload: PayloadEstimate | None = None
         self._loaded: LoadedModel | None = None
         self._soles, self.weight = soles, robot.weight
         found = [robot.soles[name] for name in soles]
