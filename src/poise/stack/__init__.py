@@ -9,11 +9,11 @@ from poise.stack._axes import (
 from poise.stack._balance import BalanceLimit, BalanceRows as BalanceRows
 from poise.stack._centroid import ComTask, MomentumTask
 from poise.stack._contact import Contact
-from poise.stack._contacts import PointContact, SurfaceContact
 from poise.stack._evaluation import any_dynamics as any_dynamics, evaluate as evaluate
 from poise.stack._frame import FrameTask
 from poise.stack._joint_limit import JointLimit
 from poise.stack._joints import JointTask, PostureTask
+from poise.stack._leader import Leader
 from poise.stack._owner import Owner as Owner
 from poise.stack._relative_frame import RelativeFrameTask
 from poise.stack._rows import (
@@ -27,6 +27,7 @@ from poise.stack._self_collision import (
     SelfCollisionLimit,
     SelfCollisionRows as SelfCollisionRows,
 )
+from poise.stack._shipped_contacts import PointContact, SurfaceContact
 from poise.stack._softening import (
     DAMPING as DAMPING,
     Softening as Softening,
@@ -34,7 +35,6 @@ from poise.stack._softening import (
 )
 from poise.stack._stack import (
     SOFTENING as SOFTENING,
-    Leader,
     Stack,
     default_stack,
     is_held as is_held,

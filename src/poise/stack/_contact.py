@@ -102,7 +102,7 @@ class Contact(Owner, BoundOnce, ABC):
     def _bind(self, robot: Robot) -> None:
         self.frame_ids = (robot.frame_id(self.frame),)
         components = self._held_components(robot)
-        if len(components) != self.dim:
+        if not np.array_equal(components, self.chosen):
             self._hold(components, self.damping)
         self._weight = robot.weight
         self.jacobian: Float64[np.ndarray, "dim nv"] = np.zeros((self.dim, robot.nv))
@@ -289,7 +289,11 @@ class Contact(Owner, BoundOnce, ABC):
 
     @abstractmethod
     def _make_cone(self, robot: Robot) -> Float64[np.ndarray, "rows dim"]:
-        """The constant rows C of C F <= 0, at least one."""
+        """Return the constant rows C of C F <= 0, at least one.
+
+        A contact whose pressure moves over an area fills `pressure_reach`, too; without it the
+        balance limit counts one point.
+        """
 
 
 @part

@@ -57,8 +57,8 @@ _ALL_TURNS = {3, 4, 5}
 """Components of a motion that turn a frame."""
 
 
-class Gains(TypedDict):
-    """Gains, weight and speed of a task."""
+class GainArguments(TypedDict):
+    """GainArguments, weight and speed of a task."""
 
     kp: Numbers
     kd: Numbers | None
@@ -74,7 +74,7 @@ class PoseTask(ShippedTask[PoseTarget]):
         turns: whether any of its rows is an orientation.
     """
 
-    def __init__(self, name: str, frame: str, axes: str, gains: Gains) -> None:
+    def __init__(self, name: str, frame: str, axes: str, gains: GainArguments) -> None:
         super().__init__(name, **gains)
         self.frame = checked_kind(frame, str, f"frame of task {self.name!r}")
         mask = "position+orientation" if axes == "pose" else axes
@@ -142,7 +142,7 @@ class FrameTask(PoseTask):
         name: str | None = None,
         orientation_error: str = "logarithm",
     ) -> None:
-        gains: Gains = {"kp": kp, "kd": kd, "weight": weight, "speed": speed}
+        gains: GainArguments = {"kp": kp, "kd": kd, "weight": weight, "speed": speed}
         super().__init__(name or f"{frame} {axes}", frame, axes, gains)
         if orientation_error not in ORIENTATION_ERRORS:
             raise UnknownNameError(

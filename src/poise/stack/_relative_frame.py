@@ -19,7 +19,7 @@ from poise.dynamics import (
 )
 from poise.robots import Robot
 from poise.stack._axes import ANGULAR_SPEED, Pose, usual_speeds
-from poise.stack._frame import Gains, PoseTask, fade_of
+from poise.stack._frame import GainArguments, PoseTask, fade_of
 from poise.stack._points import (
     Vector,
     acceleration_of,
@@ -69,7 +69,7 @@ class RelativeFrameTask(PoseTask):
         speed: Numbers | None = None,
         name: str | None = None,
     ) -> None:
-        gains: Gains = {"kp": kp, "kd": kd, "weight": weight, "speed": speed}
+        gains: GainArguments = {"kp": kp, "kd": kd, "weight": weight, "speed": speed}
         super().__init__(name or f"{frame} in {root} {axes}", frame, axes, gains)
         self.root = checked_kind(root, str, f"root of task {self.name!r}")
 

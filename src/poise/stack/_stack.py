@@ -4,22 +4,21 @@ Which tasks a contact stands in for.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import TypeVar
 
 from poise._checks import checked_kind, checked_number
 from poise._show import html_table
-from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack._balance import BalanceLimit
 from poise.stack._bound_once import Limit
 from poise.stack._centroid import ComTask
 from poise.stack._contact import Contact
-from poise.stack._contacts import SurfaceContact
 from poise.stack._frame import FrameTask
 from poise.stack._joint_limit import JointLimit
 from poise.stack._joints import PostureTask
 from poise.stack._self_collision import SelfCollisionLimit
+from poise.stack._shipped_contacts import SurfaceContact
 from poise.stack._task import Task
 from poise.stack._torque_limit import SMOOTH_RATE, TorqueLimit
 
@@ -152,39 +151,6 @@ class Stack:
         limits = self.torque_limit, self.joint_limit, self.balance_limit, self.self_collision_limit
         for part in (*self.contacts, *(task for _, task in self.tasks()), *limits):
             part.bind(robot)
-
-
-@runtime_checkable
-class Leader(Protocol):
-    """Sets what a stack asks for before each step of the controller that solves it.
-
-    A walker, a step teleoperator, a scenario's script or an object of the user's own is one. What
-    a leader may set is this, and nothing else:
-
-    - targets of tasks with their rates (`set_target`), or the reference itself (`set_velocity`,
-      `set_acceleration`),
-    - weights of tasks against each other within a level, row by row (`set_weight`), and gains
-      (`set_gains`),
-    - contacts: `engage` and `release`, with the length of their ramps, and `set_damping`. A
-      controller that takes one contact to be at rest takes the first active one: a leader chooses
-      by what it engages.
-
-    It knows no solver, no controller and no simulator. Like a controller it never raises on
-    numbers: a state that is not finite is passed over.
-    """
-
-    @property
-    def stack(self) -> Stack:
-        """The stack that it leads."""
-        ...
-
-    def lead(self, state: RobotState) -> None:
-        """Set what the stack asks for in the tick that begins.
-
-        Args:
-            state: of the robot, as the controller will get it.
-        """
-        ...
 
 
 def default_stack(robot: Robot) -> Stack:

@@ -1,7 +1,7 @@
 """The table of who has rows, and where the rows go: what compiled formulas share.
 
-All that they read of a task stands in one array, its parameters: the rows of `Gains`, each as long
-as the task, then its target. A number that nobody gave is NaN.
+All that they read of a task stands in one array, its parameters: the rows from `KP` on, each as
+long as the task, then its target. A number that nobody gave is NaN.
 """
 
 from typing import NamedTuple

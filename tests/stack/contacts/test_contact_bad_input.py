@@ -56,6 +56,20 @@ def test_a_cone_without_rows_or_with_other_columns_than_the_wrench_is_refused(ge
         poise.WholeBodyController(get_robot("humanoid33"), stack)
 
 
+class SlidingContact(ConeContact):
+    """A point that is held across and along the vertical, and free ahead, with one free turn."""
+
+    def _held_components(self, robot):
+        return np.array([1, 2, 5])
+
+
+def test_a_contact_holds_the_components_it_names_where_their_number_is_that_of_the_first(get_robot):
+    contact = SlidingContact("left_hand", np.array([[0.0, -1.0, 0.0]]))
+    stack = Stack(contacts=[contact], levels=[])
+    poise.WholeBodyController(get_robot("humanoid33"), stack)
+    np.testing.assert_array_equal(stack.contacts[0].chosen, [1, 2, 5])
+
+
 @pytest.mark.parametrize("value", [-0.5, NAN, INF])
 def test_a_damping_that_cannot_be_is_refused_and_changes_nothing(value):
     contact = SurfaceContact("left_sole", damping=7.0)
