@@ -109,7 +109,7 @@ class Stack:
         return html_table("Stack", ("level", "what"), self._described())
 
     def _described(self) -> list[tuple[int, str]]:
-        """Each level with what stands in it; the first two are the physics."""
+        """The contents of each level; the first two are the physics."""
         contacts = [c.name + ("" if c.active else " (free)") for c in self.contacts]
         rows = [
             f"dynamics, torque limit {100.0 * self.torque_limit.scale:g}%",
@@ -156,7 +156,7 @@ class Stack:
 
 @runtime_checkable
 class Leader(Protocol):
-    """Sets what a stack asks for before each step of the controller that solves it.
+    """Set the targets of a stack before each step of its controller.
 
     A walker, a step teleoperator, a scenario's script or an object of the user's own is one. What
     a leader may set is this, and nothing else:
@@ -169,17 +169,17 @@ class Leader(Protocol):
       controller that takes one contact to be at rest takes the first active one: a leader chooses
       by what it engages.
 
-    It knows no solver, no controller and no simulator. Like a controller it never raises on
+    It depends on no solver, controller or simulator. Like a controller it never raises on
     numbers: a state that is not finite is passed over.
     """
 
     @property
     def stack(self) -> Stack:
-        """The stack that it leads."""
+        """The stack whose targets it sets."""
         ...
 
     def lead(self, state: RobotState) -> None:
-        """Set what the stack asks for in the tick that begins.
+        """Set targets, weights and contacts of the stack for the next tick.
 
         Args:
             state: of the robot, as the controller will get it.
