@@ -10,7 +10,7 @@ import yaml
 from poise.errors import PoiseError
 
 _LONGEST = 3000
-"""Of a scalar [letters]; Python prints no longer whole numbers."""
+"""Longest scalar [characters]; Python prints no longer integers."""
 
 _FLOAT = "tag:yaml.org,2002:float"
 
@@ -55,7 +55,7 @@ def read_text(path: Path, *, error: type[PoiseError]) -> str:
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """The safe loader without tags, keys that stand twice, or numbers to the base of 8 or 60."""
+    """Safe loader that rejects tags, duplicate keys and numbers to the base of 8 or 60."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()

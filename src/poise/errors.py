@@ -1,4 +1,4 @@
-"""Errors of Poise: one root, and a class for each thing that a caller may want to catch.
+"""Errors of Poise: one root, and one class for each kind that a caller may catch.
 
 Every message has the value, the wanted one and, where there is a list, the valid choices. The
 control loop raises none of these: it returns a status.
@@ -19,7 +19,7 @@ __all__ = [
 ]
 
 _LONGEST = 1000
-"""Letters shown of a value: a screen holds some 2,000."""
+"""Characters shown of a value: a screen holds about 2,000."""
 
 _NOTHING = object()
 

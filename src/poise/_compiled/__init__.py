@@ -19,10 +19,10 @@ from poise._compiled._compiling import (
 from poise._compiled._first_use import (
     check_kept as check_kept,
     code_folder as code_folder,
-    compiling_told as compiling_told,
     find_unkept as find_unkept,
     functions_of as functions_of,
     names_of as names_of,
+    report_compiled as report_compiled,
     say_if_slow as say_if_slow,
     usable_cores as usable_cores,
 )

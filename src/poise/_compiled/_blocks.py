@@ -314,6 +314,6 @@ def _word(builder: Any, block: Any, place: int) -> Any:
 
 
 def _never_changes(builder: Any, load: Any) -> Any:
-    """Let LLVM read a word once, whatever is written in between."""
+    """Mark a word as invariant for LLVM, so that it is loaded once."""
     load.set_metadata("invariant.load", builder.module.add_metadata([]))
     return load

@@ -50,7 +50,7 @@ _COMPILER = b"".join(
 def compiled(function: Callable[P, R], *, nogil: bool = False) -> Callable[P, R]:
     """Compile a function at its first call, and keep the machine code on disk for later runs.
 
-    Compiled functions may call each other. Kept code is made anew when the file of a function
+    Compiled functions may call each other. Kept code is recompiled when the file of a function
     changes, or that of any compiled function or a number that its file imports. Where it cannot be
     kept, every process makes its own.
     """
@@ -164,7 +164,7 @@ class _PartCompiler(Compiler):
 
 
 class _WholeCompiler(Compiler):
-    """Numba's own passes, into a library that is optimised as a whole."""
+    """Numba's passes, into a library that is optimised as one unit."""
 
     def compile_extra(self, func: Any) -> Any:
         # Garbage collection takes a fifth of the time and finds nothing.

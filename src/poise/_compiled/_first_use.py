@@ -27,7 +27,7 @@ _TYPED = 0.6
 _WANTED = "a folder that can be written and has room; NUMBA_CACHE_DIR names another"
 
 _notes = list[Callable[[str], None]]()
-"""Callbacks of the `compiling_told` contexts that are open."""
+"""Callbacks of the `report_compiled` contexts that are open."""
 
 
 class _FirstUse(events.Listener):
@@ -92,7 +92,7 @@ def say_if_slow(function: Callable[..., object], what: str) -> None:
 
 
 @contextmanager
-def compiling_told(note: Callable[[str], None]) -> Generator[None]:
+def report_compiled(note: Callable[[str], None]) -> Generator[None]:
     """Call `note` with the name of each function compiled within; nothing else is shown."""
     _notes.append(note)
     try:
@@ -127,7 +127,7 @@ def find_unkept(skipped: tuple[str, ...] = ()) -> list[Any]:
 
 
 def names_of(functions: list[Any]) -> set[str]:
-    """Names of functions and of all that they call, as `compiling_told` reports them."""
+    """Names of functions and of all that they call, as `report_compiled` reports them."""
     return {_name(one) for function in functions for one in functions_of(function)}
 
 

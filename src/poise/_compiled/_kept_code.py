@@ -1,4 +1,4 @@
-"""`KeptCode`: machine code on disk, and compilation anew where a file cannot be read or written."""
+"""`KeptCode`: machine code on disk; recompiled where a file cannot be read or written."""
 
 import logging
 from itertools import count
@@ -78,7 +78,7 @@ class _Files(IndexDataCacheFile):
         """Return file names by key; none where they are of another version or damaged."""
         try:
             return super()._load_index()
-        except Exception:  # As above: what is damaged is written anew.
+        except Exception:  # As above: damaged files are rewritten.
             return {}
 
     _load_index = read_index

@@ -1,4 +1,4 @@
-"""The `poise` command, and what any command around Poise shares with it."""
+"""The `poise` command, and parts that other commands can reuse."""
 
 from poise._progress import Bar
 from poise.cli._command import run_command

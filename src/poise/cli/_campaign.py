@@ -1,4 +1,4 @@
-"""`poise campaign` and `poise scorecard`: many episodes to a table, or to what a robot survives."""
+"""`poise campaign` and `poise scorecard`: many episodes to a table, or to a robot's limits."""
 
 import sys
 from collections import Counter
@@ -99,7 +99,7 @@ class CampaignVerb(_Episodes):
                 raise ConfigurationError("no such form", got=" ".join(words), wanted=forms)
 
     def _status(self, path: Path) -> int:
-        """Print how far a campaign is, which may be running."""
+        """Print the progress of a campaign, which may be running."""
         from poise.apps import campaigns
 
         folder = campaigns.CampaignFolder(path)

@@ -69,7 +69,7 @@ def run_command(program: str, kind: Any, words: Sequence[str]) -> int:
 
 
 def carry_out(program: str, act: Callable[[], int]) -> int:
-    """Exit status of an action; what it refuses is one line on stderr."""
+    """Exit status of an action; bad input is reported in one line on stderr."""
     for stream in (sys.stdout, sys.stderr):
         # Not every terminal has all letters that names and figures are written with.
         if isinstance(stream, io.TextIOWrapper):
@@ -84,7 +84,7 @@ def carry_out(program: str, act: Callable[[], int]) -> int:
     except KeyboardInterrupt:
         status, refused = FAILED, "interrupted"
     except BrokenPipeError:
-        # The reader of a pipe, such as `head`, has gone; the rest is for nobody.
+        # The reader of a pipe, such as `head`, has closed it; the rest is discarded.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except OSError as error:

@@ -1,4 +1,4 @@
-"""`poise teleop`, `poise drive`, `poise convert`: a person leads the simulated robot, live."""
+"""`poise teleop`, `poise drive`, `poise convert`: teleoperate the simulated robot, live."""
 
 import signal
 import sys
@@ -56,7 +56,7 @@ class _Live:
         if remark:
             print(f"poise: {remark}", file=sys.stderr)
         logs = set(folder.glob("*.mcap"))
-        # Whoever ends the process ends it as Ctrl-C does: what is recorded is finished first.
+        # Termination of the process is handled like Ctrl-C: recordings are completed first.
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
             with session:
@@ -93,9 +93,9 @@ class DriveVerb(_Live):
     """Start a simulated humanoid in real time and a page on 127.0.0.1 to drive it from.
 
     Open the address that is printed; arrow keys or W, A, S, D walk, Q and E turn, and a gamepad's
-    sticks do both. The robot makes its own steps, and stops when nobody drives. Whoever has the
-    address without its token can watch. Ctrl-C ends; every run is logged in runs/drive-ROBOT, or in
-    the folder of --out.
+    sticks do both. The robot plans its own steps, and stops without an operator. The
+    address without its token is for spectators. Ctrl-C ends; every run is logged in
+    runs/drive-ROBOT, or in the folder of --out.
 
     example: poise drive --robot g1
 

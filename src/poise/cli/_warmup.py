@@ -1,4 +1,4 @@
-"""`poise warmup`: compiles ahead what controllers need, so that no first use has to."""
+"""`poise warmup`: compile the functions of controllers before the first use."""
 
 import os
 from dataclasses import asdict, dataclass

@@ -1,4 +1,4 @@
-"""Controllers: from a state and a stack to a command, by one strategy or another."""
+"""Controllers: compute a command from a state and a stack, by a chosen strategy."""
 
 from poise.control._command import (
     Command,

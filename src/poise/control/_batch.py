@@ -44,7 +44,7 @@ class Answers(NamedTuple):
     strain: Float64[np.ndarray, " count"]  # largest change of a level by its softening term
 
 
-class LaneProgram(MemoryBlock):
+class BatchProgram(MemoryBlock):
     """Addresses of the memory of one thread."""
 
     places: Int64[np.ndarray, " places"]  # of the `Numbers` that a state brings
@@ -78,7 +78,7 @@ def solve_states(
     packed: Float64[np.ndarray, "chunk size"], program_at: int, answers: Answers
 ) -> None:
     """Solve some states, each by itself."""
-    program = view(LaneProgram, program_at)
+    program = view(BatchProgram, program_at)
     work, full = view(SearchWork, program.work), view(FullNumbers, program.full)
     x, side, v = work.points.x, work.rows.side, view(StateNumbers, program.state).v
     for i in range(len(answers.found)):
@@ -131,7 +131,7 @@ _CHUNK = 16
 Pinocchio's work, and that their numbers stay in the processor's cache."""
 
 
-class _Lane:
+class _BatchWorker:
     """Dynamics, rows, problem and workspace of one thread."""
 
     def __init__(self, robot: Robot, stack: Stack, contacts: tuple[Contact, ...]) -> None:
@@ -153,7 +153,7 @@ class _Lane:
             (self._torques[0], self._torques[1]), (joints[0], joints[1])
         )
         self._settling = stack.joint_limit.settling(joints[0], joints[1])
-        self._program = LaneProgram(
+        self._program = BatchProgram(
             places=_addresses(self._targets),
             state=self._dynamics.numbers.address,
             assembly=evaluation.assembly.address,
@@ -174,7 +174,7 @@ class _Lane:
         self.solve(slice(0, 0), _no_answers())
 
     def holding_tasks(self) -> list[Owner]:
-        """Return the tasks without a target, which hold what the robot does in each state."""
+        """Return the tasks without a target, whose target is the value at each state."""
         found: list[Owner] = []
         for owner in self.full.rows.evaluation.owners:
             before = owner.parameters.copy()
@@ -212,7 +212,7 @@ class _Lane:
                 owner.reset()
 
     def solve(self, chunk: slice, answers: Answers) -> None:
-        """Solve the states that were taken up last."""
+        """Solve the states of the current chunk."""
         own = Answers(*(numbers[chunk] for numbers in answers))
         solve_states(self._packed, self._program.address, own)
         solved = (own.found != UNUSABLE) & (own.found != UNSOUND) & (own.found != LOST)
@@ -221,7 +221,7 @@ class _Lane:
             self._soften(i, Answers(*(numbers[i : i + 1] for numbers in own)))
 
     def _soften(self, row: int, own: Answers) -> None:
-        """Solve one state of the chunk anew, with its levels softened."""
+        """Solve one state of the chunk again, with its levels softened."""
         # The compiled loop leaves the numbers of its last state in the problem.
         solve_states(self._packed[row : row + 1], self._program.address, own)
         solver = self._softened
@@ -271,7 +271,7 @@ class Batch:
 
     def __init__(self, robot: Robot, stack: Stack) -> None:
         self._robot, self._stack = robot, stack
-        self._lanes: dict[tuple[Contact, ...], list[_Lane]] = {}
+        self._workers: dict[tuple[Contact, ...], list[_BatchWorker]] = {}
         self._sides: dict[tuple[Contact, ...], Int8[np.ndarray, "count nm"]] = {}
 
     def reset(self) -> None:
@@ -291,39 +291,39 @@ class Batch:
                 contact.advance(first.time)
         chunks = [slice(i, min(i + _CHUNK, len(states))) for i in range(0, len(states), _CHUNK)]
         wanted = min(threads or usable_cores(), max(len(chunks), 1))
-        lanes = self._lanes_for(self._stack.active_contacts, wanted)
-        answers, holding = self._answers_for(len(states), lanes[0]), lanes[0].holding_tasks()
+        workers = self._workers_for(self._stack.active_contacts, wanted)
+        answers, holding = self._answers_for(len(states), workers[0]), workers[0].holding_tasks()
         # Threads share tasks and targets, so one at a time takes states up.
         taking, left = Lock(), iter(chunks)
 
-        def work(lane: _Lane) -> None:
+        def work(worker: _BatchWorker) -> None:
             while True:
                 with taking:
                     chunk = next(left, None)
                     if chunk is None:
                         return
-                    lane.take(states, chunk, answers, holding, before_each)
-                lane.solve(chunk, answers)
+                    worker.take(states, chunk, answers, holding, before_each)
+                worker.solve(chunk, answers)
 
-        if len(lanes) == 1:
-            work(lanes[0])
+        if len(workers) == 1:
+            work(workers[0])
         else:
             # A controller alone needs no threads.
             from concurrent.futures import ThreadPoolExecutor
 
-            with ThreadPoolExecutor(len(lanes)) as pool:
+            with ThreadPoolExecutor(len(workers)) as pool:
                 # Errors of a thread are raised here.
-                list(pool.map(work, lanes))
-        return self._commands(states, answers, lanes[0])
+                list(pool.map(work, workers))
+        return self._commands(states, answers, workers[0])
 
-    def _lanes_for(self, contacts: tuple[Contact, ...], wanted: int) -> list[_Lane]:
-        lanes = self._lanes.setdefault(contacts, [])
-        while len(lanes) < wanted:
-            lanes.append(_Lane(self._robot, self._stack, contacts))
-        return lanes[:wanted]
+    def _workers_for(self, contacts: tuple[Contact, ...], wanted: int) -> list[_BatchWorker]:
+        workers = self._workers.setdefault(contacts, [])
+        while len(workers) < wanted:
+            workers.append(_BatchWorker(self._robot, self._stack, contacts))
+        return workers[:wanted]
 
-    def _answers_for(self, count: int, lane: _Lane) -> Answers:
-        problem, contacts = lane.full.problem, lane.full.rows.contacts
+    def _answers_for(self, count: int, worker: _BatchWorker) -> Answers:
+        problem, contacts = worker.full.problem, worker.full.rows.contacts
         size = problem.n + problem.m
         sides = self._sides.get(contacts)
         if sides is None or len(sides) != count:
@@ -337,7 +337,9 @@ class Batch:
             np.zeros(count),
         )
 
-    def _commands(self, states: Sequence[RobotState], answers: Answers, lane: _Lane) -> Commands:
+    def _commands(
+        self, states: Sequence[RobotState], answers: Answers, worker: _BatchWorker
+    ) -> Commands:
         x, torque, residuals, found = answers.x, answers.torque, answers.residuals, answers.found
         limit, nv = self._stack.torque_limit, self._robot.nv
         solved = ~np.isin(found, (UNUSABLE, UNSOUND, LOST))
@@ -355,6 +357,6 @@ class Batch:
             statuses=tuple(statuses),
             torque=torque,
             acceleration=x[:, :nv],
-            wrenches={name: wrench.T for name, wrench in lane.full.wrenches(x.T).items()},
-            residuals=np.delete(residuals, lane.full.unnumbered, axis=1),
+            wrenches={name: wrench.T for name, wrench in worker.full.wrenches(x.T).items()},
+            residuals=np.delete(residuals, worker.full.unnumbered, axis=1),
         )

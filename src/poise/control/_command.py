@@ -30,7 +30,7 @@ class CommandStatus(Enum):
     """The state held NaN or infinity, or had the wrong shape: decayed towards damping. The
     controller's `status().reason` names the entry."""
     FALLEN = "fallen"
-    """The robot lies: decayed towards damping, until it stands again."""
+    """The robot has fallen: decayed towards damping, until it stands again."""
 
     @property
     def ok(self) -> bool:

@@ -42,11 +42,11 @@ class Controller:
     are controllers of one strategy each. Settings of a running controller are members; rows,
     problems and solutions are reached by `strategy`.
 
-    A copy, pickled or not, is made anew with the arguments of this one and a copy of its stack. It
-    continues from the same tick with targets, gains, weights, loads of contacts and the last
-    command; its solvers begin cold, and it has dynamics of its own. "osf" reads cones when it is
-    made, so its copy uses the contact areas of that moment. Attributes that a subclass sets outside
-    of its `__init__` are not copied.
+    A copy, pickled or not, is constructed with the same arguments and a copy of the stack. It
+    continues from the same tick with the same targets, gains, weights, loads of contacts and last
+    command. Its solvers start cold, and it does not share the dynamics. "osf" computes cones at
+    construction, so its copy uses the contact areas at the time of copying. Attributes that a
+    subclass sets outside of its `__init__` are not copied.
 
     Args:
         strategy: turns the stack's rows into an answer.
@@ -198,7 +198,7 @@ class Controller:
 
     @property
     def fall_height_ratio(self) -> float | None:
-        """Height of the pelvis over the lowest sole, by that at home, below which a robot lies.
+        """Height of the pelvis over the lowest sole, by that at home, that counts as a fall.
 
         It has fallen when that lasts for 0.1 s. The default is 0.25 for torques and None, never,
         for velocities. Set None for a robot that lies or sits on purpose.

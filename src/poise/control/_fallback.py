@@ -84,7 +84,7 @@ class Fallback:
 
     def _ratio(self, time: object) -> float:
         """Return the share of the last good command."""
-        # Never less than before: a clock that goes back brings no torque back.
+        # Monotonic, so that a clock that steps back cannot restore torque.
         self._elapsed += _MIN_TICK
         if is_time(time):
             self._elapsed = max(self._elapsed, time - self._time)
@@ -181,7 +181,7 @@ class FallWatch:
             self._low_since = math.nan
             return False
         time = dynamics.state.time
-        # A clock that jumped back begins anew.
+        # A clock that jumped back restarts the count.
         if not self._low_since <= time:
             self._low_since = time
         return time - self._low_since >= _PATIENCE

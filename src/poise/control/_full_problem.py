@@ -210,7 +210,7 @@ class FullNumbers(MemoryBlock):
 
 @compiled
 def fill(numbers_at: int, state_at: int) -> None:
-    """Write all but the rows of the stack, which stand there already."""
+    """Write all rows except those of the stack, which are already written."""
     p, state = view(FullNumbers, numbers_at), view(StateNumbers, state_at)
     M, h, A, H, lower, upper = state.M, state.h, p.A, p.H, p.lower, p.upper
     nv, n, base = len(h), len(H), p.base

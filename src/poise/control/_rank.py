@@ -79,4 +79,4 @@ def block_scales(
 
 
 PHYSICS_RANK = RankTreatment(low=1e-5, high=1e-4)
-"""For contacts and the base, which never give way: only redundant rows are dropped."""
+"""For contacts and the base, whose rows are never damped: only redundant rows are dropped."""

@@ -11,9 +11,9 @@ from typing import Any
 from poise._compiled import (
     check_kept,
     code_folder,
-    compiling_told,
     find_unkept,
     names_of,
+    report_compiled,
     usable_cores,
 )
 from poise.control._controller import Controller
@@ -116,7 +116,7 @@ def warm_up(
     if processes > 1:
         _share_out(jobs, processes, note_compiled)
     # Functions that all need, that no process compiled, and all where none could be started.
-    with compiling_told(note_compiled):
+    with report_compiled(note_compiled):
         _make_estimator()
         for plan in plans:
             controller = _make(plan)
@@ -185,5 +185,5 @@ def _listen(names: Any) -> None:
 
 
 def _run(job: _Job) -> None:
-    with compiling_told(_names.put):
+    with report_compiled(_names.put):
         job.make()

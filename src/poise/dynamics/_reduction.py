@@ -116,8 +116,8 @@ class ReducedMatrices(MemoryBlock):
     h_u: Float64[np.ndarray, " nu"]
     factors: ChainFactors  # of the coordinates z and p
     leading: int  # rows of A_G that stand for the base's where there is none
-    felt: Float64[np.ndarray, "nu felt"]  # scratch: columns are rows of A_G, then of carriers
-    shares: Float64[np.ndarray, " felt"]  # scratch
+    momenta: Float64[np.ndarray, "nu momenta"]  # scratch: columns are rows of A_G, then of carriers
+    shares: Float64[np.ndarray, " momenta"]  # scratch
 
 
 class ReducedDynamics:
@@ -177,7 +177,7 @@ class ReducedDynamics:
         leading = 0 if robot.floating_base else CENTROID_DIM
         ends = [(chain.u.start, chain.u.stop) for chain in part.chains]
         chains = np.array(ends, dtype=np.int64).reshape(-1, 2)
-        sizes = {"na": part.na, "nu": part.nu, "felt": leading + len(carriers)}
+        sizes = {"na": part.na, "nu": part.nu, "momenta": leading + len(carriers)}
         self.matrices = matrices = allocate(
             ReducedMatrices,
             sizes,
@@ -311,7 +311,7 @@ def _carriers(robot: Robot, partition: Partition) -> Int64[np.ndarray, " k"]:
 
 
 def reach_of(robot: Robot, index: Int64[np.ndarray, " k"]) -> Int64[np.ndarray, " k"]:
-    """Find, for each of some coordinates, the end among them of those that hang on it."""
+    """Find, for each coordinate, the end of its subtree among the coordinates."""
     model = robot.model
     trees = [set(robot.model.subtrees[j].tolist()) for j in range(model.njoints)]
     joint_of = np.repeat(np.arange(model.njoints), model.nvs.tolist())[index]
@@ -324,7 +324,7 @@ def reach_of(robot: Robot, index: Int64[np.ndarray, " k"]) -> Int64[np.ndarray, 
 @compiled
 def _reduce(address: int, state_at: int) -> None:
     matrices = view(ReducedMatrices, address)
-    reduce_dynamics(matrices, matrices.felt, matrices.shares, view(StateNumbers, state_at))
+    reduce_dynamics(matrices, matrices.momenta, matrices.shares, view(StateNumbers, state_at))
 
 
 @part
@@ -334,7 +334,7 @@ def reduce_dynamics(
     shares: Float64[np.ndarray, " k"],
     state: StateNumbers,
 ) -> None:
-    """Compute everything for a state, and turn the caller's own rows on the way."""
+    """Compute everything for a state, and transform the caller's rows."""
     a, factors, momentum = matrices.a, matrices.factors, state.motion.momentum
     _copy_blocks(matrices, state.M, state.h)
     if len(rows) == 0:

@@ -11,7 +11,7 @@ Deviation = Annotated[float, Bounds(least=0.0, most=1e6)]
 
 
 LONGEST_STEP = 0.05
-"""Longest time between two states over which motion goes on as it was [s]."""
+"""Longest time between two states over which velocity is extrapolated [s]."""
 
 
 @checked()
@@ -44,7 +44,7 @@ class InitialDeviation:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class ContactBelief:
-    """When a sole counts as in contact, and how firmly.
+    """Thresholds of contact of a sole, and noise of its velocity.
 
     The probability of contact is a logistic function of the normal force, times one of the speed
     that kinematics and estimate give the sole. `shake` is there because soles rock under a robot
@@ -128,9 +128,9 @@ class PayloadBelief:
     offset_walk: Deviation = 0.004
     offset_max: Positive = 0.08
     offset_rate: Deviation = 0.02
-    # masses in the hands: the same, the walk by the way of the hand [1/sqrt(m)], the noise of
-    # changes of the moment [m sqrt(s)], and the time for which a moment has to stay to be the
-    # body's [s]
+    # masses in the hands: the same, the random walk over the distance that the hand moves
+    # [1/sqrt(m)], the noise of changes of the moment [m sqrt(s)], and the time for which a
+    # moment has to stay to be the body's [s]
     likely_held: Deviation = 0.03
     held_walk: Deviation = 0.03
     held_noise: Positive = 0.0015

@@ -99,7 +99,7 @@ class StateEstimator:
         )
 
     def reset(self) -> None:
-        """Discard the estimate; the next state starts anew."""
+        """Discard the estimate; the next state reinitialises it."""
         m = self._memory
         self._started = False
         self._time = math.nan

@@ -44,8 +44,8 @@ _LEAST = 0.1
 class LoadCellTare:
     """Zeros of load cells, as the mean of the wrenches of soles in the air.
 
-    A zero of 1% of the weight along the ground looks like an error of the attitude of 0.6 degrees,
-    and a moment like an offset of the centre of mass; standing, they cannot be told apart. The mean
+    While the robot stands, a horizontal zero of 1% of the weight cannot be distinguished from an
+    attitude error of 0.6 degrees, nor a moment from an offset of the centre of mass. The mean
     is over 5 s in the air. Wrenches have to be of the ground alone, without weight and inertia of
     what is below the cells. Until a sole has been in the air its zero is zero. A lasting contact of
     less than 4% of the weight, as of a wall, counts as a part of the zero.

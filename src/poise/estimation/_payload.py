@@ -51,33 +51,32 @@ class PayloadEstimator:
 
     With m, c, h = [p; L] the mass, the centre of mass and the centroidal momentum of the
     description, F and N the soles' forces and their moment about c, sigma m the mass beyond the
-    description's, e m the first moment beyond it, in the axes of the torso R, and phi a small turn
-    of the base in the state against its true attitude, in the axes of the base B,
+    description's, e m the first moment beyond it, in the axes of the torso R, and phi the small
+    rotation of the base in the state from its true attitude, in the axes of the base B,
 
         F - (p' - m g) = sigma (p' - m g) + F_z (B phi) x z
         N - L'         = sigma L' + m R e x (a - g)                a = p' / m
 
-    A Kalman filter finds sigma, e, and where `attitude` is set phi about the base's x and y. Of
-    sigma and e, four numbers, gravity shows three; the last stays near zero until the torso has
-    leaned. Both sides go through one low-pass, so that rates are differences to it,
-    h' = (h - h_low) / smoothing, and nothing is differentiated.
+    A Kalman filter estimates sigma, e, and with `attitude` also phi about the base's x and y. In
+    one posture gravity makes three of the four numbers sigma and e observable; the fourth stays
+    near zero until the torso has leaned. Both sides pass the same low-pass filter, and rates are
+    differences to its output, h' = (h - h_low) / smoothing, without numerical differentiation.
 
     A mass mu in a hand, at the place r with velocity v, takes mu (a - g) of force and, about c,
-    mu (r - c) x (a - g) of moment. With hands at rest a mass and an offset of the body do the same;
-    when a hand moves, its moment goes along and the body's stays. So both, the moment y that
-    nothing else explains and the columns B of unit masses, go through a washout in the torso's
-    axes, and the filter follows mu by y - y_slow = (B - B_slow) mu. At rest mu stays as it is; its
-    random walk is by the way of the hand. It counts little while the force changes, and until the
-    washout has forgotten that. With (r - c) x a = ((r - c) x v)' + c' x v nothing is differentiated
-    there either.
+    mu (r - c) x (a - g) of moment. With hands at rest this cannot be distinguished from an offset
+    of the body; when a hand moves, its moment changes and the body's does not. So the residual
+    moment y and the columns B of unit masses both pass a high-pass filter in the torso's axes, and
+    the filter estimates mu from y - y_slow = (B - B_slow) mu. At rest mu is constant: the variance
+    of its random walk grows with the distance that the hand moves. Its weight is reduced while the
+    force changes, until the high-pass filter has decayed. With
+    (r - c) x a = ((r - c) x v)' + c' x v nothing is differentiated there either.
 
-    No measurement counts where a sole measures nothing, where the soles carry next to nothing, or
-    where the robot moves violently, and all count the less the more something pushes: no mass and
-    no offset makes a force along the ground. A steady push looks like an error of the attitude;
-    a load that others carry, as by a hand on a table, makes the robot look lighter. Without
-    `attitude` base and torso have to be upright in the state: 0.2 degrees of tilt are 2 to 3 mm of
-    the centre of mass. Wrenches estimated from the motors' torques contain the description's own
-    masses, and cannot be used.
+    Measurements are skipped where a sole has no reading, where the load of the soles is too low, or
+    where accelerations are too high. Their weight falls with the horizontal residual force, which
+    no mass and no offset explains. A steady push is estimated as an error of the attitude, and a
+    hand that rests on a table as a lower mass. Without `attitude` base and torso have to be upright
+    in the state: 0.2 degrees of tilt shift the centre of mass by 2 to 3 mm. Wrenches estimated from
+    the motors' torques contain the description's own masses, and cannot be used.
 
     It is an estimator of `rollout` by itself, for states whose base is known, or a part of
     `StateEstimator`.
@@ -289,7 +288,7 @@ class PayloadEstimator:
         return found.T
 
     def _moved(self, torso: pin.SE3) -> list[float]:
-        """Return the way of each hand in the torso since the last call [m]."""
+        """Return the distance that each hand moved in the torso since the last call [m]."""
         ways = [0.0] * len(self._frames)
         for k, frame in enumerate(self._frames):
             place = pin.updateFramePlacement(self._model, self._data, frame).translation

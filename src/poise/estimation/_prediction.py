@@ -77,7 +77,7 @@ class StatePredictor:
 
 
 _JUMP = 1.0
-"""Age of a state at the last command beyond which a clock has gone back [s]."""
+"""Age of a state at the last command that means a clock stepped back [s]."""
 
 
 class StampedPredictor:

@@ -39,10 +39,10 @@ class EstimatorStatus(Enum):
         FLYING: no sole is in contact, so the inertial unit is all there is.
         NO_IMU: no usable readings of the inertial unit; the last ones replace them.
         CLOCK_JUMP: time went back, or on by more than `EstimatorConfig.longest_step`; contacts
-            begin anew.
+            are reset.
         CLOCK_STILL: other readings than those of a state of the same time; they are not used.
         BAD_STATE: the measured state is none of this robot; it is returned as it is.
-        RESTARTED: the filter's numbers were no longer sound, and it begins anew.
+        RESTARTED: the filter diverged numerically, and restarts.
     """
 
     OK = "ok"
@@ -235,7 +235,7 @@ def _update_contacts(m: EstimatorMemory, time: float, dt: float) -> bool:
                 if probability > b[_END]:
                     m.fitted[0] = time
             else:
-                # A point that cannot be at rest is held anew, as slipping.
+                # A point that cannot be at rest gets a new anchor, as slipping.
                 m.slip_end[contact] = time + b[_SLIP_TIME]
                 release(f, contact)
                 hold(f, contact)

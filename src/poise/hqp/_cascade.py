@@ -35,7 +35,7 @@ from poise.hqp._tolerances import (
     SLOPS,
 )
 
-_linalg: Any = scipy.linalg  # its stubs do not tell the modes of qr apart
+_linalg: Any = scipy.linalg  # its stubs do not distinguish the modes of qr
 
 
 @dataclass(frozen=True, slots=True)

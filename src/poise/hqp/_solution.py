@@ -132,7 +132,7 @@ class Solution:
     def certify(self, problem: HierarchicalProblem) -> Certificate:
         """Check the optimality conditions of every level and of the final cost at the point.
 
-        The multipliers are found anew, independently of the solver.
+        The multipliers are recomputed, independently of the solver.
 
         Args:
             problem: the problem as it was when it was solved.

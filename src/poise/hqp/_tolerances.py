@@ -71,7 +71,7 @@ OPTIMALITY_TOLERANCE = 1e-8
 residual of a level after it was solved."""
 
 CANCELLED = 1e-5
-"""Squares smaller than this by subtraction, relatively, are computed anew."""
+"""Squares smaller than this by subtraction, relatively, are recomputed."""
 
 # --- the active-set solver: changes of its phase ----------------------------------------------
 
@@ -79,7 +79,7 @@ PATIENCE = 20
 """Changes without a step after which rows are deactivated by number, against cycles."""
 
 RESIGNED = 60
-"""Changes without a step after which a row that comes back stays active: the rows take turns."""
+"""Changes without a step after which a reactivated row stays active, against cycling."""
 
 ADD_RATIOS = (0.5, 0.7, 0.6, 0.9, 0.8)
 """Of each leap in turn: part of the largest violation from which rows are added."""
@@ -95,7 +95,7 @@ COLD_CHANGES, WARM_CHANGES = 3, 12
 """Changes from no active set, or from that of the last solve, after which a guess costs less."""
 
 ASTRAY = 100
-"""Changes after which a search with a guess begins anew, from no active set."""
+"""Changes after which a search with a guess restarts from the empty active set."""
 
 MOST_EXCHANGES = 4
 """Exchanges after which single steps follow."""

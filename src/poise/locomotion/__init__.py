@@ -1,4 +1,4 @@
-"""Balance on the cart-flywheel-table: where the COM goes so that the ZMP goes elsewhere."""
+"""Walking, step teleoperation and the reduced models of balance beneath them."""
 
 from poise.locomotion._pendulum import (
     BodyRotator as BodyRotator,

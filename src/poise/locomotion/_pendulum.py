@@ -34,7 +34,7 @@ class ComShifter:
 
     No preview, no buffer: the reference may jump. While a is not saturated the COM follows by
     (27), and the ZMP of the cart-table model by (28), which under the gain rule (30) is first order
-    after the first swing to the other side.
+    after the initial undershoot.
 
     Args:
         height: of the COM [m].
@@ -105,7 +105,7 @@ class ComShifter:
     def cart_table_zmp(
         self, position: Float64[np.ndarray, " n"], acceleration: Float64[np.ndarray, " n"]
     ) -> Float64[np.ndarray, " n"]:
-        """CT-ZMP, eq. (26): where the ZMP were without angular momentum, p - a / omega^2 [m].
+        """CT-ZMP, eq. (26): the ZMP at zero rate of angular momentum, p - a / omega^2 [m].
 
         Args:
             position: of the COM [m].
@@ -145,7 +145,7 @@ class PreviewControl:
         u_k = -K x_k + f_1 r_ref,k+1 + ... + f_N r_ref,k+N
 
     with K and f from the discrete Riccati equation. A window that is too short does not see the
-    whole effect of a reference, which leaves a steady error: `dc_gain` says how much.
+    whole effect of a reference, which leaves a steady error, given by `dc_gain`.
 
     Args:
         height: of the COM [m].

@@ -82,7 +82,7 @@ def two_soles(robot: Robot) -> tuple[str, str]:
 
 
 def sole_rectangle(position: Vector3, rotation: Rotation, size: Point) -> list[Point]:
-    """Corners of a sole, seen from above [m]."""
+    """Corners of a sole, projected on the horizontal plane [m]."""
     return SolePart(0.0, 0.0, *size).corners(position, rotation, 0.0)
 
 
@@ -104,7 +104,7 @@ class SolePart(NamedTuple):
     width: float  # along y [m]; zero on an edge
 
     def corners(self, position: Vector3, rotation: Rotation, margin: float) -> list[Point]:
-        """Its corners, seen from above, shrunk as far as it can be [m]."""
+        """Its horizontal corners, shrunk by the margin as far as possible [m]."""
         size = (max(self.length - 2.0 * margin, _THIN), max(self.width - 2.0 * margin, _THIN))
         (forward_x, left_x, _), (forward_y, left_y, _), _ = rotation.tolist()
         ax, ay = 0.5 * size[0] * forward_x, 0.5 * size[0] * forward_y
@@ -143,7 +143,7 @@ class SolePart(NamedTuple):
 
 
 def _common(middle: float, size: float, lower: float, upper: float) -> tuple[float, float]:
-    """Middle and size of what two intervals share [m]."""
+    """Middle and size of the intersection of two intervals [m]."""
     low, high = middle - 0.5 * size, middle + 0.5 * size
     begin, end = min(max(lower, low), high), min(max(upper, low), high)
     return 0.5 * (begin + end), end - begin
@@ -177,7 +177,7 @@ def convex_hull(points: Iterable[Point]) -> list[Point]:
 def soles_outline(
     robot: Robot, placements: Mapping[str, tuple[Vector3, Rotation]]
 ) -> Float64[np.ndarray, "h 2"]:
-    """Corners of what some soles span, seen from above, counter-clockwise [m]."""
+    """Corners of the horizontal convex hull of soles, counter-clockwise [m]."""
     corners: list[Point] = []
     for name, placement in placements.items():
         sole = robot.soles[name]
@@ -320,7 +320,7 @@ def side(foot: int) -> float:
 
 
 def bearing(robot: Robot, sole: str, outwards: float) -> SolePart:
-    """All of the sole, but for what its leg cannot hold."""
+    """The sole, without the part that its leg cannot hold."""
     model, data = robot.model, robot.model.createData()
     frame, size = robot.frame_id(sole), robot.soles[sole]
     pin.computeJointJacobians(model, data, robot.q_home)

@@ -1,4 +1,4 @@
-"""Robots: what a robot is, how one is loaded, and the catalog of names."""
+"""Robots: immutable descriptions, loaders, and the catalog of names."""
 
 from poise.robots._capsules import (
     LinkCapsules as LinkCapsules,

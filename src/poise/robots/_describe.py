@@ -62,7 +62,7 @@ def describe(model: RobotInput, geometry: pin.GeometryModel | None = None) -> Pr
 
 
 class _Describer:
-    """A proposal on its way."""
+    """Description under construction."""
 
     def __init__(self, document: Document) -> None:
         self._name, self._where = document.name, document.where
@@ -228,7 +228,7 @@ class _Describer:
         return [self._hand(name, arm) for name, arm in zip(names, limbs.arms, strict=False)]
 
     def _hand(self, name: str, arm: Chain) -> int:
-        """Enter a hand, at what an arm's last joint carries."""
+        """Add a hand, on the last link of an arm."""
         model, joint, reason = self._model, arm[-1], "at the COM of what its last joint moves"
         point = np.array(model.inertias[joint].lever)
         along = point / max(float(np.linalg.norm(point)), 1e-9)

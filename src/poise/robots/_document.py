@@ -258,7 +258,7 @@ def is_number(word: str) -> bool:
 
 
 def free_name(name: str, taken: Iterable[str]) -> str:
-    """The name, with underscores behind it where it is taken."""
+    """The name, followed by underscores where it is taken."""
     others = set(taken)
     while name in others:
         name += "_"

@@ -1,4 +1,4 @@
-"""The shapes of a robot's links as points, to find what they can stand on and take hold with."""
+"""The shapes of a robot's links as points, to find soles and hands."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence

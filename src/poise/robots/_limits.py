@@ -104,7 +104,7 @@ def _is_size(value: float) -> bool:
 
 
 _SPEED = {"revolute": 10.0, "prismatic": 1.0}
-"""Assumed velocity limits [rad/s, m/s]: what most motors of robots of a person's size reach."""
+"""Assumed velocity limits [rad/s, m/s]: typical of motors in robots of human size."""
 
 _LEG_PART = 0.3
 """Assumed torque of a joint that carries the robot, in weight times leg length: a knee needs 0.1 to

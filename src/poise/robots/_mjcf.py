@@ -29,7 +29,7 @@ _LEFT_OUT = (
     "actuator", "contact", "custom", "deformable", "equality", "keyframe", "option", "sensor",
     "size", "tendon",
 )  # fmt: skip
-"""Sections that the plant and the controller bring themselves, or that a `Robot` does not have."""
+"""Sections replaced by the plant and the controller, or without a counterpart in `Robot`."""
 
 _MACROS = ("replicate//body", "attach")
 """Elements of which MuJoCo makes bodies with names of its own."""

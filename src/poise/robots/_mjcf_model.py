@@ -38,7 +38,7 @@ class _Builder:
             self._joint_of[0] = self._add(base, 0, pin.JointModelFreeFlyer(), None)
         for body in range(1, compiled.nbody):
             self._add_body(body)
-        # Once all joints are there: adding one makes these vectors anew.
+        # Once all joints are there: adding one reallocates these vectors.
         for joint in range(compiled.njnt):
             name, dof = compiled.joint(joint).name, int(compiled.jnt_dofadr[joint])
             v = self.model.joints[self.model.getJointId(name)].idx_v

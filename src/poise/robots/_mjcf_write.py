@@ -30,7 +30,7 @@ def mjcf_of(given: Any, geometry: pin.GeometryModel | None = None) -> str:
 
 
 class _Writer:
-    """A document on its way."""
+    """MJCF document under construction."""
 
     def __init__(self, name: str) -> None:
         self._root = ET.Element("mujoco", model=name)

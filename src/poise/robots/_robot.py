@@ -1,4 +1,4 @@
-"""`Robot`: what a robot is, apart from what it is doing. Immutable."""
+"""`Robot`: immutable description of a robot, without its state."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -287,7 +287,7 @@ Made = TypeVar("Made")
 
 
 def once_a_robot(make: Callable[[Robot], Made]) -> Callable[[Robot], Made]:
-    """Keep what a function makes of a robot, which must not hold it, for as long as it lives."""
+    """Cache a function's result, which must not refer to the robot, for the robot's lifetime."""
     made: WeakKeyDictionary[Robot, Made] = WeakKeyDictionary()
 
     @wraps(make)

@@ -201,11 +201,11 @@ def _inside(corners: Points, places: int = 100) -> tuple[Corner, Corner]:
 
 
 def _controlled(robot: Robot, sole: str) -> tuple[int, ...]:
-    """Components of a sole's motion that are left when its leg gives up what it cannot do.
+    """Components of a sole's motion that its leg can control.
 
     A leg cannot make the motion w with w^T J = 0, a left singular vector of its Jacobian J. Of the
     turns in w the largest is given up. A leg whose ankle does not roll lacks a shift to the side,
-    seen from its hip, and gives up roll; one whose hip does not yaw gives up yaw.
+    relative to its hip, and leaves out roll; one whose hip does not yaw leaves out yaw.
     """
     model, data, joints = robot.model, robot.model.createData(), robot.leg_joints(sole)
     pin.computeJointJacobians(model, data, robot.q_home)

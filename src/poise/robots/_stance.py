@@ -20,7 +20,7 @@ REACHED = 1e-6
 
 @dataclass(frozen=True)
 class StancePosture:
-    """A posture, or how near one came to it: see `find_stance`."""
+    """A posture with its residuals: see `find_stance`."""
 
     q: Float64[np.ndarray, " nq"]
     error: float  # the largest of what must hold and does not [m, rad]

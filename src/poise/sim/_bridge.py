@@ -35,9 +35,9 @@ class MujocoBridge:
     Joints are found by their names. The model may have them in any order, the base's free joint
     anywhere, other bodies, joints and actuators besides, and actuators of any linear kind: a servo
     is sent the position at which it gives the commanded torque. What cannot be right is refused
-    when the bridge is made, before anything moves; what the controller does not know of the model,
-    such as a heavier link or a weaker motor, stands in `differences` and in one warning, and so
-    does an option with which MuJoCo's solver may go wrong. Nothing in the model is changed.
+    when the bridge is made, before anything moves; what the controller's model lacks, such as a
+    heavier link or a weaker motor, is listed in `differences` and in one warning, and so is an
+    option with which MuJoCo's solver may go wrong. Nothing in the model is changed.
 
     A robot has no loops and no coupled joints. An active equality of the model that acts on the
     robot (connect, weld, joint, tendon, flex) is refused unless it is accepted by name; one between
@@ -48,14 +48,14 @@ class MujocoBridge:
         model: the MuJoCo model.
         prefix: what stands before the names of the robot's joints in the model, as `attach` puts
             it; found by itself where only one fits.
-        accept_equalities: names of equalities that may act on the robot although the controller
-            does not know of them; one without a name is "equality K", K its index in the model.
+        accept_equalities: names of equalities that may act on the robot although the controller's
+            model lacks them; one without a name is "equality K", K its index in the model.
 
     Attributes:
         robot: the robot.
         model: the MuJoCo model.
         map: between the orders of the two.
-        differences: what the controller does not know of the model, a sentence each.
+        differences: properties missing from the controller's model, a sentence each.
         rejected: commands that were not carried out as they came, because they or the state held
             NaN or infinity.
 

@@ -116,7 +116,7 @@ def _compile(spec: mujoco.MjSpec, robot: Robot) -> mujoco.MjModel:
     except RobotError as error:
         if robot.source.kind != "urdf" or "mesh volume is too small" not in str(error):
             raise
-    # A flat mesh, which is drawn all the same: a URDF's links say their inertia.
+    # A flat mesh, which is drawn all the same: the links of a URDF have their inertia.
     for mesh in spec.meshes:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     return compile_spec(spec, where)
@@ -129,7 +129,7 @@ def _set_options(spec: mujoco.MjSpec, config: PlantConfig) -> None:
     option.impratio = _FRICTION_IMPEDANCE
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    # A diverged run must be seen, not silently started again.
+    # A diverged run must be reported, not silently restarted.
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
 
 
@@ -163,7 +163,7 @@ def _rigid_with(body: mujoco.MjsBody) -> list[mujoco.MjsBody]:
     while not top.joints and top.parent.name != "world":
         top = top.parent
     rigid = [top]
-    # The list grows as it is gone through.
+    # The list grows during the iteration.
     for part in rigid:
         rigid += [child for child in part.bodies if not child.joints]
     return rigid
@@ -232,7 +232,7 @@ def _add_ground(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
         "friction": (config.friction, *_TURNING),
         "solref": (config.contact_time_constant, 1.0),
         "solimp": _CONTACT_IMPEDANCE,
-        "priority": 1,  # The ground decides on contacts, whatever the robot's document says.
+        "priority": 1,  # The ground sets the contact parameters, not the robot's document.
     }
     slope = np.array([1.0, 0.0, 0.0, 0.0])
     mujoco.mju_quatIntegrate(slope, np.array([*config.floor_slope, 0.0]), 1.0)
@@ -280,7 +280,7 @@ def _apply_model_error(model: mujoco.MjModel, robot: Robot, config: PlantConfig)
         model.body_mass[body] *= error.mass_scale
         model.body_inertia[body] *= error.mass_scale * error.inertia_scale
         model.body_ipos[body] += np.array(error.com_offset)
-        # MuJoCo skips the offset of the inertial frame where a body says it has none.
+        # MuJoCo skips the offset of the inertial frame where a body is flagged to have none.
         model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         model.body_simple[body] = 0
     # Quantities derived from the masses (subtree masses, inverse weights) must follow.

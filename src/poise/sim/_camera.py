@@ -171,7 +171,7 @@ class Camera:
         return [np.array(list(product(*np.transpose(box)))) for box in ends]
 
     def _distance_for_all(self) -> float:
-        """Least distance that shows the whole robot and what it walks on [m]."""
+        """Least distance that shows the whole robot and its ground [m]."""
         # A point at d from the robot's middle, where the camera looks, is seen if
         # |d . up| <= tan(fov / 2) (distance + d . ahead), and to the sides in the picture's ratio.
         azimuth, elevation = np.radians([self._view.azimuth, self._view.elevation])

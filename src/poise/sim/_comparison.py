@@ -87,10 +87,10 @@ def differences(
     tendons: Sequence[str],
     prefix: str,
 ) -> tuple[str, ...]:
-    """Properties of a MuJoCo model that the controller does not know, a sentence each."""
+    """Properties of a MuJoCo model missing from the controller's model, a sentence each."""
     joints, none = list(mapping.joints), np.zeros(robot.nj)
     dofs = model.jnt_dofadr[joints]
-    # Ranges may be wider than the controller knows: it keeps to what it knows.
+    # Ranges may be wider than those of the controller, which keeps to its own.
     span = np.where(model.jnt_limited[joints], model.jnt_range[joints].T, [[-np.inf], [np.inf]])
     reach = drives.strength(robot.q_home[-robot.nj :])
     compared = {
@@ -153,7 +153,7 @@ def _bodies(robot: Robot, model: mujoco.MjModel, mapping: StateMap) -> list[str]
         masses[joint] += model.body_mass[body]
         centers[joint] += model.body_mass[body] * data.xipos[body]
     own = np.array([inertia.mass for inertia in robot.model.inertias])
-    own[0] = masses[0] = 0.0  # What is fixed to the world moves nobody.
+    own[0] = masses[0] = 0.0  # Bodies fixed to the world move no joint.
     levers = [pose.act(i.lever) for pose, i in zip(ours.oMi, robot.model.inertias, strict=True)]
     places = np.array(levers)
     total, com = masses.sum(), centers[1:].sum(axis=0) / masses.sum()
@@ -261,7 +261,7 @@ def _lines_in_mujoco(mapping: StateMap, q: Float64[np.ndarray, " nq"]) -> Lines:
 
 
 def _rigid_motion(ours: Lines, theirs: Lines) -> pin.SE3:
-    """The rigid motion that brings our joints nearest to theirs, by least squares (Kabsch)."""
+    """The rigid motion from our joints to theirs, by least squares (Kabsch)."""
     centers = ours[:, 0].mean(axis=0), theirs[:, 0].mean(axis=0)
     a = np.vstack((ours[:, 0] - centers[0], ours[:, 1]))
     b = np.vstack((theirs[:, 0] - centers[1], theirs[:, 1]))

@@ -25,7 +25,7 @@ Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=_FARTHEST, 
 Tilt = Annotated[tuple[float, float], Vector(2, Bounds(most=_STEEPEST, unit="rad"))]
 Factor = Annotated[float, Bounds(positive=True, most=1e6)]
 Deviation = Annotated[float, Bounds(least=0.0, most=1e6)]
-"""A standard deviation or a resolution, in the unit of what is measured."""
+"""A standard deviation or a resolution, in the unit of the measurement."""
 
 
 @checked()
@@ -57,7 +57,7 @@ class Push:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class Payload:
-    """A ball rigidly attached to a frame, which the controller does not know of."""
+    """A ball rigidly attached to a frame and missing from the controller's model."""
 
     frame: Text  # a frame with a part to play, or a link of the document
     mass: Annotated[float, Bounds(positive=True, most=1e6, unit="kg")]  # [kg]
@@ -198,7 +198,7 @@ class PlantConfig:
     torque as the position at which it pulls with it) or by "velocity" (the same servo, following
     the integral of the commanded velocity).
 
-    Links touch one another, where `self_contact` says so, by their collision geometry, or the
+    With `self_contact` links touch one another by their collision geometry, or the
     convex hulls of their pictures; those never do that touch in the home posture, or have two
     joints or fewer between them. Without it links pass through one another, and those without
     collision geometry through floor and blocks.
@@ -214,7 +214,7 @@ class PlantConfig:
     servo: ServoConfig = field(default_factory=ServoConfig)  # of position and velocity actuation
     sensors: SensorConfig = field(default_factory=SensorConfig)
     friction: Factor = 1.0  # sliding friction of the floor
-    # Time constant of penetration into the ground [s]; MuJoCo wants 2 `physics_dt` or more
+    # Time constant of penetration into the ground [s]; MuJoCo needs 2 `physics_dt` or more
     contact_time_constant: Duration = 5e-3
     floor_slope: Tilt = (0.0, 0.0)  # about the world's x and y through the origin [rad]
     blocks: tuple[Block, ...] = ()  # on the floor

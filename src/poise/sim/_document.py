@@ -38,7 +38,7 @@ def add_sticks(spec: mujoco.MjSpec, *, slenderness: float = 0.12, shortest: floa
             )
 
 
-# Keep what the document says: its inertias, its links one by one, its pictures.
+# Keep the document's inertias, its separate links and its textures.
 _COMPILER = {
     "autolimits": "true",
     "balanceinertia": "false",
@@ -48,7 +48,7 @@ _COMPILER = {
     "strippath": "false",
 }
 
-# MuJoCo wants some mass on every moving body; the document's massless links get this little.
+# MuJoCo needs some mass on every moving body; the document's massless links get this little.
 _MASSLESS = {"boundmass": "1e-12", "boundinertia": "1e-14"}
 
 _MOST_BYTES = 200_000 * 50  # of the triangles of a binary STL file that MuJoCo reads
@@ -76,7 +76,7 @@ def _parse_urdf(source: ModelSource) -> mujoco.MjSpec:
             limit.attrib.update(lower=repr(ends[0]), upper=repr(ends[1]))
     extension = ET.SubElement(root, "mujoco")
     ET.SubElement(extension, "compiler", _COMPILER | _MASSLESS)
-    # MuJoCo tells meshes apart by the stems of their files.
+    # MuJoCo identifies meshes by the stems of their files.
     names: dict[Path, str] = {}
     for element in root.iter("mesh"):
         path = mesh_path(element.get("filename", ""), source)
@@ -107,7 +107,7 @@ def convert_meshes(spec: mujoco.MjSpec) -> None:
 def weld_joints(spec: mujoco.MjSpec, locked: Collection[str]) -> None:
     """Take joints out of a specification that are to stand at zero."""
     # MuJoCo leaves a body whose joint is taken out where it is at the joint's `ref`, so bodies are
-    # placed first: as compiled, for a document may say places in many ways.
+    # placed first: as compiled, because a document may give placements in many ways.
     joints = [joint for joint in spec.joints if joint.name in locked]
     if any(joint.ref != 0.0 for joint in joints):
         model = compile_spec(spec, "the robot's document")
@@ -144,7 +144,7 @@ def _parse_mjcf(source: ModelSource) -> mujoco.MjSpec:
     spec.compiler.discardvisual = False
     for geom in spec.geoms:
         geom.name = ""  # It might be that of the plant's floor, or of a sole.
-    # The plant brings its own motors, sensors, floor and lights.
+    # The plant has its own motors, sensors, floor and lights.
     for leftover in (
         *spec.actuators,
         *spec.sensors,

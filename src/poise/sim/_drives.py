@@ -1,4 +1,4 @@
-"""`Drives`: from torques or velocities of joints to the controls of whatever moves them."""
+"""`Drives`: from torques or velocities of joints to the controls of their actuators."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -33,7 +33,7 @@ class Drives:
     A motor has g0 alone; a position servo g0 = kp, b1 = -kp, b2 = -kv; a velocity servo g0 = kv,
     b2 = -kv. So the control for a torque is u = (tau / r - b) / g at the present L and L'; and the
     one that makes a servo follow q_d and v_d is u = -b / g with b at r q_d and r v_d. Of several
-    actuators of one joint the strongest gives the torque, and the others are sent what gives none.
+    actuators of one joint the strongest applies the torque; the others get zero force.
     """
 
     def __init__(

@@ -165,7 +165,7 @@ class RobotTopics:
 
 
 def _box(model: mujoco.MjModel, k: int, thinnest: float = 1e-3) -> dict[str, Any]:
-    """The bounding box of a geometry, as a cube in its body's frame that can be seen [m]."""
+    """The bounding box of a geometry, as a visible cube in its body's frame [m]."""
     turned, geom, box = np.empty(3), model.geom(k), model.geom_aabb[k]
     mujoco.mju_rotVecQuat(turned, box[:3], geom.quat)
     position, orientation = _named("xyz", geom.pos + turned), _named("wxyz", geom.quat)

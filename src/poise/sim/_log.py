@@ -30,7 +30,7 @@ from poise.sim._foxglove import (
 from poise.sim._record import RunRecord, Signal, Table, time_of
 
 _LIBRARY = "poise log 3"  # of the header; the number is the version of the layout
-_METADATA = "poise"  # name of the texts that say what the log is of
+_METADATA = "poise"  # name of the metadata of the run
 _HOLDS = "holds"  # content of a channel, in its metadata, see `Topic`
 _LAST = 1e9  # latest time of a message [s]: its nanoseconds have 64 bits
 _MAGIC = b"\x89MCAP0\r\n"
@@ -72,7 +72,7 @@ class McapLog:
         self._thread.start()
 
     def put(self) -> None:
-        """Hand over what came to the record since the last time."""
+        """Queue the rows recorded since the last call."""
         self._queue.put(self._record.take_fresh())
 
     def close(self) -> None:
@@ -235,7 +235,7 @@ def _mcap_writer(doing: str) -> ModuleType:
 
 
 def _whole_records(stream: BinaryIO, *, chunks: bool = False) -> Iterator[Any]:
-    """Records up to the first that is cut off, is damaged, or says it is longer than the file."""
+    """Records up to the first that is cut off, damaged, or longer than the file by its header."""
     from mcap.exceptions import McapError
     from mcap.stream_reader import StreamReader
     from zstandard import ZstdError

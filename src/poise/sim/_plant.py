@@ -143,7 +143,7 @@ class Plant:
         """Build the model with all its pictures, as a renderer needs it.
 
         Bodies, joints and sites are those of `model`, at the same indices, so that qpos holds for
-        both; geoms are not. Each call compiles the model anew.
+        both; geoms are not. Each call recompiles the model.
 
             shown = plant.drawn_model()
             data = mujoco.MjData(shown)
@@ -208,7 +208,7 @@ class Plant:
         A plant that has diverged lets the time pass and does nothing else.
 
         Args:
-            command: torque or velocity as the plant's actuation wants it; None for none.
+            command: torque or velocity, by the plant's actuation; None for none.
             position: joint position targets for position actuation, None to keep the last [rad].
 
         Raises:

@@ -1,4 +1,4 @@
-"""`RunRecord`: the record of one run, from which everything about it is made."""
+"""`RunRecord`: the record of one run, the source of its checks, summary and report."""
 
 import json
 import struct
@@ -95,7 +95,7 @@ class RunRecord:
     message is bytes under a topic. Unknown signals raise an `UnknownNameError`.
 
     Args:
-        metadata: texts that say what the record is of: robot, controller, scenario, seed.
+        metadata: texts about the run: robot, controller, scenario, seed.
         joints: names by which `to_pandas` calls the numbers of `q`, `v` and torques; those of
             `metadata` when none.
 
@@ -210,7 +210,7 @@ class RunRecord:
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`: one row a time, one column a number, NaN without a sample.
 
-        Such as `com[0]`, and `torque[left_knee]` where the record knows the joints; `q` and `v` of
+        Such as `com[0]`, and `torque[left_knee]` where the record has the joints; `q` and `v` of
         a floating base begin with its own, `q[0]` to `q[6]` (position, quaternion) and `v[0]` to
         `v[5]`. A column of notes has the last one of its topic.
 

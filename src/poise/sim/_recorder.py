@@ -48,7 +48,7 @@ class SolvesStack(Protocol):
 
 @runtime_checkable
 class HasSignals(Protocol):
-    """A leader with something to tell a recorder."""
+    """A leader with signals to record."""
 
     def signals(self) -> Mapping[str, Value | str]:
         """Samples of signals by name, and notes by topic, after a tick."""
@@ -121,7 +121,7 @@ class Recorder:
         self._wrenches = [(name, f"wrench/{name}") for name in robot.soles]
         self._load, self._held = np.zeros(4), np.zeros(len(robot.hands))
         about = {"robot": robot.name, "plant": json.dumps(asdict(plant.config))}
-        # A report can be made of the record alone.
+        # Sufficient for a report from the record alone.
         tasks, levels = [], []
         if isinstance(controller, SolvesStack):
             tasks = [(t.name, n, t.unit) for n, t in controller.stack.tasks()]
@@ -209,7 +209,7 @@ class Recorder:
         self.record.note(self._plant.time, topic, text)
 
     def message(self, topic: str, content: SupportsBytes) -> None:
-        """Keep a message now: bytes, or something constant that becomes bytes."""
+        """Record a message now: bytes, or an immutable value encoded later."""
         self.record.message(self._plant.time, topic, content)
 
     def _keep(self, time: float, samples: Mapping[str, Value]) -> None:
@@ -249,7 +249,7 @@ class Recorder:
         if command.residuals:
             samples["residuals"] = np.array(command.residuals, dtype=np.float64)
         elif "residuals" in self.record:
-            # A fallback command solved nothing: say so, in the shape of the others.
+            # A fallback command has no solution: NaN, in the shape of the others.
             samples["residuals"] = np.full(self.record.shape("residuals"), np.nan)
 
 

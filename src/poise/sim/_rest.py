@@ -94,7 +94,7 @@ class _Base:
         return True
 
     def unbalanced(self, x: Float64[np.ndarray, "6"]) -> Float64[np.ndarray, "6"]:
-        """Force and moment on the base that nothing balances at rest, over the weight [-, m]."""
+        """Residual force and moment on the base at rest, over the weight [-, m]."""
         along, across, normal = self._axes
         self._qpos[:3] = self._begin[:3] + x[0] * normal
         turn, turned, spin = np.empty(4), np.empty(4), np.empty(3)

@@ -1,4 +1,4 @@
-"""`rollout`: the loop between a plant and a controller, and what takes part in it."""
+"""`rollout`: the loop between a plant and a controller, and protocols of its parts."""
 
 import gc
 import math
@@ -30,7 +30,7 @@ class Body(Protocol):
 
     @property
     def fallen(self) -> bool:
-        """True where there is nothing left to control: it fell, or a simulation diverged."""
+        """True after a fall, or a diverged simulation."""
         ...
 
     def state(self) -> RobotState:
@@ -87,7 +87,7 @@ EstimateFunction = Callable[[RobotState], RobotState]  # from the measured state
 
 @runtime_checkable
 class Observer(Protocol[B_contra]):
-    """Records, logs, shows, films or counts; it changes nothing that takes part."""
+    """Observe a run, such as by a record, a log or a viewer, without changing it."""
 
     def begin(
         self, plant: B_contra, controller: AnyController, leader: Leader | LeadFunction | None

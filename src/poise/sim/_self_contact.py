@@ -1,4 +1,4 @@
-"""The robot's own links as things that touch each other, and how hard they do."""
+"""Contact between links of the robot, and its forces."""
 
 from collections import Counter
 from collections.abc import Iterable

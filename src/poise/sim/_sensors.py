@@ -1,4 +1,4 @@
-"""Measurements made of the true state; the inertial unit's true readings."""
+"""Measurements from the true state; the inertial unit's true readings."""
 
 import math
 from collections import deque

@@ -100,7 +100,7 @@ def render_video(
 
     Raises:
         MissingExtraError: this machine cannot draw without a screen, or the package imageio-ffmpeg
-            is not installed; the message says what to install.
+            is not installed; the message names the package.
         TargetError: times and configurations do not belong together.
     """
     config, path = config if config is not None else VideoConfig(), Path(path)

@@ -55,7 +55,7 @@ class Viewer:
             self._plant.data.xfrc_applied[:] = self._data.xfrc_applied
 
     def _show(self) -> None:
-        """Bring the data of the drawn model to the plant's state."""
+        """Set the data of the drawn model to the plant's state."""
         state = np.empty(mujoco.mj_stateSize(self._model, _STATE))
         mujoco.mj_getState(self._plant.model, self._plant.data, state, _STATE)
         mujoco.mj_setState(self._model, self._data, state, _STATE)

@@ -69,7 +69,7 @@ def usual_speeds(index: np.ndarray, angular: float) -> list[float]:
 
 
 _ORTHOGONALITY_TOLERANCE = 1e-6
-"""How far R^T R may be from the identity before R was hardly meant to be a rotation."""
+"""Largest deviation of R^T R from the identity that is accepted as a rotation."""
 
 
 def checked_gain(
@@ -145,7 +145,7 @@ def checked_rotation(value: Numbers, what: str) -> Float64[np.ndarray, "3 3"]:
 
 
 Pose = pin.SE3 | Numbers
-"""What may stand for a whole pose: a `pinocchio.SE3`, a 4 x 4 matrix, or a pair of position and
+"""A pose as an argument: a `pinocchio.SE3`, a 4 x 4 matrix, or a pair of position and
 orientation."""
 
 
@@ -171,7 +171,7 @@ def split_pose(value: Pose, what: str) -> tuple[Numbers, Numbers] | None:
 
 
 _UNIT_TOLERANCE = 1e-3
-"""How far a quaternion's length may be from one before it was hardly meant to be a unit."""
+"""Largest deviation of a quaternion's length from one that is accepted."""
 
 
 def _from_quaternion(value: Numbers, what: str) -> Numbers:

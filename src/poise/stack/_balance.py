@@ -1,4 +1,4 @@
-"""`BalanceLimit`: no task takes the robot where its feet can no longer catch it."""
+"""`BalanceLimit`: keeps the robot where its feet can still balance it, whatever the tasks."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ arm, by how far it is outside, for hips need it to catch; and how much there is 
 
 
 class BalanceLimit(Limit):
-    """Bounds that keep a robot on its feet catchable, whatever its tasks ask for.
+    """Bounds that keep the DCM of a standing robot recoverable, whatever the tasks.
 
     At a height z over the feet, with omega^2 = g / z, the divergent component of motion
     xi = c + cdot / omega of the COM c moves away from where the contacts press, p:
@@ -104,8 +104,8 @@ class BalanceLimit(Limit):
     The rows are a level of inequalities of their own, below contacts and joint limits and above all
     tasks; where joints or torques at their limits leave a row unmet, it is missed by as little as
     can be. A robot that is not on the ground, or leans on a wall, or whose contacts make no area,
-    has rows for its legs alone; one with a fixed base has none. What it is made of is for reading:
-    another limit makes another controller.
+    has rows for its legs alone; one with a fixed base has none. Its settings are read-only:
+    construct a new controller for another limit.
 
     Args:
         enabled: False takes the limit away.
@@ -181,9 +181,9 @@ class BalanceLimit(Limit):
         self._set(parameters=np.array([*settings, *no_step, *robot.tau_max, *bounds]))
 
     def expect_step(self, corners: Numbers | None) -> None:
-        """Announce the next foothold: what leaves the soles towards it will be caught there.
+        """Set the next foothold, towards which the component may leave the soles.
 
-        A walk lets the robot fall from one foot to the next on purpose. Who leads one says where
+        A walk lets the robot fall from one foot to the next on purpose. Its leader sets where
         it is caught, from the tick in which a foot is unloaded until the next one carries, and
         again whenever the foothold moves.
 
@@ -306,7 +306,7 @@ def _measure(robot: Robot, sole: str, index: int) -> _Leg | None:
 
 @part
 def bound_balance(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
-    """Rows for the edges of the support, the angular momentum, then one a leg."""
+    """Bounds of the rows: edges of the support, angular momentum, then one row for each leg."""
     clear(assembly, line.first, line.dim, len(state.v))
     _bound_edges(state, assembly, line)
     for leg in range(line.dim - FIRST_LEG):
@@ -423,7 +423,7 @@ def _stopping_arm(
 ) -> float:
     """Reach of the soles beyond the component, one way, which stops a lean that way [m].
 
-    Where the component is outside, a lean that way is what brings it back.
+    Where the component is outside, a lean in that direction returns it.
     """
     least = np.inf
     for i in range(len(hull)):

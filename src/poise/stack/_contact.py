@@ -39,7 +39,7 @@ class Contact(Owner, BoundOnce, ABC):
     Wrenches act on the robot, at the frame's origin, along the frame's own axes, so that the cone
     `C F <= 0` is constant; on an edge the origin is there. The contact frame does not accelerate:
     J dv + drift = -damping velocity, equation (2) of Ahn et al. 2024 with a damping that keeps a
-    foot from creeping; and where its leader has it turn or move, as `set_acceleration` says.
+    foot from creeping; `set_acceleration` adds an acceleration to the right-hand side.
 
     Args:
         frame: the frame in contact, such as "left_sole".
@@ -127,7 +127,7 @@ class Contact(Owner, BoundOnce, ABC):
 
     @property
     def friction(self) -> float:
-        """Coulomb coefficient; the cone is made of it once."""
+        """Coulomb coefficient; constant, because the cone is computed from it at construction."""
         return self._friction
 
     @property
@@ -153,12 +153,12 @@ class Contact(Owner, BoundOnce, ABC):
 
     @property
     def wrench_lower(self) -> Float64[np.ndarray, " dim"]:
-        """Simple lower bounds on the wrench [N, N m], a view of what is solved with."""
+        """Simple lower bounds on the wrench [N, N m], a view of the solver's."""
         return self.parameters[1 : 1 + self.dim]
 
     @property
     def wrench_upper(self) -> Float64[np.ndarray, " dim"]:
-        """Simple upper bounds on the wrench [N, N m], a view of what is solved with."""
+        """Simple upper bounds on the wrench [N, N m], a view of the solver's."""
         return self.parameters[1 + self.dim : 1 + 2 * self.dim]
 
     @property
@@ -183,11 +183,11 @@ class Contact(Owner, BoundOnce, ABC):
         return self.parameters[4 + 2 * self.dim :].copy()
 
     def set_acceleration(self, acceleration: Numbers) -> None:
-        """Ask the contact to move, from the next tick on.
+        """Set an acceleration of the contact, from the next tick on.
 
-        J dv + drift = acceleration - damping velocity. What lies firmly on the ground does not
-        follow, and little is lost by that: it is the inertia of a foot that does. A sole that
-        carries little, on an edge or just off the ground, can be turned by it.
+        J dv + drift = acceleration - damping velocity. A sole that is flat on the ground does not
+        follow, at little cost: only the inertia of the foot is accelerated in the model. A lightly
+        loaded sole, on an edge or just off the ground, can be turned by it.
 
         Args:
             acceleration: of the components that the contact holds (`chosen`), along its own axes,

@@ -58,7 +58,7 @@ class Evaluation:
         rows: what was written.
         owners: contacts, tasks and limits.
         own: those of them that are tasks in Python.
-        inputs: what compiled code knows of them.
+        inputs: of the compiled code.
         assembly: all of it for compiled code.
     """
 
@@ -173,7 +173,7 @@ class Evaluation:
             owner.evaluation = self
 
     def update_own(self, dynamics: Dynamics) -> None:
-        """Evaluate the tasks in Python for one state, but for what they ask for."""
+        """Evaluate the tasks in Python for one state, without their references."""
         for task, place in self.own:
             task.write_own(dynamics, self.rows, place)
 

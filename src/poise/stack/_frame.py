@@ -44,7 +44,7 @@ from poise.stack._targets import PoseTarget
 from poise.stack._task import ShippedTask, write_measured
 
 ORIENTATION_ERRORS = ("logarithm", "sine")
-"""Measures of how far two orientations are apart."""
+"""Measures of the distance of two orientations."""
 
 _STEEPNESS = 4.0
 """Slope at which feedback fades near half a turn, over that of the error: kd^2 / kp of critical
@@ -194,7 +194,7 @@ class FrameTask(PoseTask):
         return {k if k < OWN_AXES else k - OWN_AXES + 3 for k in self.chosen.tolist()}
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Take what was never set of its target from the robot.
+        """Set the parts of the target that were never set from the robot's state.
 
         Args:
             dynamics: the state, up to date.

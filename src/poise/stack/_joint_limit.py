@@ -100,7 +100,7 @@ class JointLimit(Limit):
     and ask those joints for no more than `braking`, nor for `braking_of`, and near their limits for
     no more than it takes to stop within the margin: see `bound_settling`.
 
-    What it is made of is for reading: another limit makes another controller.
+    Its settings are read-only: construct a new controller for another limit.
 
     Args:
         acceleration_max: largest joint acceleration [rad/s^2].

@@ -8,7 +8,7 @@ from poise.stack._stack import Stack
 
 @runtime_checkable
 class Leader(Protocol):
-    """Set the targets of a stack before each step of the controller that solves it.
+    """Set the targets of a stack before each step of its controller.
 
     A walker, a step teleoperator, a scenario's script or an object of the user's own is one. What
     a leader may set is this, and nothing else:
@@ -27,11 +27,11 @@ class Leader(Protocol):
 
     @property
     def stack(self) -> Stack:
-        """The stack that it leads."""
+        """The stack whose targets it sets."""
         ...
 
     def lead(self, state: RobotState) -> None:
-        """Set what the stack asks for in the tick that begins.
+        """Set targets, weights and contacts of the stack for the next tick.
 
         Args:
             state: of the robot, as the controller will get it.

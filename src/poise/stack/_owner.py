@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Owner(Copied):
-    """Base of what has rows.
+    """Base of owners of rows: tasks, contacts and limits.
 
     Attributes:
         dim: number of rows.
@@ -59,7 +59,7 @@ class Owner(Copied):
         return (self.dim,)
 
     def evaluate(self, dynamics: Dynamics) -> None:
-        """Fill in what it says about one state: `jacobian`, `drift`, `reference`, errors of tasks.
+        """Evaluate at one state: `jacobian`, `drift`, `reference`, errors of tasks.
 
         A target that was never set becomes what the robot does at the first evaluation: hold.
 
@@ -73,7 +73,7 @@ class Owner(Copied):
         if self._alone is None:
             self._alone = {}
         if compiled not in self._alone:
-            # An evaluation knows the formulas of all owners.
+            # An evaluation has the formulas of all owners.
             from poise.stack._evaluation import Evaluation
 
             made = Evaluation(
@@ -84,7 +84,7 @@ class Owner(Copied):
         return self._alone[compiled].rows
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Take what was never set of its target from the robot.
+        """Set the parts of the target that were never set from the robot's state.
 
         Args:
             dynamics: the state, up to date.

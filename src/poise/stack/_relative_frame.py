@@ -1,4 +1,4 @@
-"""`RelativeFrameTask`: a frame as seen from another frame of the robot."""
+"""`RelativeFrameTask`: a frame relative to another frame of the robot."""
 
 import numpy as np
 from jaxtyping import Float64
@@ -87,7 +87,7 @@ class RelativeFrameTask(PoseTask):
         self._target.set(position, rotation)
 
     def hold(self, dynamics: Dynamics) -> None:
-        """Take what was never set of its target from the robot.
+        """Set the parts of the target that were never set from the robot's state.
 
         Args:
             dynamics: the state, up to date.
@@ -107,7 +107,7 @@ class RelativeFrameTask(PoseTask):
 
 @part
 def relative_frame_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
-    """A frame's pose as seen from another, along the other's axes; targets are at rest."""
+    """A frame's pose relative to another, along the other's axes; targets are at rest."""
     motion, owners, work = state.motion, assembly.owners, assembly.work
     m, other, error = line.dim, KINEMATICS, 2 * KINEMATICS
     parameters, target = owners.parameters, line.start + GAINS * m
@@ -132,7 +132,7 @@ def relative_frame_rows(state: StateNumbers, assembly: StackNumbers, line: Line)
 
 @part
 def _relative_columns(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
-    """Coefficients of a frame's motion seen from a root: of the joints between the two alone."""
+    """Jacobian of a frame's motion relative to a root: of the joints between the two alone."""
     motion, owners, rows, work = state.motion, assembly.owners, assembly.rows, assembly.work
     frames, R, m = owners.frames, KINEMATICS + ROTATION, line.dim
     one, one_end, other, other_end = between(frames, line.frame, line.root)
@@ -151,7 +151,7 @@ def _relative_columns(state: StateNumbers, assembly: StackNumbers, line: Line) -
 
 @part
 def _see_from(work: Float64[np.ndarray, " work"], root: int) -> None:
-    """Turn a frame's place and motion in the world into those seen from a root, in its axes.
+    """Transform a frame's pose and motion from the world to a root's axes.
 
     The drift has the centripetal and Coriolis terms of the turning root.
     """

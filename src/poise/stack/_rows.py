@@ -32,7 +32,7 @@ Labels = list[tuple[str, int]]
 
 
 class StackRows:
-    """Evaluates, orders, weighs and suspends what a stack asks for under one set of contacts.
+    """Evaluate, order, weight and suspend the rows of a stack for one set of contacts.
 
     This is the only place where tasks and contacts are evaluated. Every strategy reads from it,
     or has it written straight into the memory of a problem of its own (`write_into`):
@@ -294,11 +294,11 @@ class ContactSets(Generic[T]):
 
     @property
     def sets(self) -> tuple[tuple[Contact, ...], ...]:
-        """The sets that something was made for."""
+        """Contact sets with an object."""
         return tuple(self._made)
 
     def __iter__(self) -> Iterator[T]:
-        """All that was made."""
+        """All objects."""
         return iter(self._made.values())
 
     def __len__(self) -> int:

@@ -62,7 +62,7 @@ length, the largest speed of its points; numbers a row: pair, place on either ax
 axes, its rate, and what the pair is ranked by."""
 
 _Use = tuple[frozenset[Contact], frozenset[str] | None]
-"""What rows are for: active contacts, and the joints that may move, None for all."""
+"""Configuration of the rows: active contacts, and the joints that may move, None for all."""
 
 
 class NearPair(NamedTuple):
@@ -78,7 +78,7 @@ class NearPair(NamedTuple):
 
 
 class SelfCollisionLimit(Limit):
-    """Bounds that keep arms, legs, trunk and head apart, whatever tasks ask for.
+    """Bounds that keep arms, legs, trunk and head apart, whatever the tasks.
 
     Links are capsules (`LinkCapsules`). With x_a and x_b the nearest points of the axes of two, n
     the unit vector from x_b to x_a and r their radii, their distance d moves by
@@ -103,11 +103,11 @@ class SelfCollisionLimit(Limit):
     a sixth of a second; there are always as many rows, and those of pairs that are far apart are
     empty.
 
-    What it is made of is for reading: another limit makes another controller.
+    Its settings are read-only: construct a new controller for another limit.
 
     Args:
         enabled: False takes the limit away; nothing is computed then.
-        legs_only: True keeps legs off each other and nothing else, where nobody moves the arms out
+        legs_only: True keeps legs off each other and nothing else, where no task moves the arms out
             of their way.
         margin: distance that is kept [m].
         braking: deceleration with which links plan to stop before they touch [m/s^2].
@@ -166,7 +166,7 @@ class SelfCollisionLimit(Limit):
         """Leave legs to balance for a while, or keeps them apart again.
 
         A step that catches the robot comes down beside the other foot, nearer than capsules, which
-        are larger than links, can be: whoever makes it keeps the feet apart.
+        are larger than links, can be: its planner keeps the feet apart.
 
         Args:
             legs_pass: whether pairs of a leg and a leg have no bound.
@@ -341,7 +341,7 @@ def _place_capsules(
     work: Float64[np.ndarray, " work"],
     placed: int,
 ) -> None:
-    """Axes of all capsules in the world, with bounds of what their points do."""
+    """Axes of all capsules in the world, with bounds on the motion of their points."""
     for i in range(table[0]):
         frame, shape = int(table[2 + i]) * KINEMATICS, start + SHAPES + SHAPE * i
         a, fastest = placed + _PLACED * i, 0.0
@@ -469,7 +469,7 @@ def _write(
     else:
         horizon = float(parameters[start + HORIZON])
         sliding = _sliding(work, axes, places, frames, n, slip, length)
-        # Nobody comes nearer within the horizon than at the speed of the points themselves.
+        # Within the horizon no distance shrinks faster than the points themselves move.
         drift -= min(sliding, sqrt(dot(slip, slip)) / horizon)
         settings = (_HARDEST, horizon, float(parameters[start + BRAKING]))
         reference = -largest_acceleration(room, -rate, np.inf, settings)

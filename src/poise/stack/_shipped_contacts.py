@@ -15,7 +15,7 @@ from poise.robots import Robot
 from poise.stack._contact import Contact
 
 _ALL_OF_IT = (-math.inf, -math.inf), (math.inf, math.inf)
-"""Lower and upper corner of what of a surface carries until `carry_on` says something else [m]."""
+"""Lower and upper corner of the loaded area of a surface until `carry_on` changes it [m]."""
 
 
 class PointContact(Contact):
@@ -68,13 +68,13 @@ class SurfaceContact(Contact):
 
         |m_z| <= torsion f_z                                 2 rows in place of the eight
 
-    stands for them, which makes the ten rows of Ahn et al. 2024. Whoever shifts the weight to the
-    edge of a sole turns it then.
+    stands for them, which makes the ten rows of Ahn et al. 2024. A sole that is
+    loaded at its edge can then turn.
 
-    Where the leg of a sole lacks a joint, the contact holds what is `Sole.controlled`, and bears no
-    moment about the axis that is not. A sole that leans with its leg stands on its lower edge, left
-    or right, where m_x = 0, and what acts does so at the middle of that edge. Within `FULL_TILT` of
-    flat it goes over from one edge to the other. The yaw moment is what friction holds on an edge.
+    Where the leg of a sole lacks a joint, the contact holds the components `Sole.controlled`, and
+    bears no moment about the other axis. A sole that tilts with its leg stands on its lower edge,
+    left or right, where m_x = 0, and the wrench acts at the middle of that edge. Within `FULL_TILT`
+    of flat the edges are blended. The yaw moment is bounded by the friction on the edge.
 
     Args:
         frame: a sole of the robot, or any frame if `length` and `width` are given.
@@ -124,7 +124,7 @@ class SurfaceContact(Contact):
     def set_margin(self, margin: float) -> None:
         """Set how far the centre of pressure stays inside the edges, from the next tick on.
 
-        What `carry_on` said holds on. The strategies "whole_body" and "reduced" read it; "osf"
+        The area set by `carry_on` stays. The strategies "whole_body" and "reduced" read it; "osf"
         keeps to the margin that it was made with.
 
         Args:

@@ -108,7 +108,7 @@ class Stack:
         return html_table("Stack", ("level", "what"), self._described())
 
     def _described(self) -> list[tuple[int, str]]:
-        """Each level with what stands in it; the first two are the physics."""
+        """The contents of each level; the first two are the physics."""
         contacts = [c.name + ("" if c.active else " (free)") for c in self.contacts]
         rows = [
             f"dynamics, torque limit {100.0 * self.torque_limit.scale:g}%",

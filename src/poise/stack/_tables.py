@@ -1,7 +1,7 @@
-"""The table of who has rows, and where the rows go: what compiled formulas share.
+"""Table of the owners of rows and of their places, shared by the compiled formulas.
 
 All that they read of a task stands in one array, its parameters: the rows from `KP` on, each as
-long as the task, then its target. A number that nobody gave is NaN.
+long as the task, then its target. A number that was not given is NaN.
 """
 
 from typing import NamedTuple
@@ -17,13 +17,13 @@ KP, KD, WEIGHT, RATE, SPEED, ACCELERATION, GIVEN_VELOCITY, GAINS = range(8)
 the row, and what `set_acceleration` and `set_velocity` were given; how many there are."""
 
 TARGET_ROTATION, TARGET_VELOCITY, TARGET_ACCELERATION, TARGET_SIZE = 3, 12, 18, 24
-"""Where the parts of a frame's target begin after its position, and how long it is."""
+"""Offsets of the parts of a frame's target after its position, and its length."""
 
 OWN_AXES = 6
 """The component of a frame's motion from which on it is turning about the frame's own axes."""
 
 WORK = 3 * KINEMATICS
-"""Numbers of work space that anybody has: two frames, and what is worked out from them."""
+"""Length of each work space: two frames and quantities derived from them."""
 
 
 class Rows(MemoryBlock):
@@ -51,7 +51,7 @@ class Numbers(MemoryBlock):
 
 
 class Owners(MemoryBlock):
-    """Who the rows belong to."""
+    """Kinds of owners of rows."""
 
     lines: Int64[np.ndarray, "owners entries"]  # a `Line` each; contacts first
     contacts: int  # how many they are

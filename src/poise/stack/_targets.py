@@ -63,7 +63,7 @@ class Target:
                 self._held.append(part)
 
     def release_hold(self) -> None:
-        """Forget what was taken from the robot."""
+        """Discard the values taken from the robot."""
         for part in self._held:
             self.memory[part] = np.nan
         self._held.clear()
@@ -103,7 +103,7 @@ class VectorTarget(Target):
 class PoseTarget(Target):
     """A target for a pose.
 
-    The memory is position, rotation row by row, velocity and acceleration, linear before angular.
+    Memory: position, rotation row by row, velocity and acceleration, linear before angular.
 
     Args:
         what: what messages call it.

@@ -1,4 +1,4 @@
-"""`Task`: something the robot should do, as rows of an acceleration-level equation."""
+"""`Task`: an objective of the robot, as rows of an acceleration-level equation."""
 
 import math
 from abc import ABC, abstractmethod
@@ -36,7 +36,7 @@ _HUGE = 1e306
 """Speeds are cut to this: the norm of a hundred does not overflow."""
 
 _GIVEN = {ACCELERATION: "acceleration", GIVEN_VELOCITY: "velocity"}
-"""What a user may give in place of feedback, by its row among the gains."""
+"""Replacements of the feedback, by their row among the gains."""
 
 T = TypeVar("T", VectorTarget, PoseTarget)
 
@@ -58,8 +58,8 @@ class Task(Owner, BoundOnce, ABC):
         reference = target_acceleration + kp error + kd error_rate.
 
     Rows without stiffness or without damping are that always. What `set_acceleration` or
-    `set_velocity` was given stands in place of all this. A task knows no solver and no controller:
-    `evaluate` leaves everything it has to say about one state in the attributes below, once a tick.
+    `set_velocity` was given replaces all this. A task depends on no solver and no controller:
+    `evaluate` computes the attributes below for one state, once a tick.
 
     Args:
         name: what reports and messages call it.
@@ -123,7 +123,7 @@ class Task(Owner, BoundOnce, ABC):
         self.drift, self.error, self.error_rate, self.reference = np.zeros((4, m))
 
     def share_memory(self) -> None:
-        """Make views of the array that the formulas read."""
+        """Turn the arrays into views of the memory that the compiled formulas read."""
         if self._robot is not None:
             self._gain_rows = self.parameters[: GAINS * self.dim].reshape(GAINS, self.dim)
             self._gains_to_read = self._gain_rows.view()
@@ -218,7 +218,7 @@ class Task(Owner, BoundOnce, ABC):
             _write_gains(self._gain_rows, stiffness, damping)
 
     def set_acceleration(self, acceleration: Numbers | None) -> None:
-        """Replace the PD reference by a given acceleration; None brings the PD back.
+        """Replace the PD reference by a given acceleration; None restores the PD.
 
         Args:
             acceleration: reference acceleration, one a row [unit/s^2].
@@ -233,7 +233,7 @@ class Task(Owner, BoundOnce, ABC):
         return self._gain_rows[ACCELERATION]
 
     def set_velocity(self, velocity: Numbers | None) -> None:
-        """Replace the reference velocity by a given one; None brings the target's back.
+        """Replace the reference velocity by a given one; None restores the target's.
 
         Only controllers that command velocities follow it: `DifferentialIK`. Those that command
         torques go by accelerations, see `set_acceleration`.
@@ -273,7 +273,7 @@ class Task(Owner, BoundOnce, ABC):
             try:
                 known = row == self._plain_weight
             except ValueError:
-                known = False  # It holds arrays, which are told below.
+                known = False  # Its arrays are listed below.
             if known:
                 return
             if len(row) == self.dim and _are_weights(row):
@@ -389,7 +389,7 @@ class ShippedTask(Task, Generic[T]):
         return type(self)._evaluate is ShippedTask._evaluate
 
     def share_memory(self) -> None:
-        """Make views of the array that the formulas read."""
+        """Turn the arrays into views of the memory that the compiled formulas read."""
         super().share_memory()
         if self._robot is not None:
             self._target.memory = self.parameters[GAINS * self.dim :]

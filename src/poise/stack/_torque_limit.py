@@ -12,7 +12,7 @@ from poise.robots import Robot
 from poise.stack._bound_once import Limit
 
 _SHORTEST, _LONGEST = 1e-3, 0.02
-"""Between which the time from one command to the next is taken to be, whatever clocks say [s]."""
+"""Bounds of the time between commands, which replace implausible clock readings [s]."""
 
 SMOOTH_RATE = 250.0
 """Rate of the stacks that Poise makes [1/s]: half the limit in a tick of 2 ms."""
@@ -26,17 +26,17 @@ class TorqueLimit(Limit):
         max(-scale tau_max, tau_last - rate tau_max dt) <= tau
                                   tau <= min(scale tau_max, tau_last + rate tau_max dt)
 
-    So no torque jumps, whatever contacts, limits and tasks would give for it: what they need more
-    they get some ticks later. tau_last is what the controller commanded last. A controller's first
+    So no torque jumps, whatever contacts, limits and tasks require; a larger change is spread over
+    several ticks. tau_last is the last commanded torque. A controller's first
     command is free, and so are the first after a tick without an answer, and many states at once.
     `OperationalSpaceController` keeps to its own `torque_step` in place of `rate`.
 
-    What it is made of is for reading: another limit makes another controller.
+    Its settings are read-only: construct a new controller for another limit.
 
     Args:
         scale: fraction of the robot's torque limits that may be used.
-        rate: how fast a torque may change, by its limit [1/s], as `SMOOTH_RATE`; None for as fast
-            as it likes.
+        rate: how fast a torque may change, by its limit [1/s], as `SMOOTH_RATE`; None for no
+            limit.
 
     Attributes:
         name: what reports call it.

@@ -89,7 +89,7 @@ class PushedBack(WalkSense):
     def __init__(self):
         pass
 
-    def felt(self, foot):
+    def relative_force(self, foot):
         return -0.1, 0.0, 0.0
 
     def lower_edge(self, foot):

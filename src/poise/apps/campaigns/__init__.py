@@ -1,4 +1,4 @@
-"""Campaigns: many episodes of a scenario, over processes here or a cluster, to a table."""
+"""Campaigns: many episodes of a scenario, on local processes or a cluster, into one table."""
 
 from poise.apps.campaigns._campaign import Design, robot_files as robot_files
 from poise.apps.campaigns._cluster import (

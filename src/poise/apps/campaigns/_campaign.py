@@ -256,7 +256,7 @@ class Design:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """All that decides what an episode is, as JSON; another `Design` can be made of it."""
+        """Everything that determines an episode, as JSON; enough to construct the same `Design`."""
         draws = [fields["robot"] for fields in self._sections.values() if "robot" in fields]
         robots = [self.scenario.get("robot"), *(value for d in draws for value in d.extremes)]
         content = {**self._content, "robots": robot_files(robots)}

@@ -1,4 +1,4 @@
-"""`DaskWorkers`: the processes of a Dask cluster. `SlurmWorkers`: one made of Slurm's jobs."""
+"""`DaskWorkers`: the processes of a Dask cluster. `SlurmWorkers`: one of Slurm jobs."""
 
 import logging
 import shutil
@@ -37,7 +37,7 @@ class DaskWorkers(Workers):
 
     def __enter__(self) -> "DaskWorkers":
         distributed = _distributed()
-        # Its own tracebacks of connections that are lost; an error says what they mean.
+        # Tracebacks of lost connections, which are reported as an error.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             self._client = distributed.Client(
@@ -94,8 +94,8 @@ class DaskWorkers(Workers):
             if raised:
                 raise result
         used_up = {worker for worker, (_, compiled) in outcomes.items() if compiled}
-        with suppress(ValueError):  # A worker without a nanny cannot be started anew.
-            # One that does not come back is gone, and the others do its share.
+        with suppress(ValueError):  # A worker without a nanny cannot be restarted.
+            # A worker that does not return is lost, and the others take over its jobs.
             self._client.restart_workers([*used_up & {*self._workers()}], raise_for_error=False)
 
     def _settle(self, answer: "Future[tuple[bool, Any]]", call: Any) -> None:
@@ -173,7 +173,7 @@ class SlurmWorkers(DaskWorkers):
             ends.callback(cluster.close)
             self._address = cluster.scheduler_address
             executor = submitit.AutoExecutor(folder=self._logs, cluster=self._executor)
-            # A day, where SBATCH_TIMELIMIT says no other.
+            # A day, unless SBATCH_TIMELIMIT is set.
             executor.update_parameters(
                 name="poise", cpus_per_task=1, tasks_per_node=1, timeout_min=24 * 60
             )
@@ -189,7 +189,7 @@ class SlurmWorkers(DaskWorkers):
 
 
 def serve(address: str) -> None:
-    """Job of Slurm: works for a scheduler until that is gone."""
+    """Slurm job: a worker of a scheduler, until the scheduler ends."""
     import asyncio
 
     async def work() -> None:

@@ -44,7 +44,7 @@ ABOUT = (
     "number", "seed", "version", "ended", "seconds", "values", "trial", "outcome", "reason",
     "robot", "controller",
 )  # fmt: skip
-"""Columns that say what an episode was and how it ended."""
+"""Columns that identify an episode and its result."""
 
 FIGURES = ("simulated_s", "com_error_max_m", "torque_ratio_max", "missed_ticks")
 """Columns with figures of every run, besides times, residuals (`residual_max_1`, ...) and the

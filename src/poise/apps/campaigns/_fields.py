@@ -46,7 +46,7 @@ def with_fields(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str,
     """Copy the content of a scenario file with other values in some fields.
 
     Sections that the file leaves out are made; places in lists have to be there. Fields that do not
-    exist are refused by the scenario that is made of the result.
+    exist are refused by the scenario built from the result.
     """
     changed: dict[str, Any] = copy.deepcopy(dict(data))
     for path, value in values.items():

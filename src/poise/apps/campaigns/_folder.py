@@ -1,6 +1,6 @@
 """`CampaignFolder`: the rows of a campaign on disk. `RowLog`: the file that they are added to.
 
-`campaign.json` says which campaign it is, `rows.jsonl` has a line an episode from the moment that
+`campaign.json` identifies the campaign, `rows.jsonl` has a line an episode from the moment that
 it ends, and `episodes/` is the same as Parquet, written when a run ends.
 """
 
@@ -24,7 +24,7 @@ _PARTS = {"campaign": "campaign", "scenario": "scenario", "robots": "robot"}
 """Parts of the content that a folder is claimed for, and their names in messages."""
 
 _ENDLESS = ("episodes", "trials")
-"""Keys of a campaign that say how far it goes: a folder may be gone on with for longer."""
+"""Keys of a campaign that set its length: a folder can be continued with larger ones."""
 
 
 class RowLog:
@@ -224,6 +224,6 @@ def _alike(values: list[Any]) -> list[Any]:
 
 
 def _endless(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Content without the keys that say how far a campaign goes."""
+    """Content without the keys that set the length of a campaign."""
     kept = {key: value for key, value in content.items() if key not in _ENDLESS}
     return kept | ({"tune": _endless(kept["tune"])} if isinstance(kept.get("tune"), dict) else {})

@@ -81,7 +81,7 @@ def run_campaign(
 
     Args:
         file: the campaign's.
-        directory: for the results; that of an earlier run of the campaign is gone on with.
+        directory: for the results; that of an earlier run of the campaign is continued.
         workers: one process a core when None. They start here.
         progress: called with how many results there are, and of how many.
 
@@ -90,7 +90,7 @@ def run_campaign(
 
     Raises:
         PoiseError: the file is not right, the folder is another campaign's or in use, no scenario
-            of a kind fits its robot, or nobody is left who could work. What was recorded stays.
+            of a kind fits its robot, or no worker is left. Recorded episodes stay.
     """
     require_pyarrow()
     design, folder = Design.load(Path(file)), CampaignFolder(Path(directory))
@@ -111,7 +111,7 @@ def run_campaign(
 
 
 def replay_job(folder: CampaignFolder, number: int) -> Job:
-    """The job of a recorded episode, made of its row."""
+    """The job of a recorded episode, from its row."""
     design = Design.of(folder)
     row = folder.row(number)
     return Job(

@@ -31,7 +31,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA
 
 
 class WorkerLostError(Exception):
-    """A worker ended in the middle of something; the text says how."""
+    """A worker process ended during a job; the message has the reason."""
 
 
 class Workers(AbstractContextManager["Workers"]):
@@ -40,7 +40,7 @@ class Workers(AbstractContextManager["Workers"]):
     @property
     @abstractmethod
     def count(self) -> int:
-        """Number of things they do at a time now; an error where none can be expected any more."""
+        """Number of jobs in parallel now; raise where no worker is left or expected."""
 
     @abstractmethod
     def submit(self, function: Callable[[T], R], item: T) -> "Future[tuple[bool, Any]]":
@@ -71,7 +71,7 @@ class Workers(AbstractContextManager["Workers"]):
                 running[self.submit(function, upcoming[0])] = upcoming
             if not running:
                 return
-            # Each second workers are counted anew.
+            # Workers are counted again each second.
             for future in wait(running, timeout=1.0, return_when=FIRST_COMPLETED).done:
                 item, tried = running.pop(future)
                 try:
@@ -182,7 +182,7 @@ class LocalWorkers(Workers):
 
 
 def outcome_of(function: Callable[[T], R], item: T) -> tuple[bool, Any]:
-    """In a worker: whether the function raised, and what it returned or raised."""
+    """In a worker: True if the function raised, with the result or the exception."""
     try:
         return False, function(item)
     except PoiseError as error:
@@ -193,7 +193,7 @@ def outcome_of(function: Callable[[T], R], item: T) -> tuple[bool, Any]:
 
 
 def _serve(pipe: Connection) -> None:
-    """The loop of a process: call functions until nobody sends any more."""
+    """The loop of a process: call the functions sent until the connection closes."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     silence()
     with suppress(EOFError):
@@ -203,7 +203,7 @@ def _serve(pipe: Connection) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process when its parent is gone, in the middle of whatever it does."""
+    """End this process immediately when its parent has ended."""
     parent = parent_process()
     if parent is not None:
         parent.join()

@@ -1,4 +1,4 @@
-"""A person at the controls: the simulated robot in real time, and a page to lead it from."""
+"""Live teleoperation: the robot simulated in real time, and a page that commands it."""
 
 from importlib.util import find_spec
 

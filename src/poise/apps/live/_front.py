@@ -54,7 +54,7 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff",
 }
 _MOST_WATCHERS = 32
-_KEPT_FREE = 8  # more connections for the token: watchers keep nobody from driving
+_KEPT_FREE = 8  # more connections for the token, so that watchers do not block the operator
 _FULL = f"There are {_MOST_WATCHERS} who look on already, and no more can: close another page."
 _NOT_YOU = {"error": "You are watching: nothing that this page sends moves the robot."}
 _TOO_LATE = (
@@ -62,7 +62,7 @@ _TOO_LATE = (
     "left."
 )
 
-SILENT_FOR = 5.0  # silence after which an operator keeps nobody else from the seat [s]
+SILENT_FOR = 5.0  # silence after which the operator's seat is free for others [s]
 _NO_TOKEN = (
     "The token in the address is wrong, or of an earlier run: you can watch, not drive. The "
     "address for driving was printed when this run began."
@@ -131,7 +131,7 @@ class Front:
     def __init__(self, desk: "LiveSession", *, port: int, shapes: dict[str, Any]) -> None:
         self._desk = desk
         self.seat = Seat()
-        # A page that comes back knows by it whether it is still the robot that it has drawn.
+        # A reconnected page compares it with the robot that it has drawn.
         self._name = secrets.token_urlsafe(8)
         self._pages = _pages(shapes)
         self._socket = _listen(port)
@@ -231,7 +231,7 @@ class Front:
         grant = self.seat.enter(token)
         if grant.drives:
             connection.pace = DRIVES
-            # An operator who was silent does not drive any more.
+            # A silent operator loses control.
             self._desk.left()
         telling = asyncio.create_task(self._tell(connection, grant))
         try:

@@ -12,7 +12,7 @@ from poise.locomotion import LATE, SILENT_AFTER, OperatorSample, SampleClock, Tr
 
 
 class StageTimes(NamedTuple):
-    """When a message of the operator's was where."""
+    """Times of an operator's message, from the device to the command."""
 
     sent: float  # by the sender's clock, `OperatorSample.time` [s]
     arrived: float  # here [s]
@@ -74,7 +74,7 @@ class OperatorInputs:
             return {"again": True} if self._stale & held else {}
 
     def clear(self) -> None:
-        """Forget the operator; whoever comes back is as after a silence."""
+        """Discard the operator's state, as after a silence."""
         with self._lock:
             self._clock.reset()
             self._unread.clear()
@@ -94,7 +94,7 @@ class OperatorInputs:
             return message.sample
 
     def commanded(self, at: float) -> None:
-        """Note that the robot has a command that follows from what was read last."""
+        """Record that the command computed from the last sample has been sent."""
         with self._lock:
             if self._sampled is not None:
                 self.stages.append(StageTimes(*self._sampled, at))

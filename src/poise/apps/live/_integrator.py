@@ -82,7 +82,7 @@ class Integrator:
         self._raw: OperatorSample | None = None
 
     def sample(self, time: float) -> OperatorSample | None:
-        """Return what is commanded in a tick."""
+        """Return the commands of a tick."""
         raw, before = self._inputs.read(), self._raw
         if raw is None:
             return None
@@ -102,7 +102,7 @@ class Integrator:
     def _hand(
         self, hand: int, raw: OperatorSample, *, came: bool, speed: float = 0.15
     ) -> TrackedPose | None:
-        """One tick of a hand, which a closed clutch leads, or keys do, at a speed [m/s]."""
+        """Advance a hand by one tick, with a closed clutch, or with keys at a speed [m/s]."""
         seen, way = raw.hands[hand], self._ways[hand]
         if not raw.grip[hand] or (seen is not None and seen.clutch):
             self._ways[hand] = None
@@ -242,7 +242,7 @@ def _is_held(raw: OperatorSample, foot: int) -> bool:
 
 
 def _near(goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"]) -> np.ndarray:
-    """A place, no further from a sole than a handle may lead it."""
+    """A position, at most as far from a sole as a handle may be."""
     # At the same height, where that is near enough: a foot whose handle is far away stays up.
     way = goal - sole
     up = _clipped(way[2], -_HANDLE_LEAD, _HANDLE_LEAD)
@@ -251,7 +251,7 @@ def _near(goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"]) -> np.
 
 
 def _no_longer(way: Float64[np.ndarray, " n"], most: float) -> Float64[np.ndarray, " n"]:
-    """A way, along itself no longer than a length [m]: limits on its axes would bend it."""
+    """A displacement, shortened to a length [m]; limits by axis would change its direction."""
     length = math.hypot(*way)
     return way if length <= most else most / length * way
 

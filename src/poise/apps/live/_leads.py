@@ -47,7 +47,7 @@ _PLACES = (
 
 
 class _Lead:
-    """Leader, controller, estimator and recorder of a run, made anew by `begin`."""
+    """Leader, controller, estimator and recorder of a run, constructed by `begin`."""
 
     body = BodyCommand()
     forces: list[list[float]] | None = None  # of the ground on the feet; None for a walk
@@ -75,7 +75,7 @@ class _DrawnTeleoperator(StepTeleoperator):
 
 
 class FootLead(_Lead):
-    """Step teleoperation; a recording leads in place of a person."""
+    """Step teleoperation, by a person or a recording."""
 
     kind, takes = "feet", "take"
 
@@ -99,7 +99,7 @@ class FootLead(_Lead):
         check_period(self.leader, plant.control_dt)
 
     def begin(self) -> None:
-        """Make the teleoperator and its device anew."""
+        """Construct a new teleoperator and its device."""
         self._mode = Mode.D
         self.leader = leader = _DrawnTeleoperator(
             self.robot,
@@ -149,7 +149,7 @@ class FootLead(_Lead):
         self.forces, self.body = foot_forces(self.leader), self._feet.body
 
     def shown(self) -> dict[str, Any]:
-        """Return members of a `Snapshot`; the text says why a step failed, until the next."""
+        """Return members of a `Snapshot`; the text is the cause of a failed step."""
         status, offset = self.leader.status, self._feet.offset
         assert status is not None
         failed = status.mode is Mode.D and status.ended not in (None, StepEnd.LANDED)
@@ -164,7 +164,7 @@ class FootLead(_Lead):
 
 
 class VelocityLead(_Lead):
-    """A walker that arms and neck go along with, itself the leader."""
+    """Walker with arms and neck, as one leader."""
 
     kind, takes = "velocity", "drive"
     idle = False
@@ -182,7 +182,7 @@ class VelocityLead(_Lead):
         self.begin()
 
     def begin(self) -> None:
-        """Make walker, arms and neck anew."""
+        """Construct a new walker, arms and neck."""
         robot, dt = self.robot, self.plant.control_dt
         self.hands, self.gaze = HandLeader(robot, dt=dt), GazeLeader(robot, dt=dt)
         self.stack: Stack = walking_stack(robot, self.hands.task, self.gaze.task)

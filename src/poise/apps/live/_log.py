@@ -64,7 +64,7 @@ class Takes:
             self._recorder.observe(tick)
 
     def flush(self) -> None:
-        """Hand what was recorded so far to the writer; end a recording that cannot go on."""
+        """Pass the recorded rows to the writer; end a recording that failed."""
         recorder = self._recorder
         if recorder is not None:
             recorder.flush()
@@ -76,7 +76,7 @@ class Takes:
             self.end()
 
     def end(self) -> None:
-        """Finish the file, if there is one; the run is not recorded any more."""
+        """Finish the file, if there is one, and stop recording the run."""
         self._lead = None
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
@@ -86,7 +86,7 @@ class Takes:
                 self._give_up(error)
 
     def keep(self) -> Path:
-        """Write a finished copy of what is on the disk of the take; it may be a flush behind."""
+        """Write a complete copy of the recording on disk, which may lack the last flush."""
         if self._recorder is None or self.problem:
             raise ConfigurationError(f"no copy is kept: {self.name}")
         path = self._next("kept")
@@ -125,7 +125,7 @@ class Takes:
 
 
 def _size(path: Path) -> int:
-    """Bytes of a file; none of one that is gone by now, or of a link to nothing."""
+    """Bytes of a file; zero for a deleted file or a broken link."""
     try:
         return path.stat().st_size
     except OSError:

@@ -38,7 +38,7 @@ class Order(Struct, forbid_unknown_fields=True, tag_field="do", tag=str.lower):
 
 
 class PushOrder(Order, tag="push"):
-    """Push the torso as the robot faces."""
+    """Push on the torso, with its direction in the robot's heading frame."""
 
     value: Literal["left", "right", "forward", "back"]
 
@@ -56,12 +56,12 @@ class Slow(Order):
 
 
 class Reset(Order):
-    """Put the robot back to its start, and begin anew."""
+    """Reset the robot to its start, and restart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Snapshot:
-    """One moment of a live run; positions in the drawn world, which is the simulator's."""
+    """State of a live run at one time; positions in the simulator's world."""
 
     time: float  # of the robot [s]
     mode: Mode
@@ -101,7 +101,7 @@ _KEYS = {f.name: re.sub("_(.)", lambda m: m[1].upper(), f.name) for f in fields(
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON, rounded to figures that can be seen."""
+    """A value as JSON, rounded to displayed precision."""
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, tuple):

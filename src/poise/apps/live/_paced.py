@@ -57,7 +57,7 @@ class PacedConnection(ServerConnection):
         super().process_event(event)
 
     def data_received(self, data: bytes) -> None:
-        """Take what has come; read on as the pace allows."""
+        """Store the received data; continue reading at the allowed rate."""
         super().data_received(data)
         self._go_on()
 

@@ -34,15 +34,15 @@ _ORDERS: msgspec.json.Decoder[OperatorSample | PushOrder | Pause | Slow | Reset 
 
 
 class LiveSession:
-    """A simulated robot in real time that a person leads; a context manager that ends everything.
+    """A robot simulated in real time and teleoperated; a context manager that closes all threads.
 
     Args:
         robot: a biped with legs of six joints, or any humanoid where it walks by velocities.
         folder: for the recordings.
         by: the operator leads the "feet", by step teleoperation, or the "velocity" of a walk.
         port: of the page; 0 for any that is free.
-        gamepad: whether a gamepad on this machine leads, in place of the page.
-        recording: leads the feet in place of a person.
+        gamepad: take commands from a gamepad on this machine, in place of the page.
+        recording: motion of the feet, in place of an operator.
         plant: with torque actuation, or for feet with velocity, as in the paper; the usual when
             None.
         seed: of the sensor noise.
@@ -51,7 +51,7 @@ class LiveSession:
 
     Raises:
         ConfigurationError: the robot cannot be walked, or an option of feet for a velocity.
-        UnknownNameError: no such controller of what the plant takes.
+        UnknownNameError: no controller of that name for the plant's actuation.
         RecordingError: the recording has no samples, or settings that cannot be.
         PortInUseError: the port is taken.
         NoGamepadError: a gamepad is wanted and none is there.
@@ -163,7 +163,7 @@ class LiveSession:
             self.inputs.clear()
 
     def status(self) -> dict[str, Any]:
-        """Return what every page shows."""
+        """Return the data that all pages display."""
         lead, now = self.loop.lead, self.loop.snapshot
         about = {
             "robot": lead.robot.name,

@@ -1,4 +1,4 @@
-"""`try_out`: a robot stands, squats and reaches in simulation, or holds still on a fixed base."""
+"""`try_out`: a trial in simulation: stand, squat and reach, or hold still on a fixed base."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -131,7 +131,7 @@ def _stands(robot: Robot, com_height: float) -> bool:
 
 
 def _reach(robot: Robot) -> dict[str, Any]:
-    """Each hand goes where one joint of its arm takes it far, best forward and up."""
+    """Target of each hand: a swing of one arm joint, preferably forward and up."""
     model, data, q = robot.model, robot.model.createData(), robot.q_home
     pin.framesForwardKinematics(model, data, q)
     trunk, posture = set(robot.joints_above(robot.torso)), dict[str, float]()
@@ -147,7 +147,7 @@ def _reach(robot: Robot) -> dict[str, Any]:
         motions.append({"task": hand, "by": ways[best].tolist()})
         most = (1.0 - _PART) * float(sizes[best])
         checks.append({"metric": "task_error_end", "task": hand, "at_most": most})
-        # The arm's own posture goes along, or it may end up at a stop beside the way.
+        # The posture of the arm is a target too; without it a joint may end at a stop.
         joint = turns[best].joint
         posture[model.names[joint]] = float(turns[best].q[model.joints[joint].idx_q])
     motions += [{"task": "posture", "joints": posture}] if posture else []

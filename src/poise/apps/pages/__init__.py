@@ -1,4 +1,4 @@
-"""The page kit: documents from templates, one style sheet, and the look that all plots share.
+"""HTML pages: documents from templates, one style sheet, and the style of all plots.
 
 Every page is one file that needs no network. jinja2 and matplotlib come when a page is made.
 """

@@ -50,7 +50,7 @@ def _shorten(match: re.Match[str]) -> str:
 
 
 def _own_ids(text: str, name: str) -> str:
-    """Keep the ids that something refers to, under a prefix, and drop the others."""
+    """Prefix the ids that are referenced, and drop the others."""
     used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', text))
 
     def rename(match: re.Match[str]) -> str:

@@ -56,7 +56,7 @@ def asset(name: str) -> str:
 
 
 def _verdict(run: RunSignals) -> tuple[str, bool]:
-    """End of the run in a few words; true where it is good."""
+    """Outcome of the run in words; True for success."""
     failed, count = sum(not check.ok for check in run.checks), len(run.checks)
     if run.fell:
         return "✗ The robot fell", False

@@ -109,7 +109,7 @@ class ForceTrack:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Replay:
-    """Body poses over time, about 30 frames a second, and what the bodies look like."""
+    """Body poses over time, about 30 frames a second, and the shapes of the bodies."""
 
     time: Float64[np.ndarray, " F"]  # [s]
     position: Float64[np.ndarray, "F B 3"]  # of each body's origin in the world [m]
@@ -155,9 +155,9 @@ class RunSignals:
     self_contact: Float64[np.ndarray, " T"]  # force of links on each other [N]
     beyond: Float64[np.ndarray, " T"]  # hindmost heel ahead of the last block [m]
     modes: tuple[tuple[float, str], ...]  # mode walked by hand or status of a walk, from a time [s]
-    base_errors: BaseErrors | None = None  # None where the robot knows the truth
+    base_errors: BaseErrors | None = None  # None where the controller has the true state
     # mass beyond the description's [kg], and offset of the centre of mass of all but what hands
-    # hold along the torso's axes [m], as estimated; None where nobody does
+    # hold along the torso's axes [m], as estimated; None without an estimate
     payload: Float64[np.ndarray, "T 4"] | None = None
     residuals: Float64[np.ndarray, "T nl"]  # of each level, relative to the level's scale [-]
     level_names: tuple[str, ...]

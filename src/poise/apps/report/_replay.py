@@ -81,7 +81,7 @@ def _mesh(
 
 
 def _short(values: Any, digits: int = 6) -> list[float]:
-    """Plain numbers, rounded to what the replay shows."""
+    """Plain numbers, rounded to the replay's resolution."""
     return [round(float(v), digits) for v in values]
 
 

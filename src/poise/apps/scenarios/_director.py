@@ -253,7 +253,7 @@ def _require(name: str, known: Iterable[str], what: str) -> None:
 
 
 def _check_goal(motion: TargetMotion, task: Task, robot: Robot) -> None:
-    """Refuse before the first tick what `_begin` could not do, or what would move nothing."""
+    """Reject, before the first tick, motions that cannot begin or have no effect."""
     allowed: tuple[str, ...] = ()
     if isinstance(task, JointTask):
         allowed = ("joints",)

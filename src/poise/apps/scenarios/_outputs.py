@@ -122,7 +122,7 @@ def _write_page(signals: RunSignals, record: RunRecord, plant: Plant, directory:
 def report(
     run: Run | RunRecord | str | Path, directory: str | Path, robot: Robot | None = None
 ) -> Path:
-    """Write `report.html`: of a scenario's run, or from nothing but a record or its log.
+    """Write `report.html` for a run of a scenario, a record, or the log of a record.
 
     A scenario's run is reported with its checks and its figures, which `summary.json` beside the
     page has too.

@@ -193,7 +193,7 @@ def run_scenario(
 
 @contextmanager
 def _until_interrupted() -> Generator[threading.Event]:
-    """Note Ctrl-C, so that the run ends after a whole tick and the report is still written.
+    """Catch Ctrl-C, so that the run ends after a complete tick and the report is written.
 
     A second Ctrl-C interrupts as usual. Outside the main thread Python allows no handler, and a
     process that ignores Ctrl-C, as workers do, goes on ignoring it.

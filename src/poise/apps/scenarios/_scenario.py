@@ -277,7 +277,7 @@ class VelocityCommand:
 @checked()
 @dataclass(frozen=True, kw_only=True)
 class DrivePlan:
-    """A walk by velocities, whose steps are made on the way."""
+    """A walk by commanded velocities; its steps are planned online."""
 
     velocities: tuple[VelocityCommand, ...]  # the robot stands until the first
     gait: Gait | None = None  # by the robot's size when None
@@ -340,8 +340,8 @@ class Scenario:
     duration: Duration
     seed: _Seed = 0  # of everything random
     plant: PlantConfig = field(default_factory=PlantConfig)
-    # Blocks besides those of the plant, by a name that `terrain_blocks` knows, drawn by the seed;
-    # a walk does not know of them
+    # Blocks besides those of the plant, by a name of `terrain_blocks`, drawn by the seed;
+    # unknown to the planner of a walk
     terrain: AnyText = "flat"
     # Feed controller and leader the base's pose and velocity as the plant measures them, which no
     # robot can, in place of an estimate. A robot that is walked by hand has an estimator of its own

@@ -84,7 +84,7 @@ def _in_files(annotation: Any) -> GetPydanticSchema:
 
 
 def _one_of(makers: Mapping[str, Callable[..., Any]]) -> GetPydanticSchema:
-    """In a file `{kind: {arguments}}`, or the word `kind` alone."""
+    """Read `{kind: {arguments}}`, or `kind` alone for no arguments."""
     defaults = BeforeValidator(lambda given: {} if given is None else given)
     rows = [(kind, Annotated[_arguments(made), defaults], None) for kind, made in makers.items()]
 

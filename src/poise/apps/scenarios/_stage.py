@@ -170,7 +170,7 @@ def _with_actuation(scenario: Scenario) -> Scenario:
     plan, plant = scenario.controller, scenario.plant
     by_hand = plan.name == _BY_HAND
     actuation = "velocity" if by_hand else _kind(plan).actuation
-    # A walk is kept up by forces, which a controller that commands velocities does not know.
+    # A walk needs contact forces, which controllers that command velocities do not compute.
     if scenario.walks and actuation != "torque":
         raise ConfigurationError(
             f"controller {plan.name!r} cannot follow the walk of scenario {scenario.name!r}",
@@ -199,7 +199,7 @@ def _with_actuation(scenario: Scenario) -> Scenario:
 
 
 def _check_by_hand(scenario: Scenario) -> None:
-    """Refuse what a robot that an operator walks has no use for."""
+    """Reject settings that step teleoperation does not use."""
     plan = scenario.controller
     if scenario.devices is None:
         raise ConfigurationError(
@@ -247,7 +247,7 @@ def _check_limbs(scenario: Scenario, robot: Robot) -> None:
 
 
 def describe(scenario: Scenario, pushes: Sequence[Push]) -> dict[str, str]:
-    """Metadata of a record, so that a report can be made of the record alone."""
+    """Metadata of a record, sufficient for a report without the run."""
     plan = scenario.controller
     events = [(push.at, f"push {push.body}", push.duration) for push in scenario.pushes]
     events += [

@@ -1,4 +1,4 @@
-"""Symptoms: what goes wrong in a run, tick by tick, and which of it explains a failed check."""
+"""Symptoms: failure signs of a run, by tick, and the one that explains a failed check."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ PHYSICS_RESIDUAL = 1e-6
 """Relative residual that dynamics, contacts and limits may have in any run."""
 
 _SETTLED = 0.05  # the robot is put down before this [s]
-LASTING = 0.01  # shorter events bring no robot down [s]
+LASTING = 0.01  # shorter events do not make a robot fall [s]
 _EDGE = 7e-3  # a ZMP nearer to the edge of the feet is at it: contacts leave 5 mm [m]
 _STOP = 5e-3  # a joint nearer to its limit is at it [rad]
 _FULL = 0.999  # torque over its limit from which it is at it
@@ -23,7 +23,7 @@ _CARRIES = 0.2  # share of the robot's weight from which a sole carries load
 
 
 class Symptom(NamedTuple):
-    """Something that goes wrong now and then."""
+    """Failure sign that appears in intervals of a run."""
 
     kind: str  # one word for all of its kind, such as those of one joint and another
     what: str  # in words
@@ -40,7 +40,7 @@ class Symptom(NamedTuple):
 
 
 def symptoms_of(signals: RunSignals, robot: Robot, scenario: Scenario) -> list[Symptom]:
-    """Everything that goes wrong after the first push, or where there is none, in the run."""
+    """All symptoms after the first push; of the whole run without a push."""
     since = max(_SETTLED, min((push.at for push in scenario.pushes), default=0.0))
     joints, soles = robot.joint_names, tuple(signals.soles)
     missed = np.array([s != CommandStatus.OK.value for s in signals.status])

@@ -1,4 +1,4 @@
-"""Scorecards: what a robot with its controller survives, how hard, and what fails first."""
+"""Scorecards: the largest disturbances that a robot with its controller survives."""
 
 from poise.apps.scorecard._card import (
     CARD as CARD,

@@ -1,4 +1,4 @@
-"""`Bisection`: where on [0, 1] something ceases to hold, in a few looks."""
+"""`Bisection`: find the point of [0, 1] above which a predicate fails."""
 
 from dataclasses import dataclass
 

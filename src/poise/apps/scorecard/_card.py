@@ -14,7 +14,7 @@ CARD, PAGE = "scorecard.json", "scorecard.html"
 """File names in a card's folder."""
 
 Limit = Literal["", "at least", "none"]
-"""Of an amount: what was found, the hard end survived, or not even the easy end."""
+"""Result for an amount: a limit, the hard end survived, or the easy end failed."""
 
 _SIDES = {0.0: "ahead", 90.0: "left", 180.0: "back", 270.0: "right"}
 """Directions that have a name, anticlockwise from ahead [deg]."""
@@ -46,7 +46,7 @@ class CaseResult:
     level: _Share  # of the median, between the easy end (0) and the hard one (1)
     limit: Limit  # of the median
     seeds: tuple[SeedResult, ...]
-    episode: _Whole | None = None  # number of the failed one nearest to what was survived
+    episode: _Whole | None = None  # number of the failed one nearest to the largest survived
     mechanism: str = ""  # of that episode
 
     @property

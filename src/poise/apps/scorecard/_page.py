@@ -10,7 +10,7 @@ from poise.apps.scorecard._card import PAGE, Card, CaseResult, Difference, Trial
 from poise.apps.scorecard._trials import TRIALS, Trial
 
 VERDICTS = {"better": "second better", "worse": "second worse", "alike": "", "": ""}
-"""How the second of two cards stands to the first, in words."""
+"""Compare the second of two cards with the first, in words."""
 
 
 def write_page(card: Card, folder: Path, other: Card | None = None) -> Path:
@@ -77,7 +77,7 @@ def reasons_of(card: Card) -> dict[str, list[str]]:
 
 
 def _names(cards: Sequence[Card]) -> list[str]:
-    """Shortest names that tell cards of one robot apart."""
+    """Shortest names that distinguish cards of one robot."""
     versions = {card.version for card in cards}
     return [card.title if len(versions) > 1 else card.how for card in cards]
 

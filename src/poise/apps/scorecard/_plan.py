@@ -19,7 +19,7 @@ from poise.sim import Plant
 _NAME = "scorecard"  # of a card in its folder, where campaigns have their names
 
 BY_HAND = "step_teleoperation"
-"""The controller whose robot an operator leads: it stands by resting devices."""
+"""The controller of step teleoperation, with devices at rest."""
 
 _SCENES = Path(__file__).parent / "scenes"
 

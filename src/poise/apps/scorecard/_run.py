@@ -41,7 +41,7 @@ class _Search:
 
     @property
     def limit(self) -> Limit:
-        """The end of the range that the search has come to, if any."""
+        """The end of the range, if the search has reached one."""
         if self.case.trial.share:
             return ""
         if self.looks.held is None:
@@ -215,7 +215,7 @@ def _result(trial: Trial, searches: Sequence[_Search]) -> CaseResult:
     limits: list[Limit] = [search.limit for search in searches]
     common: list[Limit] = [limit for limit in limits if 2 * limits.count(limit) > len(limits)]
     failed = [row for search in searches for row in search.rows if not row.get("survived")]
-    # The nearest to what was survived.
+    # The nearest to the largest survived.
     worst: Row = min(failed, key=lambda row: (row["level"], row["number"]), default={})
     return CaseResult(
         angle=None if case.angle is None else round(math.degrees(case.angle), 6),

@@ -72,7 +72,7 @@ def _slope(amount: float, place: Place) -> list[float]:
 
 
 def _bumps(amount: float, place: Place) -> list[dict[str, Any]]:
-    """Boxes at random places that the walk does not know of, the highest of this height."""
+    """Boxes at random places, unknown to the planner; the highest has this height."""
     blocks = terrain_blocks("bumps", place.robot, seed=place.seed)
     highest = max(block.size[2] for block in blocks)
     sizes = ([*block.size[:2], block.size[2] * amount / highest] for block in blocks)

@@ -1,4 +1,4 @@
-"""Step teleoperation in simulation: scripted and recorded foot devices, and everything noted."""
+"""Step teleoperation in simulation: scripted and recorded foot devices, and their records."""
 
 from poise.apps.teleoperation._haptics import (
     HapticArm,

@@ -36,9 +36,9 @@ class HapticArm(Protocol):
     """
 
     def read(self) -> Reading | None:
-        """Return where the hand is and whether its clutch is closed; None when the arm is gone.
+        """Return the hand's position and the state of its clutch; None for a disconnected arm.
 
-        It counts as gone, too, where either call raises, and for what is no finite reading.
+        The arm counts as disconnected, too, where a call raises or a reading is not finite.
         """
         ...
 
@@ -48,12 +48,12 @@ class HapticArm(Protocol):
 
 
 class SimulatedArm:
-    """An arm in a hand that holds it like a spring and goes where a person wants it to.
+    """Simulated haptic arm, held by a hand like a spring that follows a given motion.
 
     m x'' = f + k (x_hand - x) - d x' with the force f of the device; each `read` is a period later.
 
     Args:
-        hand: place that the person wants at a time [s], and whether the clutch is closed.
+        hand: intended position at a time [s], and True while the clutch is closed.
         dt: period [s].
         mass: of arm and hand m [kg].
         stiffness: of a relaxed hand k [N/m].
@@ -173,12 +173,12 @@ class _Hand:
 
 
 class HapticDriver:
-    """Read two arms and let each hand feel what its foot meets, at the arms' own rate.
+    """Read two arms and render on each the contact force of its foot, at the rate of the arms.
 
-    The force on a hand is a fraction of what its foot meets in the air or lands on, smoothed,
-    fading after the landing, and never more than `force_max`. It goes to zero where the robot is
-    silent for longer than `silence`, the clutch is open, or the arm is gone or fails. An arm that
-    fails takes nothing from the other one.
+    The force on a hand is a fraction of the contact force of its foot, smoothed, high-pass
+    filtered after the landing, and at most `force_max`. It goes to zero without data from the
+    robot for longer than `silence`, with an open clutch, and where the arm is disconnected or
+    fails; the other arm continues.
 
     Args:
         left: arm of the left foot.
@@ -228,7 +228,7 @@ class HapticDriver:
 
     @property
     def readings(self) -> Readings:
-        """Last readings, left and right; None for an arm that is gone or fails.
+        """Last readings, left and right; None for an arm that is disconnected or fails.
 
         None for both without a `tick` for 0.1 s, or for two periods if those are longer.
         """
@@ -237,7 +237,7 @@ class HapticDriver:
         return (None, None) if ended else readings
 
     def feel(self, forces: Sequence[Sequence[float]], now: float) -> None:
-        """Take news from the robot; what is not finite is none.
+        """Set the contact forces of the robot; values that are not finite are ignored.
 
         Args:
             forces: of the ground on the left and the right foot: forward, left, up [N].
@@ -254,7 +254,7 @@ class HapticDriver:
     def tick(self, now: float) -> Readings:
         """Take one period of the arms at a time of any clock [s]; return the `readings`."""
         news = heard_at, feet = self._news
-        # Periods are counted, too: by a clock that stands still or has gone back nobody is silent.
+        # Periods are counted, too, because a clock that stops or steps back measures no silence.
         self._unheard = self._unheard + 1 if news is self._known else 0
         self._known = news
         heard = now - heard_at <= self._silence and self._unheard * self.dt <= self._silence
@@ -277,10 +277,10 @@ def foot_forces(teleoperator: StepTeleoperator) -> list[list[float]]:
 
 
 class HapticFeet:
-    """Two arms as a `Device`: each leads its foot by its motion while its clutch is closed.
+    """Two arms as a `Device`: each commands its foot by its motion while its clutch is closed.
 
     For simulated arms, which are driven up to the robot's time each tick: real ones need a thread
-    that calls `HapticDriver.tick` at their rate. A clutch, which has to be seen open before, takes
+    that calls `HapticDriver.tick` at their rate. A clutch, which has to be open once before, takes
     hold on the foot; forward is the robot's heading then.
 
     Args:
@@ -298,7 +298,7 @@ class HapticFeet:
         self._readings: Readings = (None, None)
 
     def sample(self, time: float) -> OperatorSample | None:
-        """Return places of the feet at a time of the robot [s]; None while both arms are gone.
+        """Return goals of the feet at a time of the robot [s]; None while no arm is connected.
 
         Raises:
             TypeError: an arm returned no place and clutch in its last period.

@@ -15,7 +15,7 @@ from poise.locomotion import Device, OperatorSample, StepTeleoperator, TrackedPo
 
 
 class BadOperator:
-    """Two devices moved at random, seen from the robot's feet, twice to three times a second.
+    """Two devices moved at random relative to the robot's feet, two to three times a second.
 
     Lifting, lowering and stepping are drawn twice as often as jumps, taps, jitter and so on.
 

@@ -94,7 +94,7 @@ _PUSH = msgspec.msgpack.Decoder(RecordedPush)
 
 
 class TeleopRecorder(Recorder):
-    """Record a teleoperated run with all that comes from outside; take pushes as they begin."""
+    """Record a teleoperated run with all its inputs; pushes when they begin."""
 
     def __init__(
         self,
@@ -179,7 +179,7 @@ class RecordedDevice:
         self._scale = self._per_tick = 1.0
         if teleoperator is not None:
             height = com_height(teleoperator)
-            # Where nobody noted how high the COM was, ways stay as long as they are.
+            # Without a recorded height of the COM, displacements are not scaled.
             self._scale = height / (recording.settings.get("height") or height)
             self._per_tick = recording.dt / teleoperator.dt
         self._offsets = [np.zeros(3), np.zeros(3)]
@@ -249,7 +249,7 @@ def recording_of(record: RunRecord, path: Path = Path()) -> Recording:
         path=path,
         robot=robot,
         dt=dt,
-        # Nobody knew how long a run would be that did not come to its end.
+        # An aborted run has no planned duration.
         duration=float(record.metadata.get(_DURATION, (last + 1) * dt)),
         settings=settings,
         pushes=[_PUSH.decode(content) for content in pushed],

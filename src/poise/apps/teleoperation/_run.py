@@ -52,13 +52,13 @@ TORQUE_TELEOP_PLANT = PlantConfig(actuation="torque", control_dt=2e-3, physics_d
 # Tick, force [N] and duration [s] of a push
 Push = RecordedPush | tuple[int, tuple[float, float, float], float]
 
-# Makes a device for a teleoperator that has not begun: it knows where the feet stand
+# Makes a device for a teleoperator that has not begun: it has the poses of the feet
 MakeDevice = Callable[[StepTeleoperator], Device]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TeleopLog:
-    """A teleoperated run seen by the operator: columns of its record, T ticks.
+    """Commands, feedback and motion of a teleoperated run: columns of its record, T ticks.
 
     Positions are in the world as the teleoperator estimates it; sides are left and right.
     """

@@ -1,4 +1,4 @@
-"""Scripts, way-points that a careful operator would take, and grounds to walk on."""
+"""Scripts, way-points of a careful operator, and grounds to walk on."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -48,7 +48,7 @@ class Script:
     blocks: tuple[Block, ...] = ()  # on the floor
 
     def device(self, teleoperator: StepTeleoperator) -> ScriptedDevice:
-        """Make the foot devices, on the feet as they stand."""
+        """Make the foot devices, at the current poses of the feet."""
         return ScriptedDevice(self.points, *teleoperator.estimator.anchors)
 
     def posture(self, robot: Robot) -> Float64[np.ndarray, " nq"]:

@@ -20,7 +20,7 @@ _ROW = np.dtype(
 
 
 class _Kind(IntEnum):
-    """Kinds of row; from `HANDS` on they say more of the sample before."""
+    """Kinds of row; those from `HANDS` on extend the sample before."""
 
     SAMPLE, PUSH, HANDS, BODY, VELOCITY, TURN, RATES = range(7)
 
@@ -30,7 +30,7 @@ _HEAD, _HEAD_CLUTCH = 4, 8  # flags of a turn that is the head's, beside those o
 
 
 def convert_recording(path: Path, target: Path) -> bool:
-    """Write a log that plays as a `.teleop` file did."""
+    """Convert a `.teleop` file to a log with the same samples."""
     try:
         content = path.read_bytes()
         header = json.loads(content[:_HEADER_BYTES])

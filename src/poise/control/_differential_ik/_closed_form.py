@@ -236,7 +236,7 @@ class WithinBounds:
         return self._clip(u), held
 
     def _slow_down(self, levels: VelocityLevels) -> Float64[np.ndarray, " n"]:
-        """Go from what serves the first level alone as far towards all as the bounds allow."""
+        """Move from the solution of the first level towards that of all as far as bounds allow."""
         least, _ = self._hold(levels, 1)
         step = self._form.solve(levels, self._joint_weight) - least
         room = np.where(step > 0.0, self._upper - least, self._lower - least)

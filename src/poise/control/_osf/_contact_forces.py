@@ -28,7 +28,7 @@ from poise.stack import Stack, TorqueLimit, any_dynamics, stacked_cones
 
 
 class Balance(MemoryBlock):
-    """The wrenches' metric and bounds, and what was found."""
+    """The wrenches' metric and bounds, and the solution."""
 
     jacobian: Float64[np.ndarray, "c nv"]  # J_c of all contacts
     cost_inverse: Float64[np.ndarray, "c c"]  # inverse of the metric W of all wrenches

@@ -34,7 +34,7 @@ from poise.robots import Robot
 from poise.stack import AT_BOUND
 
 TINY = 1e-12
-"""Keeps directions in which softening has nothing to choose from dividing by zero."""
+"""Avoids division by zero in directions without freedom for softening."""
 
 
 class RecursionMemory(MemoryBlock):
@@ -56,7 +56,7 @@ class RecursionMemory(MemoryBlock):
 
 @compiled
 def resolve(levels_at: int, state_at: int, memory_at: int) -> tuple[int, bool]:
-    """Find the acceleration of one state: how many levels keep their rank, and if that is all."""
+    """Find the acceleration of one state; return the number of levels of full rank, and if all."""
     levels, state = view(LevelRows, levels_at), view(StateNumbers, state_at)
     memory = view(RecursionMemory, memory_at)
     if not factor(state.M, memory.reach, memory.U):

@@ -34,7 +34,7 @@ def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
     """Assign the rows of a task by the joints that they depend on.
 
     - COM and momentum need the unconstrained chain through its centroids only: LQP 1 (22).
-    - A frame that no joint of the unconstrained chain moves, and a frame seen from another where
+    - A frame that no joint of the unconstrained chain moves, and a frame relative to another where
       no such joint stands between the two: LQP 1.
     - Other frames: LQP 2, with the acceleration of everything else known (23).
     - A task of joints is split, joint by joint.

@@ -10,8 +10,8 @@ the active rows' multipliers solve
 where x_0 = -H^-1 g and D is the compliance of the rows, the inverse of their penalties.
 
 Where all multipliers of the active rows have the right sign, the row that is violated most becomes
-active, and its own multiplier grows from zero. Where another's changes its sign on the way, that
-row is deactivated, and the step goes on from there (Goldfarb, Idnani 1983).
+active, and its own multiplier grows from zero. Where another one changes sign before the full
+step, that row is deactivated, and the step continues from there (Goldfarb, Idnani 1983).
 
 Double precision does not allow penalties so high that D lambda is negligible. So the same rows are
 solved again with bounds moved by -D lambda, as in the method of multipliers (Hestenes 1969,
@@ -58,7 +58,7 @@ _ALL_LEVELS = -1
 
 @part
 def guess(problem: Problem, work: SearchWork) -> None:
-    """Choose the sides of all rows anew."""
+    """Choose the active bounds of all rows again."""
     guessed = work.guessed
     _prepare_rows(problem, guessed, work.duals.chosen, work.rows.shift)
     count = unchanged = 0
@@ -352,7 +352,7 @@ def _add_row(guessed: Penalties, place: int) -> None:
 
 @part
 def _solve_rhs(guessed: Penalties, count: int) -> None:
-    """Divide the right sides by the factor anew, for moved bounds."""
+    """Solve with the factor again, for moved bounds."""
     for k in range(count):
         row = guessed.G[k]
         guessed.rhs[k] = minus_dot(_right(guessed, k), guessed.rhs[:k], row) / row[k]

@@ -272,7 +272,7 @@ def _deactivate_above(
 
 @part
 def is_optimal(problem: Problem, work: SearchWork) -> bool:
-    """Check rows, balances and signs."""
+    """Check feasibility of the rows, stationarity of the levels and signs of the multipliers."""
     if work.state.doubtful != 0:
         return False
     factor, duals, norm = work.factor, work.duals, work.rows.norm
@@ -428,7 +428,7 @@ def guard(problem: Problem, work: SearchWork, level: int) -> bool:
 
 
 @part
-def hangs_on_rank(problem: Problem, work: SearchWork) -> bool:
+def depends_on_rank(problem: Problem, work: SearchWork) -> bool:
     """Return whether a level would miss less if a nearly dependent row were independent.
 
     With equalities alone the same rows count as dependent however many levels follow. Inequalities

@@ -20,9 +20,9 @@ from poise.hqp._active_set.moves import (
 )
 from poise.hqp._active_set.multipliers import (
     deactivate_wrong_signs,
+    depends_on_rank,
     find_moved,
     guard,
-    hangs_on_rank,
     is_optimal,
 )
 from poise.hqp._active_set.optimum import damp_equalities, find_optimum
@@ -68,7 +68,7 @@ def search(problem_at: int, work_at: int, changes: int) -> int:
         sound = optimal and is_optimal(problem, work)
         moved = find_moved(problem, work) if sound else -1
         if sound and moved < 0:
-            found = DOUBTFUL if hangs_on_rank(problem, work) else CONVERGED
+            found = DOUBTFUL if depends_on_rank(problem, work) else CONVERGED
             break
         if sound and guard(problem, work, moved):
             _begin_from(state.origin, state, work.rows)
@@ -86,7 +86,7 @@ def search(problem_at: int, work_at: int, changes: int) -> int:
                     work.rows.side[i] = 0
             _begin_from(NOTHING, state, work.rows)
     if found == UNFINISHED:
-        # Multipliers of a set on the way are not those of the point.
+        # Multipliers of an intermediate active set are not those of the solution.
         work.duals.multipliers[:] = 0.0
     return found if measure(problem, work) else LOST
 

@@ -246,7 +246,7 @@ class LexicographicSolver:
 
     @property
     def x(self) -> Float64[np.ndarray, " n"]:
-        """The point, as the last `run` left it."""
+        """Solution of the last `run`."""
         return self._work.points.x
 
     @property

@@ -29,7 +29,7 @@ LOCKED, RELEASED = 1, 2
 was deactivated, and will stay active when it comes back."""
 
 UNKNOWN = -9
-"""In `RowStates.factored`: no side, so that the row's level is factored anew."""
+"""In `RowStates.factored`: no side, so that the row's level is refactored."""
 
 
 class Problem(MemoryBlock):

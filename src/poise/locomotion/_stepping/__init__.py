@@ -1,4 +1,4 @@
-"""A person leads the robot's feet: step-by-step teleoperation of bipeds."""
+"""Step-by-step teleoperation of bipeds: an operator moves the feet."""
 
 from poise.locomotion._stepping._biped import (
     TeleopParameters as TeleopParameters,

@@ -42,7 +42,7 @@ class FootTracker:
     def follow(
         self, tracker: TrackedPose | None, place: Vector | Vector3, ahead: float, time: float
     ) -> TrackedPose | None:
-        """Take what the tracker sends."""
+        """Store a sample of the tracker."""
         engagement = self._engagement
         engagement.expire(time)
         point = None if tracker is None else tracker.position
@@ -68,7 +68,7 @@ class FootTracker:
 
 
 class TrackedFeet:
-    """Two trackers as a `Device`: each leads its foot while its clutch is closed (`FootTracker`).
+    """Two trackers as a `Device`: each moves its foot while its clutch is closed (`FootTracker`).
 
     A foot that is let go is lowered where it is. Hands, head and all else of a sample pass.
 
@@ -80,7 +80,7 @@ class TrackedFeet:
 
     Attributes:
         error: which vectors in the last sample were none; None for all well. A tracker without a
-            position counts as gone; the logger `poise` says so, each kind once.
+            position counts as disconnected, and is logged to `poise`, once for each kind.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class TrackedFeet:
         self._warn_once = WarnOnce()
 
     def sample(self, time: float) -> OperatorSample | None:
-        """Return where the trackers lead the feet, with the trackers' time.
+        """Return the goals of the feet, with the trackers' time.
 
         Args:
             time: of the robot [s].
@@ -122,7 +122,7 @@ class TrackedFeet:
 
 
 def rest_place(teleoperator: StepTeleoperator, foot: int) -> Vector:
-    """Return the goal of a foot that nothing leads: its place, or straight down [m]."""
+    """Return the goal of a foot without a command: its position, or straight down [m]."""
     estimator, mode = teleoperator.estimator, teleoperator.mode
     x, y, z = estimator.anchors[foot].tolist()
     if not mode.single or mode.support == foot:

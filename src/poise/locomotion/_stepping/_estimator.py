@@ -136,7 +136,7 @@ class StanceEstimator:
             return None
         q, v = state.q.copy(), state.v.copy()
         q[:3], v[:3] = 0.0, 0.0
-        # The payload of the last state: the estimate is made anew only where it changes.
+        # The payload of the last state: recomputed only where it changes.
         payload = state.payload if self.payload is None else self.payload.payload
         contacts = CheckedWrenches(state.contacts)
         return RobotState(q, v, contacts, state.time, state.readings, payload)
@@ -172,7 +172,7 @@ class StanceEstimator:
             self.stance = foot
 
     def begin(self, before: Mode, mode: Mode) -> None:
-        """Place a foot that has landed, and stand on the other of one that is lifted."""
+        """Set the pose of a landed foot; on lift-off make the other foot the stance."""
         if mode is Mode.D and before.single:
             self.put_down(1 - self.stance)
         if mode.single and mode.support is not None:

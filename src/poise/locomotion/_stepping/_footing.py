@@ -125,14 +125,14 @@ _RATE = 0.5
 """Rate of the trunk towards a lean over a foot, the heading of the feet and the command [rad/s]."""
 
 TORSO_MOST = (0.3, 0.4, 0.5)
-"""Roll, pitch and yaw of the torso that can be commanded: what most waists do [rad]."""
+"""Largest commanded roll, pitch and yaw of the torso: the range of most waists [rad]."""
 
 UPRIGHT = (0.0, 0.0, 0.0)
 LEVEL = np.eye(3)
 
 
 class TrunkPose:
-    """References of pelvis and torso: upright, or leaning over a foot whose hip needs that."""
+    """References of pelvis and torso: upright, or leaning over a foot for a weak hip."""
 
     def __init__(
         self, relief: tuple[float, float], dt: float, waist: Float64[np.ndarray, "3 2"]

@@ -58,7 +58,7 @@ class SampleClock:
         return True
 
     def lateness(self, stamp: float, time: float) -> float:
-        """Return by how much later than the soonest a sample comes [s]."""
+        """Return the delay of a sample over the least delay [s]."""
         return time - stamp - self._soonest
 
     def is_lost(self, time: float) -> bool:
@@ -67,7 +67,7 @@ class SampleClock:
 
 
 class Engagement:
-    """When a part leads: from when its clutch closes, which has to be seen, until it opens."""
+    """Engagement of a part: from an observed closing of its clutch until that opens."""
 
     def __init__(self) -> None:
         self.engaged = self._released = False
@@ -81,7 +81,7 @@ class Engagement:
         return engaged and not self.engaged
 
     def lose(self) -> None:
-        """Disengage until the part is seen released and then closed."""
+        """Disengage until the part has been released and then closed."""
         self.engaged = self._released = False
 
     def release(self, time: float) -> None:
@@ -89,7 +89,7 @@ class Engagement:
         self.engaged, self._released, self._good_at = False, True, time
 
     def engage(self, time: float) -> bool:
-        """Note a good sample with a closed clutch; return whether the part leads."""
+        """Record a valid sample with a closed clutch; return True while the part is engaged."""
         if self.engaged or self._released:
             self.engaged, self._released, self._good_at = True, False, time
         return self.engaged
@@ -101,7 +101,7 @@ SPEED_MAX = 2.5
 BURST = 0.06
 # A sample farther away is another thing's [m]: one period of the slowest device at `SPEED_MAX`
 JUMP = SPEED_MAX * SLOWEST + BURST
-TURN_SPEED_MAX = 3.0  # of a hand that is followed [rad/s]: what wrists of robots reach
+TURN_SPEED_MAX = 3.0  # of a hand that is tracked [rad/s]: the speed of robots' wrists
 # Turn that is followed without delay after rest [rad]: one period of a tracker of 25 Hz, for a
 # wrist that is flicked runs ahead of what follows it
 TURN_BURST = TURN_SPEED_MAX / 25.0
@@ -118,7 +118,7 @@ class RateLimiter:
         self._room = burst
 
     def part(self, distance: float) -> float:
-        """Take one tick of a way; return which part of it is gone."""
+        """Limit a displacement to that of one tick; return the allowed fraction."""
         most = self._room = min(self._room + self._step, self._burst)
         self._room = max(most - distance, 0.0)
         return 1.0 if distance <= most else most / distance
@@ -142,7 +142,7 @@ class VelocityCheck:
         self._sent = self._place = self._apart = np.zeros(3)
 
     def update(self, velocity: Vector | None, place: Vector, time: float) -> None:
-        """Take what came with a good sample."""
+        """Store the values of a valid sample."""
         self._velocity = None
         # Not a number is no smaller either.
         if velocity is None or not math.hypot(*velocity) <= SPEED_MAX:
@@ -164,7 +164,7 @@ class VelocityCheck:
 
 
 class Tracker(Engagement):
-    """Follow a foot or a hand of the operator while it leads."""
+    """Track a foot or a hand of the operator while it is engaged."""
 
     def __init__(self, dt: float) -> None:
         super().__init__()
@@ -179,12 +179,12 @@ class Tracker(Engagement):
 
     @property
     def turns(self) -> bool:
-        """The part leads by its orientation, too."""
+        """True where the orientation is engaged, too."""
         return self.engaged and self._rotation is not None
 
     @property
     def step(self) -> Vector3:
-        """Way of the last tick [m]."""
+        """Displacement in the last tick [m]."""
         return np.subtract(self.place, self._before)
 
     def velocity(self, time: float) -> Vector | None:
@@ -282,8 +282,8 @@ class OperatorGuard:
 
     A sample counts once, if it is newer than the newest and no more than `LATE` later than the
     soonest (`SampleClock`). Feet and hands are followed by a `Tracker` each, without jumps; a part
-    that is lost for `LOST_AFTER`, or found far away, engages anew: a foot by being put down at the
-    robot's foot, a hand or head by a clutch that was seen open, a velocity after one of zero. A
+    that is lost for `LOST_AFTER`, or found far away, engages again: a foot by being put down at the
+    robot's foot, a hand or head by a clutch that was open before, a velocity after one of zero. A
     foot without a lead is sent straight down.
 
     Args:
@@ -381,7 +381,7 @@ class OperatorGuard:
         return OperatorSample(self._clock.newest, feet, body=self._body, upright=self._upright)
 
     def let_go(self, status: DeviceStatus) -> None:
-        """Disengage both feet, which the robot leads by itself, with a status that says why."""
+        """Disengage both feet while the robot steps autonomously, with the reason as status."""
         for tracker in self._feet:
             tracker.lose()
         self.held, self.status = (False, False), status
@@ -389,7 +389,7 @@ class OperatorGuard:
     def _goal(
         self, tracker: Tracker, sole: Vector3, grounds: Sequence[Vector3], time: float
     ) -> TrackedPose:
-        """Place of a device that leads; straight down without one."""
+        """Position of an engaged device; straight down without one."""
         if tracker.engaged:
             return TrackedPose(tracker.place, velocity=tracker.velocity(time))
         lowest = min(float(ground[2]) for ground in grounds)

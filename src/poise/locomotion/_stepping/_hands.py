@@ -13,7 +13,7 @@ from poise.dynamics import RobotState, rotation_vector
 from poise.locomotion._stepping._feet import FARTHEST
 from poise.locomotion._stepping._footing import LEVEL, TORSO_MOST
 from poise.locomotion._stepping._guard import OperatorGuard, RateLimiter, Tracker
-from poise.locomotion._stepping._limbs import TURN_ACCELERATION, Approach, Goal, LedLimbs, Limb
+from poise.locomotion._stepping._limbs import TURN_ACCELERATION, Approach, Goal, Limb, LimbTracking
 from poise.robots import Robot
 
 
@@ -36,18 +36,18 @@ def _next_status(status: HandStatus, *, led: bool, rest: bool) -> HandStatus:
 
 _TURN_EDGE = 1.0
 """A hand's orientation is no further ahead than this [rad]. So far a device may turn where the
-hand cannot follow, and turned back both face alike again, as whoever turns a wrist expects. Much
+hand cannot follow, and turned back both match again, as an operator expects. Much
 more, and there are two ways round."""
 
 
 class HandLeader:
-    """Lead the arms by an operator's hands, or bring them back to rest.
+    """Move the arms by an operator's hands, or return them to rest.
 
     A hand follows the motion of its device while the clutch is closed, `scale` times, along the
-    axes of the torso: hands go along with a body that walks, and where it leans no arm is thrown
+    axes of the torso: hands move with the body as it walks, and where it leans no arm is thrown
     about. A turn of the device meanwhile, where it gives that, turns the hand, not scaled. A hand
     that was ever turned keeps its orientation in the torso until it rests; another is turned as its
-    arm has it. `task` has the arms' joints follow a model of the arms (`LedLimbs`), smooth and
+    arm has it. `task` has the arms' joints follow a model of the arms (`LimbTracking`), smooth and
     within reach. It belongs into a level below the balance.
 
     Args:
@@ -67,7 +67,7 @@ class HandLeader:
     Attributes:
         task: of the arms' joints; None without arms.
         names: of the hands.
-        status: what each hand does.
+        status: state of each hand.
         places: commanded, in the torso's frame [m].
         rotations: commanded, torso_R_hand; None for a hand that is not turned.
     """
@@ -95,7 +95,7 @@ class HandLeader:
         for what, number in numbers.items():
             checked_number(number, what, above=0.0)
         self._scale = scale
-        self._arms = LedLimbs(
+        self._arms = LimbTracking(
             robot,
             _arm_chains(robot),
             q_rest,
@@ -123,7 +123,7 @@ class HandLeader:
         self.status = [HandStatus.REST for _ in self.names]
 
     def lead(self, operator: OperatorGuard, state: RobotState) -> None:
-        """Set what the arms do in the tick that begins.
+        """Set the targets of the arms for the next tick.
 
         Args:
             operator: the guard that has checked this tick's sample.
@@ -190,7 +190,7 @@ class HandLeader:
         )
 
     def _stop_at_edge(self, hand: int, arm: Limb) -> None:
-        """Report a hand that comes no further, and keep its place near."""
+        """Report a hand that is stuck, and keep its target near."""
         if self.status[hand] is HandStatus.REST:
             self.places[hand], self.rotations[hand] = arm.place, None
         elif arm.blocked:
@@ -224,7 +224,7 @@ def _side(robot: Robot, name: str, place: Float64[np.ndarray, "3"]) -> int:
 
 
 class GazeLeader:
-    """Turn the head as the operator turns theirs, or bring it back to look straight ahead.
+    """Turn the head with the operator's head, or return it to straight ahead.
 
     Args:
         robot: with a neck or without.
@@ -253,7 +253,7 @@ class GazeLeader:
         servos: bool = False,
     ) -> None:
         self._step = dt * speed_max
-        self._neck = LedLimbs(
+        self._neck = LimbTracking(
             robot,
             _neck_chain(robot),
             q_rest,
@@ -271,7 +271,7 @@ class GazeLeader:
     def reset(self) -> None:
         """Restart with the head straight ahead."""
         self._neck.reset()
-        # No burst: the head turns at its own speed, whoever leads it.
+        # No jump: the speed of the head is limited, whatever the source of the command.
         self._limiter = RateLimiter(self._step, self._step)
         self.gaze: Float64[np.ndarray, "3 3"] = LEVEL
         can = self.task is not None or self._turns_torso
@@ -286,7 +286,7 @@ class GazeLeader:
         return (0.0, math.atan2(-z, math.hypot(x, y)), math.atan2(y, x))
 
     def lead(self, operator: OperatorGuard) -> None:
-        """Set what the neck does in the tick that begins, by a guard that has checked a sample."""
+        """Set the target of the neck for the next tick, from a checked sample."""
         if self.status is None:
             return
         led = operator.head is not None

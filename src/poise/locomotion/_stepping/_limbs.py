@@ -1,4 +1,4 @@
-"""`LedLimbs`: task of limbs' joints, by inverse kinematics on a torso at rest."""
+"""`LimbTracking`: task of limbs' joints, by inverse kinematics on a torso at rest."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -73,7 +73,7 @@ class Approach(NamedTuple):
     def velocity(
         self, way: Float64[np.ndarray, " n"], rate: Float64[np.ndarray, " n"] | None = None
     ) -> Float64[np.ndarray, " n"]:
-        """Return the velocity over a way to a goal that moves at a rate: it can be braked."""
+        """Return the largest velocity towards a moving goal from which it can stop at the goal."""
         far = math.hypot(*way)
         braked = math.sqrt(2.0 * _BRAKING * self.acceleration * far)
         velocity = way * (min(_GAIN * far, braked, self.speed) / max(far, 1e-9))
@@ -85,7 +85,7 @@ class Approach(NamedTuple):
     def step(
         self, wanted: Float64[np.ndarray, " n"], now: Float64[np.ndarray, " n"], dt: float
     ) -> Float64[np.ndarray, " n"]:
-        """Return the velocity after a tick on the way from one velocity to another."""
+        """Return the velocity one tick later, moved towards another by a limited acceleration."""
         change = wanted - now
         return now + change * min(1.0, self.acceleration * dt / max(math.hypot(*change), 1e-12))
 
@@ -182,7 +182,7 @@ class Limb:
 
 
 def _is_stuck(asked: Float64[np.ndarray, "3"], found: Float64[np.ndarray, "3"]) -> bool:
-    """Test for joints that reach hardly any of a requested velocity."""
+    """Test for joints that reach almost none of a requested velocity."""
     speed = math.hypot(*asked)
     return speed > _SHORT and float(asked @ found) < _HARDLY * speed * speed
 
@@ -191,7 +191,7 @@ def _faded(share: float, dt: float, *, grows: bool) -> float:
     return min(max(share + (dt if grows else -dt) / _FADE, 0.0), 1.0)
 
 
-class LedLimbs:
+class LimbTracking:
     """Task of limbs' joints towards goals of their frames: smooth, and stiffer in motion."""
 
     # By torques the lag of the joints becomes a `bias` within a second.

@@ -180,7 +180,7 @@ class WarnOnce:
 
 
 def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | None]:
-    """Return a sample of floats, in which bad vectors of parts are NaN, and what is bad in it."""
+    """Return a sample of floats, with NaN for invalid vectors, and the list of invalid parts."""
     if sample is None:
         return None, None
     if not isinstance(sample, OperatorSample):
@@ -197,7 +197,7 @@ def checked_sample(sample: object) -> tuple[OperatorSample | None, FieldError | 
 
 
 def checked_reading(arm: str, reading: object) -> TrackedPose | None:
-    """Validate what an arm of a foot returned: its position, and whether its clutch is closed."""
+    """Validate the reading of a foot's arm: position and clutch."""
     if reading is None:
         return None
     try:

@@ -46,8 +46,8 @@ class TeleopStatus:
 
     Attributes:
         mode: which feet carry the robot.
-        device: what became of the operator's last sample.
-        sample: what the device gave in this tick; None for nothing.
+        device: status of the operator's last sample.
+        sample: of the device in this tick; None without one.
         zmp: measured, x and y [m].
         zmp_reference: where it should be, x and y [m].
         cart_table_zmp: CT-ZMP, x and y [m].
@@ -84,9 +84,9 @@ class TeleopStatus:
 
 
 class StepTeleoperator:
-    """The leader of Zhang and Kikuuwe: a person places the feet, feedback keeps the balance.
+    """Step teleoperation of Zhang and Kikuuwe: an operator places the feet, feedback balances.
 
-    A `poise.stack.Leader`. Each tick the rollout has `estimator` say where the robot is; `lead`
+    A `poise.stack.Leader`. Each tick the rollout updates `estimator` with the state; `lead`
     reads the device, events (14) move the mode on, references (15) follow from mode and device, and
     the COM shifter (37), the body rotator (39) and saturated P controllers (17) make velocities of
     them, which tasks of `stack` are asked for. With the actuation "velocity", the paper's own,
@@ -97,11 +97,11 @@ class StepTeleoperator:
     neck the operator's head, whatever the feet do.
 
     Neither `estimator.update` nor `lead` raises. A state that cannot be used is passed over, and
-    the controller says so. A device that raises counts as silent, and the logger `poise` says why.
+    the controller says so. A device that raises counts as silent; the error is logged to `poise`.
 
     Args:
         robot: a biped with legs of six joints.
-        device: says what the operator commands; may be set later.
+        device: source of the operator's samples; may be set later.
         parameters: those that `teleop_parameters` makes for the robot when None.
         q_start: configuration at the start; the robot's home when None.
         rotator: whether the body rotator acts, where velocities are commanded.
@@ -121,7 +121,7 @@ class StepTeleoperator:
 
     Attributes:
         robot: that is walked.
-        device: says what the operator commands; None for nothing.
+        device: source of the operator's samples; None without one.
         soles: names of its left and its right sole.
         parameters: in use.
         driver: in use.
@@ -196,7 +196,7 @@ class StepTeleoperator:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the past: both feet stand where they stood at the start."""
+        """Reset to the start: both feet stand where they stood then."""
         p = self.parameters
         self.estimator.reset()
         self._level.reset()
@@ -230,7 +230,7 @@ class StepTeleoperator:
 
     @property
     def held(self) -> tuple[bool, bool]:
-        """The devices of the left and the right foot lead them."""
+        """True where the devices of the left and the right foot are engaged."""
         return self._guard.held
 
     @property
@@ -252,7 +252,7 @@ class StepTeleoperator:
     def ahead(self) -> float:
         """Heading of the robot without turned feet, left of the world's x axis [rad].
 
-        Where it faced at the start; after it has walked by a velocity, where that has turned it.
+        The heading at the start, plus the turns of walks by a velocity.
         """
         return self._ahead
 
@@ -311,7 +311,7 @@ class StepTeleoperator:
         """
         dynamics = self.estimator.dynamics
         if state is not dynamics.state:
-            # Of somebody else's estimator, or one that cannot be used.
+            # From another estimator, or unusable.
             if not is_usable(state, self.robot):
                 return
             dynamics.update(state)
@@ -326,14 +326,14 @@ class StepTeleoperator:
         self.gaze.lead(guard)
         if command is not None:
             self._body = command.body
-        if self._level.lead(state, guard, command, self._led_body()):
+        if self._level.lead(state, guard, command, self._body_with_gaze()):
             self._ahead = self._faces()
 
     def _faces(self) -> float:
         """Heading of the feet, to the left of the world's x axis [rad]."""
         return mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))
 
-    def _led_body(self) -> BodyCommand:
+    def _body_with_gaze(self) -> BodyCommand:
         """Add to the command the torso's turn to look where a neck cannot, and `ahead` to feet."""
         body, (_, down, aside) = self._body, self.gaze.torso
         (roll, pitch, yaw), (left, right) = body.torso, body.turns

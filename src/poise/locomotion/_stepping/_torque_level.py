@@ -28,7 +28,7 @@ from poise.locomotion._walking import (
 from poise.stack import JointTask
 
 _REST = 0.3
-"""Time at rest after which the operator may lead the feet again [s]."""
+"""Time at rest after which the operator may move the feet again [s]."""
 
 _STILL, _ROCKING = 0.1, 2.0
 """A CoM that is faster does not rest [m/s], and for how long at most that counts [s]: on an edge a
@@ -147,7 +147,7 @@ class TorqueLevel(SteppingLevel):
         return self._settle(footing, any(guard.velocity))
 
     def _limit_stoop(self, footing: Footing) -> None:
-        """Let the body come down no lower than the knee of a stance leg holds it."""
+        """Limit the descent of the body to the torque of the stance knee."""
         usual = self._engine.parts.height
         lowest = (1.0 - self._parameters.stoop_max) * usual
         if footing.mode.support is not None:
@@ -169,7 +169,7 @@ class TorqueLevel(SteppingLevel):
             commands.closes = self._closing <= _CLOSING
 
     def _settle(self, footing: Footing, walks: bool) -> bool:
-        """Let the operator lead again once the robot rests; return whether it has walked."""
+        """Re-engage the operator once the robot rests; return whether it has walked."""
         p = self._parameters
         rests = self._engine.at_rest and not walks
         self._held = self._held + p.dt if rests else 0.0

@@ -120,7 +120,7 @@ class TorqueTasks:
         *,
         upright: bool,
     ) -> None:
-        """Set trunk and contacts for a tick in which the operator leads the feet."""
+        """Set trunk and contacts for a tick in which the operator moves the feet."""
         self._eased = min(self._eased + self._dt / _EASED, 1.0)
         com, _, trunk, _ = _LED
         com = tuple(most**self._eased for most in com)
@@ -129,13 +129,13 @@ class TorqueTasks:
         self._turn_trunk(footing, UPRIGHT if upright else torso, learns=True)
 
     def accompany(self, footing: Footing, *, walks: bool) -> None:
-        """Keep the trunk upright in a tick in which the robot steps by itself."""
+        """Keep the trunk upright in a tick in which the robot steps autonomously."""
         self._eased = 0.0
         self._weigh(_CAUGHT)
         self._turn_trunk(footing, UPRIGHT, learns=walks, most=_RIGHTED)
 
     def _weigh(self, weights: _Weights) -> None:
-        """Set weights of CoM, feet and trunk, and how near to edges and legs a step may go."""
+        """Set weights of CoM, feet and trunk, and the margins of a step to edges and legs."""
         if weights == self._weights:
             return
         self._weights = weights
@@ -174,7 +174,7 @@ class TorqueTasks:
 
 
 def _foot_weight(footing: Footing, sent: Vector3) -> float:
-    """Weight of the swing foot, by how far it has been thrown from where it is sent."""
+    """Weight of the swing foot, by its distance from the commanded position."""
     if not (footing.region.narrow and footing.mode.single):
         return 1.0
     (x, y, z), (to_x, to_y, to_z) = footing.sole(footing.other).tolist(), sent.tolist()
@@ -184,7 +184,7 @@ def _foot_weight(footing: Footing, sent: Vector3) -> float:
 
 
 def _towards(goal: Rotation, here: Rotation, most: float) -> Rotation:
-    """A rotation on the way from one to another, no farther than that [rad]."""
+    """Rotation from one towards another, by at most an angle [rad]."""
     way = pin.log3(here.T @ goal)
     far = math.hypot(*way.tolist())
     return goal if far <= most else here @ pin.exp3(way * (most / far))

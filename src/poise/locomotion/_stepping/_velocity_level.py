@@ -59,7 +59,7 @@ def sway_stiffness(
 def sway_growth(stiffness: float, damping: float, shifter: ComShifter, leak: float) -> float:
     """Return the growth of sway on one foot, negative where it decays [1/s]."""
     # The COM p over a sole at rest is an inverted pendulum on the servos' spring. They follow the
-    # integral P of the commanded velocity V, which the shifter (37) makes of p, with a leak:
+    # integral P of the commanded velocity V, which the shifter (37) computes from p, with a leak:
     #     p'' = omega^2 p - (k / m) (p - P) - (d / m) (p' - V)      P' = V
     #     V'  = -k_p p - k_d V + lambda (p' - V)
     loop = np.array([
@@ -119,7 +119,7 @@ class ComDriver(Protocol):
         ...
 
     def restart(self, commanded: Vector2, measured: Vector2) -> Vector2:
-        """The velocity to go on from when the mode has changed, of the two there are [m/s]."""
+        """Initial velocity after a change of mode, commanded or measured [m/s]."""
         ...
 
 
@@ -240,7 +240,10 @@ class ComHeight:
         x, y, height = footing.dynamics.com.tolist()
         zmp_x, zmp_y = footing.zmp_reference.tolist()
         too_high = -math.inf
-        for foot, place in ((stance, anchors[stance]), (footing.other, _felt(footing, target))):
+        for foot, place in (
+            (stance, anchors[stance]),
+            (footing.other, _limit_to_floor(footing, target)),
+        ):
             for shift in ((0.0, 0.0), (zmp_x - x, zmp_y - y)):
                 too_high = max(too_high, reach.too_high(foot, place, hips[foot], shift))
         lowest = max(height + too_low, self.lowest + footing.ground)
@@ -249,7 +252,7 @@ class ComHeight:
         return min(asked, max(height - too_high, lowest))
 
 
-def _felt(footing: Footing, target: Vector3) -> Vector3:
+def _limit_to_floor(footing: Footing, target: Vector3) -> Vector3:
     """A target no lower than the floor; where there is none, no lower than just below the foot."""
     if not footing.mode.single:
         return target

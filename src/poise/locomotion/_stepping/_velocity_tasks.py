@@ -288,7 +288,7 @@ class VelocityTasks:
             self._stance = stance
             self._contacts[stance].engage(0.0)
             self._contacts[other].release(0.0)
-        # Feet that stand are no matter of a controller that knows one of them as a contact.
+        # A controller with one foot as its contact has no tasks for feet at rest.
         self.stack.self_collision_limit.rest(not footing.mode.single)
         self._grounds.update(footing)
         # The whole robot turns about the stance sole, which is turned onto its ground.

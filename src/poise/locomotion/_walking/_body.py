@@ -20,7 +20,7 @@ _FALL = 1.0
 
 
 class BodyMotion:
-    """References of the body, and of all that goes along with it."""
+    """References of the body and of the targets that move with it."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class BodyMotion:
         return self._mass, rates, (w * (vx - rates[0]), w * (vy - rates[1]))
 
     def carry(self, com: ComMotion) -> None:
-        """Take everything along that goes with the body."""
+        """Move the targets that follow the body."""
         if not self._carried:
             return
         (x, y, z), (vx, vy, vz), (ax, ay, az) = com
@@ -133,7 +133,7 @@ class BodyHeight:
 
 
 class MeasuredPendulum:
-    """C, its velocity and its divergent component, see `LegMomentum`, from what is measured."""
+    """C, its velocity and its DCM, see `LegMomentum`, from measurements."""
 
     def __init__(
         self, legs: LegMomentum, rise: float, sense: WalkSense, stance: Stance, body: BodyMotion

@@ -1,4 +1,4 @@
-"""Commands of a walk, as the next few footholds, and their limits."""
+"""Commands of a walk, as the next footholds, and their limits."""
 
 import math
 from collections import deque
@@ -54,18 +54,18 @@ class FootAxes:
         self._cos, self._sin, self._out = math.cos(stance.yaw), math.sin(stance.yaw), out
 
     def within(self, point: Point) -> Point:
-        """A point of the world, seen from the foot."""
+        """A point of the world, in the axes of the foot."""
         dx, dy = point[0] - self._x, point[1] - self._y
         along, left = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
         return along, self._out * left
 
     def without(self, point: Point) -> Point:
-        """A point seen from the foot, in the world."""
+        """A point of the foot's axes, in the world."""
         x, y = self.turned(point)
         return self._x + x, self._y + y
 
     def turned(self, vector: Point) -> Point:
-        """A vector seen from the foot, in the world."""
+        """A vector of the foot's axes, in the world."""
         along, left = vector[0], self._out * vector[1]
         return self._cos * along - self._sin * left, self._sin * along + self._cos * left
 
@@ -74,7 +74,7 @@ class Foothold(NamedTuple):
     """Commanded foothold."""
 
     foot: int  # 0 for the left one, 1 for the right one
-    place: Placement  # where its sole shall lie; how high that is, the ground says
+    place: Placement  # where its sole shall lie; the height is that of the ground
     checked: bool = False  # whether the legs are known to reach it from the foothold before
     turned: float = 0.0  # turn outwards that they are known to reach there [rad]
 
@@ -84,7 +84,7 @@ Velocity = tuple[float, float, float]
 
 
 class StepCommands:
-    """Commanded velocities and footholds, as the next few footholds."""
+    """Commanded velocities and footholds, as the next footholds."""
 
     def __init__(
         self, limits: VelocityLimits, room: LegRoom, step_time: float, ground: Ground
@@ -170,7 +170,7 @@ class StepCommands:
         self.velocity = (ahead, sideways, turn)
 
     def first_foot(self) -> int:
-        """With which foot a walk begins: the one on the side that it goes to, or the left one."""
+        """First foot of a walk: the one on the side of the motion, or the left one."""
         if self.footholds:
             return self.footholds[0].foot
         _, sideways, turn = self._wanted
@@ -181,12 +181,12 @@ class StepCommands:
         return bool(self.footholds) and self.footholds[0].foot == foot
 
     def next_foot(self, landed: int) -> int:
-        """Which foot goes on after one has landed."""
+        """The next swing foot after a touchdown."""
         return self.footholds[0].foot if self.footholds else 1 - landed
 
     def steps(self, foot: int, stance: Placement, count: int) -> list[Placement]:
-        """The next few footholds, a foot after the other."""
-        # Nothing changes from tick to tick while a foot is in the air and nobody commands.
+        """The next footholds, with alternating feet."""
+        # Nothing changes from tick to tick while a foot is in the air and no command comes.
         asked = (foot, stance, count, self.velocity, self.closes, len(self.footholds))
         if asked != self._planned[0]:
             self._planned = asked, self._next(foot, stance, count)

@@ -52,7 +52,7 @@ class LegMomentum:
     # L_y = -m h beta (p' - c') for each foot p, the ZMP z and the COM c,
     #     c'' = omega^2 (c - z) + beta sum (p'' - c'')
     # so C = (1 + 2 beta) c - beta (p_left + p_right) moves as the COM of the plain pendulum does,
-    # C'' = W^2 (C - Z), with Z made of z in the same way and W^2 = omega^2 / (1 + 2 beta). A foot
+    # C'' = W^2 (C - Z), with Z defined from z and W^2 = omega^2 / (1 + 2 beta). A foot
     # that rises turns its leg as one does that moves ahead: its height counts `LegRatios.rise`
     # times as a way ahead.
 

@@ -41,7 +41,7 @@ class SteppingEngine:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew at the next state: both feet stand, and nothing is known of the ground."""
+        """Restart at the next state: both feet stand, and the ground is unknown."""
         for area in self.parts.areas:
             area.forget()
         parts = self.parts = self._make()
@@ -83,7 +83,7 @@ class SteppingEngine:
         return np.array(self.parts.legs.parted(self._feedback.zmp, feet))
 
     def lead(self, state: RobotState) -> None:
-        """Set what the next tick should do; a state that is not finite is passed over."""
+        """Set targets and contacts for the next tick; a state that is not finite is ignored."""
         if not (is_time(state.time) and all_finite(state.q) and all_finite(state.v)):
             return
         parts, steps = self.parts, self.steps
@@ -163,7 +163,7 @@ class SteppingEngine:
         parts.body.begin(mass, parts.sense.com[2], parts.stance.heading)
 
     def _keep_balance(self, dt: float, *, holds: bool) -> None:
-        """Lead the CoM, and what goes along with it, along the DCM reference."""
+        """Move the CoM, and the targets that move with it, along the DCM reference."""
         parts, steps = self.parts, self.steps
         goal = parts.rise.goal(
             parts.stance,

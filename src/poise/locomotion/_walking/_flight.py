@@ -31,7 +31,7 @@ _HELD, _BACK = 0.04, 0.015
 is held by something; it goes so far back from it [m]."""
 
 _FREED = 0.03
-"""Height at which a foot that was held on its way up goes on [m]."""
+"""Height at which a foot that was blocked while rising continues [m]."""
 
 _SHORT, _EARLY = 0.08, 0.03
 """Contact so far from the foothold [m], and earlier than this before it is due [s], is with
@@ -46,7 +46,7 @@ falls, meanwhile, to the side where the foot should be."""
 
 
 class HeldFlight:
-    """Swing foot that a `FootMotion` leads, from lift-off to touchdown.
+    """Swing foot moved by a `FootMotion`, from lift-off to touchdown.
 
     Attributes:
         foot: 0 for the left one, 1 for the right one.
@@ -62,7 +62,7 @@ class HeldFlight:
         self.position, self.rotation = position.copy(), rotation.copy()
         self.velocity: Float64[np.ndarray, "6"] = np.zeros(6)
         self.acceleration: Float64[np.ndarray, "6"] = np.zeros(6)
-        # Since lift-off, until touchdown is due, and since the foot reached its depth [s]: nobody
+        # Since lift-off, until touchdown is due, and since the foot reached its depth [s]: no one
         # expects one that is held, which may come down in any tick.
         self.elapsed = self.left = self.waited = 0.0
         self.phase = 0.0  # zero at lift-off, one when due; above while it looks for the ground
@@ -83,7 +83,7 @@ class HeldFlight:
         self.goal = Placement(position=(x, y, z), yaw=yaw)
 
     def land(self) -> None:
-        """Do nothing: the holder of the foot puts it down."""
+        """Do nothing: the source of the foot's motion puts it down."""
 
     @property
     def slant(self) -> float:
@@ -143,7 +143,7 @@ class Flight(HeldFlight):
             self.left += min(max(left - self.left, -most), most)
 
     def land(self) -> None:
-        """Comes straight down from where the foot is now."""
+        """Move straight down from the current position of the foot."""
         if not self._lands:
             x, y, _ = self.position.tolist()
             self.goal = replace(self.goal, position=(x, y, self.goal.position[2]))
@@ -170,10 +170,10 @@ class Flight(HeldFlight):
         self.left = max(self.left - dt, 0.0)
 
     def get_clear(self, sense: WalkSense) -> None:
-        """A foot that is held on its way up goes back from what holds it, and straight up."""
+        """Move a foot that is blocked while rising back from the obstacle, then straight up."""
         if self.phase >= RISE:
             return
-        push_x, push_y, up = sense.felt(self.foot)
+        push_x, push_y, up = sense.relative_force(self.foot)
         aside = math.hypot(push_x, push_y)
         if aside > _HELD and aside > up:
             x, y, _ = sense.lower_edge(self.foot)[0].tolist()

@@ -259,7 +259,7 @@ class FootstepPlan(Stand):
         Args:
             robot: on two soles.
             footholds: for each step the name of its sole, and where that comes down: x, y [m] and
-                heading [rad] in the world. How high that is, the ground says.
+                heading [rad] in the world. The height is that of the ground.
             gait: timing and shape of the steps; its width is that of what is asked for after them.
             q: how the robot stands, in its home posture when None.
             ground: what it walks on; a floor as high as its soles when None.
@@ -334,11 +334,11 @@ class FootstepPlan(Stand):
         return feet[0], feet[1]
 
     def lift_off(self, step: int) -> float:
-        """When a step begins, counted from zero [s]."""
+        """Start time of a step, counted from zero [s]."""
         return self.gait.shift_time + step * self.gait.step_time
 
     def touchdown(self, step: int) -> float:
-        """When a step should end [s]."""
+        """Planned end time of a step [s]."""
         return self.lift_off(step) + self.gait.swing_time
 
     @property
@@ -420,7 +420,7 @@ def plan_footsteps(
 def _body_path(
     start: tuple[Placement, Placement], strides: Sequence[Stride]
 ) -> list[tuple[int, tuple[float, float, float]]]:
-    """For each step its foot, and where the body's middle goes with it: x, y, heading."""
+    """For each step its foot, and the body's middle after it: x, y, heading."""
     left, right = start
     x, y = (0.5 * (left.position[k] + right.position[k]) for k in (0, 1))
     yaw = 0.5 * (left.yaw + right.yaw)

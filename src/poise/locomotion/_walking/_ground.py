@@ -35,7 +35,7 @@ def wrapped(angle: float) -> float:
 
 
 def mean_angle(left: float, right: float) -> float:
-    """Half way between two angles, the shorter way round [rad]."""
+    """Midpoint of two angles, on the shorter arc [rad]."""
     return left + 0.5 * wrapped(right - left)
 
 
@@ -92,12 +92,12 @@ class Placement:
     """Place of a sole that lies flat on the ground."""
 
     position: tuple[float, float, float]  # of its centre in the world [m]
-    yaw: float  # its heading, seen from above [rad]
+    yaw: float  # its heading in the horizontal plane [rad]
     slope: tuple[float, float] = (0.0, 0.0)  # rise of the ground along the world's x and y
 
     @property
     def rotation(self) -> Rotation:
-        """world_R_sole: z is normal to the ground, x has the heading, seen from above."""
+        """world_R_sole: z is normal to the ground, x has the heading in the horizontal plane."""
         (a, b), c, s = self.slope, math.cos(self.yaw), math.sin(self.yaw)
         z = np.array([-a, -b, 1.0]) / math.sqrt(1.0 + a * a + b * b)
         x = np.array([c, s, a * c + b * s])
@@ -118,7 +118,7 @@ RISE = 0.45
 """Phase of the swing at which a foot is at its apex; ground that it meets later is ground."""
 
 FIXED = 0.06
-"""Goal and time of arrival do not change any more when the foot is this near to it [s]."""
+"""Goal and time of arrival are fixed when the foot is this near to it [s]."""
 
 Motion = tuple[float, float, float]
 """Position [m], velocity [m/s] and acceleration [m/s^2] along one axis of the world; or angles."""
@@ -171,7 +171,7 @@ def clear_swing(
     return None
 
 
-def led_swing(
+def online_swing(
     begin: Placement,
     goal: Placement,
     size: tuple[float, float],
@@ -188,7 +188,7 @@ def led_swing(
 
 
 def sinking_phase(depth: float, fall: float) -> float:
-    """Return the phase in which a foot goes from the ground to the depth at which it aims."""
+    """Return the phase in which a foot moves from the ground to its target depth."""
     # At its end a quintic of least jerk is 10 H s^3 above where it ends, s the time left over all.
     if depth <= 0.0:
         return 0.0
@@ -209,7 +209,7 @@ def least_jerk_towards(axis: Motion, goal: float, left: float, dt: float) -> Mot
     """One tick of the least-jerk motion that arrives at rest in the time that is left [s]."""
     x, v, a = axis
     if left <= FIXED:
-        # Too short to plan anew: three poles, fast and equal, deal with the last millimetre.
+        # Too short for a new plan: three poles, fast and equal, deal with the last millimetre.
         pole = 3.0 / FIXED
         jerk = pole**3 * (goal - x) - 3.0 * pole**2 * v - 3.0 * pole * a
     else:

@@ -224,7 +224,7 @@ class LegRoom(NamedTuple):
     quickness: float  # acceleration of a foot in the air, at most [m/s^2]
 
     def shortest_swing(self, way: float) -> float:
-        """Return the time in which a foot goes a way, from rest to rest with the least jerk [s]."""
+        """Return the duration of a rest-to-rest motion of a foot with the least jerk [s]."""
         # A quintic of least jerk peaks at 10 / sqrt(3) of its way by its time squared.
         return math.sqrt(10.0 / math.sqrt(3.0) * way / self.quickness)
 
@@ -323,7 +323,7 @@ class FootRange:
         aside = min(max(aside, apart), max(self._aside_max, apart))
         x = support_x + aside * across_x + ahead * forward_x
         y = support_y + aside * across_y + ahead * forward_y
-        # Across the ground only: how far down a foot gets is for the ground and the knee to say.
+        # Along the ground only: the ground and the knee limit how far down a foot gets.
         (arm_x, arm_y, arm_z), (hip_x, hip_y, hip_z) = self._ankles[foot], hip.tolist()
         room = _side(self._reach[foot], hip_z - arm_z - max(z, support_z) - lower)
         offset_x, offset_y = x + arm_x - hip_x, y + arm_y - hip_y
@@ -358,7 +358,7 @@ class FootRange:
         return aside <= self._aside_max + _SPARE and abs(ahead) <= self._step_max + _SPARE
 
     def too_high(self, foot: int, place: Vector3, hip: Vector3, shift: Point) -> float:
-        """Return how far the hip is too high for a foot to reach a place [m]."""
+        """Return the excess height of the hip for a foot to reach a position [m]."""
         (x, y, z), (arm_x, arm_y, arm_z) = place.tolist(), self._ankles[foot]
         (hip_x, hip_y, hip_z), (shift_x, shift_y) = hip.tolist(), shift
         x, y = x + arm_x - hip_x - shift_x, y + arm_y - hip_y - shift_y
@@ -374,7 +374,7 @@ class FootRange:
         return max(self._level(foot, ahead, aside, lean), folded) - z
 
     def too_weak(self, foot: int, place: Vector3, hip: Vector3, heading: Vector2) -> float:
-        """Return how far the hip is too low for the knee of a stance leg; negative for room."""
+        """Return the missing height of the hip for the knee of a stance leg; negative if enough."""
         ahead, aside, z = self._to_hip(foot, place, hip, heading)
         return self._level(foot, ahead, aside, self._strong[foot][0]) - z
 
@@ -403,7 +403,7 @@ def _strong_lean(leg: Leg, share: float) -> float:
 
 _MISS = 0.01
 """A foot this far from its place, or a joint this far beyond its limit, is out of reach [m, rad]:
-the pelvis, taken to go along with the COM, is not known better."""
+the pelvis is known only as moving with the COM."""
 
 
 def check_reach(robot: Robot, plan: FootstepPlan, height: float) -> None:

@@ -30,7 +30,7 @@ class Mode(Enum):
 
 
 class ModeEvent(Enum):
-    """Event that leads from one mode to another, eq. (14)."""
+    """Event that changes the mode, eq. (14)."""
 
     LIFT_RIGHT = "the right foot is to be lifted"
     LIFT_LEFT = "the left foot is to be lifted"
@@ -72,7 +72,7 @@ TRANSITIONS: dict[tuple[Mode, ModeEvent], Mode] = {
     **{(mode, ModeEvent.CATCH_RIGHT): Mode.SL for mode in (Mode.D, Mode.TL, Mode.TR)},
     **{(mode, ModeEvent.CATCH_LEFT): Mode.SR for mode in (Mode.D, Mode.TL, Mode.TR)},
 }
-"""The whole diagram; an event that is not here changes nothing. The first six are the paper's."""
+"""Transition table; an event without an entry keeps the mode. The first six are the paper's."""
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""`WalkParts` of a walk, made once."""
+"""`WalkParts`: parts of a walk, constructed once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ class WalkParts:
     areas: Sequence[CarryingArea]  # what of each sole carries
     planner: StepPlanner  # of the next footholds
     stance: Stance  # where the feet stand
-    body: BodyMotion  # where the COM and what goes along with it should be
+    body: BodyMotion  # where the COM and the targets that move with it should be
     rise: BodyHeight  # how high the body goes
     pendulum: MeasuredPendulum  # as it is
     region: SingleSupportRegion  # of one foot, while the other one is held
@@ -117,7 +117,7 @@ def make_parts(
 def _check_width(width: float, room: LegRoom, stand: Stand) -> None:
     """Raises ConfigurationError if feet side by side would touch, or never get so far apart."""
     least, most = min(room.near(0.0), stand.width), room.wide
-    # To the millimetre, as it is said.
+    # Rounded to the millimetre, as in the message.
     if not least - LEVEL <= width <= most + LEVEL:
         raise ConfigurationError(
             "feet as far apart as the gait says touch each other, or are out of reach",

@@ -16,7 +16,7 @@ from poise.locomotion._support import (
 from poise.locomotion._walking._commands import Foothold
 from poise.locomotion._walking._dcm import REST_TIME, DcmMotions, hermite_step
 from poise.locomotion._walking._flight import Flight, HeldFlight
-from poise.locomotion._walking._ground import Placement, led_swing, turn_to_left
+from poise.locomotion._walking._ground import Placement, online_swing, turn_to_left
 from poise.locomotion._walking._modes import (
     CATCH,
     LIFT,
@@ -77,11 +77,11 @@ class FootMotion(Protocol):
 
 
 class StepPhases:
-    """Lift, lead and put down the feet, and move the DCM reference with them."""
+    """Lift, move and put down the feet, and move the DCM reference with them."""
 
-    # A step is timed, along footholds of `StepCommands`, or held by a `FootMotion`. Whoever leads,
-    # once the feet do not hold the DCM the swing foot, or the better one of two, makes a capture
-    # step, and timed steps go on until both feet hold it again.
+    # A step is timed, along footholds of `StepCommands`, or held by a `FootMotion`. In either
+    # case, once the feet do not hold the DCM the swing foot, or the better one of two, makes a
+    # capture step, and timed steps go on until both feet hold it again.
 
     def __init__(self, parts: WalkParts) -> None:
         self._parts, self._commands, self._tasks = parts, parts.commands, parts.tasks
@@ -124,7 +124,7 @@ class StepPhases:
     def put_down(self, foot: int) -> None:
         """Make a capture step with the swing foot."""
         self._overrule()
-        # On its way to be side by side it would cost time, and its leg momentum.
+        # A step to side by side would cost time, and its leg would add momentum.
         self._commands.insert(Foothold(foot, self._sense.placement(foot)))
         self._release(foot, 0.0)
         self.foot, self._hurried = foot, True
@@ -200,7 +200,7 @@ class StepPhases:
         return self._stance.closed(self._parts.room.width)
 
     def is_held(self, margin: float = 0.0) -> bool:
-        """Return whether the feet as they stand can bring the DCM to rest."""
+        """Return whether the DCM can be brought to rest with the feet where they are."""
         return self._pendulum.depth(self.flight, self._holding(self._region.held)) >= margin
 
     @property
@@ -295,14 +295,14 @@ class StepPhases:
         return self.is_held() and self._planner.cost(self._next_foot()) > _WORTH
 
     def _calm_down(self) -> None:
-        """Go on from the measured DCM after a hurry that both feet hold again."""
+        """Continue from the measured DCM after a hurried step, once both feet can hold it."""
         if self._hurried:
             self._hurried = False
             self._stand_on(0, 1)
             self.dcm = _resting(self._pendulum.xi(self.flight))
 
     def _next_foot(self) -> Lifted:
-        """The foot that comes down next, in the air or not yet."""
+        """The foot of the next touchdown, in the air or not yet."""
         x, y, _ = self._stance.feet[self.foot].position
         elapsed = 0.0
         if self.flight is not None:
@@ -345,7 +345,7 @@ class StepPhases:
         if airborne:
             rise, swung = 0.0, planner.swung(begin.position[2] - goal.position[2])
         size, depth = parts.stand.sizes[foot], parts.settings.touchdown_depth
-        shape = led_swing(begin, goal, size, rise, parts.ground, depth)
+        shape = online_swing(begin, goal, size, rise, parts.ground, depth)
         self.flight = Flight(foot, *pose, goal, shape, planner.times.swing, parts.settings, swung)
         self.flight.given = self._commands.asks_for(foot)
         if self._hurried:
@@ -423,7 +423,7 @@ class StepPhases:
             self._left = self._gait.settle_time if commands.closes else REST_TIME
 
     def _confirm(self, flight: Flight, dt: float) -> None:
-        """A foot that has bounced off what it met looks for the ground again."""
+        """Continue the search for the ground after a bounce."""
         flight.stood += dt
         if flight.stood > _BOUNCES:
             self._landed = None

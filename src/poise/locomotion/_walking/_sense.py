@@ -196,7 +196,7 @@ class WalkSense:
         wrench = self.wrenches[foot]
         return float(stands) if wrench is None else wrench[2] / self.weight
 
-    def felt(self, foot: int) -> tuple[float, float, float]:
+    def relative_force(self, foot: int) -> tuple[float, float, float]:
         """Return the force on a sole, in the world, over the weight; zero without a measurement."""
         wrench = self.wrenches[foot]
         if wrench is None:

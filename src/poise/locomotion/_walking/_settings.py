@@ -27,9 +27,8 @@ class WalkSettings:
         touchdown_depth: how far below the expected ground a foot aims [m].
         search_depth: how far below the expected ground a late foot looks for it [m].
         patience: how long a foot may be late [s].
-        bounce_time: for how long a foot that has just landed carries nothing when it has bounced
-            off [s].
-        clearance: least distance of the soles' edges when a foot comes down beside the other [m].
+        bounce_time: a foot without load for this long just after touchdown has bounced off [s].
+        clearance: least distance between the edges of the soles at touchdown [m].
     """
 
     dcm_gain: Annotated[float, Bounds(positive=True, most=LARGEST, unit="1/s")] = 4.0
@@ -48,9 +47,9 @@ class WalkStatus(Enum):
     READY = "ready"
     """No state has come yet."""
     STANDING = "standing"
-    """Both feet stay on the ground, and nothing is asked for."""
+    """Both feet stay on the ground, without commands."""
     WALKING = "walking"
-    """Steps are being made."""
+    """The robot steps."""
     MISPLACED = "misplaced"
     """The feet were not where the plan begins: nothing was moved."""
     FOOT_LOST = "foot_lost"
@@ -58,17 +57,17 @@ class WalkStatus(Enum):
     COM_LOST = "com_lost"
     """The COM ran away from its reference: velocities wait, steps go on catching the robot."""
     FOOT_CAUGHT = "foot_caught"
-    """A foot in the air is held by something: it comes down where it is."""
+    """A swing foot is blocked, and put down where it is."""
     SLIPPING = "slipping"
     """A sole that carries the robot slips: it walks more slowly."""
     LIFTED = "lifted"
-    """No foot carries anything: nothing is asked for until one does."""
+    """No foot is loaded: commands are ignored until one is."""
     FALLEN = "fallen"
-    """The robot lies: nothing is asked for."""
+    """The robot has fallen: commands are ignored."""
 
     @property
     def ok(self) -> bool:
-        """True while nothing is wrong."""
+        """True without a fault."""
         return self in _FINE
 
 

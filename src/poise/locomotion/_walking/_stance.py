@@ -174,7 +174,7 @@ class Stance:
 
     def stand_on(self, feet: tuple[int, ...], heading: float) -> None:
         """Looks at the feet that carry the robot from now on."""
-        # A sole that leans with its leg says nothing of the ground.
+        # A sole that leans with its leg does not measure the slope of the ground.
         foot, *others = feet
         if not others and self._stand.bearings[foot].width > 0.0 and self._areas[foot].lies:
             self._feel(self._sense.sole(foot)[1])

@@ -24,7 +24,7 @@ _BETWEEN = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)
 load on the foot that has just landed."""
 
 _ALONG = 0.1
-"""A point between the feet that goes along with the foothold by less than this is not moved."""
+"""A point between the feet that follows the foothold by less than this is not moved."""
 
 
 class LastStep(NamedTuple):
@@ -50,7 +50,7 @@ class LastStep(NamedTuple):
         return min(misses, key=lambda miss: math.hypot(*miss))
 
     def _misses(self, xi: Point, foothold: Point, reached: Point) -> Iterator[tuple[float, Point]]:
-        """By how much each point goes along with the foothold, and its way to xi, less the room."""
+        """Share of each point in a shift of the foothold, and its distance to xi less margin."""
         (x, y), (to_x, to_y) = xi, foothold
         room_x, room_y = self.room[0] + reached[0], self.room[1] + reached[1]
         for part in _BETWEEN:
@@ -60,7 +60,7 @@ class LastStep(NamedTuple):
 
 
 def beyond(miss: float, most: float) -> float:
-    """Return a miss less what the ZMP makes up for [m]."""
+    """Return the error that remains after the correction by the ZMP [m]."""
     return math.copysign(max(abs(miss) - most, 0.0), miss)
 
 
@@ -230,7 +230,7 @@ class StepPlanner:
         self._speed = room.far / room.shortest_swing(room.far)
 
     def swung(self, height: float) -> float:
-        """For how long a foot in the air counts as swung, by how soon it can be down [s]."""
+        """Effective time in swing of a foot, from its earliest touchdown [s]."""
         shortest = min(self._shortest, self.times.swing)
         return shortest - math.sqrt(_FALL * max(height, 0.0))
 

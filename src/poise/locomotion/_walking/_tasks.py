@@ -72,7 +72,7 @@ class CarriedTarget:
 
     @property
     def target_position(self) -> Float64[np.ndarray, "3"]:
-        """Target position of the frame, without the way of the walk [m]."""
+        """Target position of the frame, without the displacement of the walk [m]."""
         return self._given[0].copy()
 
     def set_target(
@@ -136,10 +136,10 @@ class WalkTasks:
     com: ComTask
     feet: tuple[FrameTask, FrameTask]  # the pose of the left and of the right sole
     contacts: tuple[Contact, Contact]  # of the left and of the right sole
-    carried: dict[str, CarriedTarget]  # targets that go along with the body, by their task's name
+    carried: dict[str, CarriedTarget]  # targets that move with the body, by their task's name
 
     def lead_foot(self, sense: WalkSense, flight: HeldFlight) -> None:
-        """Lead a foot in the air along its way, by the lower edge of a sole that leans."""
+        """Move a swing foot along its path, by the lower edge of a tilted sole."""
         target, (drop, rate) = (
             self.feet[flight.foot].overwrite_target(),
             sense.edge_drop(flight.foot),
@@ -279,8 +279,8 @@ def walking_stack(
 
     Args:
         robot: on two soles.
-        arms: of their joints, set by another leader, instead of hands that go along; the robot's
-            links are kept off each other.
+        arms: of their joints, set by another leader, instead of hands that move with the body; the
+            robot's links are kept off each other.
         neck: of its joints, set by another leader.
 
     Returns:
@@ -310,5 +310,5 @@ def walking_stack(
     if not leans:
         for task in upper:
             task.set_weight(_UPPER)
-    # What hands that go along do was planned; whoever leads them may lead them anywhere.
+    # Hands that move with the body follow the plan; other leaders may move them anywhere.
     return stepping_stack(robot, [[*balance, *upper], [PostureTask()]], collides=arms is not None)

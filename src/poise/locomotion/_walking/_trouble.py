@@ -21,8 +21,8 @@ from poise.stack import Contact
 class Response(NamedTuple):
     pace: float = 1.0  # part of the commanded velocity that is followed
     lands: bool = False  # the swing foot comes straight down
-    # no contact is loaded and no foot lifted: targets go along with the robot as it hangs or lies,
-    # until something carries its feet again; then the walk begins anew
+    # no contact is loaded and no foot lifted: targets move with the robot as it hangs or lies,
+    # until its feet are loaded again; then the walk restarts
     hangs: bool = False
     lasts: float = 0.0  # how long after the last sign of it [s]
     noticed: float = 0.0  # time that a sign has to last: feet bounce, readings have noise [s]
@@ -99,7 +99,7 @@ class TroubleWatch:
     def _is_caught(self, flight: HeldFlight) -> bool:
         (x, y, _), (to_x, to_y, _) = self._sense.positions[flight.foot], flight.position.tolist()
         away = math.hypot(x - to_x, y - to_y) > _CAUGHT
-        return away and math.hypot(*self._sense.felt(flight.foot)) > UNLOADED
+        return away and math.hypot(*self._sense.relative_force(flight.foot)) > UNLOADED
 
     def _slips(self, foot: int, load: float) -> bool:
         if load < _LOADED:

@@ -41,7 +41,7 @@ class Walker:
 
     It only sets targets of tasks and loads of contacts of the stack: the COM task (its target, and
     the acceleration that keeps the balance), the frame task of the swing foot, the contacts of
-    both soles, and every other frame task, which goes along with the body. It never raises while it
+    both soles, and every other frame task, which moves with the body. It never raises while it
     runs: `notice` has the part of a command that was cut, `status` the state of the walk.
 
     Args:
@@ -55,7 +55,7 @@ class Walker:
             its own gait, posture and ground, and the robot has to stand where it begins.
         q: how the robot stands, in its home posture when None; it may begin anywhere.
         ground: what it walks on; a floor as high as its soles when None.
-        carry: names of frame tasks that go along with the body; all that are on no sole when None.
+        carry: names of frame tasks that move with the body; all that are on no sole when None.
 
     Attributes:
         stack: what it leads.
@@ -63,11 +63,11 @@ class Walker:
         gait: timing and shape of a step.
         settings: feedback and touchdown.
         limits: of velocities.
-        carried: targets that go along with the body, by the name of their task.
+        carried: targets that move with the body, by the name of their task.
 
     Raises:
         ConfigurationError: the stack lacks something, the robot does not stand on two soles, a
-            leg does not reach where the plan wants it, or feet as far apart as the gait says touch
+            leg does not reach a planned foothold, or feet as far apart as in the gait touch
             or are out of reach.
         UnknownNameError: no such frame task to carry.
     """
@@ -208,7 +208,7 @@ class Walker:
         return any(contact == c.name for c in self._engine.parts.tasks.contacts)
 
     def lead(self, state: RobotState) -> None:
-        """Set what the next tick should do.
+        """Set targets and contacts for the next tick.
 
         Args:
             state: of the robot; one that is not finite, its time included, is passed over.
@@ -226,7 +226,7 @@ def _double(value: float) -> float:
 
 
 def _check_alone(gait: Gait | None, q: Numbers | None, ground: Ground | None) -> None:
-    """Raises ConfigurationError if something is given that a plan has of its own."""
+    """Raise ConfigurationError for an argument that the plan sets."""
     for name, value in (("gait", gait), ("q", q), ("ground", ground)):
         if value is not None:
             raise ConfigurationError(

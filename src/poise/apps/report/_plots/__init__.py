@@ -24,7 +24,7 @@ _PLOTS: tuple[Callable[[RunSignals], list[PlotFigure]], ...] = (
 
 
 def draw_plots(run: RunSignals) -> list[PlotFigure]:
-    """Draw all plots for which the record has something to show."""
+    """Draw all plots for which the record has data."""
     return [figure for draw in _PLOTS for figure in draw(run)]
 
 

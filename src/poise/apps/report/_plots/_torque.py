@@ -31,7 +31,7 @@ _SIDES = (
 
 
 def grouped_order(names: Sequence[str]) -> tuple[list[int], list[tuple[str, int]]]:
-    """Order joints so that those of one group stand together; size of each group."""
+    """Order joints by group; size of each group."""
     of_joint = [guess_group(name) for name in names]
     order: list[int] = []
     counts: list[tuple[str, int]] = []
@@ -43,7 +43,7 @@ def grouped_order(names: Sequence[str]) -> tuple[list[int], list[tuple[str, int]
 
 
 def guess_group(name: str) -> str:
-    """Group of a joint by what its name says, "other" where it says nothing."""
+    """Group of a joint, by words in its name; "other" without a match."""
     lower = name.lower()
     part = next((part for part, words in _PARTS if any(w in lower for w in words)), "other")
     if part in ("leg", "arm"):
@@ -53,7 +53,7 @@ def guess_group(name: str) -> str:
 
 
 def short_names(names: Sequence[str]) -> list[str]:
-    """Names as labels, without the ending "_joint" that says nothing where all joints have it."""
+    """Names as labels, without the ending "_joint" where all joints have it."""
     ending = "_joint"
     if all(name.endswith(ending) for name in names):
         names = [name.removesuffix(ending) for name in names]
