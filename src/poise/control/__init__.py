@@ -21,7 +21,10 @@ from poise.control._make import (
 from poise.control._osf import OperationalSpaceController
 from poise.control._rank import RankTreatment
 from poise.control._reduced import ReducedController
-from poise.control._strategy import PHYSICS_LEVELS as PHYSICS_LEVELS
+from poise.control._strategy import (
+    PHYSICS_LEVELS as PHYSICS_LEVELS,
+    PHYSICS_TOLERANCE as PHYSICS_TOLERANCE,
+)
 from poise.control._warm_up import usable_cores as usable_cores, warm_up as warm_up
 from poise.control._whole_body import WholeBodyController
 

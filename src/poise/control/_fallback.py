@@ -12,14 +12,18 @@ from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers, is_array, is_time, laid_out
 from poise._compiled import compiled
-from poise.dynamics import Dynamics, Motion, PayloadEstimate, RobotState, frames_of, motion_of
+from poise.dynamics import (
+    LARGEST,
+    Dynamics,
+    Motion,
+    PayloadEstimate,
+    RobotState,
+    frames_of,
+    motion_of,
+)
 from poise.errors import ConfigurationError
 from poise.robots import Robot
-from poise.stack import TorqueLimit
-
-_MIN_TICK = 1e-3
-"""Least time that a tick without an answer counts, so that a clock that stands still, jumps back or
-is not a number does not hold the last command for ever [s]."""
+from poise.stack import SHORTEST_TICK, UNIT_TOLERANCE, TorqueLimit
 
 DECAY_TIME = 0.1
 """Time constant with which the last good torque decays [s]."""
@@ -84,8 +88,9 @@ class Fallback:
 
     def _ratio(self, time: object) -> float:
         """Return the share of the last good command."""
-        # Monotonic, so that a clock that steps back cannot restore torque.
-        self._elapsed += _MIN_TICK
+        # Monotonic: a clock that steps back restores no torque, and one that stands still or is
+        # not a number does not hold the last command for ever.
+        self._elapsed += SHORTEST_TICK
         if is_time(time):
             self._elapsed = max(self._elapsed, time - self._time)
         return math.exp(-self._elapsed / self._decay_time)
@@ -217,13 +222,6 @@ def _pelvis_over_soles(
     return pelvis - lowest
 
 
-_QUATERNION_TOLERANCE = 1e-3
-"""Deviation of the base quaternion's norm from one; Pinocchio assumes a unit quaternion."""
-
-_LARGEST = 1e6
-"""Largest position or speed of a robot [m, rad, m/s, rad/s]; far beyond, squares overflow."""
-
-
 def is_usable(state: object, robot: Robot) -> bool:
     """Check kinds and sizes, finite and sane numbers, and the norm of the base quaternion."""
     if not isinstance(state, RobotState):
@@ -253,7 +251,7 @@ def fault_of(state: object, robot: Robot) -> str:
         ("q", state.q, _entries(robot, robot.nq)),
         ("v", state.v, _entries(robot, robot.nv)),
     ):
-        bad = np.flatnonzero(~(np.abs(value) <= _LARGEST)).tolist()
+        bad = np.flatnonzero(~(np.abs(value) <= LARGEST)).tolist()
         if bad:
             named = ", ".join(f"{entries[i]} is {value[i]:g}" for i in bad[:3])
             more = len(bad) - 3
@@ -269,12 +267,12 @@ def _is_sane(
     """Check size and quaternion; NaN fails every comparison."""
     for numbers in (q, v):
         for i in range(len(numbers)):
-            if not abs(numbers[i]) <= _LARGEST:
+            if not abs(numbers[i]) <= LARGEST:
                 return False
     if not floating_base:
         return True
     square = q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6]
-    return abs(square - 1.0) < 2.0 * _QUATERNION_TOLERANCE
+    return abs(square - 1.0) < 2.0 * UNIT_TOLERANCE
 
 
 def _kind(value: object) -> str:

@@ -16,6 +16,9 @@ from poise._compiled import factor_leading, part
 ROUNDING = 1e-12
 """Numbers smaller than this, relative to the largest beside them, are rounding."""
 
+SLOP = 1e-9
+"""Excess of a bound that is a solver's rounding [rad/s, rad/s^2]."""
+
 
 @part
 def factor_rows(

@@ -23,8 +23,6 @@ from poise.control._whole_body import WholeBodyController
 from poise.hqp import make_solver
 from poise.robots import load_robot
 
-_HERE = __name__.rpartition(".")[0]
-
 _ROBOT = "humanoid33"
 """Machine code does not depend on the robot."""
 
@@ -60,18 +58,18 @@ _ESTIMATOR = _Job(code=("poise.estimation",), make=_make_estimator)
 _JOBS = {
     # The strategies and the robot are such that they do not need the hierarchical solver.
     "reduced": _Job(
-        code=(f"{_HERE}._reduced", "poise.dynamics._reduction"),
+        code=(f"{__package__}._reduced", "poise.dynamics._reduction"),
         make=partial(_make, ControllerPlan(name="reduced", strategy="cascade")),
     ),
     "osf": _Job(
-        code=(f"{_HERE}._osf",), make=partial(_make, ControllerPlan(name="osf"), "upper17")
+        code=(f"{__package__}._osf",), make=partial(_make, ControllerPlan(name="osf"), "upper17")
     ),
     "differential_ik": _Job(
-        code=(f"{_HERE}._differential_ik",),
+        code=(f"{__package__}._differential_ik",),
         make=partial(_make, ControllerPlan(name="differential_ik")),
     ),
     "whole_body": _Job(
-        code=(f"{_HERE}._full_problem",),
+        code=(f"{__package__}._full_problem",),
         make=partial(_make, ControllerPlan(name="whole_body", strategy="cascade")),
     ),
 }

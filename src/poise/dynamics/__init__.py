@@ -1,6 +1,7 @@
 """Dynamics of one state of a robot, computed once a tick."""
 
 from poise.dynamics._dynamics import (
+    LARGEST as LARGEST,
     CheckedWrenches as CheckedWrenches,
     Dynamics,
     FrameKinematics as FrameKinematics,

@@ -31,6 +31,9 @@ from poise.robots import Robot
 
 _NUMBER = np.dtype(np.float64)
 
+LARGEST = 1e6
+"""Larger positions and speeds are no robot's [m, rad, m/s, rad/s]; far beyond, squares overflow."""
+
 
 class SensorReadings(NamedTuple):
     """Readings of a robot's sensors besides its joints and soles, for an estimator.

@@ -10,18 +10,9 @@ from jaxtyping import Float64
 
 from poise._checks import all_finite, is_array
 from poise.dynamics import CheckedWrenches, RobotState
-from poise.estimation._config import LONGEST_STEP
+from poise.estimation._config import LONGEST_STEP, ContactBelief
 from poise.estimation._momentum import MomentumObserver
 from poise.robots import GRAVITY, Robot
-
-_MEMORY = 5.0
-"""Time in the air over which a zero is averaged; it drifts with temperature [s]."""
-
-_FARTHEST = 0.04
-"""Force by the weight, in any direction, beyond which something touches the sole."""
-
-_REACH = 0.15
-"""Lever of a force of `_FARTHEST` whose moment is the largest of a zero [m]."""
 
 _SUSPICIOUS, _AGREES = 0.15, 0.125
 """Differences by the weight: a suspicious one to the inertial unit, 0.11 at most on walks; and the
@@ -37,9 +28,6 @@ cell under half the weight reaches it in 0.04 s, a hard landing 0.0003."""
 _WATCH, _AGREED = 0.5, 2.0
 """Time of watching after a suspicion, and time of agreement, two steps, that clears a cell [s]."""
 
-_LEAST = 0.1
-"""Estimated force by the weight that counts as none: 99th percentile of its error in the air."""
-
 
 class LoadCellTare:
     """Zeros of load cells, as the mean of the wrenches of soles in the air.
@@ -50,16 +38,31 @@ class LoadCellTare:
     what is below the cells. Until a sole has been in the air its zero is zero. A lasting contact of
     less than 4% of the weight, as of a wall, counts as a part of the zero.
 
+    Args:
+        soles: names of the soles.
+        weight: of the robot [N].
+        longest: time between two states over which zeros are learned [s].
+        memory: time in the air over which a zero is averaged; it drifts with temperature [s].
+        largest: force by the weight beyond which something touches the sole.
+        lever: of that force, whose moment is the largest of a zero [m].
+
     Attributes:
         zeros: of each sole that has been in the air, by name [N, N m].
     """
 
     def __init__(
-        self, soles: Sequence[str], weight: float, *, longest: float = LONGEST_STEP
+        self,
+        soles: Sequence[str],
+        weight: float,
+        *,
+        longest: float = LONGEST_STEP,
+        memory: float = 5.0,
+        largest: float = 0.04,
+        lever: float = 0.15,
     ) -> None:
-        self._soles, self._longest = tuple(soles), longest
-        self._force = _FARTHEST * weight
-        self._moment = _REACH * self._force
+        self._soles, self._longest, self._memory = tuple(soles), longest, memory
+        self._force = largest * weight
+        self._moment = lever * self._force
         self.reset()
 
     def reset(self) -> None:
@@ -96,7 +99,7 @@ class LoadCellTare:
             self.zeros[sole] = wrench.copy()
             self._seen[sole] = dt
             return
-        self._seen[sole] = seen = min(self._seen[sole] + dt, _MEMORY)
+        self._seen[sole] = seen = min(self._seen[sole] + dt, self._memory)
         before += dt / seen * (wrench - before)
 
 
@@ -194,5 +197,5 @@ class LoadCellVote:
         known = {n: w for n in self._names if n in contacts and (w := state.wrench(n)) is not None}
         for name, wrench in self._observer.share(before.q, known).items():
             force = math.hypot(*wrench[:3].tolist())
-            contacts[name] = wrench if force >= _LEAST * self._weight else np.zeros(6)
+            contacts[name] = wrench if force >= ContactBelief.load * self._weight else np.zeros(6)
         return replace(state, contacts=contacts)

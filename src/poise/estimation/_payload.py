@@ -39,8 +39,6 @@ their model."""
 _AT_REST = 0.05
 """Motion in the torso that counts as none: resting arms swing as much when a robot walks [m]."""
 
-_VIOLENT = 1e6
-"""Bound of the square of a change of the force over `PayloadBelief.push`."""
 
 _BODY, _TILT, _HELD = slice(0, 6), slice(4, 6), slice(6, None)
 """Unknowns: mass, first moment and error of the attitude; that error; masses in the hands."""
@@ -266,7 +264,7 @@ class PayloadEstimator:
         self._slow = slow = seen + kept * ((seen if self._slow is None else self._slow) - seen)
         changed, before = seen - slow, self._on_hands.copy()
         left = changed[:, 0] - changed[:, 1:].dot(before)
-        pushed = min(float(left[:3].dot(left[:3])) / (b.push * GRAVITY) ** 2, _VIOLENT)
+        pushed = min(float(left[:3].dot(left[:3])) / (b.push * GRAVITY) ** 2, 1e6)
         # A push passes through zero as it changes; the washout has its moment for longer.
         self._pushed = pushed = max(pushed, kept * self._pushed)
         noise = np.full(3, b.held_noise * GRAVITY * (1.0 + pushed))

@@ -5,12 +5,13 @@ Together they take half the time to compile: most of the filter is in the tick.
 
 import math
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise._compiled import compiled, part, view
-from poise.dynamics import column_at, place_frame
+from poise.dynamics import LARGEST, column_at, place_frame
 from poise.estimation._group import turn, turn_back
 from poise.estimation._memory import (
     ACCELEROMETER,
@@ -69,15 +70,9 @@ or by more than can be integrated over."""
 OK, FLYING, NO_IMU, CLOCK_JUMP, CLOCK_STILL, BAD_STATE, RESTARTED = range(len(EstimatorStatus))
 """The members of `EstimatorStatus`, in their order."""
 
-_LARGEST = 1e6
-"""Larger joint values are no robot's; their squares overflow."""
 
 _FASTEST_TURN, _HARDEST_SHOCK = 100.0, 500.0
 """Larger readings are no robot's [rad/s, m/s^2]."""
-
-# Indices in `EstimatorMemory.belief`: the fields of `ContactBelief`, then others.
-_LOAD, _LOAD_WIDTH, _BEGIN, _END, _SPEED, _SPEED_WIDTH, _REST, _SLIP = range(8)
-_TURN, _SHAKE, _GATE, _SLIP_TIME, _ENCODER, _JOINT_VELOCITY, _POINT, _WEIGHT = range(8, 16)
 
 _CERTAIN = 0.95
 """Probability of contact above which a sole is taken not to turn either."""
@@ -92,6 +87,27 @@ and the deviation of its velocity grows, by so much [m/s/sqrt(Hz)]."""
 _ROLLING = 0.02
 """Density of the walk of a sole that leans with its leg and rolls over its edges: its middle, 5 cm
 from them, goes up and down at some 5 cm/s for a fraction of a second [m/s/sqrt(Hz)]."""
+
+
+class _Belief(NamedTuple):
+    """`EstimatorMemory.belief` by name: the fields of `ContactBelief`, then others."""
+
+    load: float
+    load_width: float
+    begin: float
+    end: float
+    speed: float
+    speed_width: float
+    rest: float
+    slip: float
+    turn: float
+    shake: float
+    gate: float
+    slip_time: float
+    encoder: float
+    joint_velocity: float
+    point: float
+    weight: float
 
 
 @compiled
@@ -123,10 +139,10 @@ def run(address: int, operation: int, contact: int, time: float, dt: float) -> f
 def _take(m: EstimatorMemory) -> int:
     """Check joints and readings; the last readings replace unusable ones."""
     for i in range(7, len(m.q)):
-        if not abs(m.q[i]) <= _LARGEST:
+        if not abs(m.q[i]) <= LARGEST:
             return BAD_STATE
     for i in range(6, len(m.v)):
-        if not abs(m.v[i]) <= _LARGEST:
+        if not abs(m.v[i]) <= LARGEST:
             return BAD_STATE
     for i in range(7):
         m.q[i] = 1.0 if i == 6 else 0.0
@@ -211,39 +227,48 @@ def _see_soles(m: EstimatorMemory) -> None:
 
 
 @part
+def _belief_of(m: EstimatorMemory) -> _Belief:
+    b = m.belief
+    return _Belief(
+        *(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]),
+        *(b[8], b[9], b[10], b[11], b[12], b[13], b[14], b[15]),
+    )
+
+
+@part
 def _update_contacts(m: EstimatorMemory, time: float, dt: float) -> bool:
     """Correct the filter by soles at rest; return whether any contact is held."""
-    f, b, w, held = m.filter, m.belief, m.sensed, 0
+    f, b, w, held = m.filter, _belief_of(m), m.sensed, 0
     # Less the bias that it has at the start of the tick, for all soles.
     wx, wy, wz = w[0] - f.bias[GYRO, 0], w[1] - f.bias[GYRO, 1], w[2] - f.bias[GYRO, 2]
     for contact in range(len(m.place)):
-        load = m.wrenches[contact, 2] / b[_WEIGHT]
+        load = m.wrenches[contact, 2] / b.weight
         # Where nothing is measured all soles press.
-        pressed = 1.0 if m.measured == 0 else _logistic((load - b[_LOAD]) / b[_LOAD_WIDTH])
+        pressed = 1.0 if m.measured == 0 else _logistic((load - b.load) / b.load_width)
         probability = pressed * _resting(m, contact, wx, wy, wz)
         m.probability[contact] = probability
-        variance, rest = b[_ENCODER] ** 2, b[_POINT] ** 2
+        variance, rest = b.encoder**2, b.point**2
         _set_observation(f, m.place[contact], m.spread[contact], variance, rest)
         if f.active[contact] == 0:
-            if pressed > b[_BEGIN]:
+            if pressed > b.begin:
                 hold(f, contact)
-        elif pressed < b[_END]:
+        elif pressed < b.end:
             release(f, contact)
         else:
-            if innovate(f, contact) <= b[_GATE]:
+            if innovate(f, contact) <= b.gate:
                 correct(f)
-                if probability > b[_END]:
+                if probability > b.end:
                     m.fitted[0] = time
             else:
                 # A point that cannot be at rest gets a new anchor, as slipping.
-                m.slip_end[contact] = time + b[_SLIP_TIME]
+                m.slip_end[contact] = time + b.slip_time
                 release(f, contact)
                 hold(f, contact)
             if m.fresh != 0 and probability > _CERTAIN and m.leans[contact] == 0:
                 _correct_bias(m, contact, dt)
-        walk = b[_SLIP]
+        walk = b.slip
         if not time < m.slip_end[contact]:
-            walk = b[_REST] + (1.0 - probability) * (b[_SLIP] - b[_REST])
+            walk = b.rest + (1.0 - probability) * (b.slip - b.rest)
         f.contact_density[contact] = max(walk, _ROLLING) if m.leans[contact] != 0 else walk
         held += f.active[contact]
     if held == 0:
@@ -273,21 +298,21 @@ def _set_observation(
 @part
 def _correct_bias(m: EstimatorMemory, contact: int, dt: float) -> None:
     """Correct the gyro's bias by a sole at rest, whose joints then measure the rate."""
-    f, b, w = m.filter, m.belief, m.sensed
+    f, b, w = m.filter, _belief_of(m), m.sensed
     square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-    rest = (b[_TURN] ** 2 + b[_SHAKE] ** 2 * square) / dt
-    variance = b[_JOINT_VELOCITY] ** 2
+    rest = (b.turn**2 + b.shake**2 * square) / dt
+    variance = b.joint_velocity**2
     _set_observation(f, m.turning[contact], m.turning_spread[contact], variance, rest)
     for i in range(3):
         f.offset[i] += w[i]
-    if innovate_bias(f) <= b[_GATE]:
+    if innovate_bias(f) <= b.gate:
         correct(f)
 
 
 @part
 def _resting(m: EstimatorMemory, sole: int, wx: float, wy: float, wz: float) -> float:
     """Return the probability of rest by the estimated speed of a sole."""
-    f, b, u = m.filter, m.belief, m.speed[sole]
+    f, b, u = m.filter, _belief_of(m), m.speed[sole]
     x, y, z = m.place[sole, 0], m.place[sole, 1], m.place[sole, 2]
     along, aside, up = turn(
         f.R, u[0] + wy * z - wz * y, u[1] + wz * x - wx * z, u[2] + wx * y - wy * x
@@ -295,7 +320,7 @@ def _resting(m: EstimatorMemory, sole: int, wx: float, wy: float, wz: float) -> 
     v = f.x[VELOCITY]
     along, aside, up = along + v[0], aside + v[1], up + v[2]
     speed = math.sqrt(along * along + aside * aside + up * up)
-    return _logistic((b[_SPEED] - speed) / b[_SPEED_WIDTH])
+    return _logistic((b.speed - speed) / b.speed_width)
 
 
 @part

@@ -22,15 +22,13 @@ from jaxtyping import Float64
 from poise.errors import MissingExtraError, UnknownNameError
 from poise.hqp._tolerances import (
     ACCURACY,
+    COARSE,
     DEFINITE,
-    PROXIMAL_CREEP,
-    PROXIMAL_FAILURE,
-    PROXIMAL_FEASIBILITY,
-    PROXIMAL_NOISE,
+    FACTOR_TOLERANCE,
+    OPTIMALITY_TOLERANCE,
+    POINT_TOLERANCE,
     PROXIMAL_RATIOS,
-    PROXIMAL_STEP,
-    PROXIMAL_STEPS,
-    SINGULAR_COST,
+    SLACK_TOLERANCE,
 )
 
 
@@ -91,7 +89,7 @@ def _solve_by_daqp(qp: QP, time_limit: float) -> Float64[np.ndarray, " d"] | Non
 def _solve_by_qpsolvers(name: str, qp: QP, time_limit: float) -> Float64[np.ndarray, " d"] | None:
     if len(qp.lower) == 0:
         # qpsolvers would pass such a problem to an iterative solver.
-        return -np.linalg.lstsq(qp.P, qp.q, rcond=SINGULAR_COST)[0]
+        return -np.linalg.lstsq(qp.P, qp.q, rcond=SLACK_TOLERANCE)[0]
     settings = dict(SETTINGS.get(name, {}))
     if name == "osqp" and time_limit < np.inf:
         # The others have no such setting: their cap holds between levels.
@@ -136,26 +134,28 @@ def _proximal_point(qp: QP, solve: _Solve) -> Float64[np.ndarray, " d"] | None:
         if x is None:
             continue
         best, values = x, qp.A @ x
-        room = PROXIMAL_FEASIBILITY * np.maximum(1.0, norms * float(np.linalg.norm(x)))
+        room = FACTOR_TOLERANCE * np.maximum(1.0, norms * float(np.linalg.norm(x)))
         if (np.maximum(values - qp.upper, qp.lower - values) <= room).all():
             break
     return best
 
 
-def _repeat(qp: QP, weight: float, solve: _Solve) -> Float64[np.ndarray, " d"] | None:
+def _repeat(
+    qp: QP, weight: float, solve: _Solve, most: int = 300
+) -> Float64[np.ndarray, " d"] | None:
     """Minimise the cost plus `weight |x - x_last|^2 / 2` until x converges, or return None."""
     definite = replace(qp, P=qp.P + weight * np.eye(len(qp.q)))
     x, step, size = np.zeros(len(qp.q)), np.inf, 1.0
-    for k in range(PROXIMAL_STEPS):
+    for k in range(most):
         found = solve(replace(definite, q=qp.q - weight * x))
         if found is None:
             return None
         last, step = step, float(np.abs(found - x).max(initial=0.0))
         x, size = found, max(1.0, float(np.abs(found).max(initial=0.0)))
         # Small steps that no longer shrink are rounding, magnified by the weak curvature.
-        if step <= PROXIMAL_STEP * size or (step <= PROXIMAL_NOISE * size and step >= last):
+        if step <= POINT_TOLERANCE * size or (step <= OPTIMALITY_TOLERANCE * size and step >= last):
             break
-        # The gradient of the QP at x is the weight times the step.
-        if k >= PROXIMAL_CREEP and weight * step <= qp.slope:
+        # The gradient of the QP at x is the weight times the step; two or three steps are usual.
+        if k >= 10 and weight * step <= qp.slope:
             return x
-    return x if step <= PROXIMAL_FAILURE * size else None
+    return x if step <= COARSE * size else None

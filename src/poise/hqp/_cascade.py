@@ -26,11 +26,11 @@ from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._solution import Solution, SolveStatus
 from poise.hqp._tolerances import (
     ACCURACY,
-    HELD_ACTIVE,
-    HELD_BALANCE,
-    HELD_MULTIPLIER,
+    CERTIFIED,
+    COARSE,
+    FACTOR_TOLERANCE,
     MET_TOLERANCE,
-    PROJECTION_RANK,
+    OPTIMALITY_TOLERANCE,
     RANK_TOLERANCE,
     SLOPS,
 )
@@ -73,7 +73,7 @@ class Reduction:
     def rows(self, indices: Int[np.ndarray, " k"]) -> TwoSidedRows:
         """Return rows in y; those of dependent rows are exactly zero."""
         A = self.coefficients[indices] @ self.basis
-        gone = np.linalg.norm(A, axis=1) <= PROJECTION_RANK * self.norms[indices]
+        gone = np.linalg.norm(A, axis=1) <= FACTOR_TOLERANCE * self.norms[indices]
         A[gone] = 0.0
         offset = self.coefficients[indices] @ self.point
         return TwoSidedRows(
@@ -217,7 +217,7 @@ def _forced_rows(
     forces = space.problem.weights[indices] ** 2 * slacks
     unit = float(np.abs(forces * space.norms[indices]).max())
     held = space.held_rows()
-    near = HELD_ACTIVE * sizes[space.held]
+    near = OPTIMALITY_TOLERANCE * sizes[space.held]
     upper, lower = np.flatnonzero(held.upper <= near), np.flatnonzero(held.lower >= -near)
     normals = np.concatenate([held.A[upper], -held.A[lower]])
     norms = np.linalg.norm(normals, axis=1)
@@ -228,8 +228,8 @@ def _forced_rows(
     found, error = scipy.optimize.nnls(
         (normals[seen] / norms[seen, None]).T, -gradient / unit, maxiter=1000
     )
-    clear = found > HELD_MULTIPLIER
-    if error > HELD_BALANCE:
+    clear = found > COARSE
+    if error > CERTIFIED:
         return np.zeros(0, dtype=np.int64)
     return np.unique(space.held[np.concatenate([upper, lower])[seen][clear]])
 

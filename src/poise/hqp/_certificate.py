@@ -20,10 +20,9 @@ from jaxtyping import Bool, Float64
 from poise.hqp._measure import measure_point, row_sizes, row_values
 from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._tolerances import (
-    CERTIFIED_ACTIVE,
-    CERTIFIED_MULTIPLIER,
-    CERTIFIED_SLACK,
-    PROJECTION_RANK,
+    CERTIFIED,
+    FACTOR_TOLERANCE,
+    OPTIMALITY_TOLERANCE,
     RANK_TOLERANCE,
 )
 
@@ -55,9 +54,9 @@ class _Certifier:
         values = row_values(problem, x)
         sizes = row_sizes(problem, x)
         slacks = measure_point(problem, x).slacks
-        self.rounding = CERTIFIED_SLACK * sizes
+        self.rounding = OPTIMALITY_TOLERANCE * sizes
         self.slacks = np.where(np.abs(slacks) > self.rounding, slacks, 0.0)
-        near = CERTIFIED_ACTIVE * sizes
+        near = CERTIFIED * sizes
         self.at_upper = values >= problem.upper - near
         self.at_lower = values <= problem.lower + near
         self.equality = problem.lower == problem.upper
@@ -90,7 +89,7 @@ class _Certifier:
     ) -> None:
         """Mark the rows that hold as equalities at every optimum of the level."""
         self.free |= mine & (self.equality | (self.slacks != 0.0))
-        self.free |= np.abs(found * self.norms) > CERTIFIED_MULTIPLIER * size
+        self.free |= np.abs(found * self.norms) > CERTIFIED * size
 
     def _balance(
         self, gradient: Float64[np.ndarray, " n"], size: float, most: Float64[np.ndarray, " nm"]
@@ -114,7 +113,7 @@ class _Certifier:
         if len(free):
             rest = gradient + self.rows.T @ found
             unit = self.rows[free] / np.maximum(self.norms[free], 1e-300)[:, None]
-            forces = np.linalg.lstsq(unit.T, rest, rcond=PROJECTION_RANK)[0]
+            forces = np.linalg.lstsq(unit.T, rest, rcond=FACTOR_TOLERANCE)[0]
             found[free] -= forces / np.maximum(self.norms[free], 1e-300)
         return error, found
 

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Float64, Int64
 
 from poise._show import few
 from poise.errors import ProblemError
-from poise.hqp._tolerances import COST_TOLERANCE, DEFINITENESS_TOLERANCE
+from poise.hqp._tolerances import FACTOR_TOLERANCE, MET_TOLERANCE
 
 Numbers = np.ndarray | Sequence[Any] | float | int
 """An array, nested sequences, or one number for all rows."""
@@ -337,14 +337,14 @@ def _check_cost(problem: HierarchicalProblem) -> None:
     if not np.isfinite(g).all():
         raise ProblemError("g is not finite", got=g, wanted="finite coefficients")
     size = float(np.abs(H).max())
-    if float(np.abs(H - H.T).max()) > COST_TOLERANCE * size:
+    if float(np.abs(H - H.T).max()) > MET_TOLERANCE * size:
         raise ProblemError("H is not symmetric", got=H, wanted="H == H^T")
     values, vectors = np.linalg.eigh(H)
-    if values[0] < -DEFINITENESS_TOLERANCE * size:
+    if values[0] < -FACTOR_TOLERANCE * size:
         raise ProblemError(
             "H is not positive semidefinite", got=float(values[0]), wanted="eigenvalues >= 0"
         )
-    flat = vectors[:, values <= DEFINITENESS_TOLERANCE * size]
+    flat = vectors[:, values <= FACTOR_TOLERANCE * size]
     if flat.shape[1] and _falls_for_ever(problem, flat):
         raise ProblemError(
             "g falls along a direction that neither H nor a level holds: the final cost has no "
@@ -357,7 +357,7 @@ def _check_cost(problem: HierarchicalProblem) -> None:
 def _falls_for_ever(problem: HierarchicalProblem, flat: Float64[np.ndarray, "n k"]) -> bool:
     """Return whether the final cost falls along a direction that no row and no bound ends."""
     slope = problem.g @ flat
-    least = COST_TOLERANCE * max(1.0, float(np.abs(problem.g).max()))
+    least = MET_TOLERANCE * max(1.0, float(np.abs(problem.g).max()))
     if float(np.abs(slope).max()) <= least:
         return False
     # SciPy's optimizers take a tenth of a second to import, and few problems need them.

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float64, Int64
 from poise.hqp._certificate import Certificate, certify_point
 from poise.hqp._measure import measure_point
 from poise.hqp._problem import HierarchicalProblem, faults
-from poise.hqp._tolerances import OPPOSING_RATIO, VISIBLE_VIOLATION
+from poise.hqp._tolerances import COARSE, OPTIMALITY_TOLERANCE
 
 
 class SolveStatus(Enum):
@@ -94,7 +94,9 @@ class Solution:
         found: list[Conflict] = []
         for level, multipliers in enumerate(self._multipliers_by_level(problem)):
             own = problem.level_of == level
-            visible = VISIBLE_VIOLATION * max(1.0, float(np.abs(self.slacks[own]).max(initial=0.0)))
+            visible = OPTIMALITY_TOLERANCE * max(
+                1.0, float(np.abs(self.slacks[own]).max(initial=0.0))
+            )
             rows = np.flatnonzero(own & (np.abs(self.slacks) > visible))
             names = _by_strength(problem, np.abs(multipliers) * norms) if len(rows) else []
             for row in rows.tolist():
@@ -202,7 +204,7 @@ def _by_strength(problem: HierarchicalProblem, forces: Float64[np.ndarray, " nm"
     for row in np.flatnonzero(forces).tolist():
         name = problem.label(row)
         strength[name] = strength.get(name, 0.0) + float(forces[row])
-    least = OPPOSING_RATIO * max(strength.values(), default=0.0)
+    least = COARSE * max(strength.values(), default=0.0)
     ordered = sorted(strength.items(), key=lambda item: -item[1])
     return [name for name, force in ordered if force > least]
 

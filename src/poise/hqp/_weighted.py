@@ -19,7 +19,7 @@ from poise.hqp._cold import ColdSolver
 from poise.hqp._measure import measure_point
 from poise.hqp._problem import HierarchicalProblem
 from poise.hqp._solution import Solution, SolveStatus, failure
-from poise.hqp._tolerances import LEFT_OVER, MET_TOLERANCE, WEIGHT_SPAN
+from poise.hqp._tolerances import MET_TOLERANCE
 
 
 class WeightedSolver(ColdSolver):
@@ -79,11 +79,14 @@ def _forms(problem: HierarchicalProblem, ratio: float) -> Iterator[QP]:
             yield _tasks_as_cost(problem, ratio, first, soft)
 
 
-def _tasks_as_cost(problem: HierarchicalProblem, ratio: float, first: int, soft: int) -> QP:
+def _tasks_as_cost(
+    problem: HierarchicalProblem, ratio: float, first: int, soft: int, span: float = 1e6
+) -> QP:
     """Set up the QP with the levels from `first` on in the cost, and slack from `soft` on."""
     count, n = len(problem.levels), problem.n
     # The largest weight is one: DAQP takes rows that a large Hessian shrinks for empty ones.
-    ratio = min(ratio, WEIGHT_SPAN ** (1.0 / (count - first)))
+    # A larger span of weights leaves it no precision.
+    ratio = min(ratio, span ** (1.0 / (count - first)))
     unit = ratio ** (first - count)
     hessian, q = unit * problem.H, unit * problem.g
     for i, view in enumerate(problem.levels[first:], start=first):
@@ -106,7 +109,8 @@ def _tasks_as_cost(problem: HierarchicalProblem, ratio: float, first: int, soft:
         A=A,
         lower=problem.lower[rows],
         upper=problem.upper[rows],
-        slope=LEFT_OVER * unit * ratio,
+        # An error of 0.01 [unit/s^2] along directions of next to no cost may remain.
+        slope=0.01 * unit * ratio,
     )
 
 

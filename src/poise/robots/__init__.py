@@ -30,7 +30,7 @@ from poise.robots._mjcf_compile import (
     make_spec as make_spec,
     settled_spec as settled_spec,
 )
-from poise.robots._posture import standing_posture as standing_posture
+from poise.robots._posture import FULL_TILT as FULL_TILT, standing_posture as standing_posture
 from poise.robots._proposal import Proposal as Proposal
 from poise.robots._robot import (
     GRAVITY as GRAVITY,

@@ -15,7 +15,7 @@ from poise.robots._assembly import assemble, welded
 from poise.robots._document import Document, JointLimits
 from poise.robots._inputs import RobotInput, open_document
 from poise.robots._limbs import MARGIN, Chain, Limbs, Pair, Posture, bent_arms, find_limbs
-from poise.robots._limits import apply_limits, assume_limits, hinges, joint_kind
+from poise.robots._limits import NO_LIMIT, apply_limits, assume_limits, hinges, joint_kind
 from poise.robots._proposal import Proposal, joint_pattern
 from poise.robots._robot import GRAVITY
 from poise.robots._soles import Foot, body_frames, find_foot, shapes_of
@@ -24,15 +24,8 @@ from poise.robots._urdf import crossed_limits
 
 _SIDES = ("left", "right")
 
-_Y_UP = pin.utils.rotate("x", 0.5 * math.pi)  # turns a link whose y points up
 _FOREARM = 0.4  # of an arm: in a person the hand is 0.25 of it, forearm and hand are 0.6
-_GRIP = 0.9  # of a forearm without a hand, where it takes hold
 _SAME_SOLE = 0.015  # [m] that left and right meshes of one sole differ by
-_BESIDE = 1.15  # distance of feet by their width: they do not touch
-_RUN_UP = 0.004  # [s] to top speed of a motor alone: published rotors of G1 and T1 take 3 to 6 ms
-_MOST_ROTOR = 0.01  # [kg m^2] behind a light link: torque limits may stand in for unknown ones
-_TURNS, _ENDLESS = 4.0 * math.pi, 720.0  # two turns; limits between are taken for degrees
-_NO_END = 1e301  # [rad] for joints without limits: URDF has no infinity
 _WATER = 1000.0  # [kg/m^3] of a cube as high as two legs, which is heavier than a robot
 _ABSURD = 10.0  # of weight times size: what holds up ten such robots at arm's length
 _FAR_TOO_WEAK = 0.01  # of weight times leg length: the legs of shipped humanoids have 0.15 to 0.5
@@ -68,7 +61,7 @@ class _Describer:
         self._name, self._where = document.name, document.where
         self._names = document.links(), document.joints()
         self._file, self._upright = document.facts, document.facts.upright
-        endless = dict.fromkeys(document.endless(), (-_NO_END, _NO_END))
+        endless = dict.fromkeys(document.endless(), (-NO_LIMIT, NO_LIMIT))
         assembly = assemble(document, "floating", JointLimits(position=endless))
         self._grips, self._poses = assembly.grips, assembly.poses
         self._remarks = [*assembly.remarks, *assembly.clipped]
@@ -93,7 +86,7 @@ class _Describer:
             raise RobotError(f"{self._where} has no mass", got="no link with one", wanted=wanted)
         self._model, self._data = model, model.createData()
         spans = {name: high - low for name, (low, high) in ranges.items()}
-        self._endless = [name for name, _ in hinges(model) if not spans[name] < 1e300]
+        self._endless = [name for name, _ in hinges(model) if not spans[name] < NO_LIMIT]
         self._ranges = ranges | dict.fromkeys(self._endless, (-math.pi, math.pi))
         apply_limits(model, JointLimits(position=self._ranges))
 
@@ -140,7 +133,8 @@ class _Describer:
 
     def _limbs(self) -> Limbs:
         """The limbs, with z of the root link up or, where that gives no legs, its y."""
-        facts, where, y_up = self._file, self._where, _Y_UP @ self._upright
+        facts, where = self._file, self._where
+        y_up = pin.utils.rotate("x", 0.5 * math.pi) @ self._upright
         limbs = find_limbs(self._model, self._upright, self._grips, where)
         turned = limbs if limbs.legs else find_limbs(self._model, y_up, self._grips, where)
         if turned.legs and not limbs.legs:
@@ -188,7 +182,8 @@ class _Describer:
         angles = ((name, float(bent[joint.idx_q])) for name, joint in hinges(model))
         elbows = {} if start else {name: angle for name, angle in angles if angle}
         apart = abs(float((places[0] - places[1]) @ np.cross([0.0, 0.0, 1.0], forward)))
-        apart = max(apart, _BESIDE * max(float(foot.size[1]) for foot in feet))
+        # Feet do not touch.
+        apart = max(apart, 1.15 * max(float(foot.size[1]) for foot in feet))
         stance = find_stance(
             model, self._soles, to_soles, self._upright, forward, apart, start or elbows
         )
@@ -227,8 +222,8 @@ class _Describer:
         names = [f"{side}_hand" for side in _SIDES] if len(limbs.arms) == 2 else ["hand"]
         return [self._hand(name, arm) for name, arm in zip(names, limbs.arms, strict=False)]
 
-    def _hand(self, name: str, arm: Chain) -> int:
-        """Add a hand, on the last link of an arm."""
+    def _hand(self, name: str, arm: Chain, grip: float = 0.9) -> int:
+        """Add a hand, on the last link of an arm, or at that part of a forearm."""
         model, joint, reason = self._model, arm[-1], "at the COM of what its last joint moves"
         point = np.array(model.inertias[joint].lever)
         along = point / max(float(np.linalg.norm(point)), 1e-9)
@@ -236,7 +231,7 @@ class _Describer:
         end = max((float((balls.centres @ along).max()) for balls in shapes), default=0.0)
         upper = sum(float(np.linalg.norm(model.jointPlacements[j].translation)) for j in arm[1:])
         if end > _FOREARM * (end + upper):
-            point, reason = _GRIP * end * along, "near the end of a forearm without a hand"
+            point, reason = grip * end * along, "near the end of a forearm without a hand"
         place = pin.SE3(self._link(joint).placement.rotation, point)
         return self._put(f"hands.{name}", joint, place, f"end of the arm, {reason}")
 
@@ -281,8 +276,10 @@ class _Describer:
             reason = f"assumed, {none}: {''.join(w for w in said if w.startswith(kind))}"
             self._say(f"limits.{kind}", {n: float(f"{x:.3g}") for n, x in changed.items()}, reason)
         moved = pin.crba(model, model.createData(), q).diagonal()
-        rotor = _RUN_UP * model.effortLimit / model.velocityLimit
-        rotor = np.minimum(rotor, np.maximum(moved, _MOST_ROTOR))
+        # Published rotors of G1 and T1 take 3 to 6 ms to the top speed of a motor alone. Behind a
+        # light link they may have 0.01 kg m^2: torque limits may stand in for unknown ones.
+        rotor = 0.004 * model.effortLimit / model.velocityLimit
+        rotor = np.minimum(rotor, np.maximum(moved, 0.01))
         bare = {name: rotor[k] for name, k in places.items() if model.armature[k] <= 0.0}
         why = "4 ms times torque limit over speed limit, at most the inertia that the joint moves"
         reason = f"estimated, {none}: {why} [kg m^2]"
@@ -291,11 +288,12 @@ class _Describer:
     def _remark_on_limits(self) -> None:
         """Limits of hinges that make sense in degrees alone, and torques beyond any motor."""
         turning = [(n, j) for n, j in hinges(self._model) if joint_kind(j) == "revolute"]
+        two_turns = 4.0 * math.pi
         odd = [
             f"{name} ({low:.4g} to {high:.4g})"
             for name, _ in turning
             for low, high in [self._ranges[name]]
-            if _TURNS < max(-low, high) <= _ENDLESS
+            if two_turns < max(-low, high) <= math.degrees(two_turns)
         ]
         said = "limits beyond two turns, which look like degrees in place of radians"
         self._remark(odd, f"{said}: {few(odd)}")
@@ -304,7 +302,7 @@ class _Describer:
         weight = GRAVITY * pin.computeTotalMass(self._model)
         most = _ABSURD * weight * np.ptp(places, axis=0).max()
         torques = [(name, float(self._model.effortLimit[j.idx_v])) for name, j in turning]
-        strong = [f"{name} ({torque:.6g} N m)" for name, torque in torques if most < torque < 1e300]
+        strong = [f"{name} ({t:.6g} N m)" for name, t in torques if most < t < NO_LIMIT]
         said = "torque limits that no motor of a robot of this weight has"
         self._remark(strong, f"{said}: {few(strong)}")
 
@@ -315,7 +313,7 @@ class _Describer:
         torques = [float(model.effortLimit[j.idx_v]) for j in joints if joint_kind(j) == "revolute"]
         least, most = min(torques, default=0.0), max(torques, default=0.0)
         size = f"legs of {tall:.3g} m"
-        weak = least > 0.0 and most < min(1e300, _FAR_TOO_WEAK * mass * GRAVITY * tall)
+        weak = least > 0.0 and most < min(NO_LIMIT, _FAR_TOO_WEAK * mass * GRAVITY * tall)
         grams = "are masses in grams, or lengths in another unit than metres?"
         heavy = f"{mass:.0f} kg on {size}, more than so much water: {grams}"
         if not self._remark(mass > _WATER * (2.0 * tall) ** 3, heavy):

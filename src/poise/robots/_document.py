@@ -34,8 +34,6 @@ BLANK = "\ufeff \t\r\n"  # Before the first sign of XML, with the mark of a file
 _ROUNDING = 1e-6
 """Inertias are written with about so many digits, by which a computed one may be off."""
 
-_PRINCIPAL = 1e-9  # MuJoCo's principal moments are off by up to 1e-12 of the largest
-
 
 class Coupling(NamedTuple):
     """A joint that follows another one: q_follower = offset + ratio q_leader."""
@@ -217,7 +215,8 @@ def possible_inertia(inertia: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray,
     No body has a larger one, and MuJoCo refuses it.
     """
     values, axes = np.linalg.eigh(inertia)
-    most = (values[0] + values[1]) * (1.0 - _PRINCIPAL)
+    # MuJoCo's principal moments are off by up to 1e-12 of the largest.
+    most = (values[0] + values[1]) * (1.0 - 1e-9)
     if values[2] <= most or most <= 0.0:
         return None
     values[2] = most

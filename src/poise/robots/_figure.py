@@ -9,9 +9,6 @@ from jaxtyping import Float64
 from poise._show import new_figure
 from poise.robots._robot import Robot
 
-_VIEWS = (("from the front", 1, "y [m]"), ("from the right", 0, "x [m]"))
-"""Title, the coordinate that is drawn across, and its label."""
-
 
 def draw_robot(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Any:
     """A matplotlib figure: links as lines between joints, soles, hands, pelvis, torso and COM."""
@@ -20,7 +17,8 @@ def draw_robot(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Any:
     com = pin.centerOfMass(model, data, q)
     figure = new_figure(7.0, 5.0)
     figure.suptitle(repr(robot), fontsize=9)
-    for axes, (title, across, label) in zip(figure.subplots(1, 2), _VIEWS, strict=True):
+    views = ("from the front", 1, "y [m]"), ("from the right", 0, "x [m]")
+    for axes, (title, across, label) in zip(figure.subplots(1, 2), views, strict=True):
         for joint in range(2 if robot.floating_base else 1, model.njoints):
             ends = np.array(
                 [data.oMi[model.parents[joint]].translation, data.oMi[joint].translation]

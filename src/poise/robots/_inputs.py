@@ -12,7 +12,7 @@ from poise._checks import checked_kind
 from poise._yaml import read_text
 from poise.errors import MissingExtraError, RobotError
 from poise.robots._document import BLANK, Document, read_document
-from poise.robots._limits import hinges
+from poise.robots._limits import NO_LIMIT, hinges
 from poise.robots._mjcf_write import mjcf_of
 from poise.robots._noise import captured
 
@@ -63,7 +63,7 @@ def open_document(given: RobotInput, geometry: pin.GeometryModel | None = None) 
             checked_kind(geometry, pin.GeometryModel, "geometry of a model")
         document = read_document(mjcf_of(given, geometry), given.name or "pin.Model")
         speeds = {n: float(given.velocityLimit[j.idx_v]) for n, j in hinges(given)}
-        document.velocity = {n: speed for n, speed in speeds.items() if 0.0 < speed < 1e300}
+        document.velocity = {n: speed for n, speed in speeds.items() if 0.0 < speed < NO_LIMIT}
         return document
     kind = type(given).__name__
     if kind in ("MjModel", "MjSpec") and type(given).__module__.startswith("mujoco"):

@@ -8,6 +8,7 @@ from jaxtyping import Float64, Int64
 
 from poise._checks import Numbers, checked_kind
 from poise.errors import ConfigurationError, UnknownNameError
+from poise.robots._mjcf_compile import mujoco_module
 from poise.robots._robot import Robot
 
 _LEG = "hip_pitch hip_roll hip_yaw knee ankle_pitch ankle_roll"
@@ -16,9 +17,6 @@ _ARM = "shoulder_pitch shoulder_roll shoulder_yaw elbow wrist_roll wrist_pitch w
 _UNITREE = {"g1": (_LEG, "waist_yaw waist_roll waist_pitch"), "h1_2": (_YAW_LEG, "torso")}
 """A leg and the trunk by the names of unitree_ros, as `G1JointIndex` and `H1_2_JointIndex` of
 unitree_sdk2_python order them: legs, trunk, arms, left before right."""
-
-_SLIDE, _HINGE, _JOINT_ACTUATORS = 2, 3, (0, 1)
-"""MuJoCo's numbers of joints with one position, and of actuators that act on a joint."""
 
 
 class JointOrder:
@@ -52,9 +50,12 @@ class JointOrder:
             prefix: of the names of one robot's joints; joints without it are left out.
             actuators: True for the order of `ctrl`, by the joint that each actuator moves.
         """
-        joints = [j for j in range(model.njnt) if model.jnt_type[j] in (_SLIDE, _HINGE)]
+        mujoco = mujoco_module("a MuJoCo model")
+        kinds = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+        joints = [j for j in range(model.njnt) if model.jnt_type[j] in kinds]
         if actuators:
-            joints = model.actuator_trnid[np.isin(model.actuator_trntype, _JOINT_ACTUATORS), 0]
+            on_joints = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
+            joints = model.actuator_trnid[np.isin(model.actuator_trntype, on_joints), 0]
         names = [str(model.joint(j).name) for j in joints]
         return JointOrder([n.removeprefix(prefix) for n in names if n.startswith(prefix)])
 

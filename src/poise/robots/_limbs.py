@@ -12,18 +12,14 @@ from jaxtyping import Float64
 from poise._show import few
 from poise.errors import RobotError
 
-_FEWEST = 3  # joints of a limb: fewer cannot place its end in space
+FEWEST = 3  # joints of a limb: fewer cannot place its end in space
 _HAND_PART = 0.1  # of the mass, below which a branching is a hand: a person's arms are 0.1
 _MIRRORED = 0.08  # of the height, tolerance of mirrored joints: a person's hips are 0.1 apart
 _DOWN = 0.15  # of the height, that legs reach down by: 0.5 in a person, less in a folded leg
 _LEVEL = 0.05  # of the height, by which a waist may begin below the legs that it carries
-_UNEQUAL = 0.03  # of the mass, a difference that cables and rounding explain
-_APART = 0.03  # [m] that centres of mass and offsets may differ by, with a battery on one side
-_HEAVIER = 0.5  # of the inertia, a difference that other drawings of one part explain
 _BEND = 0.8  # [rad] by which an elbow is bent: an arm of equal halves keeps 0.92 of its length
 _NEAR = 0.01  # [m] by which an elbow beside the line to the hand may stretch a straight arm
 MARGIN = 0.02  # [rad] of proposed postures to position limits: encoders are off by less
-_AHEAD, _UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 # Joints of a limb from the trunk outwards; two limbs, left and right once the sides are known.
 Chain = tuple[int, ...]
@@ -50,7 +46,7 @@ def find_limbs(
     """Legs are the two mirrored chains that reach lowest, arms the longest two others."""
     tree = _Tree(model, upright)
     hanging = [pair for pair in tree.pairs if tree.hangs(pair)]
-    legs = tree.sided(min(hanging, key=tree.end), _AHEAD) if hanging else None
+    legs = tree.sided(min(hanging, key=tree.end), pin.XAxis) if hanging else None
     others = [p for p in tree.pairs if not {*p[0], *p[1]} & {j for leg in legs or () for j in leg}]
     low = min(map(tree.end, hanging), default=0.0) + _DOWN * tree.height
     if feet := [p for p in others if p in hanging and tree.end(p) < low]:
@@ -59,10 +55,10 @@ def find_limbs(
         wanted = "two; or a description that says what it stands on (description_template)"
         raise RobotError(f"{where} has more than two legs", got=got, wanted=wanted)
     arms: tuple[Chain, ...] = tuple(tree.branches) if len(tree.branches) == 1 else ()
-    forward = tree.forward(legs) if legs is not None else _AHEAD
+    forward = tree.forward(legs) if legs is not None else pin.XAxis
     if others:
         pair = max(others, key=lambda p: len(p[0]))
-        forward = forward if legs is not None else tree.forward(tree.sided(pair, _AHEAD))
+        forward = forward if legs is not None else tree.forward(tree.sided(pair, pin.XAxis))
         arms = tree.sided(pair, forward)
     arms = tuple(_without_fingers(model, arm, grips) for arm in arms)
     differences = [said for pair in (legs, arms) for said in tree.differences(pair or ())]
@@ -126,11 +122,12 @@ class _Tree:
         votes = float(sum(_side(names[a], names[b]) for a, b in zip(*pair, strict=True)))
         apart = self._places[pair[0][0]] - self._places[pair[1][0]]
         left, right = pair
-        return pair if (votes or float(apart @ np.cross(_UP, forward))) > 0.0 else (right, left)
+        votes = votes or float(apart @ np.cross(pin.ZAxis, forward))
+        return pair if votes > 0.0 else (right, left)
 
     def forward(self, pair: Pair) -> Point:
         """The horizontal direction across from a left and a right chain."""
-        forward = np.cross(self._places[pair[0][-1]] - self._places[pair[1][-1]], _UP)
+        forward = np.cross(self._places[pair[0][-1]] - self._places[pair[1][-1]], pin.ZAxis)
         forward /= np.linalg.norm(forward)
         # An axis of the root link, where it is that but for rounding and unequal limbs.
         axis = np.round(forward)
@@ -149,11 +146,12 @@ class _Tree:
             inertia = [float(np.linalg.eigvalsh(link.inertia)[2]) for link in links]
             offset = [_norm(model.jointPlacements[j].translation) for j in sides]
             off = [_norm(mirror @ com[0] - com[1]), 0.0]
+            # Cables, rounding, a battery on one side and other drawings of one part explain less.
             for what, (a, b), most, unit in (
-                ("masses behind", mass, _UNEQUAL * max(mass), "kg"),
-                ("distances from the joint before of", offset, _APART, "m"),
-                ("centres of mass behind", off, _APART, "m from mirrored"),
-                ("largest principal inertias behind", inertia, _HEAVIER * max(inertia), "kg m^2"),
+                ("masses behind", mass, 0.03 * max(mass), "kg"),
+                ("distances from the joint before of", offset, 0.03, "m"),
+                ("centres of mass behind", off, 0.03, "m from mirrored"),
+                ("largest principal inertias behind", inertia, 0.5 * max(inertia), "kg m^2"),
             ):
                 if abs(a - b) > most:
                     values = f"{a:.3g}" if off == [a, b] else f"{a:.3g} and {b:.3g}"
@@ -179,7 +177,7 @@ def _branches(model: pin.Model) -> list[Chain]:
             # A waist or neck leads to further limbs, which start where it ends.
             if _parts(model, child):
                 trunks.append(child)
-            elif len(chain) >= _FEWEST:
+            elif len(chain) >= FEWEST:
                 chains.append(chain)
     return chains
 
@@ -194,9 +192,9 @@ def _parts(model: pin.Model, joint: int) -> bool:
 
 def _without_fingers(model: pin.Model, arm: Chain, grips: Collection[str]) -> Chain:
     """The arm up to the joint behind which it parts into fingers, and without a gripper's."""
-    parting = (k for k, j in enumerate(arm, 1) if k >= _FEWEST and len(model.children[j]) > 1)
+    parting = (k for k, j in enumerate(arm, 1) if k >= FEWEST and len(model.children[j]) > 1)
     kept = arm[: next(parting, len(arm))]
-    while len(kept) > _FEWEST and model.names[kept[-1]] in grips:
+    while len(kept) > FEWEST and model.names[kept[-1]] in grips:
         kept = kept[:-1]
     return kept
 
@@ -233,7 +231,7 @@ def bent_arms(model: pin.Model, q: Posture, limbs: Limbs, hands: Sequence[int]) 
     """
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
-    bent, wanted, across = q.copy(), None, np.cross(_UP, limbs.forward)
+    bent, wanted, across = q.copy(), None, np.cross(pin.ZAxis, limbs.forward)
     for arm, hand in zip(limbs.arms, hands, strict=True):
         start, shoulder = data.oMf[hand].translation, data.oMi[arm[0]].translation
         turns = list(swings(model, q, arm, hand, _BEND))
@@ -242,7 +240,7 @@ def bent_arms(model: pin.Model, q: Posture, limbs: Limbs, hands: Sequence[int]) 
         upper = [_norm(data.oMi[turn.joint].translation - shoulder) for turn in turns]
         middle = np.minimum(upper, np.linalg.norm(moved, axis=1) / _BEND * room)
         # To a centimetre: of joints that share one place the one that points ahead.
-        best = np.lexsort((moved @ (limbs.forward + _UP), np.round(middle, 2)))[-1]
+        best = np.lexsort((moved @ (limbs.forward + pin.ZAxis), np.round(middle, 2)))[-1]
         if wanted is not None:
             best = np.argmin(np.linalg.norm(moved - wanted, axis=1))
         elbow = turns[int(best)]

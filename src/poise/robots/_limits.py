@@ -1,6 +1,5 @@
 """Joint limits and inertias of a model: described, checked, assumed."""
 
-import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -98,9 +97,13 @@ def check_inertia(model: pin.Model, where: str) -> None:
     )
 
 
+NO_LIMIT = 1e300
+"""Numbers from here on stand for none: Pinocchio has the largest float where nothing is given."""
+
+
 def _is_size(value: float) -> bool:
-    """Positive and finite; Pinocchio writes the largest float where nothing is given."""
-    return 0.0 < value < 1e300 and math.isfinite(value)
+    """Positive and finite."""
+    return 0.0 < value < NO_LIMIT
 
 
 _SPEED = {"revolute": 10.0, "prismatic": 1.0}

@@ -8,12 +8,11 @@ import pinocchio as pin
 
 from poise.errors import RobotError
 from poise.robots._document import free_name
+from poise.robots._limits import NO_LIMIT
 from poise.robots._mjcf_compile import compile_spec, mujoco_module
 
 _SIZES = {"SPHERE": 1, "CAPSULE": 2, "ELLIPSOID": 3, "CYLINDER": 2, "BOX": 3, "PLANE": 3}
 """Kinds of geoms beside meshes that are written, and how many sizes they have."""
-
-_NO_LIMIT = 1e300  # Pinocchio has the largest float where there is no limit
 
 
 def mjcf_of(given: Any, geometry: pin.GeometryModel | None = None) -> str:
@@ -257,9 +256,9 @@ def _add_pinocchio_joint(model: pin.Model, body: ET.Element, index: int) -> None
     span = [
         float(limit[joint.idx_q]) for limit in (model.lowerPositionLimit, model.upperPositionLimit)
     ]
-    limited = joint.nq == 1 and max(map(abs, span)) < _NO_LIMIT
+    limited = joint.nq == 1 and max(map(abs, span)) < NO_LIMIT
     effort = float(model.effortLimit[v])
-    forced = 0.0 < effort < _NO_LIMIT
+    forced = 0.0 < effort < NO_LIMIT
     _add(
         body,
         "joint",

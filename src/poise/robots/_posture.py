@@ -16,7 +16,7 @@ from poise.robots._robot import Robot, Sole
 from poise.robots._stance import REACHED, StanceGoals
 
 _FLAT_POSITION = 2e-3  # Soles this far off one plane [m] cannot stand on it
-_FLAT_ANGLE = 1e-2  # Soles tilted this much against each other [rad] cannot stand flat
+FULL_TILT = 1e-2  # A sole that is tilted by this much stands on its edge alone [rad]
 
 
 def home_configuration(
@@ -70,7 +70,7 @@ def _check_flat(world_T_sole: pin.SE3, name: str, where: str) -> None:
     height = float(world_T_sole.translation[2])
     tilt = float(np.linalg.norm(world_T_sole.rotation[:2, 2]))
     upright = world_T_sole.rotation[2, 2] > 0.0
-    if abs(height) > _FLAT_POSITION or tilt > _FLAT_ANGLE or not upright:
+    if abs(height) > _FLAT_POSITION or tilt > FULL_TILT or not upright:
         raise RobotError(
             f"sole {name!r} of {where} does not lie in the plane of the first in the home posture",
             got=f"{1000.0 * height:.1f} mm high, tilted by {tilt:.3f} rad",

@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from poise.errors import RobotError
 from poise.robots._geometry import Balls, link_shapes, union
-from poise.robots._limbs import Chain, Pair, Point
+from poise.robots._limbs import FEWEST, Chain, Pair, Point
 from poise.robots._robot import ModelSource, Robot
 
 _DEPTH = 0.003  # [m] above the lowest plane that counts as on it: edges of soles are rounded
@@ -20,11 +20,9 @@ _STEEPEST = float(np.cos(np.radians(40.0)))  # from a steeper face rubber of fri
 _CLEARLY = 1.1  # ratio of areas from which one face or rectangle is larger: meshes are uneven
 _SAME_FOOT = 0.02  # [m] of height within which faces are of one foot, as sole and toes are
 _LARGER = 1.5  # ratio of areas: the smaller face leaves out too much, as contact points may
-_OFF, _BESIDE = 0.005, 0.01  # [m] errors of a described sole to remark on: contacts give less
+_OFF = 0.005  # [m] error of a described sole's height to remark on: contacts give less
+_BESIDE = 0.01  # [m] that is certainly to one side, or over the edge: offsets are rounded finer
 _SLOW = 0.02  # leg lengths a second, at unit speed of all joints: a motion that cannot be made
-_ASIDE = 0.01  # [m] that is certainly to one side: offsets are rounded finer
-_OPPOSED = -0.5  # cosine of 120 degrees between feet, which cannot point ahead both
-_ARM = 3  # hands with fewer joints of their own may be fingers that turn over
 _LEG = 2  # soles with fewer joints in common below the pelvis may be of two legs, one locked
 
 Points = Float64[np.ndarray, "n 2"]
@@ -249,7 +247,8 @@ def check_roles(robot: Robot) -> None:
     for left, right in _named_pairs(soles):
         _check_side(robot, data, left, right, by_name)
     for left, right in _named_pairs(robot.hands):
-        if min(len(own) for own in _own(robot, left, right)) >= _ARM:
+        # Hands with fewer joints of their own may be fingers that turn over.
+        if min(len(own) for own in _own(robot, left, right)) >= FEWEST:
             _check_side(robot, data, left, right, by_name)
 
 
@@ -270,7 +269,8 @@ def _check_soles(robot: Robot, data: pin.Data, first: str, second: str) -> None:
         said = f"sole {below!r} of robot {robot.name!r} is on the leg of {above!r}, further down"
         joints = ", ".join(robot.model.names[j] for j in moving)
         raise RobotError(said, got=f"{' and '.join(links)}, below {joints}", wanted=legs)
-    if cosine < _OPPOSED:
+    # Feet 120 degrees apart cannot point ahead both.
+    if cosine < -0.5:
         angle = f"{np.degrees(np.arccos(max(cosine, -1.0))):.0f} degrees"
         got = f"{angle} between their x axes in the home posture"
         toes = "x of both soles towards the toes; mind their `rpy`"
@@ -295,8 +295,8 @@ def _check_side(robot: Robot, data: pin.Data, left: str, right: str, why: str) -
     places = [data.oMf[robot.frame_id(name)].translation for name in (left, right)]
     apart = float(places[0][1] - places[1][1])
     roots = [float(data.oMi[own[0]].translation[1]) for own in _own(robot, left, right) if own]
-    crossed = len(roots) == 2 and roots[0] - roots[1] > _ASIDE
-    if apart < -_ASIDE and not crossed:
+    crossed = len(roots) == 2 and roots[0] - roots[1] > _BESIDE
+    if apart < -_BESIDE and not crossed:
         links = [repr(robot.roles[name].link) for name in (left, right)]
         where = f"{left!r} on {links[0]}, {-apart:.3g} m to the right of {right!r} on {links[1]}"
         raise RobotError(

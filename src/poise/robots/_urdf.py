@@ -51,8 +51,6 @@ _COUNTS = {
     "mesh": {"scale": 3},
 }  # How many numbers the attributes of elements hold
 
-_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-"""Places of ixx, ixy, ixz, iyy, iyz, izz."""
 
 _XACRO, _SOURCE = "xacro", frozenset({"include", "macro", "property", "arg"})
 """Part of the namespace of xacro, and its elements that no expanded document has."""
@@ -210,7 +208,7 @@ class UrdfDocument(Document):
 
     def _write_inertia(self, inertial: ET.Element, inertia: Float64[np.ndarray, "3 3"]) -> None:
         for element in inertial.findall("inertia"):
-            for key, (i, j) in zip(INERTIA, _ENTRIES, strict=True):
+            for key, (i, j) in zip(INERTIA, zip(*np.triu_indices(3), strict=True), strict=True):
                 element.set(key, repr(float(inertia[i, j])))
 
     def endless(self) -> list[str]:

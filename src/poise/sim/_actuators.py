@@ -16,8 +16,6 @@ from poise.sim._config import PlantConfig
 
 Joints = Float64[np.ndarray, " nj"]
 
-_MOST_PARTS = 32  # a physics step is divided into no more
-
 
 class Actuators:
     """Turns commands into motor controls, in the actuation that the plant was made for."""
@@ -152,7 +150,7 @@ class ServoSteps:
         mujoco.mj_step(self._model, data, self.parts)
         self._model.opt.timestep = self._dt
 
-    def _parts(self, data: mujoco.MjData) -> int:
+    def _parts(self, data: mujoco.MjData, most: int = 32) -> int:
         if not np.isfinite(self._damping).all():
             return 1
         mujoco.mj_forward(self._model, data)
@@ -161,4 +159,4 @@ class ServoSteps:
         inverse = np.linalg.inv(inertia)[np.ix_(self._at_v, self._at_v)]
         root = np.sqrt(self._damping)
         fastest = float(np.linalg.eigvalsh(root[:, None] * inverse * root).max())
-        return min(_MOST_PARTS, max(1, math.ceil(self._dt * fastest)))
+        return min(most, max(1, math.ceil(self._dt * fastest)))

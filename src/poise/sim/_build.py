@@ -19,13 +19,7 @@ from poise.sim._self_contact import exclude_lasting_contacts, let_touch
 # Collision bits of the robot's geometry: it meets the ground, never itself
 FLOOR_ONLY = {"contype": 0, "conaffinity": 1}
 
-_SOLE_THICKNESS = 0.02  # the box under a foot reaches so far up [m]; only its lower face matters
-_FRICTION_IMPEDANCE = 10.0  # friction is so much stiffer than normals: a standing foot stays
 _HIDDEN_GROUP = 3  # MuJoCo's viewers do not draw geometry of this group unless asked to
-_TURNING = (0.005, 0.0001)  # torsional and rolling friction, MuJoCo's defaults
-
-# Stiff from the first touch, MuJoCo's solimp: a 100 kg robot sinks in by about 0.01 mm.
-_CONTACT_IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
 
 _LOOKS = """<mujoco>
   <asset>
@@ -126,7 +120,8 @@ def _set_options(spec: mujoco.MjSpec, config: PlantConfig) -> None:
     option = spec.option
     option.timestep = config.physics_dt
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = _FRICTION_IMPEDANCE
+    # Friction is so much stiffer than normals: a standing foot stays.
+    option.impratio = 10.0
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     # A diverged run must be reported, not silently restarted.
@@ -169,10 +164,12 @@ def _rigid_with(body: mujoco.MjsBody) -> list[mujoco.MjsBody]:
     return rigid
 
 
-def _add_sole(spec: mujoco.MjSpec, robot: Robot, role: FrameRole) -> mujoco.MjsGeom:
+def _add_sole(
+    spec: mujoco.MjSpec, robot: Robot, role: FrameRole, thickness: float = 0.02
+) -> mujoco.MjsGeom:
     """Put a thin box on the foot whose lower face is the sole: contact points are its corners."""
     sole = robot.soles[role.name]
-    half = np.array([sole.length / 2, sole.width / 2, _SOLE_THICKNESS / 2])
+    half = np.array([sole.length / 2, sole.width / 2, thickness / 2])
     body = _body(spec, role.link, robot)
     return body.add_geom(
         name=f"{role.name}_contact",
@@ -229,9 +226,10 @@ def _add_ground(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
         "contype": int(robot.floating_base),
         "conaffinity": 0,
         "condim": 3,  # Sliding only: a sole's yaw moment comes from its corners, as it should.
-        "friction": (config.friction, *_TURNING),
+        "friction": (config.friction, 0.0, 0.0),
         "solref": (config.contact_time_constant, 1.0),
-        "solimp": _CONTACT_IMPEDANCE,
+        # Stiff from touchdown: a 100 kg robot sinks in by about 0.01 mm.
+        "solimp": (0.95, 0.99, 0.001, 0.5, 2.0),
         "priority": 1,  # The ground sets the contact parameters, not the robot's document.
     }
     slope = np.array([1.0, 0.0, 0.0, 0.0])

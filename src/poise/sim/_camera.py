@@ -23,9 +23,6 @@ from poise.sim._mujoco import asked_platform, missing_library
 _PLATFORMS = ("egl", "osmesa")  # EGL first: it uses a graphics card where there is one
 _TRIAL = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 64, 64)"
 
-_FILLED = 0.9  # of the picture's height and width by the robot; the rest is for the lag
-_FOLLOW_SECONDS = 0.4  # lag of the camera, so that the picture does not shake with the robot
-_GROUND = 0.35  # ground about the robot that is seen, in robot heights: a step ahead and behind
 
 # Red, green, blue, opacity in [0, 1]
 Colour = Annotated[tuple[float, float, float, float], Vector(4, Bounds(least=0.0, most=1.0))]
@@ -157,21 +154,21 @@ class Camera:
         halves = np.einsum("nij,nj->ni", np.abs(turns), boxes[:, 3:])
         return centers - halves, centers + halves
 
-    def _seen(self) -> list[Float64[np.ndarray, "corners 3"]]:
-        """Corners of a box around the robot, and of blocks as far as they are near it [m]."""
+    def _seen(self, step: float = 0.35) -> list[Float64[np.ndarray, "corners 3"]]:
+        """Corners of a box around the robot, and of blocks a step by its height away [m]."""
         model, bodies = self._model, self._data.xpos[1:]
         lower, upper = self._boxes(model.geom_bodyid > 0)
         # Bodies count too: some documents have pictures of a few links only.
         ends = [(np.vstack([lower, bodies]).min(axis=0), np.vstack([upper, bodies]).max(axis=0))]
         planes = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
-        aim, reach = self._aim(), np.array([_GROUND, _GROUND, 1.0]) * self._height
+        aim, reach = self._aim(), np.array([step, step, 1.0]) * self._height
         for low, high in zip(*self._boxes((model.geom_bodyid == 0) & ~planes), strict=True):
             low, high = np.maximum(low, aim - reach), np.minimum(high, aim + reach)
             ends += [(low, high)] if (low < high).all() else []
         return [np.array(list(product(*np.transpose(box)))) for box in ends]
 
-    def _distance_for_all(self) -> float:
-        """Least distance that shows the whole robot and its ground [m]."""
+    def _distance_for_all(self, filled: float = 0.9) -> float:
+        """Least distance at which robot and ground fill that part of the picture [m]."""
         # A point at d from the robot's middle, where the camera looks, is seen if
         # |d . up| <= tan(fov / 2) (distance + d . ahead), and to the sides in the picture's ratio.
         azimuth, elevation = np.radians([self._view.azimuth, self._view.elevation])
@@ -179,7 +176,7 @@ class Camera:
         ahead = np.array([np.cos(azimuth) * c, np.sin(azimuth) * c, s])
         right = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
         corners = np.vstack(self._seen()) - self._aim()
-        slope = _FILLED * np.tan(0.5 * np.radians(float(self._model.vis.global_.fovy)))
+        slope = filled * np.tan(0.5 * np.radians(float(self._model.vis.global_.fovy)))
         ratio = self.config.width / self.config.height
         up = np.abs(corners @ np.cross(right, ahead))
         across = np.maximum(up, np.abs(corners @ right) / ratio)
@@ -188,8 +185,9 @@ class Camera:
     def _aim(self) -> Float64[np.ndarray, "3"]:
         return self._data.subtree_com[1] + [0.0, 0.0, self._lift]
 
-    def _follow(self, dt: float | None) -> None:
-        ratio = 1.0 if dt is None else 1.0 - np.exp(-dt / _FOLLOW_SECONDS)
+    def _follow(self, dt: float | None, lag: float = 0.4) -> None:
+        # With a lag the picture does not shake with the robot.
+        ratio = 1.0 if dt is None else 1.0 - np.exp(-dt / lag)
         aim, nearest = self._aim(), self.config.distance * self._height
         if not np.isfinite(aim).all():
             return

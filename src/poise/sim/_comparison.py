@@ -28,16 +28,10 @@ _PLACE_TOLERANCE = 1e-3
 _AXIS_TOLERANCE = 5e-3
 _TOLERANCES = np.array([_PLACE_TOLERANCE, _AXIS_TOLERANCE])
 
-_SWING = 0.4  # joints are compared at home and so far from it, where wrong signs show [rad]
 _MASS_TOLERANCE = 5e-3  # relative difference of masses written with three digits
 _MASS_STEP = 1e-3  # difference of masses written in kilograms to three decimals [kg]
 
-# Difference of centres of mass written in metres to three decimals, in joints that stand apart by
-# as much as is allowed: sqrt(3) 0.5 mm and 1 mm [m].
-_COM_TOLERANCE = 2e-3
-
 _RELATIVE_TOLERANCE = 1e-2  # of other quantities: smaller differences are left out
-_COARSE_STEP = 5e-3  # feet chatter on the ground with longer time steps [s]
 _WRONG_WHERE_SPARSE = "4.0.0"  # MuJoCo whose sparse Cholesky factorization is wrong (issue 3767)
 
 
@@ -170,7 +164,8 @@ def _bodies(robot: Robot, model: mujoco.MjModel, mapping: StateMap) -> list[str]
     apart = np.zeros(len(own))
     apart[heavy] = np.linalg.norm(centers[heavy] / masses[heavy, None] - places[heavy], axis=1)
     whole = float(np.linalg.norm(com - own @ places / robot.mass))
-    if max(whole, apart.max()) > _COM_TOLERANCE:
+    # Joints may be apart by half of it; the rest is that of three decimals, sqrt(3) 0.5 mm.
+    if max(whole, apart.max()) > 2.0 * _PLACE_TOLERANCE:
         k = int(apart.argmax())
         lines.append(
             f"centre of mass at home: {1e3 * whole:.1f} mm apart; most of what "
@@ -225,9 +220,8 @@ def _world(model: mujoco.MjModel) -> list[str]:
         lines.append(f"gravity: {gravity.tolist()} m/s^2, not {GRAVITY} downwards")
     if model.body_gravcomp.any():
         lines.append("bodies whose gravity the simulator compensates (gravcomp)")
-    if model.opt.timestep > _COARSE_STEP:
-        step, most = 1e3 * float(model.opt.timestep), 1e3 * _COARSE_STEP
-        lines.append(f"time step: {step:.4g} ms; feet chatter above some {most:.4g} ms")
+    if (step := float(model.opt.timestep)) > 5e-3:
+        lines.append(f"time step: {1e3 * step:.4g} ms; feet chatter above some 5 ms")
     newton = model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
     if newton and mujoco.mj_isSparse(model) and mujoco.__version__ == _WRONG_WHERE_SPARSE:
         lines.append(
@@ -238,10 +232,10 @@ def _world(model: mujoco.MjModel) -> list[str]:
     return lines
 
 
-def _swung(robot: Robot) -> Float64[np.ndarray, " nq"]:
-    """The home posture with every joint turned away from it."""
+def _swung(robot: Robot, angle: float = 0.4) -> Float64[np.ndarray, " nq"]:
+    """The home posture with every joint turned away from it, where wrong signs show."""
     q = robot.q_home.copy()
-    q[-robot.nj :] += _SWING * np.where(np.arange(robot.nj) % 2, 1.0, -1.0)
+    q[-robot.nj :] += angle * np.where(np.arange(robot.nj) % 2, 1.0, -1.0)
     return q
 
 

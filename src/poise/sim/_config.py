@@ -17,12 +17,10 @@ Actuation = Literal["torque", "position", "velocity"]
 """Kind of control of the joints' motors."""
 
 _FARTHEST = 1e2  # of places and angles [m, rad]: MuJoCo loses its accuracy there
-_STEEPEST = 0.7  # nothing stands on steeper ground [rad] with the friction of a floor
-_MOST_ASKEW = 0.5  # an inertial unit that is mounted more askew is in its description [rad]
-_NO_OVERLAP = 1e-6  # part of a physics step that is a rounding of its ends
 
 Offset = Annotated[tuple[float, float, float], Vector(3, Bounds(most=_FARTHEST, unit="m"))]
-Tilt = Annotated[tuple[float, float], Vector(2, Bounds(most=_STEEPEST, unit="rad"))]
+Tilt = Annotated[tuple[float, float], Vector(2, Bounds(most=0.7, unit="rad"))]
+"""Nothing stands on steeper ground with the friction of a floor."""
 Factor = Annotated[float, Bounds(positive=True, most=1e6)]
 Deviation = Annotated[float, Bounds(least=0.0, most=1e6)]
 """A standard deviation or a resolution, in the unit of the measurement."""
@@ -51,7 +49,7 @@ class Push:
         overlap = min(end, self.end) - max(begin, self.start)
         fraction = overlap / (end - begin)
         # A scheduled push moves the robot as one given when its time has come, to the last bit.
-        return fraction if fraction > _NO_OVERLAP else 0.0
+        return fraction if fraction > 1e-6 else 0.0
 
 
 @checked()
@@ -130,8 +128,9 @@ class SensorConfig:
     joint_velocity_noise: Deviation = 0.0  # [rad/s]
     base_position_noise: Deviation = 0.0  # [m]
     base_orientation_noise: Deviation = 0.0  # as a rotation vector [rad]
-    # Rotation about the base's x and y that a unit mounted askew has [rad]
-    base_orientation_error: Annotated[tuple[float, float], Vector(2, Bounds(most=_MOST_ASKEW))] = (
+    # Rotation about the base's x and y that a unit mounted askew has; more is in its description
+    # [rad]
+    base_orientation_error: Annotated[tuple[float, float], Vector(2, Bounds(most=0.5))] = (
         0.0,
         0.0,
     )

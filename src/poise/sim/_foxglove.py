@@ -86,7 +86,6 @@ _SCENE = Topic(
 
 _DRAWN = {"q", "v", "torque"}  # signals of the rows that are drawn
 _SLACK = 5e-10  # of a rate [s]: one that the control period divides stays exact
-_XYZW = [1, 2, 3, 0]  # order of ROS in a quaternion of MuJoCo
 
 
 class Pace:
@@ -145,7 +144,7 @@ class RobotTopics:
         data, ids = self._data, [i for i, _ in self._bodies]
         data.qpos[:] = self._map.qpos(q)
         mujoco.mj_kinematics(self._model, data)
-        poses = np.hstack((data.xpos[ids], data.xquat[ids][:, _XYZW]))
+        poses = np.hstack((data.xpos[ids], data.xquat[ids][:, [1, 2, 3, 0]]))
         begin = struct.pack("<II", *stamp)
         parts = [begin + frame + x.tobytes() for frame, x in zip(self._frames, poses, strict=True)]
         return struct.pack("<I", len(parts)) + b"".join(parts)

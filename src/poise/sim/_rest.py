@@ -14,10 +14,7 @@ from poise.sim._mapping import StateMap
 _REACH, _MOST_TILT = 1e-3, 5e-3
 
 _STEP = 1e-7  # of finite differences [m, rad, m/s, rad/s]; a hundredth of what a foot sinks in
-_TOLERANCE = 1e-9  # forces [N] and moments [N m] on the base that are left, over the weight
-_STILL = 1e-9  # velocities below this are rounding [m/s, rad/s]
-_MOST_ITERATIONS, _MOST_HALVINGS = 30, 12
-_BISECTIONS = 24  # until the height is known to a ten-thousandth of a micrometre
+_TOLERANCE = 1e-9  # rounding of wrenches on the base, over the weight, and of velocities
 
 
 def find_rest(
@@ -39,7 +36,7 @@ def find_rest(
         return None
     x = np.zeros(6)
     residual = base.unbalanced(x)
-    for _ in range(_MOST_ITERATIONS):
+    for _ in range(30):
         if np.abs(residual).max() < _TOLERANCE:
             break
         jacobian = np.column_stack(
@@ -47,7 +44,7 @@ def find_rest(
         )
         step = np.linalg.lstsq(jacobian, -residual)[0]
         # The longest of the step, its half, its quarter ... that leaves less unbalanced.
-        for halvings in range(_MOST_HALVINGS):
+        for halvings in range(12):
             there = x + 0.5**halvings * step
             left = base.unbalanced(there)
             if np.linalg.norm(left) < np.linalg.norm(residual):
@@ -56,7 +53,7 @@ def find_rest(
     if np.abs(residual).max() > math.sqrt(_TOLERANCE) or base.far(x):
         base.put_back()
         return None
-    base.unbalanced(np.where(np.abs(x) < _STILL, 0.0, x))
+    base.unbalanced(np.where(np.abs(x) < _TOLERANCE, 0.0, x))
     return data.qfrc_inverse[mapping.dof_order[6:]]
 
 
@@ -79,7 +76,8 @@ class _Base:
         low, high = -_REACH, _REACH
         if not self._weight > 0.0 or self._lift(low) < 0.0 or self._lift(high) > 0.0:
             return False
-        for _ in range(_BISECTIONS):
+        # Until it is known to a ten-thousandth of a micrometre.
+        for _ in range(24):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if self._lift(middle) > 0.0 else (low, middle)
         self._lift(low)

@@ -13,18 +13,15 @@ from poise.sim._mapping import StateMap
 
 _OWN = 2  # collision bit of geometry that meets other links of the robot; the ground has bit 1
 
-_NEAR_AT_HOME = 1e-3  # links no further apart than this in the home posture do not meet [m]
-
-_FRICTION = 0.5  # of covers on covers
 
 Pair = tuple[str, str]  # names of two links
 
 
-def let_touch(geoms: Iterable[mujoco.MjsGeom], time_constant: float) -> None:
+def let_touch(geoms: Iterable[mujoco.MjsGeom], time_constant: float, friction: float = 0.5) -> None:
     """Let geometry of the robot touch that of other links, besides what it touches already."""
     for geom in geoms:
         geom.contype, geom.conaffinity = geom.contype | _OWN, geom.conaffinity | _OWN
-        geom.friction = (_FRICTION, 0.005, 0.0001)
+        geom.friction = (friction, 0.005, 0.0001)
         geom.solref = (time_constant, 1.0)
 
 
@@ -40,8 +37,10 @@ def exclude_lasting_contacts(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: 
             spec.add_exclude(bodyname1=model.body(i).name, bodyname2=model.body(j).name)
 
 
-def _lasting_contacts(model: mujoco.MjModel, robot: Robot, places: StateMap) -> set[frozenset[int]]:
-    """Pairs of joints that move links which touch at home or in three of four postures."""
+def _lasting_contacts(
+    model: mujoco.MjModel, robot: Robot, places: StateMap, near: float = 1e-3
+) -> set[frozenset[int]]:
+    """Pairs of joints whose links are near at home or touch in three of four postures."""
     data, counts, count = mujoco.MjData(model), Counter[frozenset[int]](), 100
     joints = np.zeros(model.nbody, dtype=np.int64)
     joints[[*places.movers()]] = [*places.movers().values()]
@@ -55,7 +54,7 @@ def _lasting_contacts(model: mujoco.MjModel, robot: Robot, places: StateMap) -> 
     for q in random_postures(robot, count):
         counts.update(touching(q))
     margins = model.geom_margin.copy()
-    model.geom_margin[:] = _NEAR_AT_HOME
+    model.geom_margin[:] = near
     at_home = touching(robot.q_home)
     model.geom_margin[:] = margins
     return at_home | {pair for pair, times in counts.items() if times > 0.75 * count}

@@ -13,23 +13,19 @@ from jaxtyping import Float64
 from poise._schema import Positive, checked
 from poise.errors import ConfigurationError, MissingExtraError, TargetError
 from poise.robots import Robot
-from poise.sim._camera import Camera, CameraConfig, Colour, Marker
+from poise.sim._camera import Camera, CameraConfig, Marker
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord
-
-_COM_COLOUR: Colour = (0.95, 0.55, 0.05, 1.0)
-_ZMP_COLOUR: Colour = (0.80, 0.10, 0.55, 1.0)
-_FORCE_COLOUR: Colour = (0.05, 0.45, 0.85, 1.0)
-
-_BODY_WEIGHT_LENGTH = 0.45  # of the arrow of a force as large as the robot's weight [m]
-_SMALLEST_FORCE = 0.02  # that is drawn, as a part of the robot's weight
-_BEFORE_TOES = 0.06  # forces are drawn so far before the foot [m], where no leg hides them
-_ABOVE_GROUND = 0.005  # points on the ground are drawn this high [m]: half of each ball is seen
 
 
 def run_markers(robot: Robot, record: RunRecord) -> Callable[[int], tuple[Marker, ...]]:
     """Markers by sample of a run: COM on the ground (orange), ZMP (magenta), sole forces (blue)."""
-    points = ((record["com"], _COM_COLOUR), (record["zmp"], _ZMP_COLOUR))
+    orange, magenta, blue = (
+        (0.95, 0.55, 0.05, 1.0),
+        (0.80, 0.10, 0.55, 1.0),
+        (0.05, 0.45, 0.85, 1.0),
+    )
+    points = ((record["com"], orange), (record["zmp"], magenta))
     wrenches = {name: record[f"wrench/{name}"] for name in robot.soles}
     data = robot.model.createData()
 
@@ -39,15 +35,17 @@ def run_markers(robot: Robot, record: RunRecord) -> Callable[[int], tuple[Marker
         for point, colour in points:
             x, y = (float(value) for value in point[index][:2])
             if np.isfinite([x, y]).all():
-                found.append(Marker(position=(x, y, _ABOVE_GROUND), colour=colour))
+                # Half of each ball is seen.
+                found.append(Marker(position=(x, y, 0.005), colour=colour))
         for name, wrench in wrenches.items():
             world_T_sole = data.oMf[robot.frame_id(name)]
             force = world_T_sole.rotation @ wrench[index, :3] / robot.weight
-            if np.linalg.norm(force) > _SMALLEST_FORCE:
-                toes = np.array([0.5 * robot.soles[name].length + _BEFORE_TOES, 0.0, 0.0])
+            if np.linalg.norm(force) > 0.02:
+                # No leg hides what is before the foot; a force of the weight is 0.45 m long.
+                toes = np.array([0.5 * robot.soles[name].length + 0.06, 0.0, 0.0])
                 px, py, pz = (float(value) for value in world_T_sole.act(toes))
-                x, y, z = (_BODY_WEIGHT_LENGTH * float(value) for value in force)
-                arrow = Marker(position=(px, py, pz), arrow=(x, y, z), colour=_FORCE_COLOUR)
+                x, y, z = (0.45 * float(value) for value in force)
+                arrow = Marker(position=(px, py, pz), arrow=(x, y, z), colour=blue)
                 found.append(arrow)
         return tuple(found)
 

@@ -2,6 +2,7 @@
 
 from poise.stack._axes import (
     LINEAR_SPEED as LINEAR_SPEED,
+    UNIT_TOLERANCE as UNIT_TOLERANCE,
     Pose as Pose,
     checked_gain as checked_gain,
     checked_target as checked_target,
@@ -39,11 +40,15 @@ from poise.stack._stack import (
     default_stack,
     is_held as is_held,
 )
-from poise.stack._support import find_hull as find_hull
+from poise.stack._support import BASE as BASE, find_hull as find_hull
 from poise.stack._tables import Numbers as Numbers, Rows as Rows
 from poise.stack._targets import PoseTarget as PoseTarget
 from poise.stack._task import Task, TaskFaultError as TaskFaultError
-from poise.stack._torque_limit import SMOOTH_RATE as SMOOTH_RATE, TorqueLimit
+from poise.stack._torque_limit import (
+    SHORTEST_TICK as SHORTEST_TICK,
+    SMOOTH_RATE as SMOOTH_RATE,
+    TorqueLimit,
+)
 
 __all__ = [
     "BalanceLimit",

@@ -14,8 +14,6 @@ from jaxtyping import Float64, Int64
 from poise._checks import Numbers, all_finite, checked_kind
 from poise.errors import ConfigurationError, TargetError
 
-_LETTERS = {"x": 0, "y": 1, "z": 2}
-
 _NUMBER = np.dtype(np.float64)
 
 
@@ -34,14 +32,14 @@ def parse_axes(axes: str, groups: Mapping[str, int]) -> Int64[np.ndarray, " m"]:
                 letters = "xyz"
             elif len(groups) == 1:
                 group, letters = next(iter(groups)), group
-        if group not in groups or not letters or any(c not in _LETTERS for c in letters):
+        if group not in groups or not letters or set(letters) - set("xyz"):
             raise ConfigurationError(
                 "unknown axis mask",
                 got=axes,
                 wanted='a group, a group with letters such as "_xy", or several joined by "+"',
                 choices=groups,
             )
-        rows.extend(groups[group] + _LETTERS[c] for c in letters)
+        rows.extend(groups[group] + "xyz".index(c) for c in letters)
     if len(set(rows)) != len(rows):
         raise ConfigurationError("axis named twice in an axis mask", got=axes)
     return np.array(sorted(rows), dtype=np.int64)
@@ -170,7 +168,7 @@ def split_pose(value: Pose, what: str) -> tuple[Numbers, Numbers] | None:
     return matrix[:3, 3], np.ascontiguousarray(matrix[:3, :3])
 
 
-_UNIT_TOLERANCE = 1e-3
+UNIT_TOLERANCE = 1e-3
 """Largest deviation of a quaternion's length from one that is accepted."""
 
 
@@ -180,7 +178,7 @@ def _from_quaternion(value: Numbers, what: str) -> Numbers:
         return value
     quaternion = _checked_array(value, (4,), what)
     norm = float(np.linalg.norm(quaternion))
-    if abs(norm - 1.0) > _UNIT_TOLERANCE:
+    if abs(norm - 1.0) > UNIT_TOLERANCE:
         raise TargetError(
             f"{what} is no rotation: a quaternion that is not of length one",
             got=norm,

@@ -17,14 +17,11 @@ from poise.dynamics import (
     place_frame,
 )
 from poise.errors import ConfigurationError
-from poise.robots import Robot
+from poise.robots import FULL_TILT, Robot
 from poise.stack._axes import checked_target, split_rows
 from poise.stack._bound_once import BoundOnce
 from poise.stack._owner import Owner
 from poise.stack._tables import Line, StackNumbers
-
-FULL_TILT = 0.01
-"""A sole that leans and is tilted by this much stands on its edge alone [rad]."""
 
 _ROUNDING = 1e-9
 """Load left that is the sum's rounding, not a tick's part of the ramp."""

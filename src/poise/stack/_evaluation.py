@@ -38,7 +38,8 @@ _KINDS = (
 )
 """Classes with compiled formulas; a task in Python comes after these."""
 
-CONTACT, BALANCE, SELF_COLLISION, COM, MOMENTUM, JOINTS, FRAME, RELATIVE_FRAME, OWN = range(9)
+CONTACT, BALANCE, SELF_COLLISION, COM, MOMENTUM, JOINTS, FRAME, RELATIVE_FRAME = range(len(_KINDS))
+OWN = len(_KINDS)
 
 
 @once_a_robot

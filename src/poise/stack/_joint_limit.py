@@ -44,9 +44,6 @@ _SINGULAR = 1e-4
 """Added to the squares of how joints move a contact [m^2, 1]: motions that a leg which is all but
 straight could only do very fast are not taken to happen."""
 
-A_MAX, DT, MARGIN = range(3)
-"""Places in `Viability.settings`."""
-
 
 class Viability(MemoryBlock):
     """Inputs of the bounds of joint accelerations."""
@@ -56,7 +53,7 @@ class Viability(MemoryBlock):
     v_max: Float64[np.ndarray, " nj"]  # velocity limits [rad/s]
     braking: Float64[np.ndarray, " nj"]  # decelerations that stopping is planned with [rad/s^2]
     gentle: Float64[np.ndarray, " nj"]  # the same beside contacts, and the most asked for there
-    # Acceleration limit [rad/s^2], horizon [s], room between position limits and stops [rad]
+    # `acceleration_max` [rad/s^2], `horizon` [s], `position_margin` [rad]
     settings: Float64[np.ndarray, " settings"]
 
 
@@ -276,10 +273,17 @@ def bound_joints(
 
 
 @part
+def _settings_of(viability: Viability) -> tuple[float, float, float]:
+    """Acceleration limit, horizon and room between position limits and stops."""
+    return viability.settings[0], viability.settings[1], viability.settings[2]
+
+
+@part
 def _joint_bounds(
     viability: Viability, i: int, q: float, v: float, braking: float
 ) -> tuple[float, float]:
-    settings = (viability.settings[A_MAX], viability.settings[DT], braking)
+    a_max, dt, _ = _settings_of(viability)
+    settings = (a_max, dt, braking)
     below, above = q - viability.q_min[i], viability.q_max[i] - q
     return viable_bounds(below, above, v, viability.v_max[i], settings)
 
@@ -326,7 +330,7 @@ def _braking_asked(s: float, v: float, b: float, viability: Viability) -> float:
     by 5, and 2 mrad beyond the limit by 0.1 and not by 8, with the defaults.
     """
     approach = max(v, 0.0)
-    margin, dt = viability.settings[MARGIN], viability.settings[DT]
+    _, dt, margin = _settings_of(viability)
     distance = max(s, margin, 0.5 * _STOP_FRACTION * dt * approach, _TINY)
     back = _RETURN * dt
     return min(b, 0.5 * approach * approach / distance + 2.0 / (back * back) * max(-s, 0.0))

@@ -48,13 +48,21 @@ _AHEAD = 0.16
 _HARDEST = 30.0
 """Largest bound of the acceleration of a distance [m/s^2]."""
 
-_SHORT = 1e-12
+_SHORT = TOUCHING * TOUCHING
 """Square of the length of an axis that is a point [m^2]."""
 
-BRAKING, HORIZON, APPROACH, SHAPES, SHAPE = 0, 1, 2, 3, 7
-"""Places in the limit's parameters: braking [m/s^2], horizon [s] and time of approach [s]; where
-the capsules begin, both ends of the axis and the radius of each [m], and how many numbers each has.
-The least distance of each pair follows [m]."""
+
+class _Settings(NamedTuple):
+    """First parameters of the limit."""
+
+    braking: float  # [m/s^2]
+    horizon: float  # [s]
+    approach_time: float  # [s]
+
+
+SHAPES, SHAPE = len(_Settings._fields), 7
+"""Place of the first capsule in the limit's parameters, and how many numbers each has: both ends of
+the axis and the radius [m]. The least distance of each pair follows [m]."""
 
 _HALF, _SPEED, _PLACED, _CHOSEN_PAIR = 9, 10, 11, 6
 """Numbers a capsule of the work space: both ends of its axis in the world, its middle, half its
@@ -137,11 +145,11 @@ class SelfCollisionLimit(Limit):
     ) -> None:
         name = "self-collision limit"
         self._legs_only = checked_kind(legs_only, bool, f"legs_only of the {name}")
-        self._settings = [
+        self._settings = _Settings(
             checked_number(braking, f"braking of the {name} [m/s^2]", above=0.0),
             checked_number(horizon, f"horizon of the {name} [s]", above=0.0),
             checked_number(approach_time, f"approach_time of the {name} [s]", above=0.0),
-        ]
+        )
         self._set(
             name=name,
             enabled=checked_kind(enabled, bool, f"enabled of the {name}"),
@@ -463,15 +471,16 @@ def _write(
     distance = length - parameters[shapes + SHAPE * i + 6] - parameters[shapes + SHAPE * j + 6]
     room = distance - parameters[shapes + SHAPE * capsules + pair]
     rows.error[row], rows.error_rate[row] = distance, float(pair)
+    asked = _Settings(parameters[start], parameters[start + 1], parameters[start + 2])
     if assembly.velocities:
-        rows.target[row] = rows.reference[row] = -room / parameters[start + APPROACH]
+        rows.target[row] = rows.reference[row] = -room / asked.approach_time
         rows.drift[row] = 0.0
     else:
-        horizon = float(parameters[start + HORIZON])
+        horizon = asked.horizon
         sliding = _sliding(work, axes, places, frames, n, slip, length)
         # Within the horizon no distance shrinks faster than the points themselves move.
         drift -= min(sliding, sqrt(dot(slip, slip)) / horizon)
-        settings = (_HARDEST, horizon, float(parameters[start + BRAKING]))
+        settings = (_HARDEST, horizon, asked.braking)
         reference = -largest_acceleration(room, -rate, np.inf, settings)
         rows.target[row], rows.drift[row] = reference - drift, drift
         rows.reference[row] = reference

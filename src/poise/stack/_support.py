@@ -23,11 +23,6 @@ from poise._compiled import compiled, part
 from poise.dynamics import KINEMATICS, ROTATION, StateNumbers, column_at, place_frame
 from poise.stack._tables import Line, StackNumbers, line_of
 
-NEXT_STEP, TORQUES = 6, 14
-"""Places in the limit's parameters, after `BalanceSettings`: x and y of the corners of the next
-foothold, NaN for none [m], the largest torques of all joints [N m]. The least and the largest
-length of each leg [m] follow."""
-
 _STEEP = 0.7
 """Cosine of a contact's slope beyond which it is no ground: a hand on a wall can hold a robot whose
 divergent component is anywhere."""
@@ -60,6 +55,13 @@ class BalanceSettings(NamedTuple):
     braking: float  # of the legs' bounds [m/s^2]
     horizon: float  # of the legs' bounds [s]
     stop_time: float  # in which the soles could stop the angular momentum [s]
+
+
+NEXT_STEP = len(BalanceSettings._fields)
+TORQUES = NEXT_STEP + 8
+"""Places in the limit's parameters: x and y of the four corners of the next foothold, NaN for none
+[m], the largest torques of all joints [N m]. The least and the largest length of each leg [m]
+follow."""
 
 
 @part

@@ -11,7 +11,7 @@ from poise.errors import ConfigurationError
 from poise.robots import Robot
 from poise.stack._bound_once import Limit
 
-_SHORTEST, _LONGEST = 1e-3, 0.02
+SHORTEST_TICK, _LONGEST = 1e-3, 0.02
 """Bounds of the time between commands, which replace implausible clock readings [s]."""
 
 SMOOTH_RATE = 250.0
@@ -93,7 +93,7 @@ class TorqueLimit(Limit):
         if self.rate is None or isnan(self._time):
             return
         # Clocks that add up their ticks differ in the last digits, and answers should not.
-        seconds = min(max(_SHORTEST, round(time - self._time, 9)), _LONGEST)
+        seconds = min(max(SHORTEST_TICK, round(time - self._time, 9)), _LONGEST)
         _bound_change(self._numbers, seconds)
 
     def remember(self, torque: Float64[np.ndarray, " nj"], time: float) -> None:

@@ -7,8 +7,8 @@ from oracles import difference_drift, difference_jacobian, dynamics_at, frame_pl
 from scipy.optimize import linprog
 
 from poise.dynamics import RobotState
+from poise.robots import FULL_TILT
 from poise.stack import FrameTask, Stack, StackRows, SurfaceContact
-from poise.stack._contact import FULL_TILT
 
 MU, MARGIN = 0.6, 0.01
 ROLL = ".*_ankle_roll"

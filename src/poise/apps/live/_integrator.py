@@ -28,18 +28,6 @@ from poise.locomotion import (
 
 # Height over its place on the ground at which a button holds a foot [m]: an ordinary step
 HOLD_HEIGHT = 0.10
-# Speed at which a foot goes to its handle [m/s], however the mouse jumps: that of a swing foot
-_SPEED = 0.6
-# Speed of a lifted foot with the stick all the way over [m/s]: a step of 0.25 m takes a second
-_STICK_SPEED = 0.25
-# Distance to which the stick moves a place ahead of its foot, along an axis [m]: what a foot at
-# that speed lags behind by in a quarter of a second
-_STICK_LEAD = 0.06
-# Distance to which a handle leads from the robot's foot [m]: further than a leg reaches, and
-# near enough to be back within a second at `_SPEED`
-_HANDLE_LEAD = 0.4
-# Rates of height [m/s], and of torso and feet [rad/s], with their key held
-_RAISED, _TURNED = 0.06, 0.4
 _SHARE = 0.85  # part of its limits that a stick commands: feedback needs the rest
 _AT_REST = 0.05  # A stick that is no further over commands nothing: none rests at exactly zero
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
@@ -115,7 +103,8 @@ class Integrator:
         self._ways[hand] = way = (x + step * forward, y + step * left, z + step * up)
         return TrackedPose(way, clutch=True)
 
-    def _bend(self, raw: OperatorSample) -> None:
+    def _bend(self, raw: OperatorSample, speed: float = 0.06, rate: float = 0.4) -> None:
+        """Move height [m/s], and torso and feet [rad/s], at a speed with their keys."""
         if raw.body != self._put:
             self.body = self._put = raw.body
         if raw.neutral:
@@ -123,7 +112,7 @@ class Integrator:
         if not any(raw.bend):
             return
         up, *bend, turn = _deflections(raw.bend)
-        body, step, limits = self.body, self._dt * _TURNED, self.limits
+        body, step, limits = self.body, self._dt * rate, self.limits
         (left, right), (inwards, outwards) = body.turns, limits.turns
         if turn and _is_held(raw, 0):
             left = _turned(left + step * turn, right, -inwards, outwards)
@@ -133,7 +122,7 @@ class Integrator:
             _clipped(angle + step * way, -most, most) if way else angle
             for angle, way, most in zip(body.torso, bend, limits.torso, strict=True)
         )
-        height = _clipped(body.height + self._dt * _RAISED * up, *limits.height)
+        height = _clipped(body.height + self._dt * speed * up, *limits.height)
         self.body = BodyCommand(height, (roll, pitch, yaw), (left, right))
 
 
@@ -203,8 +192,18 @@ class LiveFeet(Integrator):
             self.places[foot] = np.array(rest_place(teleoperator, foot))
         return TrackedPose.of(self.places[foot])
 
-    def _integrate(self, foot: int, raw: OperatorSample) -> None:
+    def _integrate(
+        self,
+        foot: int,
+        raw: OperatorSample,
+        *,
+        speed: float = 0.6,
+        stick_speed: float = 0.25,
+        lead: float = 0.06,
+    ) -> None:
         """Move a place for a tick: to its handle, or up by its button and across by the stick."""
+        # At the speed of a swing foot, however the mouse jumps. The stick makes a step of 0.25 m in
+        # a second, and leads the foot by what it lags behind in a quarter of a second.
         estimator, mode = self._teleoperator.estimator, self._teleoperator.mode
         part, sole = raw.feet[foot], estimator.sole(foot)
         place = _near(self.places[foot], sole)
@@ -216,12 +215,12 @@ class LiveFeet(Integrator):
                 both = (raw.move, raw.second)
                 stick = np.clip(both[foot] if all(raw.lift) else np.add(*both), -1.0, 1.0).tolist()
                 along = along_ahead((*stick, 0.0), self._teleoperator.ahead)[:2]
-                goal = place[:2] + self._dt * _STICK_SPEED * along
-                x, y = np.clip(goal, sole[:2] - _STICK_LEAD, sole[:2] + _STICK_LEAD).tolist()
+                goal = place[:2] + self._dt * stick_speed * along
+                x, y = np.clip(goal, sole[:2] - lead, sole[:2] + lead).tolist()
                 # Across does not wait for up.
                 place = np.array([x, y, place[2]])
             goal = np.array([x, y, z + HOLD_HEIGHT])
-        self.places[foot] = place + _no_longer(goal - place, self._dt * _SPEED)
+        self.places[foot] = place + _no_longer(goal - place, self._dt * speed)
 
 
 def velocity_of(raw: OperatorSample, limits: VelocityLimits) -> Vector:
@@ -241,12 +240,14 @@ def _is_held(raw: OperatorSample, foot: int) -> bool:
     return raw.lift[foot] or (part is not None and part.clutch is None)
 
 
-def _near(goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"]) -> np.ndarray:
-    """A position, at most as far from a sole as a handle may be."""
+def _near(
+    goal: Float64[np.ndarray, "3"], sole: Float64[np.ndarray, "3"], lead: float = 0.4
+) -> np.ndarray:
+    """Limit a position's distance from a sole, to more than a leg reaches [m]."""
     # At the same height, where that is near enough: a foot whose handle is far away stays up.
     way = goal - sole
-    up = _clipped(way[2], -_HANDLE_LEAD, _HANDLE_LEAD)
-    across = _no_longer(way[:2], math.sqrt(_HANDLE_LEAD**2 - up**2))
+    up = _clipped(way[2], -lead, lead)
+    across = _no_longer(way[:2], math.sqrt(lead**2 - up**2))
     return sole + np.array([*across, up])
 
 

@@ -11,14 +11,13 @@ from poise.errors import ConfigurationError, PoiseError
 from poise.sim import AnyController, LeadFunction, Plant, Recorder, Tick, finish_log
 from poise.stack import Leader
 
-MOST_BYTES = 1 << 30  # of the files of live runs in a folder: some ten hours
 _LOOK_EVERY = 10.0  # time from one look into the folder to the next: of some 200 kB [s]
 
 
 class Takes:
     """Record live runs, from reset to reset, as far as the disk and the folder's quota allow."""
 
-    def __init__(self, folder: Path, kind: str = "take", *, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, folder: Path, kind: str = "take", *, most_bytes: int = 1 << 30) -> None:
         self.folder, self._kind, self._most = folder, kind, most_bytes
         self.path, self._looked_at = folder, -math.inf
         self.problem = ""  # why nothing more of the run is recorded; empty for none

@@ -1,7 +1,6 @@
 """`LiveLoop`: a rollout against the clock, in a thread of its own."""
 
 import math
-import re
 import threading
 import time as clock
 from bisect import insort
@@ -14,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float64
 from msgspec import Struct
+from pydantic.alias_generators import to_camel
 
 from poise.apps.live._leads import Lead
 from poise.apps.live._log import Takes
@@ -30,7 +30,6 @@ from poise.locomotion import (
 from poise.sim import Plant, Tick, rollout
 
 STATUS_PERIOD = 0.04  # of the state that pages get [s]
-SLOW = 0.25  # speed of slow motion
 
 
 class Order(Struct, forbid_unknown_fields=True, tag_field="do", tag=str.lower):
@@ -93,11 +92,8 @@ class Snapshot:
 
     def message(self) -> dict[str, Any]:
         """Return the members of the status that a page gets."""
-        told = {key: _plain(getattr(self, name)) for name, key in _KEYS.items()}
+        told = {to_camel(f.name): _plain(getattr(self, f.name)) for f in fields(self)}
         return told | {"deviceText": self.device.value}
-
-
-_KEYS = {f.name: re.sub("_(.)", lambda m: m[1].upper(), f.name) for f in fields(Snapshot)}
 
 
 def _plain(value: Any) -> Any:
@@ -164,7 +160,7 @@ class LiveLoop:
                 case Pause():
                     self._paused = order.value
                 case Slow():
-                    self._speed = SLOW if order.value else 1.0
+                    self._speed = 0.25 if order.value else 1.0
                 case _:
                     self._restart()
 

@@ -10,9 +10,9 @@ from jaxtyping import Float64, Int, Shaped
 
 from poise.apps.report._record import Geometry, Replay, RunSignals
 
-_QUATERNION_SCALE = 32767
+_QUATERNION_SCALE = np.iinfo(np.int16).max
 """A quaternion's parts as 16-bit integers: wrong by at most 2e-5."""
-_STEPS = 65535
+_STEPS = np.iinfo(np.uint16).max
 """Steps between a mesh's least and greatest coordinate: a hundredth of a millimetre on a body."""
 
 

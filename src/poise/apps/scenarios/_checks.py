@@ -10,8 +10,8 @@ from poise._schema import LARGEST
 from poise.apps.report import Check, RunSignals
 from poise.apps.scenarios._metrics import METRICS, Reading
 from poise.apps.scenarios._scenario import CheckPlan, Measurement, Scenario
-from poise.apps.scenarios._symptoms import LASTING, PHYSICS_RESIDUAL, explain, symptoms_of
-from poise.control import PHYSICS_LEVELS, CommandStatus
+from poise.apps.scenarios._symptoms import LASTING, explain, symptoms_of
+from poise.control import PHYSICS_LEVELS, PHYSICS_TOLERANCE, CommandStatus
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.stack import ComTask, Stack
@@ -57,7 +57,7 @@ def evaluate_checks(
         _result("missed ticks", "missed_ticks", Reading(float(missed_ticks(run)), first), run),
     ]
     for level, name in enumerate(_PHYSICS if run.level_names else (), 1):
-        plan = CheckPlan(metric="residual_max", at_most=PHYSICS_RESIDUAL, level=level)
+        plan = CheckPlan(metric="residual_max", at_most=PHYSICS_TOLERANCE, level=level)
         results.append(_measured(plan, run, f"residual of level {level}, {name}"))
     results += [_measured(plan, run, _describe(plan)) for plan in scenario.checks]
     if all(result.ok for result in results):

@@ -10,10 +10,6 @@ from jaxtyping import Float64, Int
 from poise.apps.report import ForceTrack, Geometry, Replay, RunSignals
 from poise.sim import Plant, Push
 
-CELL = 0.004
-"""Meshes are drawn with their vertices merged on a grid of this size [m]: a hand still looks like
-a hand, and a robot of 30 meshes fits into a page."""
-
 _Primitive = Literal["box", "sphere", "ellipsoid", "cylinder", "capsule"]
 
 _PRIMITIVES: dict[int, tuple[_Primitive, int]] = {
@@ -97,15 +93,16 @@ def _colour(model: mujoco.MjModel, geom: int) -> Float64[np.ndarray, "4"]:
 
 
 def _mesh(
-    model: mujoco.MjModel, mesh: int
+    model: mujoco.MjModel, mesh: int, cell_size: float = 0.004
 ) -> tuple[Float64[np.ndarray, "nvert 3"], Int[np.ndarray, "nface 3"]]:
     """A mesh with its vertices merged cell by cell; faces that collapse are left out."""
+    # A hand still looks like a hand, and a robot of 30 meshes fits into a page.
     first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     vertices = model.mesh_vert[first : first + count].astype(np.float64)
     first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     faces = model.mesh_face[first : first + count].astype(np.int64)
-    _, cell = np.unique(np.round(vertices / CELL).astype(np.int64), axis=0, return_inverse=True)
-    cell = cell.ravel()
+    cells = np.round(vertices / cell_size).astype(np.int64)
+    cell = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
     size = np.bincount(cell).astype(np.float64)
     merged = np.column_stack([np.bincount(cell, vertices[:, k]) / size for k in range(3)])
     faces = cell[faces]

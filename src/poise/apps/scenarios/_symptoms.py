@@ -7,19 +7,13 @@ from jaxtyping import Bool, Float64
 
 from poise.apps.report import RunSignals
 from poise.apps.scenarios._scenario import Scenario
-from poise.control import CommandStatus
+from poise.control import PHYSICS_TOLERANCE, CommandStatus
 from poise.robots import Robot
-
-PHYSICS_RESIDUAL = 1e-6
-"""Relative residual that dynamics, contacts and limits may have in any run."""
 
 _SETTLED = 0.05  # the robot is put down before this [s]
 LASTING = 0.01  # shorter events do not make a robot fall [s]
 _EDGE = 7e-3  # a ZMP nearer to the edge of the feet is at it: contacts leave 5 mm [m]
-_STOP = 5e-3  # a joint nearer to its limit is at it [rad]
 _FULL = 0.999  # torque over its limit from which it is at it
-_SLIP = 0.1  # a loaded sole slips along the ground above this speed [m/s]
-_CARRIES = 0.2  # share of the robot's weight from which a sole carries load
 
 
 class Symptom(NamedTuple):
@@ -55,7 +49,7 @@ def symptoms_of(signals: RunSignals, robot: Robot, scenario: Scenario) -> list[S
     if scenario.plant.commanded == "torque" and signals.residuals.shape[1] >= 2:
         words = ("dynamics unmet (level 1)", "contacts or joint limits unmet (level 2)")
         for level, what in enumerate(words):
-            unmet = signals.residuals[:, level] > PHYSICS_RESIDUAL
+            unmet = signals.residuals[:, level] > PHYSICS_TOLERANCE
             found.append(Symptom(f"level {level + 1}", what, unmet))
     for at, mode in signals.modes:
         if "lost" in mode:
@@ -99,19 +93,24 @@ def _each(
     ]
 
 
-def _at_stop(signals: RunSignals, robot: Robot, since: float) -> Bool[np.ndarray, "T nj"]:
-    """Joints at a limit that they were not at before."""
+def _at_stop(
+    signals: RunSignals, robot: Robot, since: float, room: float = 5e-3
+) -> Bool[np.ndarray, "T nj"]:
+    """Joints nearer to a limit than this [rad] that they were not at before."""
     joints = signals.position
-    near = (joints < robot.q_min + _STOP) | (joints > robot.q_max - _STOP)
+    near = (joints < robot.q_min + room) | (joints > robot.q_max - room)
     before = near[max(int(np.searchsorted(signals.time, since)) - 1, 0)]
     return near & ~before
 
 
-def _slipping(signals: RunSignals, robot: Robot) -> Bool[np.ndarray, "T n"]:
+def _slipping(
+    signals: RunSignals, robot: Robot, least: float = 0.1, share: float = 0.2
+) -> Bool[np.ndarray, "T n"]:
+    """Soles under a share of the weight that go along the ground faster than this [m/s]."""
     slips = np.zeros((len(signals.time), len(signals.soles)), dtype=np.bool_)
     if len(signals.time) < 2:
         return slips
     for i, sole in enumerate(signals.soles.values()):
         speed = np.linalg.norm(np.gradient(sole.position[:, :2], signals.time, axis=0), axis=1)
-        slips[:, i] = (speed > _SLIP) & (sole.force > _CARRIES * robot.weight)
+        slips[:, i] = (speed > least) & (sole.force > share * robot.weight)
     return slips

@@ -104,13 +104,6 @@ def _positive(owner: str, **numbers: float) -> list[float]:
     return [checked_number(x, f"{name} of {owner}", above=0.0) for name, x in numbers.items()]
 
 
-# A foot with less than this part of both feet's load for so long [s] is in the air: as the
-# weight begins to shift to it, the load of one that stands may be gone for a moment
-_UNLOADED, _LIFTED = 0.05, 0.05
-# Part of a landed foot's force that has to be washed out for the foot to count as standing
-_SETTLED = 0.9
-
-
 class _Hand:
     """A hand at an arm that may fail, and the force of its foot on it, none in stance."""
 
@@ -158,17 +151,26 @@ class _Hand:
         self.error = self.error or error
         self._warn_once(error, "the %s arm failed, and counts as gone", self._side)
 
-    def _touch(self, force: Float64[np.ndarray, "3"], total: float) -> Float64[np.ndarray, "3"]:
+    def _touch(
+        self,
+        force: Float64[np.ndarray, "3"],
+        total: float,
+        *,
+        least: float = 0.05,
+        patience: float = 0.05,
+        settled: float = 0.9,
+    ) -> Float64[np.ndarray, "3"]:
         """Force on a foot in the air and at its landing, washed out [N]."""
-        unloaded = bool(force[2] < _UNLOADED * total)
+        # As the weight begins to shift to a foot that stands, its load may be gone for a moment.
+        unloaded = bool(force[2] < least * total)
         self._without = self._without + self._dt if unloaded else 0.0
-        if self._without > _LIFTED:
+        if self._without > patience:
             self._in_air, self._slow = True, np.zeros(3)
         if not self._in_air:
             return np.zeros(3)
         if not unloaded:
             self._slow = self._slow + self._dt / (self._washout + self._dt) * (force - self._slow)
-            self._in_air = bool(self._slow[2] < _SETTLED * force[2])
+            self._in_air = bool(self._slow[2] < settled * force[2])
         return force - self._slow
 
 

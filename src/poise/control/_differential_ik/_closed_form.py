@@ -10,13 +10,14 @@ from jaxtyping import Bool, Float64
 
 from poise._compiled import allocate
 from poise.control._differential_ik._kernels import (
+    NO_VELOCITY,
     ClosedFormMemory,
     VelocityLevels,
     serve_levels,
     take_rows,
 )
 from poise.control._rank import RankTreatment
-from poise.control._row_factor import ROUNDING
+from poise.control._row_factor import ROUNDING, SLOP
 
 RANK = RankTreatment(low=0.005, high=0.02)
 """Rank treatment of velocities: exact to within a fiftieth of the mobility in the home posture.
@@ -137,9 +138,6 @@ class ClosedForm:
         return u
 
 
-_SLACK = 1e-9
-"""Excess of a joint's velocity over its bound that is rounding [rad/s]; it is clipped."""
-
 _SINGLY = 5
 """Joints that are held one by one; a joint held too many costs a task near a limit dearly."""
 
@@ -154,11 +152,6 @@ _MISSED = 1e-3
 Two ankles at their limits differ by noise, and the legs' closed chain cannot follow both: nothing
 to drop a posture for."""
 
-_SLIPPED = 1e-6
-"""Velocity that the first level, the contacts, may miss before the rest slows down [unit/s]."""
-
-_ROUNDS = 3
-"""Searches for broken rows: joints that come to rest at their bounds may break others."""
 
 _Held = tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]
 """Joint velocities, and which joints are held at their bounds."""
@@ -193,7 +186,8 @@ class WithinBounds:
         self._joint_weight, self._lower, self._upper = joint_weight, lower, upper
         u, held = self._serve(levels)
         taken = 0
-        for _ in range(_ROUNDS if len(levels.limits) else 0):
+        # Joints that come to rest at their bounds may break other rows.
+        for _ in range(3 if len(levels.limits) else 0):
             before = taken
             taken = self._form.take_rows(levels, joined, joint_weight, u, taken)
             if taken == before:
@@ -214,7 +208,7 @@ class WithinBounds:
             other_missed = _missed(levels, levels.exact, other)
             if other_missed < missed - _MISSED:
                 u, held, missed = other, other_held, other_missed
-        if _missed(levels, 1, u) > _SLIPPED:
+        if _missed(levels, 1, u) > NO_VELOCITY:
             u = self._slow_down(levels)
         return u, held
 
@@ -226,7 +220,7 @@ class WithinBounds:
             outside = np.maximum(u - self._upper, self._lower - u)
             outside[held] = 0.0
             worst = outside.max()
-            if not worst > _SLACK:
+            if not worst > SLOP:
                 break
             far = outside >= (worst if round_ < _SINGLY else _FAR * worst)
             held |= far

@@ -13,6 +13,7 @@ from poise._checks import Numbers, checked_kind, checked_number
 from poise.control._controller import Controller
 from poise.control._differential_ik._bounds import LedJoints, VelocityBounds, limit_weights
 from poise.control._differential_ik._closed_form import RANK, ClosedForm, WithinBounds
+from poise.control._differential_ik._kernels import NO_VELOCITY
 from poise.control._differential_ik._rows import (
     ROW_WEIGHT,
     HomeJacobians,
@@ -36,9 +37,6 @@ from poise.stack import Contact, ContactSets, Stack, Task
 
 STRATEGIES = ("closed_form", "hqp")
 """Methods of solving the levels, by name."""
-
-_BOUND_TOLERANCE = 1e-6
-"""Excess of a joint's velocity over its bound beyond which a QP has failed [rad/s]."""
 
 
 class VelocityHierarchy:
@@ -305,7 +303,7 @@ class VelocityStrategy:
         lower, upper = self._lower, self._upper
         solution = hierarchy.solve(lower, upper)
         outside = np.maximum(solution.x - upper, lower - solution.x).max()
-        status = solution.status if outside <= _BOUND_TOLERANCE else SolveStatus.FAILED
+        status = solution.status if outside <= NO_VELOCITY else SolveStatus.FAILED
         return status, np.minimum(np.maximum(solution.x, lower), upper)
 
     def _find(self, contacts: tuple[Contact, ...]) -> _Prepared:

@@ -25,11 +25,9 @@ from poise.control._row_factor import (
     turn_back,
 )
 
-_BROKEN = 1e-6
-"""Velocity by which a row has to miss its bound to be held [m/s]."""
-
-_NO_MOBILITY = 1e-6
-"""Velocity of a row for a radian a second below which nothing moves it [m]."""
+NO_VELOCITY = 1e-6
+"""Smaller velocities are none: of a row by a radian a second, and those by which rows miss what
+they are held to [unit/s]."""
 
 
 class PriorityRows(NamedTuple):
@@ -186,13 +184,13 @@ def _find_worst(
     joined: VelocityLevels, first: int, taken: int, u: Float64[np.ndarray, " n"]
 ) -> int:
     """Return the row that is broken by most, -1 for none; NaN breaks none."""
-    worst, most = -1, _BROKEN
+    worst, most = -1, NO_VELOCITY
     for row in joined.limits:
         own, rate, square = joined.jacobian[row], 0.0, 0.0
         for k in range(len(u)):
             rate += own[k] * u[k]
             square += own[k] * own[k]
-        known = not square > _NO_MOBILITY * _NO_MOBILITY
+        known = not square > NO_VELOCITY * NO_VELOCITY
         for k in range(first, first + taken):
             known = known or joined.rows[k] == row
         if joined.velocity[row] - rate > most and not known:

@@ -21,10 +21,7 @@ from poise.control._rank import block_scales
 from poise.dynamics import Dynamics
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
-from poise.stack import Contact, Stack, StackRows, Task, checked_gain, home_jacobians
-
-_BASE = 6
-"""Velocities of a floating base."""
+from poise.stack import BASE, Contact, Stack, StackRows, Task, checked_gain, home_jacobians
 
 ROW_WEIGHT = 1e4
 """W_A of a row whose task has weight one.
@@ -85,9 +82,9 @@ def base_from_joints(
     From J_b v_base + J_j u = 0 follows X = -J_b^-1 J_j, for any frame, in any axes. J_b only moves
     a velocity from the base to the contact: it is [A B; 0 A] with a rotation A.
     """
-    A, B = contact_jacobian[:3, :3], contact_jacobian[:3, 3:_BASE]
-    angular = A.T @ contact_jacobian[3:, _BASE:]
-    linear = A.T @ (contact_jacobian[:3, _BASE:] - B @ angular)
+    A, B = contact_jacobian[:3, :3], contact_jacobian[:3, 3:BASE]
+    angular = A.T @ contact_jacobian[3:, BASE:]
+    linear = A.T @ (contact_jacobian[:3, BASE:] - B @ angular)
     return -np.concatenate((linear, angular))
 
 
@@ -95,7 +92,7 @@ def constrained(
     jacobian: Float64[np.ndarray, "m nv"], base_map: Float64[np.ndarray, "6 nj"]
 ) -> Float64[np.ndarray, "m nj"]:
     """Return J_j + J_b X, which maps joint velocities under the stance constraint, as in (13)."""
-    return jacobian[:, _BASE:] + jacobian[:, :_BASE] @ base_map
+    return jacobian[:, BASE:] + jacobian[:, :BASE] @ base_map
 
 
 class HomeJacobians:
@@ -164,7 +161,7 @@ class VelocityRows:
         self._constrained = ConstrainedRows(
             J=rows.J,
             joints=joints,
-            base_map=np.zeros((0 if stance is None else _BASE, len(joints))),
+            base_map=np.zeros((0 if stance is None else BASE, len(joints))),
             jacobian=self.jacobian,
         )
         self.led_velocity: Float64[np.ndarray, " k"] = np.zeros(len(led.index))
@@ -205,5 +202,5 @@ class VelocityRows:
             if self.stance is not None:
                 # Zero, but for a joint of `led` between the base and the stance.
                 base_map = base_from_joints(stance)
-                self._known[:_BASE] = base_map[:, self._led.index] @ self.led_velocity
+                self._known[:BASE] = base_map[:, self._led.index] @ self.led_velocity
             self.velocity -= rows.J @ self._known

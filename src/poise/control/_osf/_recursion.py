@@ -21,6 +21,7 @@ from poise._compiled import (
 from poise.control._osf._rows import BoundRows, LevelRows
 from poise.control._rank import PHYSICS_RANK, RankTreatment
 from poise.control._row_factor import (
+    ROUNDING,
     add_row,
     factor_rows,
     fill_complement,
@@ -32,9 +33,6 @@ from poise.control._strategy import UNSOFTENED
 from poise.dynamics import Dynamics, StateNumbers, reach_of
 from poise.robots import Robot
 from poise.stack import AT_BOUND
-
-TINY = 1e-12
-"""Avoids division by zero in directions without freedom for softening."""
 
 
 class RecursionMemory(MemoryBlock):
@@ -167,7 +165,7 @@ def _soften(levels: LevelRows, memory: RecursionMemory, level: int) -> None:
             other, total = D[j, base:], 0.0
             for k in range(len(own)):
                 total += own[k] * other[k]
-            G[i, j] = mu * mu * total + (TINY if i == j else 0.0)
+            G[i, j] = mu * mu * total + (ROUNDING if i == j else 0.0)
             for row in range(begin + i, end):
                 G[i, j] += levels.mobility[row] ** 2 * X[row, begin + i] * X[row, begin + j]
     factor_leading(G, size)
@@ -335,7 +333,7 @@ class OperationalRecursion:
                 square += (self._rank.damp(least) * float(W.min(initial=np.inf))) ** 2
                 levels.softened[i] = np.sqrt(square)
                 own, off = W * (A @ V), S[-len(reference) :] - reference
-                H = own.T @ own + square * D.T @ D + TINY * np.eye(left)
+                H = own.T @ own + square * D.T @ D + ROUNDING * np.eye(left)
                 wanted = own.T @ (W[:, 0] * missing) - square * D.T @ off
                 step = activation * np.linalg.solve(H, wanted)
             else:

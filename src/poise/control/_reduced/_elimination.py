@@ -42,9 +42,6 @@ WEAK = 1e-2
 eliminated, the inverse square would be in the energy, beside one, and a nearly straight arm cost
 LQP 1 its accuracy. A heavy leg moves little, but so does the body that it hangs on."""
 
-GOOD = 10.0 * WEAK
-"""From here on a row is as good as the best, and need not change places with it."""
-
 
 class ChainRows(MemoryBlock):
     """Rows E y + P p = 0 with y = (x, 1), x = (dv, z), and the result of their elimination."""
@@ -129,7 +126,7 @@ def answer(rows: ChainRows, y: Float64[np.ndarray, " n"], p: Float64[np.ndarray,
 def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
     """Turn p by reflections that make some rows lower triangular, weak pivots last."""
     used, inside, P, pivot = rows.used, len(rows.P), rows.P, rows.pivot
-    rest, moved, smallest, largest = rows.rest, rows.moved, np.inf, 0.0
+    rest, moved, smallest, largest, good = rows.rest, rows.moved, np.inf, 0.0, 10.0 * WEAK
     for k in range(rank):
         rest[k] = 0.0
     for i in range(used, inside):
@@ -139,7 +136,7 @@ def _turn(rows: ChainRows, begin: int, rank: int, floor: float) -> bool:
     for k in range(rank):
         best = k
         # Weak pivots come last; among good ones the order does not matter.
-        if not rest[k] > GOOD * GOOD * moved[k]:
+        if not rest[k] > good * good * moved[k]:
             for j in range(k + 1, rank):
                 if rest[j] * moved[best] > rest[best] * moved[j]:
                     best = j

@@ -15,6 +15,7 @@ from poise.control._reduced._elimination import (
     eliminate_chain,
     recover,
 )
+from poise.control._row_factor import SLOP
 from poise.control._strategy import PHYSICS_LEVELS
 from poise.dynamics import Dynamics, Partition, ReducedDynamics, StateNumbers
 from poise.hqp import HierarchicalProblem
@@ -47,10 +48,6 @@ class ConstraintChain(MemoryBlock):
     shape: Int64[np.ndarray, " shape"]  # room for unknowns s, and for rows in each level
     torque_u: Float64[np.ndarray, " nu"]  # scratch: torques of the unconstrained chain [N m]
     base: int  # coordinates of the base
-
-
-_SLOP = 1e-9
-"""Excess of an acceleration bound that is rounding, as a solver's own [rad/s^2]."""
 
 
 class Joined(NamedTuple):
@@ -356,7 +353,7 @@ def _join(
         # Written so that NaN is not within.
         if not (first.tau_min[joint] <= torque_u[i] <= first.tau_max[joint]):
             within = False
-        if not (first.dv_min[joint] - _SLOP <= dv_u[i] <= first.dv_max[joint] + _SLOP):
+        if not (first.dv_min[joint] - SLOP <= dv_u[i] <= first.dv_max[joint] + SLOP):
             within = False
     return within
 

@@ -41,13 +41,12 @@ from poise.hqp._active_set.workspace import (
     Vector,
 )
 from poise.hqp._tolerances import (
-    CORRECTIONS,
+    COARSE,
     FLOOR,
-    GUESS_SLACK_TOLERANCE,
-    GUESS_TOLERANCE,
     HARD,
-    HOLDING_RATIO,
-    RIDGE,
+    MET_TOLERANCE,
+    OPTIMALITY_TOLERANCE,
+    RANK_TOLERANCE,
     SOFT,
     UNMET_RATIO,
 )
@@ -74,7 +73,7 @@ def guess(problem: Problem, work: SearchWork) -> None:
         if slack > 0.0:
             count = _activate_violated(guessed, level, _correct(guessed, _ALL_LEVELS, count))
             if _find_slack(problem.weights, guessed, level, count) > UNMET_RATIO * slack:
-                for _ in range(CORRECTIONS):
+                for _ in range(2):
                     count = _activate_violated(guessed, level, _correct(guessed, level, count))
         unchanged = _hold(problem.weights, guessed, level, count)
     for i in range(len(guessed.side)):
@@ -150,11 +149,11 @@ def _hold(weights: Vector, guessed: Penalties, level: int, count: int) -> int:
                 most = max(most, abs(guessed.multiplier[k]) * guessed.norm[i])
         for k in range(count):
             i = guessed.order[k]
-            if abs(guessed.multiplier[k]) * guessed.norm[i] > HOLDING_RATIO * most:
+            if abs(guessed.multiplier[k]) * guessed.norm[i] > OPTIMALITY_TOLERANCE * most:
                 guessed.sign_free[i] = 1
             if guessed.level[i] == level:
                 guessed.held[i] = _missed(guessed, k)
-                if abs(guessed.held[i]) * weights[i] > HOLDING_RATIO * slack:
+                if abs(guessed.held[i]) * weights[i] > OPTIMALITY_TOLERANCE * slack:
                     guessed.sign_free[i] = 1
     for i in range(len(guessed.level)):
         if guessed.level[i] == level:
@@ -179,7 +178,7 @@ def _find_slack(weights: Vector, guessed: Penalties, level: int, count: int) -> 
             square += missed * missed
             size = max(size, guessed.norm[i] * weights[i])
     slack = sqrt(square)
-    return slack if slack > GUESS_SLACK_TOLERANCE * size * norm_of(guessed.y) else 0.0
+    return slack if slack > COARSE * size * norm_of(guessed.y) else 0.0
 
 
 @part
@@ -222,7 +221,7 @@ def _deactivate_wrong(guessed: Penalties, count: int) -> int:
 @part
 def _find_most_violated(guessed: Penalties, level: int) -> int:
     """Return the inactive row down to a level most violated relative to its norm, or -1."""
-    most, worst = GUESS_TOLERANCE * norm_of(guessed.y), -1
+    most, worst = MET_TOLERANCE * norm_of(guessed.y), -1
     for i in range(len(guessed.level)):
         if guessed.side[i] != 0 or guessed.level[i] > level or not guessed.norm[i] > 0.0:
             continue
@@ -296,7 +295,7 @@ def _factor_cost(H: Matrix, C: Matrix, begin: Indices) -> None:
         begin[i] = 0
         while begin[i] < i and H[i, begin[i]] == 0.0:
             begin[i] += 1
-    ridge = RIDGE * trace / n if trace > 0.0 else 1.0
+    ridge = RANK_TOLERANCE * trace / n if trace > 0.0 else 1.0
     for i in range(n):
         row = C[i]
         for j in range(begin[i], i + 1):

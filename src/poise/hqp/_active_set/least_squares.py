@@ -17,7 +17,7 @@ from poise.hqp._active_set.kernels import (
     reflect_rows,
 )
 from poise.hqp._active_set.workspace import Factor, LeastSquares, Vector
-from poise.hqp._tolerances import CANCELLATION, DEPENDENCE_TOLERANCE, STEEP
+from poise.hqp._tolerances import CANCELLATION, STEEP
 
 
 @part
@@ -70,7 +70,7 @@ def _combine(factor: Factor, begin: int, end: int, first: int, rank: int) -> Non
         for k in range(rank - 1, -1, -1):
             pivot = factor.R[begin + k, first : first + rank]
             # So small a coefficient is rounding of the row.
-            if abs(C[k]) <= DEPENDENCE_TOLERANCE * size:
+            if abs(C[k]) <= CANCELLATION * size:
                 C[k] = 0.0
                 continue
             C[k] /= pivot[k]

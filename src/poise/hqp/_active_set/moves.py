@@ -31,13 +31,11 @@ from poise.hqp._active_set.workspace import (
 from poise.hqp._tolerances import (
     ADD_RATIOS,
     DROP_RATIOS,
-    FEASIBILITY_TOLERANCE,
-    LEAP_PATIENCE,
+    MET_TOLERANCE,
     MOST_EXCHANGES,
     MOST_LEAPS,
-    MOVE_TOLERANCE,
     PATIENCE,
-    SAME_TOLERANCE,
+    POINT_TOLERANCE,
     SLACK_TOLERANCE,
 )
 
@@ -57,7 +55,7 @@ def change_rows(problem: Problem, work: SearchWork) -> bool:
     state.turn, state.since = turn + 1, state.since + 1
     if wrong < state.fewest:
         state.fewest, state.since = wrong, 0
-    if leaping and turn + 1 < MOST_LEAPS and state.since < LEAP_PATIENCE:
+    if leaping and turn + 1 < MOST_LEAPS and state.since < MOST_EXCHANGES:
         activate(rows, ADD_RATIOS[turn % len(ADD_RATIOS)] * largest)
     elif not leaping and turn + 1 < MOST_EXCHANGES:
         if signs == 0:
@@ -88,7 +86,7 @@ def _begin_steps(problem: Problem, work: SearchWork) -> None:
     """Activate the rows that the point violates, and deactivate those with room at the point."""
     rows, points = work.rows, work.points
     work.state.phase = STEPPING
-    size = FEASIBILITY_TOLERANCE * norm_of(points.x)
+    size = POINT_TOLERANCE * norm_of(points.x)
     for i in range(len(points.values)):
         value, room = points.values[i], size * rows.norm[i]
         if rows.side[i] != EQUALITY and problem.lower[i] + room < value < problem.upper[i] - room:
@@ -106,7 +104,7 @@ def _step_until_blocked(problem: Problem, rows: RowStates, points: Points, state
     for i in range(len(values)):
         if rows.side[i] != 0:
             continue
-        room = FEASIBILITY_TOLERANCE * rows.norm[i] * size
+        room = POINT_TOLERANCE * rows.norm[i] * size
         if goal[i] > problem.upper[i] + room:
             bound, towards = problem.upper[i], 1
         elif goal[i] < problem.lower[i] - room:
@@ -130,7 +128,7 @@ def _step_until_blocked(problem: Problem, rows: RowStates, points: Points, state
         x[j] = target[j] if blocking < 0 else x[j] + length * change
     for i in range(len(values)):
         values[i] = goal[i] if blocking < 0 else values[i] + length * (goal[i] - values[i])
-    return length * np.sqrt(square) > MOVE_TOLERANCE * size
+    return length * np.sqrt(square) > POINT_TOLERANCE * size
 
 
 @part
@@ -143,7 +141,7 @@ def find_values(A: Matrix, x: Vector, values: Vector) -> None:
 @part
 def find_violations(problem: Problem, work: SearchWork, x: Vector, values: Vector) -> float:
     """Find and count the signed violations of inactive rows, by norm; return the largest."""
-    rows, size, largest = work.rows, FEASIBILITY_TOLERANCE * norm_of(x), 0.0
+    rows, size, largest = work.rows, POINT_TOLERANCE * norm_of(x), 0.0
     work.state.violated = 0
     for i in range(len(values)):
         rows.violation[i] = 0.0
@@ -193,7 +191,7 @@ def _is_better(problem: Problem, work: SearchWork) -> bool:
             if level_of[i] == level:
                 size = max(size, rows.norm[i] * weights[i])
         # A level that both meet is met to rounding. NaN is never better.
-        room = max(SAME_TOLERANCE * max(old[level], new[level]), SLACK_TOLERANCE * size * reach)
+        room = max(MET_TOLERANCE * max(old[level], new[level]), SLACK_TOLERANCE * size * reach)
         if not abs(old[level] - new[level]) <= room:
             return bool(new[level] < old[level])
     return True

@@ -32,11 +32,11 @@ from poise.hqp._active_set.workspace import (
     Vector,
 )
 from poise.hqp._tolerances import (
-    DEPENDENCE_TOLERANCE,
-    DUAL_TOLERANCE,
-    FEASIBILITY_TOLERANCE,
+    CANCELLATION,
+    FACTOR_TOLERANCE,
     OPTIMALITY_TOLERANCE,
-    RESIGNED,
+    PATIENCE,
+    POINT_TOLERANCE,
 )
 
 LARGEST, FIRST = 2.0, 3.0
@@ -112,7 +112,7 @@ def _take_slacks(problem: Problem, work: SearchWork, found: Vector, level: int) 
                 wrong += 1
                 # It may violate its other bound.
                 value = work.points.target_values[index]
-                room = FEASIBILITY_TOLERANCE * rows.norm[index] * norm_of(work.points.target)
+                room = POINT_TOLERANCE * rows.norm[index] * norm_of(work.points.target)
                 over = value > problem.upper[index] + room
                 under = value < problem.lower[index] - room
                 rows.side[index] = 1 if over else (-1 if under else 0)
@@ -139,7 +139,9 @@ def _is_clear(factor: Factor, place: int, size: float, reach: float) -> bool:
     """Return whether an active row's slack exceeds rounding, by its force or its unit."""
     slack = abs(factor.slack[place])
     own = abs(factor.bound[place]) + factor.size[place] * reach
-    return bool(slack * factor.size[place] > DUAL_TOLERANCE * size or slack > DUAL_TOLERANCE * own)
+    return bool(
+        slack * factor.size[place] > FACTOR_TOLERANCE * size or slack > FACTOR_TOLERANCE * own
+    )
 
 
 @part
@@ -227,7 +229,7 @@ def _deactivate_above(
     for place in range(above):
         index = factor.order[place]
         size = max(size, abs(found[index]) * rows.norm[index])
-    noise = DUAL_TOLERANCE * size
+    noise = FACTOR_TOLERANCE * size
     count, first, largest, most = 0, -1, -1, 0.0
     for place in range(above):
         index = factor.order[place]
@@ -256,7 +258,7 @@ def _deactivate_above(
     if ratio > 1.0:
         state.deactivated = first if ratio == FIRST else largest
         rows.side[state.deactivated] = 0
-        if state.idle > RESIGNED:
+        if state.idle > 3 * PATIENCE:
             rows.locked[state.deactivated] = RELEASED
         return 1
     dropped = 0
@@ -435,7 +437,7 @@ def depends_on_rank(problem: Problem, work: SearchWork) -> bool:
     that are active for a level below may take the remainder of a row, or leave more of it.
     """
     factor, level_of = work.factor, work.rows.level
-    least = DEPENDENCE_TOLERANCE * DEPENDENCE_TOLERANCE
+    least = CANCELLATION * CANCELLATION
     for level in range(len(factor.rank)):
         for place in range(factor.begin[level] + factor.rank[level], factor.begin[level + 1]):
             if not factor.left[place] > least * factor.size[place] * factor.size[place]:

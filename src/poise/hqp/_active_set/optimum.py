@@ -40,12 +40,10 @@ from poise.hqp._active_set.workspace import (
     Vector,
 )
 from poise.hqp._tolerances import (
+    CANCELLATION,
     CANCELLED,
-    DEPENDENCE_TOLERANCE,
-    FLAT_TOLERANCE,
+    COARSE,
     RANK_TOLERANCE,
-    SINGULAR_ROUNDS,
-    SINGULAR_TOLERANCE,
     SLACK_TOLERANCE,
 )
 
@@ -133,7 +131,7 @@ def _factor_level(problem: Problem, work: SearchWork, level: int) -> None:
     for place in range(pivot, end):
         if rows.guarded[factor.order[place]] == 0 or column == n:
             continue
-        if norm_of(R[place, column:]) > DEPENDENCE_TOLERANCE * factor.size[place]:
+        if norm_of(R[place, column:]) > CANCELLATION * factor.size[place]:
             _take_coordinate(factor, place, pivot, end, column)
             column, pivot = column + 1, pivot + 1
     factor.first[level + 1] = column
@@ -395,7 +393,7 @@ def _factor_hessian(H: Matrix, cost: FinalCost, free: int) -> int:
         for i in range(k + 1, free):
             if C[i, i] > C[best, best]:
                 best = i
-        if not C[best, best] > FLAT_TOLERANCE * largest:
+        if not C[best, best] > SLACK_TOLERANCE * largest:
             return k
         if best != k:
             _exchange(C, k, best, free)
@@ -476,12 +474,13 @@ def damp_equalities(problem: Problem, work: SearchWork) -> None:
 @part
 def _least_singular_value(factor: Factor, room: Vector, level: int) -> float:
     """Find the least singular value of the pivots' triangle L by inverse iteration with L L^T."""
+    # It is some percent too large where several lie close together.
     begin, first, rank = factor.begin[level], factor.first[level], factor.rank[level]
     v, least = room[:rank], 0.0
     for k in range(rank):
         # Hardly orthogonal to the direction of the least singular value.
         v[k] = 1.0 + 0.37 * (k % 3)
-    for _ in range(SINGULAR_ROUNDS):
+    for _ in range(30):
         norm = norm_of(v)
         for k in range(rank):
             own = factor.R[begin + k, first : first + rank]
@@ -491,7 +490,7 @@ def _least_singular_value(factor: Factor, room: Vector, level: int) -> float:
             v[k] /= own[k]
             add_multiple(v[:k], -v[k], own)
         before, least = least, 1.0 / sqrt(norm_of(v))
-        if abs(least - before) <= SINGULAR_TOLERANCE * least:
+        if abs(least - before) <= COARSE * least:
             break
     return least
 
