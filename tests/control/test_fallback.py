@@ -147,7 +147,7 @@ WRONG = {
     "raises": "KeyError",
     "columns": "jacobian",
     "rows": "error",
-    "returns nothing": "return the target's acceleration",
+    "returns nothing": "target's acceleration of task",
 }
 
 OWN = pytest.mark.parametrize(

@@ -202,7 +202,7 @@ def test_status_is_noted_when_it_changes(biped, tmp_path):
         def step(self, state):
             answered = 0.002 < state.time < 0.006
             status = CommandStatus.OK if answered else CommandStatus.SOLVER_FAILED
-            return replace(torque(np.zeros(biped.nj)), status=status)
+            return torque(np.zeros(biped.nj))._replace(status=status)
 
     path = tmp_path / "log.mcap"
     recorder = Recorder(path)

@@ -132,8 +132,8 @@ class FullProblem:
         held = answer(numbers.address, dynamics.numbers.address)
         return numbers.point.copy(), numbers.torque.copy(), held
 
-    def wrenches(self, x: Float64[np.ndarray, " n"]) -> dict[str, Float64[np.ndarray, " m"]]:
-        """Return the wrench at each active contact of a solution, by the contact's name."""
+    def wrenches(self, x: Float64[np.ndarray, "n *k"]) -> dict[str, Float64[np.ndarray, "m *k"]]:
+        """Return the wrenches at each active contact of solutions, by the contact's name."""
         return {name: x[place] for name, place in self._wrenches}
 
     def task_residuals(self, slacks: Float64[np.ndarray, " nm"]) -> dict[str, float]:

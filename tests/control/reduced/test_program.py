@@ -193,7 +193,7 @@ def test_an_arm_that_can_give_way_within_its_limits_does(get_robot, monkeypatch)
         both.program.assemble(both.dynamics)
         place = both.program.reduced.partition.unconstrained.index("left_shoulder_yaw")
         # Tightened behind the limit's back, just short of what the joint would have done.
-        limit.evaluate = lambda dynamics: None
+        limit._set(evaluate=lambda dynamics: None)
         limit.upper[joint] = limit.lower[joint] = 0.9 * free[place]
         answer = both.program.solve()
         bounded = both.program.second_solution is not None and both.program.whole_solution is None
