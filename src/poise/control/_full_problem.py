@@ -132,7 +132,7 @@ class FullProblem:
         held = answer(numbers.address, dynamics.numbers.address)
         return numbers.point.copy(), numbers.torque.copy(), held
 
-    def wrenches(self, x: Float64[np.ndarray, "n *k"]) -> dict[str, Float64[np.ndarray, "m *k"]]:
+    def wrenches(self, x: Float64[np.ndarray, "n ..."]) -> dict[str, Float64[np.ndarray, "m ..."]]:
         """Return the wrenches at each active contact of solutions, by the contact's name."""
         return {name: x[place] for name, place in self._wrenches}
 

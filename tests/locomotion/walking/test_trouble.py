@@ -176,6 +176,13 @@ def test_a_foot_that_stands_and_hangs_is_one_in_the_air(held, foot):
     assert held.walker._engine.at_rest
 
 
+def test_a_foot_that_carries_little_does_not_hang(held):
+    held.loads = [0.02, 0.98]
+    held.until(0.8)
+    assert held.walker.lifting is None
+    assert held.walker.steps_made == 0
+
+
 def test_a_foot_that_is_held_on_its_way_up_goes_back_and_straight_up(held):
     foot = held.swing(ahead=0.2)
     assert foot == 0

@@ -26,7 +26,7 @@ from poise.locomotion._walking._modes import (
     StepMachine,
 )
 from poise.locomotion._walking._parts import WalkParts
-from poise.locomotion._walking._sense import LOADING, UNLOADED
+from poise.locomotion._walking._sense import IDLE, LOADING
 from poise.locomotion._walking._step_planner import AHEAD, QUICK, Lifted
 from poise.stack import BalanceLimit
 
@@ -429,7 +429,7 @@ class StepPhases:
             self._landed = None
             return
         load = self._sense.load(flight.foot)
-        flight.hovering = 0.0 if load > UNLOADED else flight.hovering + dt
+        flight.hovering = 0.0 if load > IDLE else flight.hovering + dt
         if flight.hovering < self._parts.settings.bounce_time:
             return
         self._tasks.contacts[flight.foot].release(0.0)

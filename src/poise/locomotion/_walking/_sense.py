@@ -34,6 +34,9 @@ LOADING = 0.4
 UNLOADED, LOADED = 0.02, 0.1
 """Parts of the weight below which a sole carries nothing, and from which it lies on the ground."""
 
+IDLE = 0.01
+"""Part of the weight below which a stance foot, or one that has landed, does not stand."""
+
 LONGEST_TICK = 0.05
 """A clock that jumps farther than this moves a walk on no farther [s]."""
 

@@ -11,7 +11,7 @@ from poise.dynamics import RobotState
 from poise.locomotion._support import Point
 from poise.locomotion._walking._body import BodyMotion
 from poise.locomotion._walking._flight import HeldFlight
-from poise.locomotion._walking._sense import UNLOADED, WalkSense
+from poise.locomotion._walking._sense import IDLE, UNLOADED, WalkSense
 from poise.locomotion._walking._settings import WalkSettings, WalkStatus
 from poise.locomotion._walking._tasks import WalkTasks
 from poise.robots import GRAVITY
@@ -126,7 +126,7 @@ class HangWatch:
     def update(self, dt: float) -> None:
         """Update by the loads of the feet."""
         for foot, contact in enumerate(self._contacts):
-            idle = self._sense.load(foot) < UNLOADED and contact.active
+            idle = self._sense.load(foot) < IDLE and contact.active
             if idle or self._idle[foot] > 0.0:
                 change = dt if idle else -_NOISE * dt
                 # Remembered for twice the time: a foot that carries again counts within 10 ms.
