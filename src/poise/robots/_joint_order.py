@@ -51,10 +51,10 @@ class JointOrder:
             actuators: True for the order of `ctrl`, by the joint that each actuator moves.
         """
         mujoco = mujoco_module("a MuJoCo model")
-        kinds = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+        kinds = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
         joints = [j for j in range(model.njnt) if model.jnt_type[j] in kinds]
         if actuators:
-            on_joints = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
+            on_joints = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
             joints = model.actuator_trnid[np.isin(model.actuator_trntype, on_joints), 0]
         names = [str(model.joint(j).name) for j in joints]
         return JointOrder([n.removeprefix(prefix) for n in names if n.startswith(prefix)])

@@ -39,8 +39,8 @@ def test_a_margin_as_large_as_the_sole_is_refused(get_robot):
 class ConeContact(Contact):
     """A point whose cone is whatever it is given."""
 
-    def __init__(self, frame, cone):
-        super().__init__(frame, friction=0.5, damping=10.0, min_load=0.0, dim=3, name="hook")
+    def __init__(self, frame, cone, dim=3):
+        super().__init__(frame, friction=0.5, damping=10.0, min_load=0.0, dim=dim, name="hook")
         self._given = cone
 
     def _make_cone(self, robot):
@@ -56,18 +56,20 @@ def test_a_cone_without_rows_or_with_other_columns_than_the_wrench_is_refused(ge
         poise.WholeBodyController(get_robot("humanoid33"), stack)
 
 
-class SlidingContact(ConeContact):
-    """A point that is held across and along the vertical, and free ahead, with one free turn."""
+class PivotContact(ConeContact):
+    """A point that does not turn about the vertical."""
+
+    def __init__(self):
+        super().__init__("left_hand", np.array([[0.0, 0.0, -1.0, 0.0]]), dim=4)
 
     def _held_components(self, robot):
-        return np.array([1, 2, 5])
+        return np.array([0, 1, 2, 5])
 
 
-def test_a_contact_holds_the_components_it_names_where_their_number_is_that_of_the_first(get_robot):
-    contact = SlidingContact("left_hand", np.array([[0.0, -1.0, 0.0]]))
-    stack = Stack(contacts=[contact], levels=[])
-    poise.WholeBodyController(get_robot("humanoid33"), stack)
-    np.testing.assert_array_equal(stack.contacts[0].chosen, [1, 2, 5])
+def test_a_contact_holds_the_components_it_names(get_robot):
+    stack = Stack(contacts=[PivotContact()], levels=[])
+    controller = poise.WholeBodyController(get_robot("humanoid33"), stack)
+    np.testing.assert_array_equal(controller.stack.contacts[0].chosen, [0, 1, 2, 5])
 
 
 @pytest.mark.parametrize("value", [-0.5, NAN, INF])
