@@ -1,5 +1,6 @@
 """`DaskWorkers`: the processes of a Dask cluster. `SlurmWorkers`: one of Slurm jobs."""
 
+import gc
 import logging
 import shutil
 from collections.abc import Callable
@@ -39,16 +40,21 @@ class DaskWorkers(Workers):
         distributed = _distributed()
         # Tracebacks of lost connections, which are reported as an error.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        refused = None
         try:
             self._client = distributed.Client(
                 self._address, timeout=self._patience, set_as_default=False
             )
         except (OSError, ValueError, TypeError) as error:
+            refused = _reason(error)
+        if refused is not None:
+            # Free the client that did not connect: in the thread of the next one, it deadlocks.
+            gc.collect()
             raise ConfigurationError(
-                f"no scheduler there ({_reason(error)})",
+                f"no scheduler there ({refused})",
                 got=self._address,
                 wanted="the address that `dask scheduler` prints",
-            ) from None
+            )
         with ExitStack() as ends_where_this_fails:
             ends_where_this_fails.callback(self.__exit__)
             try:
