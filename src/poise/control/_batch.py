@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Callable, Sequence
+from itertools import chain
 from threading import Lock
 from typing import NamedTuple
 
@@ -41,7 +42,6 @@ class Answers(NamedTuple):
     torque: Float64[np.ndarray, "count nj"]  # of the joints [N m]
     residuals: Float64[np.ndarray, "count levels"]  # of the levels, relative
     found: Int64[np.ndarray, " count"]  # end of the search
-    strain: Float64[np.ndarray, " count"]  # largest change of a level by its softening term
 
 
 class BatchProgram(MemoryBlock):
@@ -75,13 +75,13 @@ def gather(places: Int64[np.ndarray, " places"], packed: Float64[np.ndarray, " s
 
 @compiled_for_threads
 def solve_states(
-    packed: Float64[np.ndarray, "chunk size"], program_at: int, answers: Answers
-) -> None:
-    """Solve some states, each by itself."""
+    packed: Float64[np.ndarray, "chunk size"], program_at: int, first: int, answers: Answers
+) -> int:
+    """Solve states from `first` on, each by itself; return the first to soften, or their number."""
     program = view(BatchProgram, program_at)
     work, full = view(SearchWork, program.work), view(FullNumbers, program.full)
     x, side, v = work.points.x, work.rows.side, view(StateNumbers, program.state).v
-    for i in range(len(answers.found)):
+    for i in range(first, len(answers.found)):
         if answers.found[i] == UNUSABLE:
             continue
         _scatter(packed[i], program.places)
@@ -100,7 +100,22 @@ def solve_states(
             answers.torque[i, k] = full.torque[k]
         for k in range(len(work.answer.relative)):
             answers.residuals[i, k] = work.answer.relative[k]
-        answers.strain[i] = find_softening(program.terms, v, x, full.base)
+        strain = find_softening(program.terms, v, x, full.base)
+        if found != UNSOUND and found != LOST and not strain <= UNSOFTENED:
+            return i
+    return len(answers.found)
+
+
+@compiled_for_threads
+def search_in_thread(code: int, problem_at: int, work_at: int, changes: int) -> int:
+    """Search, while other threads run."""
+    return call_at(code, search, problem_at, work_at, changes)
+
+
+class _ThreadSolver(LexicographicSolver):
+    def _search(self, changes: int) -> int:
+        at = self._problem.address, self._work.address
+        return search_in_thread(address_of(search), *at, changes)
 
 
 @part
@@ -137,7 +152,7 @@ class _BatchWorker:
     def __init__(self, robot: Robot, stack: Stack, contacts: tuple[Contact, ...]) -> None:
         self._robot, self._stack = robot, stack
         self.full = full = FullProblem(robot, stack, contacts)
-        self._dynamics, self._solver = Dynamics(robot), LexicographicSolver()
+        self._dynamics, self._solver = Dynamics(robot), _ThreadSolver()
         self._torques, joints = np.zeros((2, robot.nj)), np.zeros((2, robot.nj))
         evaluation, own = full.rows.evaluation, self._own_numbers()
         # A state's numbers are read here when it is taken up, and written when it is solved.
@@ -168,10 +183,12 @@ class _BatchWorker:
             search=address_of(search),
             answer=address_of(answer),
         )
-        self._softened = SoftenedFull(full, LexicographicSolver)
+        solvers = chain([self._solver], iter(_ThreadSolver, None))
+        self._softened = SoftenedFull(full, lambda: next(solvers))
         # What is compiled is compiled now, for the first batch may have no state of use.
         gather(self._places, self._packed[0])
         self.solve(slice(0, 0), _no_answers())
+        self._softened.soften()
 
     def holding_tasks(self) -> list[Owner]:
         """Return the tasks without a target, whose target is the value at each state."""
@@ -214,20 +231,16 @@ class _BatchWorker:
     def solve(self, chunk: slice, answers: Answers) -> None:
         """Solve the states of the current chunk."""
         own = Answers(*(numbers[chunk] for numbers in answers))
-        solve_states(self._packed, self._program.address, own)
-        solved = (own.found != UNUSABLE) & (own.found != UNSOUND) & (own.found != LOST)
-        strained = ~(own.strain <= UNSOFTENED)
-        for i in np.flatnonzero(solved & strained).tolist():
-            self._soften(i, Answers(*(numbers[i : i + 1] for numbers in own)))
+        at, count = 0, len(own.found)
+        while (at := solve_states(self._packed, self._program.address, at, own)) < count:
+            self._soften(Answers(*(numbers[at : at + 1] for numbers in own)))
+            at += 1
 
-    def _soften(self, row: int, own: Answers) -> None:
-        """Solve one state of the chunk again, with its levels softened."""
-        # The compiled loop leaves the numbers of its last state in the problem.
-        solve_states(self._packed[row : row + 1], self._program.address, own)
+    def _soften(self, own: Answers) -> None:
+        """Solve the state that the compiled loop stopped at again, with its levels softened."""
         solver = self._softened
         self.full.velocity = self._dynamics.v
-        solver.reset()
-        if solver.run() not in USABLE:
+        if solver.soften() not in USABLE:
             return
         own.residuals[0] = solver.relative_residuals
         own.x[0], own.torque[0], _ = self.full.answer(solver.x, self._dynamics)
@@ -251,7 +264,7 @@ class _BatchWorker:
 def _no_answers() -> Answers:
     matrix = np.zeros((0, 0))
     sides, found = np.zeros((0, 0), dtype=np.int8), np.zeros(0, dtype=np.int64)
-    return Answers(sides, matrix, matrix, matrix, found, np.zeros(0))
+    return Answers(sides, matrix, matrix, matrix, found)
 
 
 def _places(numbers: Sequence[Float64[np.ndarray, " _"]]) -> list[Numbers]:
@@ -334,7 +347,6 @@ class Batch:
             np.zeros((count, self._robot.nj)),
             np.zeros((count, len(problem.levels))),
             np.full(count, UNUSABLE),
-            np.zeros(count),
         )
 
     def _commands(

@@ -148,18 +148,29 @@ class SoftenedSolver:
                 return status
         else:
             self._find(solver.x)
-        begin = perf_counter()
-        self._status = self._solve(strict)
-        self._seconds = perf_counter() - begin
-        return self._status
+        return self._run(strict)
+
+    def soften(self) -> SolveStatus:
+        """Soften the answer that the solver of the whole problem holds, and begin all else cold."""
+        self._forget_stages()
+        return self._run(SolveStatus.OPTIMAL)
 
     def reset(self) -> None:
         """Forget the last solutions."""
         self._solver.reset()
+        self._forget_stages()
+
+    def _forget_stages(self) -> None:
         for k, stage in enumerate(self._stages):
             stage.solver.reset()
             self._soft[k] = False
         self._any_soft, self._measure, self.softened[:] = False, None, 0.0
+
+    def _run(self, strict: SolveStatus | None) -> SolveStatus:
+        begin = perf_counter()
+        self._status = self._solve(strict)
+        self._seconds = perf_counter() - begin
+        return self._status
 
     def follow(self, last: "SoftenedSolver") -> None:
         """Begin the next solve where that of another problem ended, such as of other contacts."""
