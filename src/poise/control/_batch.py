@@ -4,7 +4,6 @@
 """
 
 from collections.abc import Callable, Sequence
-from itertools import chain
 from threading import Lock
 from typing import NamedTuple
 
@@ -26,7 +25,16 @@ from poise.control._fallback import Fallback, is_usable
 from poise.control._full_problem import FullNumbers, FullProblem, SoftenedFull, answer, fill
 from poise.control._strategy import PHYSICS_TOLERANCE, UNSOFTENED, USABLE
 from poise.dynamics import Dynamics, RobotState, StateNumbers
-from poise.hqp import LOST, UNSOUND, LexicographicSolver, SearchWork, search
+from poise.hqp import (
+    LOST,
+    UNSOUND,
+    LexicographicSolver,
+    SearchWork,
+    SofteningProgram,
+    begin_with,
+    search,
+    search_softened,
+)
 from poise.robots import Robot
 from poise.stack import Contact, Numbers, Owner, Stack, evaluate, find_softening
 
@@ -56,9 +64,11 @@ class BatchProgram(MemoryBlock):
     work: int
     changes: int  # most changes of the active set
     terms: int  # of softening
+    softening: int
     evaluate: int  # machine code of what a tick calls, which is not compiled again for the loop
     fill: int
     search: int
+    soften: int
     answer: int
 
 
@@ -75,24 +85,29 @@ def gather(places: Int64[np.ndarray, " places"], packed: Float64[np.ndarray, " s
 
 @compiled_for_threads
 def solve_states(
-    packed: Float64[np.ndarray, "chunk size"], program_at: int, first: int, answers: Answers
-) -> int:
-    """Solve states from `first` on, each by itself; return the first to soften, or their number."""
+    packed: Float64[np.ndarray, "chunk size"], program_at: int, answers: Answers
+) -> None:
+    """Solve some states, each by itself."""
     program = view(BatchProgram, program_at)
     work, full = view(SearchWork, program.work), view(FullNumbers, program.full)
     x, side, v = work.points.x, work.rows.side, view(StateNumbers, program.state).v
-    for i in range(first, len(answers.found)):
+    for i in range(len(answers.found)):
         if answers.found[i] == UNUSABLE:
             continue
         _scatter(packed[i], program.places)
         settling, state = program.settling, program.state
         call_at(program.evaluate, evaluate, program.assembly, settling, state, False)
         call_at(program.fill, fill, program.full, state)
-        _begin(work, answers.sides[i])
+        begin_with(work, answers.sides[i])
         found = call_at(program.search, search, program.problem, program.work, program.changes)
-        answers.found[i] = found
+        usable = found != UNSOUND and found != LOST
         for k in range(len(side)):
-            answers.sides[i, k] = side[k] if found != UNSOUND and found != LOST else 0
+            answers.sides[i, k] = side[k] if usable else 0
+        if usable and not find_softening(program.terms, v, x, full.base) <= UNSOFTENED:
+            # Nothing of the last state.
+            view(SofteningProgram, program.softening).soft[:] = 0
+            found = call_at(program.soften, search_softened, program.softening, found)
+        answers.found[i] = found
         for k in range(len(x)):
             answers.x[i, k] = full.point[k] = x[k]
         call_at(program.answer, answer, program.full, state)
@@ -100,22 +115,6 @@ def solve_states(
             answers.torque[i, k] = full.torque[k]
         for k in range(len(work.answer.relative)):
             answers.residuals[i, k] = work.answer.relative[k]
-        strain = find_softening(program.terms, v, x, full.base)
-        if found != UNSOUND and found != LOST and not strain <= UNSOFTENED:
-            return i
-    return len(answers.found)
-
-
-@compiled_for_threads
-def search_in_thread(code: int, problem_at: int, work_at: int, changes: int) -> int:
-    """Search, while other threads run."""
-    return call_at(code, search, problem_at, work_at, changes)
-
-
-class _ThreadSolver(LexicographicSolver):
-    def _search(self, changes: int) -> int:
-        at = self._problem.address, self._work.address
-        return search_in_thread(address_of(search), *at, changes)
 
 
 @part
@@ -129,18 +128,6 @@ def _scatter(packed: Float64[np.ndarray, " size"], places: Int64[np.ndarray, " p
         at += len(numbers)
 
 
-@part
-def _begin(work: SearchWork, sides: Int8[np.ndarray, " nm"]) -> None:
-    """Begin the next search with an active set, and with nothing else of the last state."""
-    rows = work.rows
-    work.state.begun = 0
-    for k in range(len(work.points.x)):
-        work.points.x[k] = 0.0
-    for k in range(len(sides)):
-        rows.side[k] = sides[k]
-        rows.sign_free[k] = rows.locked[k] = rows.needed_by[k] = rows.factored[k] = 0
-
-
 _CHUNK = 16
 """States that a thread takes at a time: few enough that the others do not wait for its part of
 Pinocchio's work, and that their numbers stay in the processor's cache."""
@@ -152,7 +139,10 @@ class _BatchWorker:
     def __init__(self, robot: Robot, stack: Stack, contacts: tuple[Contact, ...]) -> None:
         self._robot, self._stack = robot, stack
         self.full = full = FullProblem(robot, stack, contacts)
-        self._dynamics, self._solver = Dynamics(robot), _ThreadSolver()
+        self._dynamics = Dynamics(robot)
+        self._solver = solver = SoftenedFull(full, LexicographicSolver)
+        softening = solver.program
+        assert softening is not None
         self._torques, joints = np.zeros((2, robot.nj)), np.zeros((2, robot.nj))
         evaluation, own = full.rows.evaluation, self._own_numbers()
         # A state's numbers are read here when it is taken up, and written when it is solved.
@@ -162,7 +152,6 @@ class _BatchWorker:
         self._places = _addresses(self._sources)
         evaluation.inputs.places[:] = _addresses(self._targets[len(own) :])
         self._packed = np.zeros((_CHUNK, sum(map(len, sources))))
-        searched, work, changes = self._solver.memory_for(full.problem)
         # Bounds of its own, which no other thread writes.
         self._numbers = full.numbers_with(
             (self._torques[0], self._torques[1]), (joints[0], joints[1])
@@ -174,21 +163,20 @@ class _BatchWorker:
             assembly=evaluation.assembly.address,
             settling=self._settling.address,
             full=self._numbers.address,
-            problem=searched.address,
-            work=work.address,
-            changes=changes,
+            problem=softening.problem,
+            work=softening.work,
+            changes=softening.changes,
             terms=full.rows.softening.terms.address,
+            softening=softening.address,
             evaluate=address_of(evaluate),
             fill=address_of(fill),
             search=address_of(search),
+            soften=address_of(search_softened),
             answer=address_of(answer),
         )
-        solvers = chain([self._solver], iter(_ThreadSolver, None))
-        self._softened = SoftenedFull(full, lambda: next(solvers))
         # What is compiled is compiled now, for the first batch may have no state of use.
         gather(self._places, self._packed[0])
         self.solve(slice(0, 0), _no_answers())
-        self._softened.soften()
 
     def holding_tasks(self) -> list[Owner]:
         """Return the tasks without a target, whose target is the value at each state."""
@@ -231,19 +219,7 @@ class _BatchWorker:
     def solve(self, chunk: slice, answers: Answers) -> None:
         """Solve the states of the current chunk."""
         own = Answers(*(numbers[chunk] for numbers in answers))
-        at, count = 0, len(own.found)
-        while (at := solve_states(self._packed, self._program.address, at, own)) < count:
-            self._soften(Answers(*(numbers[at : at + 1] for numbers in own)))
-            at += 1
-
-    def _soften(self, own: Answers) -> None:
-        """Solve the state that the compiled loop stopped at again, with its levels softened."""
-        solver = self._softened
-        self.full.velocity = self._dynamics.v
-        if solver.soften() not in USABLE:
-            return
-        own.residuals[0] = solver.relative_residuals
-        own.x[0], own.torque[0], _ = self.full.answer(solver.x, self._dynamics)
+        solve_states(self._packed, self._program.address, own)
 
     def _own_numbers(self) -> list[Float64[np.ndarray, " _"]]:
         """Return the numbers of a state that compiled code reads in place."""

@@ -5,6 +5,7 @@ from poise.hqp._active_set import (
     UNSOUND as UNSOUND,
     LexicographicSolver,
     SearchWork as SearchWork,
+    begin_with as begin_with,
     search as search,
 )
 from poise.hqp._certificate import certify_point as certify_point
@@ -12,6 +13,8 @@ from poise.hqp._problem import HierarchicalProblem, Level, LevelView as LevelVie
 from poise.hqp._softening import (
     SoftenedLevel as SoftenedLevel,
     SoftenedSolver as SoftenedSolver,
+    SofteningProgram as SofteningProgram,
+    search_softened as search_softened,
 )
 from poise.hqp._solution import Solution, SolveStatus
 from poise.hqp._strategies import STRATEGIES as STRATEGIES, Solver as Solver, make_solver, solve

@@ -36,6 +36,7 @@ from poise.hqp._active_set.workspace import (
     NOTHING,
     STEPPING,
     Duals,
+    Indices,
     Matrix,
     Problem,
     RowStates,
@@ -89,6 +90,17 @@ def search(problem_at: int, work_at: int, changes: int) -> int:
         # Multipliers of an intermediate active set are not those of the solution.
         work.duals.multipliers[:] = 0.0
     return found if measure(problem, work) else LOST
+
+
+@part
+def begin_with(work: SearchWork, sides: Indices) -> None:
+    """Make the next search begin with an active set, and with nothing else of the last problem."""
+    rows = work.rows
+    work.state.begun = 0
+    work.points.x[:] = 0.0
+    for k in range(len(rows.side)):
+        rows.side[k] = sides[k] if k < len(sides) else 0
+        rows.sign_free[k] = rows.locked[k] = rows.needed_by[k] = rows.factored[k] = 0
 
 
 @part

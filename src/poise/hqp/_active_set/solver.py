@@ -15,6 +15,14 @@ from poise.hqp._solution import LexicographicSolution, Solution, SolveStatus, fa
 from poise.hqp._tolerances import MET_TOLERANCE, changes_allowed
 
 
+ENDS = {
+    CONVERGED: SolveStatus.OPTIMAL,
+    UNSOUND: SolveStatus.BAD_PROBLEM,
+    LOST: SolveStatus.FAILED,
+}
+"""Statuses of the ends of a search that are not inaccurate."""
+
+
 class LexicographicSolver:
     """Solve hierarchies by one active set and one factorisation for all levels.
 
@@ -198,13 +206,9 @@ class LexicographicSolver:
         """Return the status; reset the parts of the workspace that are not usable."""
         if found == UNSOUND:
             self._work.rows.side[:] = 0
-            return SolveStatus.BAD_PROBLEM
-        if found == LOST:
+        elif found == LOST:
             self.reset()
-            return SolveStatus.FAILED
-        if found == CONVERGED:
-            return SolveStatus.OPTIMAL
-        return SolveStatus.TIME_LIMIT if late else SolveStatus.INACCURATE
+        return ENDS.get(found, SolveStatus.TIME_LIMIT if late else SolveStatus.INACCURATE)
 
     def solve(self, problem: HierarchicalProblem) -> Solution:
         """Solve one problem; the answer owns its arrays.
