@@ -23,7 +23,7 @@ from poise._compiled import (
 from poise.control._command import Commands, CommandStatus
 from poise.control._fallback import Fallback, is_usable
 from poise.control._full_problem import FullNumbers, FullProblem, SoftenedFull, answer, fill
-from poise.control._strategy import PHYSICS_TOLERANCE, UNSOFTENED, USABLE
+from poise.control._strategy import PHYSICS_TOLERANCE, UNSOFTENED
 from poise.dynamics import Dynamics, RobotState, StateNumbers
 from poise.hqp import (
     LOST,
@@ -100,7 +100,7 @@ def solve_states(
         call_at(program.fill, fill, program.full, state)
         begin_with(work, answers.sides[i])
         found = call_at(program.search, search, program.problem, program.work, program.changes)
-        usable = found != UNSOUND and found != LOST
+        usable = found not in (UNSOUND, LOST)
         for k in range(len(side)):
             answers.sides[i, k] = side[k] if usable else 0
         if usable and not find_softening(program.terms, v, x, full.base) <= UNSOFTENED:

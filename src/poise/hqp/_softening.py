@@ -120,7 +120,7 @@ def search_softened(program_at: int, strict: int) -> int:
     while True:
         if soft > 0:
             found = _search_stages(p, problem, work)
-            if found == UNSOUND or found == LOST:
+            if found in (UNSOUND, LOST):
                 # Without an answer of the softened levels, strict ones may have one.
                 p.soft[:], p.softened[:] = 0, 0.0
                 return _search_anew(p.search, p.problem, p.work, p.changes)
@@ -128,7 +128,7 @@ def search_softened(program_at: int, strict: int) -> int:
             if found < 0:
                 found = _search_anew(p.search, p.problem, p.work, p.changes)
             copy(p.x, work.points.x)
-            if found == UNSOUND or found == LOST:
+            if found in (UNSOUND, LOST):
                 return found
         distance, straining = _distance(p), -1
         for k in range(levels):
@@ -157,7 +157,7 @@ def _search_stages(p: SofteningProgram, problem: Problem, work: SearchWork) -> i
         at, changes, first, end = p.stages[k, 0], p.stages[k, 2], p.stages[k, 3], p.stages[k, 4]
         _fill(view(Problem, at), problem, end, p.weights[k], p.reference)
         found = _search_anew(p.search, at, p.stages[k, 1], changes)
-        if found == UNSOUND or found == LOST:
+        if found in (UNSOUND, LOST):
             break
         copy(p.x, view(SearchWork, p.stages[k, 1]).points.x)
         p.soft[k] = int(p.weights[k] * _distance(p) > 0.5 * p.tolerance[0])
@@ -169,7 +169,7 @@ def _search_stages(p: SofteningProgram, problem: Problem, work: SearchWork) -> i
             for j in range(n):
                 reached += row[j] * p.x[j]
             problem.lower[n + i] = problem.upper[n + i] = reached
-    if not whole and found != UNSOUND and found != LOST:
+    if not whole and found not in (UNSOUND, LOST):
         found = _search_anew(p.search, p.problem, p.work, p.changes)
         copy(p.x, work.points.x)
     copy(problem.lower, p.lower)
@@ -206,7 +206,7 @@ def _search_anew(code: int, problem_at: int, work_at: int, changes: int) -> int:
     work = view(SearchWork, work_at)
     work.state.begun = 0
     found = call_at(code, search, problem_at, work_at, changes)
-    if found == UNSOUND or found == LOST:
+    if found in (UNSOUND, LOST):
         work.points.x[:] = 0.0
         work.rows.side[:] = 0
         work.rows.needed_by[:] = 0
@@ -397,10 +397,7 @@ class SoftenedSolver:
     def _solve(self, strict: SolveStatus | None) -> SolveStatus:
         """Soften the levels of the last solve, then those that strain, the lowest first."""
         weights = self._weights.tolist()
-        soft = [
-            was == 1 and mu > 0.0
-            for was, mu in zip(self._soft.tolist(), weights, strict=True)
-        ]
+        soft = [was == 1 and mu > 0.0 for was, mu in zip(self._soft.tolist(), weights, strict=True)]
         while True:
             if any(soft):
                 status, x = self._solve_softened(soft)

@@ -50,7 +50,7 @@ CANCELLED = 1e-5
 
 PATIENCE = 20
 """Changes without a step after which rows are deactivated by number, against cycles; after three
-times as many, a reactivated row stays active."""
+times as many, a reactivated row stays active, as does one that came back more often than this."""
 
 ADD_RATIOS = (0.5, 0.7, 0.6, 0.9, 0.8)
 """Of each leap in turn: part of the largest violation from which rows are added."""

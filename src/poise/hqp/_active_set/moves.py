@@ -72,7 +72,7 @@ def step(problem: Problem, work: SearchWork) -> bool:
     if _step_until_blocked(problem, work.rows, work.points, state):
         state.idle = 0
         for i in range(len(work.rows.locked)):
-            work.rows.locked[i] = 0
+            work.rows.locked[i] = LOCKED if work.rows.returns[i] > PATIENCE else 0
     else:
         state.idle += 1
     if state.blocked != 0:
@@ -119,6 +119,7 @@ def _step_until_blocked(problem: Problem, rows: RowStates, points: Points, state
         state.blocked = 1
         if blocking == state.deactivated or rows.locked[blocking] == RELEASED:
             rows.locked[blocking] = LOCKED
+            rows.returns[blocking] += 1
         rows.side[blocking] = side
         rows.sign_free[blocking] = 0
     square = 0.0

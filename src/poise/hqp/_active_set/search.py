@@ -125,7 +125,7 @@ def _begin_from(origin: int, state: State, rows: RowStates) -> None:
     state.idle = state.blocked = state.turn = state.since = state.fewest = 0
     state.deactivated, state.doubtful = -1, 0
     for i in range(len(rows.locked)):
-        rows.locked[i] = 0
+        rows.locked[i] = rows.returns[i] = 0
 
 
 @part

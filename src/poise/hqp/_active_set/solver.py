@@ -14,7 +14,6 @@ from poise.hqp._problem import HierarchicalProblem, Level, Numbers
 from poise.hqp._solution import LexicographicSolution, Solution, SolveStatus, failure
 from poise.hqp._tolerances import MET_TOLERANCE, changes_allowed
 
-
 ENDS = {
     CONVERGED: SolveStatus.OPTIMAL,
     UNSOUND: SolveStatus.BAD_PROBLEM,

@@ -74,6 +74,7 @@ class RowStates(MemoryBlock):
     side: Int64[np.ndarray, " nm"]  # 1, -1: active at the upper, lower bound; 2: equality; 0
     sign_free: Int64[np.ndarray, " nm"]  # 1 if lower levels' multipliers may have either sign
     locked: Int64[np.ndarray, " nm"]  # `LOCKED`, `RELEASED` or 0, since the point moved
+    returns: Int64[np.ndarray, " nm"]  # times that it came back as soon as it was deactivated
     needed_by: Int64[np.ndarray, " nm"]  # level that needs it active, counted from 1, or 0
     guarded: Int64[np.ndarray, " nm"]  # 1 if its remainder is kept from lower levels
     factored: Int64[np.ndarray, " nm"]  # side and sign freedom when its level was factored
