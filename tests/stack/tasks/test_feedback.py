@@ -276,7 +276,7 @@ def test_weights_that_were_given_one_a_row_are_copied_and_can_be_set_anew(robot)
 
 @pytest.mark.parametrize(
     "bad",
-    [(1.0, 2.0), (1.0, 0.0, 2.0), (1.0, np.inf, 2.0), (1.0, np.nan, 2.0),
+    [(1.0, 2.0), (1.0, 2.0, 3.0, 4.0), (1.0, 0.0, 2.0), (1.0, np.inf, 2.0), (1.0, np.nan, 2.0),
      (np.ones(2), 2.0, 3.0), tuple(np.ones((3, 3)))],
 )  # fmt: skip
 def test_a_row_of_weights_that_cannot_be_is_refused_and_changes_nothing(robot, bad):
