@@ -17,7 +17,6 @@ _VERBS = {
     "describe": ("_robots", "propose a description for a URDF or MJCF"),
     "teleop": ("_live", "a person walks the robot step by step, in a browser"),
     "drive": ("_live", "a person drives the robot by velocities, in a browser"),
-    "convert": ("_live", "make a log of a .teleop file of an earlier version"),
     "warmup": ("_warmup", "compile ahead what controllers need"),
 }
 """Modules with the verbs' classes, imported when they are used, and a summary."""
