@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import arg
 
 from poise.cli._command import OK
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, import_extra
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,6 +155,8 @@ class TeleopVerb(_Live):
 
     def act(self) -> int:
         """Run until it is ended."""
+        # Before the simulator is missed, which is in a smaller extra.
+        import_extra("websockets", "teleop", "Live teleoperation")
         from poise.apps.teleoperation import recorded_robot
         from poise.robots import load_robot
 
