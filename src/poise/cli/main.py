@@ -18,10 +18,11 @@ _VERBS = {
     "teleop": ("_live", "a person walks the robot step by step, in a browser"),
     "drive": ("_live", "a person drives the robot by velocities, in a browser"),
     "warmup": ("_warmup", "compile ahead what controllers need"),
+    "doctor": ("_doctor", "check this installation and name what mends it"),
 }
 """Modules with the verbs' classes, imported when they are used, and a summary."""
 
-_WITHOUT_SIMULATOR = ("robots", "warmup")
+_WITHOUT_SIMULATOR = ("robots", "warmup", "doctor")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
