@@ -24,7 +24,7 @@ from poise.errors import PoiseError
 _RELATIONS = {">=": operator.ge, "<": operator.lt}  # those of the requirements in pyproject.toml
 _REQUIREMENT = re.compile(r"([\w.-]+)[^<>=;]*([^;]*)(?:;.*extra == ['\"](.*)['\"])?")
 _ROOM = 32_000_000  # machine code takes 5 MB, a report with video and log 10 MB [bytes]
-_PATIENCE = 300.0  # a slow machine compiles the first controller in less [s]
+_PATIENCE = 600.0  # a slow machine compiles the first controller in less [s]
 _REPORT = "report it with all lines of `poise doctor`"
 
 
