@@ -192,7 +192,12 @@ def _robots() -> _Findings:
 def _self_test() -> _Findings:
     """First use and a stand, in a process of their own, which compiled code may end."""
     command = [sys.executable, "-c", "from poise.cli._doctor import stand; stand()"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE, check=False)
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE)
+    except subprocess.TimeoutExpired:
+        seen, remedy = f"not done in {_PATIENCE:.0f} s", "end other programs, run `poise warmup`"
+        yield _line("self-test", seen, False, remedy)
+        return
     if done.returncode:
         *_, last = ["no message", *done.stderr.strip().splitlines()]
         yield _line("self-test", f"status {done.returncode}: {last}", False, _REPORT)
