@@ -2,13 +2,12 @@
 
 from collections.abc import Iterable, Sequence
 from html import escape
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from poise._checks import Numbers
-from poise.errors import MissingExtraError
+from poise.errors import import_extra
 
 
 def brief(value: Numbers) -> str:
@@ -40,10 +39,7 @@ def html_table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]
 
 def new_figure(width: float, height: float) -> Any:
     """Make an empty `matplotlib.figure.Figure`, which a notebook shows as a cell's result."""
-    try:
-        plt: Any = import_module("matplotlib.pyplot")
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("matplotlib", "sim", "A figure") from error
+    plt = import_extra("matplotlib.pyplot", "sim", "A figure")
     figure = plt.figure(figsize=(width, height), layout="constrained")
     # A notebook shows figures of pyplot; closed there, it is not shown twice.
     plt.close(figure)

@@ -7,6 +7,8 @@ control loop raises none of these: it returns a status.
 import copy
 import difflib
 from collections.abc import Iterable
+from importlib import import_module
+from typing import Any
 
 __all__ = [
     "ConfigurationError",
@@ -101,6 +103,16 @@ class MissingExtraError(PoiseError):
             f"{purpose} needs the package {package!r}, which is not installed; "
             f"install it with: {install}"
         )
+
+
+def import_extra(module: str, extra: str, purpose: str, *, package: str = "") -> Any:
+    """Import an optional module, of the package with its name unless another is given."""
+    root = module.split(".")[0]
+    try:
+        import_module(root)
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(package or root, extra, purpose) from error
 
 
 def _list_choices(got: str, choices: tuple[str, ...], most: int = 60) -> str:

@@ -186,14 +186,28 @@ def test_a_damaged_file(first):
     assert ask(folder)[0] == 1
 
 
-def test_no_folder_that_can_be_written(folder):
-    nowhere = """
-from numba.core.caching import CacheImpl
-CacheImpl._locator_classes = []
+ELSEWHERE = """
+from poise._compiled import _kept_code as kept
+kept._Places._locator_classes = ({classes})
 import importlib
+source.scaled = importlib.reload(sys.modules["other"]).scaled
 source = importlib.reload(source)
 """
-    hits, said, _ = ask(folder, nowhere)
+
+
+def test_no_folder_that_can_be_written(folder):
+    hits, said, _ = ask(folder, ELSEWHERE.format(classes=""))
+    assert hits == 0
+    assert "not kept: no folder can be written" in said
+
+
+def test_the_temporary_folder_is_the_last_resort_unless_others_can_write_there(folder):
+    last = ELSEWHERE.format(classes="kept._InTemporaryFolder,")
+    own = folder / f"poise-{os.getuid()}"
+    assert str(own) in ask(folder, last, TMPDIR=str(folder))[1]
+    assert ask(folder, last, TMPDIR=str(folder))[:2] == (1, "")
+    own.chmod(0o777)
+    hits, said, _ = ask(folder, last, TMPDIR=str(folder))
     assert hits == 0
     assert "not kept: no folder can be written" in said
 

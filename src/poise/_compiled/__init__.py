@@ -19,6 +19,7 @@ from poise._compiled._compiling import (
 from poise._compiled._first_use import (
     check_kept as check_kept,
     code_folder as code_folder,
+    count_kept as count_kept,
     find_unkept as find_unkept,
     functions_of as functions_of,
     names_of as names_of,

@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from pathlib import Path
 from time import process_time
 from typing import Any, cast
 
@@ -129,6 +130,16 @@ def find_unkept(skipped: tuple[str, ...] = ()) -> list[Any]:
 def names_of(functions: list[Any]) -> set[str]:
     """Names of functions and of all that they call, as `report_compiled` reports them."""
     return {_name(one) for function in functions for one in functions_of(function)}
+
+
+def count_kept() -> tuple[int, int, int]:
+    """Count functions with machine code on disk, all, and files of other versions of them."""
+    caches = [function._cache for function in _keepable()]
+    read = set[Path]().union(*(cache.files() for cache in caches))
+    # Another Python's files lie beside them.
+    name = f"*.py{sys.version_info.major}{sys.version_info.minor}*.nb[ic]"
+    found = {file for place in {c.cache_path for c in caches} for file in Path(place).glob(name)}
+    return len(caches) - len(find_unkept()), len(caches), len(found - read)
 
 
 def code_folder() -> str:

@@ -1,17 +1,55 @@
 """`KeptCode`: machine code on disk; recompiled where a file cannot be read or written."""
 
 import logging
+import os
+import stat
+import tempfile
 from itertools import count
+from pathlib import Path
 from typing import Any
 
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    UserWideCacheLocator,
+)
 
 _SAID: set[str] = set()
 """Folders about which a warning was logged."""
 
 
+class _InTemporaryFolder(UserWideCacheLocator):
+    """Files in a folder of this user's in the temporary folder."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        super().__init__(function, file)
+        self._own = Path(tempfile.gettempdir(), f"poise-{os.getuid()}")
+        self._cache_path = str(self._own / Path(self._cache_path).name)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder; its files are run, so that nobody else may have written them."""
+        self._own.mkdir(mode=0o700, exist_ok=True)
+        found = self._own.lstat()
+        if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o022:
+            raise PermissionError(f"{self._own} is not of this user alone")
+        super().ensure_cache_path()
+
+
+class _Places(CompileResultCacheImpl):
+    """Numba's choice of a folder, and the last resort."""
+
+    _locator_classes = (*CompileResultCacheImpl._locator_classes, _InTemporaryFolder)
+
+
 class KeptCode(FunctionCache):
-    """Numba's files of one function, in its own folder or in the one that NUMBA_CACHE_DIR names."""
+    """Numba's files of one function.
+
+    They lie in the folder that NUMBA_CACHE_DIR names, beside the source, in the user's cache folder
+    or in the temporary folder: the first that can be written.
+    """
+
+    _impl_class = _Places
 
     def __init__(self, function: Any, stamp: str) -> None:
         super().__init__(function)
@@ -39,6 +77,10 @@ class KeptCode(FunctionCache):
         """Test for code of any signature for this processor."""
         processor = target_context.codegen().magic_tuple()
         return any(key[1] == processor for key in self._files.read_index())
+
+    def files(self) -> set[Path]:
+        """List the files of this version of the function, index and machine code."""
+        return self._files.files()
 
     def _warn(self, what: str, error: Exception) -> None:
         if self._cache_path in _SAID:
@@ -80,5 +122,10 @@ class _Files(IndexDataCacheFile):
             return super()._load_index()
         except Exception:  # As above: damaged files are rewritten.
             return {}
+
+    def files(self) -> set[Path]:
+        """List the index and what it names."""
+        folder = Path(self._cache_path)
+        return {folder / name for name in (self._index_name, *self.read_index().values())}
 
     _load_index = read_index

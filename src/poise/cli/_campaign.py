@@ -13,7 +13,7 @@ from tyro.conf import Positional, arg
 from poise._progress import Bar
 from poise.cli._command import FAILED, OK, Output
 from poise.cli._run import replay
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, import_extra
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,14 +82,16 @@ class CampaignVerb(_Episodes):
 
     def act(self) -> int:
         """Carry out one of the three forms."""
-        from poise.apps.campaigns import run_campaign
-
         match self.words:
             case ["status", folder]:
                 return self._status(Path(folder))
             case ["replay", folder, number]:
                 return self._replay(Path(folder), number)
             case [file]:
+                # Before the simulator is missed, which is in a smaller extra.
+                import_extra("pyarrow", "campaign", "A campaign")
+                from poise.apps.campaigns import run_campaign
+
                 folder = Path(self.out or f"runs/campaign-{Path(file).stem}")
                 found = self.run(run_campaign, Path(file), folder)
                 self._status(folder)

@@ -1,4 +1,4 @@
-"""`poise teleop`, `poise drive`, `poise convert`: teleoperate the simulated robot, live."""
+"""`poise teleop` and `poise drive`: teleoperate the simulated robot, live."""
 
 import signal
 import sys
@@ -9,10 +9,10 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from poise.cli._command import OK
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, import_extra
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,6 +155,8 @@ class TeleopVerb(_Live):
 
     def act(self) -> int:
         """Run until it is ended."""
+        # Before the simulator is missed, which is in a smaller extra.
+        import_extra("websockets", "teleop", "Live teleoperation")
         from poise.apps.teleoperation import recorded_robot
         from poise.robots import load_robot
 
@@ -237,33 +239,3 @@ def _recording(device: str) -> Any:
         recording = read_recording(path, allow_partial=True)
         print(f"poise: {error.what}; playing what there is", file=sys.stderr)
         return recording
-
-
-@dataclass(frozen=True, kw_only=True)
-class ConvertVerb:
-    """Write an MCAP log of a .teleop file, which plays as it did.
-
-    example: poise convert runs/teleop-g1/take-001.teleop
-
-    Attributes:
-        file: a .teleop file.
-        out: the log; FILE with .mcap by default.
-    """
-
-    file: Annotated[Positional[str], arg(metavar="FILE")]
-    out: Annotated[str | None, arg(metavar="FILE")] = None
-
-    def act(self) -> int:
-        """Convert."""
-        from poise.apps.teleoperation import convert_recording
-
-        path = Path(self.file)
-        target = Path(self.out) if self.out else path.with_suffix(".mcap")
-        if target.exists():
-            raise ConfigurationError(
-                "the log is there already", got=str(target), wanted="--out FILE"
-            )
-        if not convert_recording(path, target):
-            print(f"poise: {path.name} was not finished; converted what there is", file=sys.stderr)
-        print(target)
-        return OK

@@ -17,12 +17,12 @@ _VERBS = {
     "describe": ("_robots", "propose a description for a URDF or MJCF"),
     "teleop": ("_live", "a person walks the robot step by step, in a browser"),
     "drive": ("_live", "a person drives the robot by velocities, in a browser"),
-    "convert": ("_live", "make a log of a .teleop file of an earlier version"),
     "warmup": ("_warmup", "compile ahead what controllers need"),
+    "doctor": ("_doctor", "check this installation and name what mends it"),
 }
 """Modules with the verbs' classes, imported when they are used, and a summary."""
 
-_WITHOUT_SIMULATOR = ("robots", "warmup")
+_WITHOUT_SIMULATOR = ("robots", "warmup", "doctor")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

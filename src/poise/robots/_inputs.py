@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from poise._checks import checked_kind
 from poise._yaml import read_text
-from poise.errors import MissingExtraError, RobotError
+from poise.errors import RobotError, import_extra
 from poise.robots._document import BLANK, Document, read_document
 from poise.robots._limits import NO_LIMIT, hinges
 from poise.robots._mjcf_write import mjcf_of
@@ -78,12 +78,9 @@ def _package_of(given: RobotInput) -> tuple[Path, ...]:
 
 def _expanded(path: Path) -> str:
     """URDF or MJCF text of a xacro file, with packages found above it and beside its own."""
-    try:
-        import xacro
-        from xacrodoc import packages
-    except ModuleNotFoundError:
-        what = f"Reading {path.name}, which is xacro,"
-        raise MissingExtraError("xacrodoc", "xacro", what) from None
+    what = f"Reading {path.name}, which is xacro,"
+    xacro = import_extra("xacro", "xacro", what, package="xacrodoc")
+    packages = import_extra("xacrodoc.packages", "xacro", what)
     path = path.resolve()
     own = next((p for p in path.parents if (p / "package.xml").is_file()), path.parent)
     packages.look_in([str(own.parent)])

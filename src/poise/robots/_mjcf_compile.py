@@ -4,7 +4,6 @@
 settled one. `compile_mjcf`: the model of a settled one.
 """
 
-import importlib
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Set
 from pathlib import Path
@@ -15,16 +14,13 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.errors import MissingExtraError, RobotError
+from poise.errors import RobotError, import_extra
 from poise.robots._robot import ModelSource
 
 
 def mujoco_module(where: str) -> ModuleType:
     """MuJoCo, which reads MJCF."""
-    try:
-        return importlib.import_module("mujoco")
-    except ModuleNotFoundError:
-        raise MissingExtraError("mujoco", "sim", f"Reading {where}, which is MJCF,") from None
+    return import_extra("mujoco", "sim", f"Reading {where}, which is MJCF,")
 
 
 def compile_mjcf(source: ModelSource, where: str, pictured: Set[str] = frozenset()) -> Any:

@@ -3,7 +3,7 @@
 The only package that imports MuJoCo.
 """
 
-from poise.sim._mujoco import refusal, silence as silence
+from poise.sim._mujoco import missing_library as missing_library, refusal, silence as silence
 
 if (_refusal := refusal()) is not None:
     raise _refusal

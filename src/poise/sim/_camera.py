@@ -21,7 +21,13 @@ from poise.sim._mapping import StateMap
 from poise.sim._mujoco import asked_platform, missing_library
 
 _PLATFORMS = ("egl", "osmesa")  # EGL first: it uses a graphics card where there is one
-_TRIAL = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 64, 64)"
+_TRIAL = """
+import mujoco
+model = mujoco.MjModel.from_xml_string("<mujoco/>")
+renderer = mujoco.Renderer(model, 64, 64)
+renderer.update_scene(mujoco.MjData(model))
+renderer.render()
+"""
 
 
 # Red, green, blue, opacity in [0, 1]

@@ -12,12 +12,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from types import ModuleType
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from poise.errors import MissingExtraError, PoiseError
+from poise.errors import PoiseError, import_extra
 from poise.sim._foxglove import (
     MESSAGES,
     NOTES,
@@ -43,7 +42,7 @@ class McapLog:
         self, path: Path, record: RunRecord, topics: RobotTopics | None = None, *, keep: bool = True
     ) -> None:
         # Before the file is made.
-        writer = _mcap_writer("Writing a log")
+        writer = import_extra("mcap.writer", "sim", "Writing a log")
         self.path = path
         self._record, self._topics, self._metadata = record, topics, dict(record.metadata)
         self._channels, self._tables = dict[Topic, int](), dict[tuple[Signal, ...], Topic]()
@@ -178,7 +177,7 @@ def read_log(path: Path | str, topics: tuple[str, ...] | None = None) -> RunReco
     path = Path(path)
     if not path.is_file():
         raise PoiseError("the log does not exist", got=str(path), wanted="an MCAP file")
-    _mcap_writer("Reading a log")
+    import_extra("mcap", "sim", "Reading a log")
     from mcap.records import Channel, Footer, Header, Message, Metadata
 
     record, complete = RunRecord(), False
@@ -224,14 +223,6 @@ def _part(topic: str, holds: str, contents: list[bytes]) -> tuple[Table | str, l
     # A text has its length before it.
     found = [c[12:].decode() if holds == NOTES else c[8:] for c in contents]
     return topic, list(zip(times, found, strict=True))
-
-
-def _mcap_writer(doing: str) -> ModuleType:
-    try:
-        import mcap.writer
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("mcap", "sim", doing) from error
-    return mcap.writer
 
 
 def _whole_records(stream: BinaryIO, *, chunks: bool = False) -> Iterator[Any]:

@@ -3,14 +3,13 @@
 import json
 import struct
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from itertools import accumulate
 from typing import Any, NamedTuple, SupportsBytes
 
 import numpy as np
 
 from poise._show import new_figure
-from poise.errors import MissingExtraError, TargetError, UnknownNameError
+from poise.errors import TargetError, UnknownNameError, import_extra
 
 Value = float | int | np.generic | np.ndarray  # a sample of a signal
 Names = tuple[str, ...]  # signals that are sampled together, in the order in which they are given
@@ -217,10 +216,7 @@ class RunRecord:
         Raises:
             MissingExtraError: the package pandas is not installed.
         """
-        try:
-            pd: Any = import_module("pandas")
-        except ModuleNotFoundError as error:
-            raise MissingExtraError("pandas", "tables", "A table of a run") from error
+        pd = import_extra("pandas", "tables", "A table of a run")
         columns: dict[str, Any] = {}
         for name, signal in self._signals.items():
             times, values = self.signal(name)

@@ -1,17 +1,15 @@
 """A video of a run, drawn after it from its recorded configurations."""
 
-import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
 from poise._schema import Positive, checked
-from poise.errors import ConfigurationError, MissingExtraError, TargetError
+from poise.errors import ConfigurationError, TargetError, import_extra
 from poise.robots import Robot
 from poise.sim._camera import Camera, CameraConfig, Marker
 from poise.sim._plant import Plant
@@ -103,11 +101,8 @@ def render_video(
     """
     config, path = config if config is not None else VideoConfig(), Path(path)
     _check(plant, times, qs)
-    try:
-        imageio: Any = importlib.import_module("imageio.v2")
-        importlib.import_module("imageio_ffmpeg")
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("imageio-ffmpeg", "sim", "Making a video") from error
+    imageio = import_extra("imageio.v2", "sim", "Making a video")
+    import_extra("imageio_ffmpeg", "sim", "Making a video", package="imageio-ffmpeg")
     indices = frame_indices(times, config)
     # Small and quick; the moov atom first, so that a browser can start before the end.
     coded = ["-crf", "23", "-preset", "veryfast", "-movflags", "+faststart"]

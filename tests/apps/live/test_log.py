@@ -135,7 +135,7 @@ def test_a_link_to_nothing_in_the_folder_costs_nothing_and_no_number_is_given_ag
     lead = FootLead(get_robot("biped20"), OperatorInputs(), VELOCITY_TELEOP_PLANT)
     takes = Takes(tmp_path, most_bytes=1000)
     (tmp_path / "latest").symlink_to(tmp_path / "gone")
-    (tmp_path / "take-004.teleop").write_bytes(bytes(600))
+    (tmp_path / "take-004.part").write_bytes(bytes(600))
     (tmp_path / "take-002.mcap").write_bytes(b"")
     takes.expect(lead)
     assert not takes.problem

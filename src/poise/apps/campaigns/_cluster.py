@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar
 
 from poise.apps.campaigns._episode import version
 from poise.apps.campaigns._workers import WorkerLostError, Workers, outcome_of
-from poise.errors import ConfigurationError, MissingExtraError, PoiseError
+from poise.errors import ConfigurationError, PoiseError, import_extra
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -166,10 +166,7 @@ class SlurmWorkers(DaskWorkers):
         if self._executor == "slurm" and shutil.which("sbatch") is None:
             raise ConfigurationError("no Slurm on this machine", got="no command sbatch")
         distributed = _distributed()
-        try:
-            import submitit
-        except ImportError:
-            raise MissingExtraError("submitit", "campaign", "--slurm") from None
+        submitit = import_extra("submitit", "campaign", "--slurm")
         with ExitStack() as ends:
             cluster = distributed.LocalCluster(
                 n_workers=0,
@@ -214,11 +211,7 @@ async def _beside(function: Callable[[T], R], item: T) -> tuple[bool, Any]:
 
 
 def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError:
-        raise MissingExtraError("distributed", "campaign", "a cluster") from None
-    return distributed
+    return import_extra("distributed", "campaign", "a cluster")
 
 
 def _reason(error: Exception) -> str:

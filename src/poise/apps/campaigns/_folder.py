@@ -16,7 +16,7 @@ from typing import Any
 
 from poise.apps.campaigns._episode import Row
 from poise.apps.pages import replace_file
-from poise.errors import ConfigurationError, MissingExtraError, PoiseError
+from poise.errors import ConfigurationError, MissingExtraError, PoiseError, import_extra
 
 _MANIFEST, _ROWS, _TABLE, _LOCK = "campaign.json", "rows.jsonl", "episodes/rows.parquet", "lock"
 
@@ -195,12 +195,9 @@ class CampaignFolder:
     def _write_table(self) -> None:
         """Write all rows as Parquet; scorecards are made without the package as well."""
         try:
-            require_pyarrow()
+            pa, pq = require_pyarrow()
         except MissingExtraError:
             return
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
         rows = self.table()
         if rows:
             columns = {name: _alike([row[name] for row in rows]) for name in rows[0]}
@@ -209,12 +206,10 @@ class CampaignFolder:
             replace_file(self.path / _TABLE, table.getvalue().to_pybytes())
 
 
-def require_pyarrow() -> None:
-    """Refuse a campaign whose table could not be written."""
-    try:
-        import pyarrow.parquet  # noqa: F401  # pyright: ignore[reportUnusedImport]
-    except ImportError:
-        raise MissingExtraError("pyarrow", "campaign", "a campaign's results") from None
+def require_pyarrow() -> tuple[Any, ...]:
+    """Import `pyarrow` and `pyarrow.parquet`."""
+    names, purpose = ("pyarrow", "pyarrow.parquet"), "a campaign's results"
+    return tuple(import_extra(name, "campaign", purpose) for name in names)
 
 
 def _alike(values: list[Any]) -> list[Any]:

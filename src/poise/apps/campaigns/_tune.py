@@ -13,7 +13,7 @@ import numpy as np
 
 from poise.apps.campaigns._campaign import Campaign, Design, Draw, TunePlan
 from poise.apps.campaigns._episode import RAN, Job, Row
-from poise.errors import MissingExtraError, PoiseError
+from poise.errors import PoiseError, import_extra
 
 _STORAGE = "tuning.sqlite"
 _PLOTS = {
@@ -65,10 +65,7 @@ def best_trial(campaign: Campaign, plan: TunePlan, folder: Path) -> dict[str, An
 
 
 def _optuna() -> Any:
-    try:
-        import optuna
-    except ImportError:
-        raise MissingExtraError("optuna", "campaign", "tuning") from None
+    optuna = import_extra("optuna", "campaign", "tuning")
     # Of each trial there is a line in the results already.
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from poise.apps.live._inputs import OperatorInputs
-from poise.errors import MissingExtraError, PoiseError
+from poise.errors import PoiseError, import_extra
 from poise.locomotion import OperatorSample
 
 
@@ -42,13 +42,10 @@ class HostGamepad:
         # Without these SDL wants a screen, and pygame greets on the terminal.
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-        try:
-            import pygame
-            from pygame._sdl2 import controller
-        except ModuleNotFoundError as error:
-            raise MissingExtraError("pygame", "teleop", "A gamepad") from error
-        self._pygame: Any = pygame
-        self._controller: Any = controller
+        self._pygame = pygame = import_extra("pygame", "teleop", "A gamepad")
+        self._controller = controller = import_extra(
+            "pygame._sdl2.controller", "teleop", "A gamepad"
+        )
         pygame.display.init()
         pygame.joystick.init()
         controller.init()

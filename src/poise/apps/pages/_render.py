@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from poise.apps.pages._style import number
-from poise.errors import MissingExtraError
+from poise.errors import import_extra
 
 _TEMPLATES = Path(__file__).with_name("templates")
 
@@ -32,10 +32,7 @@ def render_page(template: str | Path, **values: object) -> str:
 
 @cache
 def _environment(folders: tuple[Path, ...]) -> Any:
-    try:
-        import jinja2
-    except ImportError:
-        raise MissingExtraError("jinja2", "sim", "a page") from None
+    jinja2 = import_extra("jinja2", "sim", "a page")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(folders),
         autoescape=True,

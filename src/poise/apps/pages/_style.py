@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, filterwarnings
 
-from poise.errors import MissingExtraError
+from poise.errors import import_extra
 
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _PATH_DATA = re.compile(r' d="[^"]*"')
@@ -76,10 +76,7 @@ def house_style() -> Generator[None]:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    try:
-        from matplotlib import style
-    except ImportError:
-        raise MissingExtraError("matplotlib", "sim", "a plot") from None
+    style = import_extra("matplotlib.style", "sim", "a plot")
     with catch_warnings(), style.context(["default", _SHEET]):
         # The browser draws the text with its own fonts, so a glyph missing here is not missing.
         filterwarnings("ignore", message="Glyph .* missing from")

@@ -34,7 +34,6 @@ from poise.apps.teleoperation._scripts import (
     Script,
     terrain_blocks as terrain_blocks,
 )
-from poise.apps.teleoperation._teleop_file import convert_recording as convert_recording
 
 __all__ = [
     "SCRIPTS",

@@ -220,8 +220,7 @@ def read_recording(path: str | Path, *, allow_partial: bool = False) -> Recordin
     except MissingExtraError:
         raise
     except PoiseError as error:
-        hint = "; `poise convert` makes a log of it" if path.suffix == ".teleop" else ""
-        raise RecordingError(f"{path.name} is no recording: {error}{hint}") from None
+        raise RecordingError(f"{path.name} is no recording: {error}") from None
     if not (record.complete or allow_partial):
         wanted = "read_recording(path, allow_partial=True), which has what there is"
         raise RecordingError(f"the recording {path.name} was not finished", wanted=wanted)

@@ -402,11 +402,6 @@ class ChainElimination:
         """Number of unknowns s, then of rows left in each level."""
         return (self._rows.kept, *self._rows.left.tolist())
 
-    def recover(self, x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " nu"]:
-        """Find the acceleration of the unconstrained chain for a solution of LQP 1."""
-        _recover(self.block.address, np.ascontiguousarray(x))
-        return self.block.dv_u.copy()
-
 
 def announce() -> None:
     """Log that the reduced controller is about to be compiled, unless it already was."""
@@ -465,11 +460,6 @@ def _sort_coordinates(chain: Elimination) -> None:
         if i < nz:
             for k in range(len(chain.through)):
                 chain.centroid[i, k] = own[first + m + k]
-
-
-@compiled
-def _recover(address: int, x: Float64[np.ndarray, " n"]) -> None:
-    recover(view(Elimination, address), x)
 
 
 @part
