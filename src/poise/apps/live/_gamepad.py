@@ -46,7 +46,7 @@ class HostGamepad:
             import pygame
             from pygame._sdl2 import controller
         except ModuleNotFoundError as error:
-            raise MissingExtraError("pygame", "teleop", "A gamepad") from error
+            raise MissingExtraError("pygame-ce", "teleop", "A gamepad") from error
         self._pygame: Any = pygame
         self._controller: Any = controller
         pygame.display.init()
