@@ -14,6 +14,12 @@ from packaging.version import Version
 ROOT = Path(__file__).parents[2]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PROJECT = PYPROJECT["project"]
+CONDA_NAMES = {
+    "matplotlib": "matplotlib-base",
+    "mujoco": "mujoco-python",
+    "pin": "pinocchio-python",
+}
+"""Packages that have other names on conda-forge."""
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 LOCK = re.compile(r"^([A-Za-z0-9._-]+)==(\S+)$")
 
@@ -124,3 +130,36 @@ def test_readme_opens_with_one_paragraph_and_a_picture():
     assert head[0] == "# Poise"
     assert head[1].startswith("Poise is ")
     assert head[2].startswith("![")
+
+
+def test_ci_runs_everything_that_a_workflow_runs():
+    text = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    lines = {line.removesuffix(" &") for line in text.splitlines()}
+    for path in (ROOT / ".github" / "workflows").iterdir():
+        workflow = yaml.safe_load(path.read_text(encoding="utf-8"))
+        for step in (step for job in workflow["jobs"].values() for step in job["steps"]):
+            command = step.get("run", ".ci/run").removeprefix("sudo ")
+            script = re.fullmatch(r"\.ci/\w+", command) and command in text.split()
+            assert script or command in lines | {".ci/run"}, (path.name, command)
+
+
+def test_workflows_test_the_pythons_of_the_classifiers():
+    workflow = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8"))
+    pythons = [c.rpartition(" ")[2] for c in PROJECT["classifiers"] if ":: Python :: 3." in c]
+    assert workflow["jobs"]["test"]["strategy"]["matrix"]["python"] == pythons
+    assert PROJECT["requires-python"] == f">={pythons[0]}"
+
+
+def test_conda_recipe_requires_what_the_project_requires():
+    recipe = yaml.safe_load((ROOT / "packaging/conda/recipe.yaml").read_text(encoding="utf-8"))
+    core = [f"python{PROJECT['requires-python']}", *PROJECT["dependencies"]]
+    required = (core, PROJECT["optional-dependencies"]["sim"])
+    for output, wanted in zip(recipe["outputs"], required, strict=True):
+        needed = [line for line in output["requirements"]["run"] if "pin_subpackage" not in line]
+        conda = [
+            Requirement(f"{CONDA_NAMES.get(r.name, r.name)}{r.specifier}")
+            for r in map(Requirement, wanted)
+        ]
+        assert {*map(Requirement, needed)} == {*conda}
+    host = recipe["outputs"][0]["requirements"]["host"]
+    assert {*map(Requirement, PYPROJECT["build-system"]["requires"])} < {*map(Requirement, host)}
