@@ -44,7 +44,7 @@ if TYPE_CHECKING:
         default_stack,
     )
 
-__version__ = "0.1.0"
+    __version__: str
 
 __all__ = [
     "BalanceLimit",
@@ -109,6 +109,8 @@ _ABOVE = {
 
 def __getattr__(name: str) -> Any:
     """Import what is used: the command's help needs neither Pinocchio nor compiled code."""
+    if name == "__version__":
+        return import_module("importlib.metadata").version("poise")
     if name in (*_FACES, "estimation", "locomotion", "sim"):
         return import_module(f"poise.{name}")
     if name not in __all__:

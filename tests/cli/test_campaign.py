@@ -15,6 +15,7 @@ pytest.importorskip("mujoco")
 pytest.importorskip("pyarrow")
 pytest.importorskip("distributed")
 
+import poise
 from poise.apps import campaigns
 from poise.apps.campaigns import LocalWorkers
 from poise.cli.main import main
@@ -92,7 +93,7 @@ def test_a_replay_with_other_figures_says_so(finished, capsys, monkeypatch):
     assert main(["campaign", "replay", "o", "0", "--no-video", "--json"]) == 1
     out, err = capsys.readouterr()
     assert "com_error_max_m" in json.loads(out)["differs"]
-    assert err.startswith("differs from what version 0.1.0+")
+    assert err.startswith(f"differs from what version {poise.__version__}+")
 
 
 def test_ctrl_c_leaves_what_is_done_and_says_how_to_go_on(here, capsys, monkeypatch):

@@ -4,16 +4,22 @@ import os
 import re
 import subprocess
 import tomllib
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 
 import yaml
 from packaging.requirements import Requirement
-
-import poise
+from packaging.version import Version
 
 ROOT = Path(__file__).parents[2]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = PYPROJECT["project"]
+CONDA_NAMES = {
+    "matplotlib": "matplotlib-base",
+    "mujoco": "mujoco-python",
+    "pin": "pinocchio-python",
+}
+"""Packages that have other names on conda-forge."""
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 LOCK = re.compile(r"^([A-Za-z0-9._-]+)==(\S+)$")
 
@@ -32,9 +38,15 @@ def setup_commands() -> list[str]:
     return re.findall(r"```sh\n(.*?)\n```", section, re.DOTALL)
 
 
-def test_version_is_the_same_everywhere():
+def test_citation_has_the_version_of_the_last_release_and_a_checkout_without_tags_a_later_one():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    assert poise.__version__ == PROJECT["version"] == citation["version"]
+    coming = Version(PYPROJECT["tool"]["hatch"]["version"]["fallback-version"])
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    released = re.findall(r"^## \[(\d[\d.]*)\]", changelog, re.MULTILINE)
+    assert coming.is_devrelease
+    # Before the first release, the one to come.
+    assert citation["version"] == (released[0] if released else coming.base_version)
+    assert not released or coming > Version(released[0])
 
 
 def test_changelog_has_an_unreleased_section_and_keeps_its_form():
@@ -100,8 +112,7 @@ def test_setup_commands_use_extras_that_exist():
 
 
 def test_ci_scripts_stop_at_the_first_error_and_are_valid_bash():
-    for name in ("run", "lock"):
-        script = ROOT / ".ci" / name
+    for script in (ROOT / ".ci").iterdir():
         assert os.access(script, os.X_OK)
         text = script.read_text(encoding="utf-8")
         assert text.startswith("#!/usr/bin/env bash\n")
@@ -121,5 +132,34 @@ def test_readme_opens_with_one_paragraph_and_a_picture():
     assert head[2].startswith("![")
 
 
-def test_installed_version_is_the_projects():
-    assert version("poise") == PROJECT["version"]
+def test_ci_runs_everything_that_a_workflow_runs():
+    text = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    lines = {line.removesuffix(" &") for line in text.splitlines()}
+    for path in (ROOT / ".github" / "workflows").iterdir():
+        workflow = yaml.safe_load(path.read_text(encoding="utf-8"))
+        for step in (step for job in workflow["jobs"].values() for step in job["steps"]):
+            command = step.get("run", ".ci/run").removeprefix("sudo ")
+            script = re.fullmatch(r"\.ci/\w+", command) and command in text.split()
+            assert script or command in lines | {".ci/run"}, (path.name, command)
+
+
+def test_workflows_test_the_pythons_of_the_classifiers():
+    workflow = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8"))
+    pythons = [c.rpartition(" ")[2] for c in PROJECT["classifiers"] if ":: Python :: 3." in c]
+    assert workflow["jobs"]["test"]["strategy"]["matrix"]["python"] == pythons
+    assert PROJECT["requires-python"] == f">={pythons[0]}"
+
+
+def test_conda_recipe_requires_what_the_project_requires():
+    recipe = yaml.safe_load((ROOT / "packaging/conda/recipe.yaml").read_text(encoding="utf-8"))
+    core = [f"python{PROJECT['requires-python']}", *PROJECT["dependencies"]]
+    required = (core, PROJECT["optional-dependencies"]["sim"])
+    for output, wanted in zip(recipe["outputs"], required, strict=True):
+        needed = [line for line in output["requirements"]["run"] if "pin_subpackage" not in line]
+        conda = [
+            Requirement(f"{CONDA_NAMES.get(r.name, r.name)}{r.specifier}")
+            for r in map(Requirement, wanted)
+        ]
+        assert {*map(Requirement, needed)} == {*conda}
+    host = recipe["outputs"][0]["requirements"]["host"]
+    assert {*map(Requirement, PYPROJECT["build-system"]["requires"])} < {*map(Requirement, host)}

@@ -195,6 +195,8 @@ class VirtualPad:
     PARTS = (
         "a:b0 b:b1 x:b2 y:b3 leftshoulder:b4 rightshoulder:b5 leftx:a0 lefty:a1 rightx:a3 righty:a4"
         " lefttrigger:a2 righttrigger:a5 dpup:h0.1 dpright:h0.2 dpdown:h0.4 dpleft:h0.8"
+        # SDL writes its checksum behind the last part without a comma.
+        " platform:Linux"
     )
     RESTING = (0, 0, -32768, 0, 0, -32768)
     LEFT_SHOULDER = 4
