@@ -74,7 +74,11 @@ def episode(
     # A grid begins again at multiples of the number of episodes.
     jobs = (design.job(seed * design.count + point) for point in range(design.count))
     job = next(job for job in jobs if job.labels["case"] == case)
-    drawn = replace(job, values={**job.values, **(values or {}), "duration": _LONGEST}).make()
+    fields = {**(values or {}), "duration": _LONGEST}
+    # A field takes the place of all that the case sets inside it.
+    within = tuple(name + mark for name in fields for mark in "[.")
+    kept = {name: value for name, value in job.values.items() if not name.startswith(within)}
+    drawn = replace(job, values=kept | fields).make()
     drive = drawn.drive
     if drive is not None:
         left = tuple(command for command in drive.velocities if command.at < seconds)

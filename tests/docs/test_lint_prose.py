@@ -182,10 +182,10 @@ def test_a_phrase_counts_where_any_of_its_lines_is_added():
 
 
 def test_ci_lints_prose_after_ruff_and_before_pyright():
-    script = (ROOT / ".ci/run").read_text(encoding="utf-8").splitlines()
+    script = (ROOT / ".ci/lint").read_text(encoding="utf-8").splitlines()
     commands = [
-        ".venv/bin/ruff format --check .",
-        ".venv/bin/python docs/lint_prose.py",
-        ".venv/bin/pyright --pythonpath .venv/bin/python",
+        '"$tools/ruff" format --check .',
+        '"$tools/python" docs/lint_prose.py',
+        '"$tools/pyright" --pythonpath "$tools/python"',
     ]
     assert [line for line in script if line in commands] == commands
