@@ -11,7 +11,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
-from importlib import metadata
+from importlib import import_module, metadata
 from importlib.util import find_spec
 from pathlib import Path
 from statistics import quantiles
@@ -152,13 +152,14 @@ def _cores() -> _Findings:
 
 
 def _code() -> _Findings:
-    from poise import control, locomotion  # noqa: F401  # pyright: ignore[reportUnusedImport]
     from poise._compiled import code_folder, count_kept
 
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
         seen, remedy = "NUMBA_DISABLE_JIT makes ticks some hundred times slower", "unset it"
         yield _line("compiled code", seen, False, remedy)
         return
+    for name in ("control", "estimation", "locomotion"):
+        import_module(f"poise.{name}")  # with all compiled functions of controllers
     folder, (kept, total, stale) = code_folder(), count_kept()
     yield _room("compiled code", folder, "NUMBA_CACHE_DIR names another folder", "FAIL")
     seen = f"{kept} of {total}" + (f", and {stale} files of other versions" if stale else "")
@@ -229,25 +230,29 @@ def stand() -> None:
     begin = perf_counter()
     import numpy as np
 
-    import poise
+    from poise.control import WholeBodyController
+    from poise.dynamics import RobotState
+    from poise.robots import load_robot
 
-    robot = poise.load_robot("humanoid33")
-    controller, rng = poise.WholeBodyController(robot), np.random.default_rng(0)
-    commands = [controller.step(poise.RobotState(robot.q_home, np.zeros(robot.nv)))]
+    robot = load_robot("humanoid33")
+    controller, rng = WholeBodyController(robot), np.random.default_rng(0)
+    commands = [controller.step(RobotState(robot.q_home, np.zeros(robot.nv)))]
     first, fallen, period, times = perf_counter() - begin, False, 1e-3, list[float]()
     controller.reset()
     try:
-        plant = poise.Plant(robot)
+        from poise.sim import Plant, rollout
+
+        plant = Plant(robot)
     except PoiseError:
         what = "1000 fixed states of humanoid33"
         for k in range(1000):
             v = 0.01 * rng.standard_normal(robot.nv)
-            commands.append(controller.step(poise.RobotState(robot.q_home, v, time=k * period)))
+            commands.append(controller.step(RobotState(robot.q_home, v, time=k * period)))
             times.append(sum(controller.timings.values()))
     else:
         what, period = "humanoid33 stands for 4 s under a push", plant.control_dt
         plant.push("torso", (robot.mass, 0.0, 0.0), 0.1)  # 0.1 m/s, braked within the soles
-        for tick in poise.rollout(plant, controller, duration=4.0):
+        for tick in rollout(plant, controller, duration=4.0):
             commands.append(tick.command)
             times.append(sum(controller.timings.values()))
         fallen = plant.fallen
