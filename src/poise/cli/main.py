@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
 
-import poise
 from poise.cli._command import OK, carry_out, parse
 from poise.errors import ConfigurationError
 
@@ -40,7 +39,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _act(verb: str = "", *words: str) -> int:
     if verb == "--version":
-        print(f"poise {poise.__version__}")
+        from poise import __version__
+
+        print(f"poise {__version__}")
         return OK
     if verb in ("-h", "--help"):
         print("usage: poise [-h] [--version] VERB ...\n\nWhole-body control for humanoid robots.\n")
