@@ -79,7 +79,7 @@ def main() -> int:
                 name = file.parent.relative_to(SITE).as_posix()
                 tab.goto(f"{address}/{name}/")
                 if wrong := fault(tab, width):
-                    print(f"{name}: {wrong}")
+                    print(f"{name}: {wrong}", flush=True)
                     found += 1
                 for scheme in ("light", "dark") if pictures else ():
                     tab.emulate_media(color_scheme=scheme)
