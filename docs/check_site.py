@@ -19,7 +19,7 @@ from pathlib import Path
 
 from playwright.sync_api import Page, sync_playwright
 
-SITE = Path(__file__).parents[1] / "build" / "site"
+SITE = Path(__file__).parents[1] / "site"
 WIDTHS = (390, 820, 1440)
 """A phone, a tablet and a desktop [px]."""
 SCREEN = 900

@@ -23,7 +23,7 @@ def cells(text: str) -> dict[str, str]:
 
 
 class ReferenceExamples(griffe.Extension):
-    """Add an example to each public name, and comments of fields that have no docstring."""
+    """Add an example to each public name, and comments of fields and values of enumerations."""
 
     def on_package(self, *, pkg: griffe.Module, **_: object) -> None:
         """Add the examples to the docstrings."""
@@ -32,8 +32,10 @@ class ReferenceExamples(griffe.Extension):
             for name, code in cells(file.read_text(encoding="utf-8")).items():
                 thing = face[name].final_target if face[name].is_alias else face[name]
                 block = "\n    ".join(["```python", *code.split("\n"), "```"])
-                text = thing.docstring.value if thing.docstring else ""
-                thing.docstring = griffe.Docstring(f"{text}\n\nExample:\n    {block}", parent=thing)
+                text = f"{thing.docstring.value if thing.docstring else ''}\n\nExample:\n"
+                thing.docstring = griffe.Docstring(
+                    f"{text}    {block}", parent=thing, parser="google"
+                )
 
     def on_attribute_instance(self, *, attr: griffe.Attribute, **_: object) -> None:
         """Take the comments above a field and behind it as its docstring."""
@@ -45,5 +47,9 @@ class ReferenceExamples(griffe.Extension):
         while lines[above].strip().startswith("# "):
             words.insert(0, lines[above].strip()[2:])
             above -= 1
-        if text := " ".join(words).strip():
+        text = " ".join(words).strip()
+        bases = attr.parent.bases if isinstance(attr.parent, griffe.Class) else ()
+        if attr.value and not text and any(str(base).endswith("Enum") for base in bases):
+            text = f"`{attr.value}`"
+        if text:
             attr.docstring = griffe.Docstring(text, parent=attr)
