@@ -1,4 +1,4 @@
-"""How far the COM is off with loads nobody told of: the table of estimation.md.
+"""How far the COM is off with loads nobody told of: the table of estimation_loads.md.
 
 python docs/measure_payload.py [ROBOT ...]
 """

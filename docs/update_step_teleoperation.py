@@ -1,4 +1,4 @@
-"""Run the quick version of the study of step teleoperation, and put its tables into studies.md.
+"""Run the quick study of step teleoperation, and put its tables into study_step_teleoperation.md.
 
     python docs/update_step_teleoperation.py
 
@@ -12,7 +12,7 @@ from studies.finding import Cell, Finding, Section, Table, number_text
 from studies.plan import StudyOptions
 from studies.step_teleoperation import PLAN
 
-PAGE = Path(__file__).with_name("studies.md")
+PAGE = Path(__file__).with_name("study_step_teleoperation.md")
 
 FINDINGS, RULES = "step-teleoperation findings", "rules"
 """Names of the marks around a table."""

@@ -1,4 +1,4 @@
-"""Coming from TSID, pink or mink: the same squat by torques, or by joint velocities.
+"""Coming from mink, pink, TSID or placo: the same squat by torques, or by joint velocities.
 
 The programs of the others stand in `coming_from/`; all of them end in the same posture.
 """

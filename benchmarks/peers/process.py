@@ -285,7 +285,7 @@ def how_to_install(name: str) -> str:
     """Words on timing a peer that was not timed."""
     if name in PROGRAMS:
         return (
-            "libdwbc was not timed. docs/benchmarks.md says how its program is built; then:\n"
+            "libdwbc was not timed. docs/benchmarks_peers.md says how its program is built; then:\n"
             "  python -m benchmarks peers --peers libdwbc=peers/libdwbc_peer"
         )
     benchmark = "peers" if name in TORQUE_PEERS else "ik"

@@ -64,9 +64,9 @@ def saturate(limit: float, value: Float64[np.ndarray, " n"]) -> Float64[np.ndarr
 class LiteralTeleoperator(StepTeleoperator):
     """Leads the same stack on the same estimate, by the paper's rules and no others.
 
-    It differs from `StepTeleoperator` in the departures that docs/teleoperation.md lists, within
-    `zmp_as_measured`. It keeps bounds of joints, and passes samples over that are no numbers,
-    which the paper leaves open.
+    It differs from `StepTeleoperator` in the departures that docs/teleoperation_paper.md lists,
+    within `zmp_as_measured`. It keeps bounds of joints, and passes samples over that are no
+    numbers, which the paper leaves open.
     """
 
     def __init__(self, robot: Robot, *, rotator: bool = True, **options: Any) -> None:

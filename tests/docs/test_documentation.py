@@ -85,10 +85,10 @@ def test_python_blocks_run_one_after_the_other(page, tmp_path, monkeypatch):
 
 
 def test_the_thread_of_the_arms_lets_go_of_both_although_one_fails(capsys):
-    texts = (text for _, text in blocks(ROOT / "docs" / "teleop.md", "python"))
+    texts = (text for _, text in blocks(ROOT / "docs" / "haptics.md", "python"))
     recipe = next(text for text in texts if "def serve(" in text).partition("\ndriver, ")[0]
     names = {"np": np}
-    exec(compile(recipe, "teleop.md", "exec"), names)
+    exec(compile(recipe, "haptics.md", "exec"), names)
     failing, other, driver = Mock(), Mock(), Mock()
     failing.write.side_effect = OSError("the cable is out")
     driver.tick.side_effect = RuntimeError("whatever ends the thread")
@@ -98,12 +98,12 @@ def test_the_thread_of_the_arms_lets_go_of_both_although_one_fails(capsys):
     assert "the cable is out" in capsys.readouterr().out
 
 
-def test_the_quickstart_shows_what_it_says(monkeypatch, tmp_path):
+def test_the_tutorial_shows_what_it_says(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    for source, text in blocks(ROOT / "docs" / "quickstart.md", "python"):
+    for source, text in blocks(ROOT / "docs" / "tutorial" / "stand.md", "python"):
         if not source:
-            exec(compile(text, "quickstart.md", "exec"), names)
+            exec(compile(text, "stand.md", "exec"), names)
     assert names["command"].status is poise.CommandStatus.BAD_STATE
     assert np.isfinite(names["command"].torque).all()
 
@@ -184,15 +184,9 @@ def test_robots_page_names_every_robot():
     assert missing("robots.md", (entry.name for entry in catalog())) == []
 
 
-def test_index_names_every_page():
-    text = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
-    pages = {p.name for p in (ROOT / "docs").glob("*.md")} - {"index.md"}
-    assert pages == set(re.findall(r"\((\w+\.md)\)", text))
-
-
 def test_every_image_is_small_and_shown():
     shown = "".join(page.read_text(encoding="utf-8") for page in PAGES)
-    for image in [*ROOT.glob("docs/**/*.jpg"), *ROOT.glob("docs/**/*.png")]:
+    for image in [p for kind in ("jpg", "png", "webp") for p in ROOT.glob(f"docs/**/*.{kind}")]:
         assert image.stat().st_size < 400_000, image.name
         assert name_of(image).removeprefix("docs/") in shown, image.name
 

@@ -226,7 +226,8 @@ def test_own_mujoco_loop_squats_with_motors_and_servos(run, get_robot, robot, ac
 
 
 ELSEWHERE = {"left_hip_roll": -0.0472, "left_knee": 1.1494, "right_ankle_pitch": -0.5445}
-"""Where the programs in `examples/coming_from` end: TSID 1.7.1, pink 4.4.0 and mink 1.3.0."""
+"""Final joint angles of the programs in `examples/coming_from`: TSID 1.7.1, pink 4.4.0, mink 1.3.0
+and placo 0.10.2."""
 
 
 @pytest.mark.parametrize("by", ["torque", "velocity"])

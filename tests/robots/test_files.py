@@ -142,9 +142,9 @@ def test_the_description_in_the_documentation_is_a_right_one():
     from poise._yaml import read_yaml
     from poise.robots._description import parse_description
 
-    page = (Path(__file__).parents[2] / "docs" / "robots.md").read_text()
+    page = (Path(__file__).parents[2] / "docs" / "robot_description.md").read_text()
     example = page.split("```yaml\n")[1].split("```")[0]
-    facts = parse_description(read_yaml(example, "robots.md", error=RobotError), "robots.md")
+    facts = parse_description(read_yaml(example, "page", error=RobotError), "page")
     assert facts.limits.torque == {".*_knee": 120.0}
     assert facts.locked == (".*_finger.*",)
     assert set(facts.mounts()) == {
