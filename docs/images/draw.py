@@ -1,8 +1,6 @@
-"""Draws the pictures of the README: moments of scenarios, and the report of the main job.
+"""Draws the documentation's pictures: moments of the main job, its report, and the live page.
 
-    for name in over_an_obstacle squat reach push balance_one_leg; do poise run $name; done
-    poise run walk --controller reduced --robot g1
-    python docs/images/draw.py
+    poise run && python docs/images/draw.py
 
 The moments need OpenGL, the report and the live page a chromium on the path.
 """
@@ -21,39 +19,12 @@ from playwright.sync_api import sync_playwright
 import poise
 from poise.apps.live import LiveSession
 from poise.apps.teleoperation import SCRIPTS, TORQUE_TELEOP_PLANT, terrain_blocks
-from poise.sim import run_markers
 
 HERE = Path(__file__).parent
-ROBOT = "humanoid33"
 RUNS = Path("runs")
-MOMENTS = {"balance_one_leg": 5.5, "squat": 2.7, "reach": 2.8, "push": 1.25}
-"""When each scenario shows best what it is about [s]."""
-
 MAIN = "over_an_obstacle-biped20"
-WALK = "walk-g1"
-WALK_STEPS = (2.2, 3.5, 4.3, 5.1, 9.4, 9.9, 12.6)
-"""Moments of the walk, the push among them [s]."""
-
 STEPS = (0.5, 2.6, 4.2, 6.5, 9.3, 11.0, 13.9)
 """Moments of the main job [s]."""
-
-
-def draw_moments() -> None:
-    """One moment of each logged run, side by side."""
-    robot = poise.load_robot(ROBOT)
-    plant = poise.Plant(robot)
-    moments = poise.sim.RunRecord()
-    names = ("q", "com", "zmp", *(f"wrench/{sole}" for sole in robot.soles))
-    for number, (scenario, time) in enumerate(MOMENTS.items()):
-        log = poise.sim.read_log(RUNS / f"{scenario}-{ROBOT}" / "log.mcap")
-        moments.add(float(number), {name: _at(log, name, time) for name in names})
-    markers = run_markers(robot, moments)
-    config = poise.sim.Camera.Config(
-        width=460, height=620, azimuth=150.0, elevation=-10.0, distance=1.85, antialiasing=4
-    )
-    with poise.sim.Camera(robot, plant.drawn_model(), config) as camera:
-        frames = [camera.picture(q, markers(i)) for i, q in enumerate(moments["q"])]
-    _save(Image.fromarray(np.concatenate(frames, axis=1)), "scenarios.jpg")
 
 
 def draw_obstacle() -> None:
@@ -69,19 +40,6 @@ def draw_obstacle() -> None:
     with poise.sim.Camera(robot, plant.drawn_model(), config) as camera:
         frames = [camera.picture(_at(log, "q", t)) for t in STEPS]
     _save(Image.fromarray(np.concatenate(frames, axis=1)), "obstacle.jpg")
-
-
-def draw_walk() -> None:
-    """G1 under the reduced controller, step by step; the camera goes along."""
-    robot = poise.load_robot("g1")
-    log = poise.sim.read_log(RUNS / WALK / "log.mcap")
-    plant = poise.Plant(robot)
-    config = poise.sim.Camera.Config(
-        width=230, height=360, azimuth=120.0, elevation=-10.0, distance=1.5, antialiasing=4
-    )
-    with poise.sim.Camera(robot, plant.drawn_model(), config) as camera:
-        frames = [camera.picture(_at(log, "q", t)) for t in WALK_STEPS]
-    _save(Image.fromarray(np.concatenate(frames, axis=1)), "walk.jpg")
 
 
 def draw_report() -> None:
@@ -151,7 +109,5 @@ def _save(image: Image.Image, name: str) -> None:
 
 if __name__ == "__main__":
     draw_obstacle()
-    draw_moments()
-    draw_walk()
     draw_report()
     draw_teleop()

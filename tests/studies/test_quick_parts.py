@@ -31,7 +31,13 @@ print(json.dumps({
 
 PEAK = "ZMP peak to peak without over with rotator"
 ALONE = "the paper's rules alone, servos"
+RULES = "of 5 runs falls or undone"
 FAIL = {
+    "rules": [
+        f"{RULES}, with all departures, servos 1000/50",
+        f"{RULES}, the paper's rules taken literally, servos 70/2.5",
+        f"{RULES}, the paper's rules taken literally, servos 1000/50",
+    ],
     "cart-table": ["(29): the ZMP off its reference, by (25b) as printed"],
     "scenario-2": [
         f"the paper's rules and no others, servos {servos}: time on one foot"

@@ -112,7 +112,8 @@ def _packages() -> _Findings:
             groups.setdefault(match[3] or "", {})[match[1]] = match[2].strip()
     shown = set[str]()
     # Other extras contain `sim`, whose packages are listed once.
-    for extra in sorted(groups.keys() - {"dev", "docs"}, key=lambda name: (name not in ("", "sim"), name)):
+    extras = groups.keys() - {"dev", "docs"}
+    for extra in sorted(extras, key=lambda name: (name not in ("", "sim"), name)):
         found, missing, old = list[str](), list[str](), list[str]()
         for name, bounds in groups[extra].items():
             try:

@@ -175,7 +175,7 @@ def test_robots_look_there_and_the_run_replays(get_robot, name, frame, plant, tm
     robot, path = get_robot(name), tmp_path / "gaze.mcap"
     points = [WayPoint(at=0.1, head=(0.0, 0.0, 0.0)), WayPoint(at=0.4, head=(0.0, 0.0, 0.4))]
     run = run_teleop(
-        robot, device_of(*points), plant.with_noise(), duration=1.0, seed=2, recording=path
+        robot, device_of(*points), plant.with_noise(), duration=1.5, seed=2, recording=path
     )
     assert not run.fell
     assert run.teleoperator.status.gaze is HandStatus.LED
