@@ -73,11 +73,12 @@ def main() -> int:
     found = 0
     with served(SITE) as address, sync_playwright() as play:
         chromium = play.chromium.launch(executable_path=browser, args=["--no-sandbox"])
-        for width in WIDTHS:
-            tab = chromium.new_page(viewport={"width": width, "height": SCREEN})
-            for file in sorted(SITE.rglob("index.html")):
-                name = file.parent.relative_to(SITE).as_posix()
-                tab.goto(f"{address}/{name}/")
+        tab = chromium.new_page()
+        for file in sorted(SITE.rglob("index.html")):
+            name = file.parent.relative_to(SITE).as_posix()
+            tab.goto(f"{address}/{name}/")
+            for width in WIDTHS:
+                tab.set_viewport_size({"width": width, "height": SCREEN})
                 if wrong := fault(tab, width):
                     print(f"{name}: {wrong}", flush=True)
                     found += 1

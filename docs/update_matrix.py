@@ -58,7 +58,8 @@ def pythons() -> list[str]:
 
 def missing(platform: str, python: str) -> dict[str, str]:
     """Reason of each extra that cannot be resolved, "" for Poise without extras."""
-    extras = [*PROJECT["optional-dependencies"]]
+    # Not the tools of development.
+    extras = [extra for extra in PROJECT["optional-dependencies"] if extra not in ("docs", "dev")]
     if not resolve(platform, python, extras):
         return {}
     reasons = {
