@@ -62,6 +62,15 @@ def test_links_lead_somewhere(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_included_files_exist(page):
+    for line in page.read_text(encoding="utf-8").splitlines():
+        if "--8" in line:
+            included = re.fullmatch(r' *--8<-- "([^":]+)(:\d+)?"', line)
+            assert included, f"{name_of(page)}: {line}"
+            assert (ROOT / included[1]).is_file(), f"{name_of(page)}: {line}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_blocks_that_come_from_a_file_are_part_of_it(page):
     for source, text in [*blocks(page, "python"), *blocks(page, "yaml")]:
         if source:
