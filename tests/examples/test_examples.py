@@ -1,6 +1,5 @@
 """Every example runs, shortened, and prints what it is there to show."""
 
-import json
 import re
 import runpy
 import subprocess
