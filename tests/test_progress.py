@@ -19,16 +19,16 @@ def clock(monkeypatch):
 
 
 def test_where_nothing_can_be_drawn_over_a_line_comes_every_five_seconds(clock, capsys):
-    with Bar("simulating", "s") as bar:
+    with Bar("simulating", " s") as bar:
         for tick in range(201):
             clock[0] = 0.1 * tick
             bar(0.05 * tick, 10.0)
     out, err = capsys.readouterr()
     assert out == ""
     assert err.splitlines() == [
-        "simulating: 2.5 of 10.0s (25%), 15 s left",
-        "simulating: 5.0 of 10.0s (50%), 10 s left",
-        "simulating: 7.5 of 10.0s (75%), 5 s left",
+        "simulating: 2.5 of 10 s (25%), 15 s left",
+        "simulating: 5 of 10 s (50%), 10 s left",
+        "simulating: 7.5 of 10 s (75%), 5 s left",
     ]
 
 
@@ -39,8 +39,8 @@ def test_a_long_pause_is_one_line(clock, capsys):
         bar(6.0, 9.0)
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
-        "episodes: 6.0 of 9.0 episodes (67%), 31 s left",
-        "episodes: 6.0 of 9.0 episodes (67%), 35 s left",
+        "episodes: 6 of 9 episodes (67%), 31 s left",
+        "episodes: 6 of 9 episodes (67%), 35 s left",
     ]
 
 
@@ -63,7 +63,7 @@ def test_where_it_can_be_drawn_over_there_is_a_bar(monkeypatch, capsys, where):
         monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     else:
         monkeypatch.setitem(sys.modules, "ipykernel", ModuleType("ipykernel"))
-    with Bar("simulating", "s") as bar:
+    with Bar("simulating", " s") as bar:
         for done in range(11):
             bar(float(done), 10.0)
     err = capsys.readouterr().err

@@ -40,7 +40,7 @@ class Bar:
         elif self._shows_lines and elapsed >= LINE_EVERY * (self._lines + 1) and done < total:
             self._lines = int(elapsed / LINE_EVERY)
             part = "?" if share is None else f"{share:.0%}"
-            amount = f"{done:.1f} of {total:.1f}{self._unit}"
+            amount = f"{done:.5g} of {total:.5g}{self._unit}"
             self._write(f"{self._what}: {amount} ({part}){left}\n")
 
     def _write(self, text: str) -> None:

@@ -127,7 +127,8 @@ def _packages() -> _Findings:
                 found.append(f"{name} {version}")
         shown |= groups[extra].keys()
         wrong = [*old, *([f"not installed: {', '.join(missing)}"] if missing else [])]
-        remedy = f'pip install -U "poise[{extra}]"' if extra else "pip install -U poise"
+        upgrade = "-U " if old else ""
+        remedy = f'pip install {upgrade}"poise[{extra}]"' if extra else "pip install -U poise"
         state = "FAIL" if old or not extra else "warn" if extra == "sim" else "ok"
         name = f"extra {extra}" if extra else "packages"
         yield _line(name, "; ".join(wrong or [", ".join(found)]), not wrong, remedy, state)

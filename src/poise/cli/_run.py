@@ -75,7 +75,7 @@ def run_and_report(
     """Run a scenario, write everything that a run leaves behind, and print its verdict."""
     from poise.apps import scenarios
 
-    with Bar("simulating", "s", lines=not output.json) as bar:
+    with Bar("simulating", " s", lines=not output.json) as bar:
         run = scenarios.run_scenario(scenario, log=folder / scenarios.LOG, view=view, progress=bar)
     # Until there is something in its place, the report of an earlier run keeps its video.
     scenarios.discard_video(folder)

@@ -201,6 +201,7 @@ class Dynamics:
         self._model, self._data = robot.model, robot.model.createData()
         self._payload: PayloadEstimate | None = None
         self._loaded: LoadedModel | None = None
+        # `M` and `h` are its own arrays; `M` gets both triangles, and its transpose is row-major.
         data = self._data
         self._frames: dict[int, FrameKinematics] = {}
         self._places: dict[int, Placement] = {}
@@ -210,7 +211,6 @@ class Dynamics:
         self._com: Float64[np.ndarray, "3"] | None = None
         self._com_velocity: Float64[np.ndarray, "3"] | None = None
         self._has_momenta = False
-        # Pinocchio's own arrays; M has both triangles filled and is turned to row-major.
         self.M: Float64[np.ndarray, "nv nv"] = data.M.T
         self.h: Float64[np.ndarray, " nv"] = data.nle
         self.motion = motion_of(robot.model, data)

@@ -59,13 +59,13 @@ class Solution:
 
     status: SolveStatus
     x: Float64[np.ndarray, " n"]  # the point
-    slacks: Float64[np.ndarray, " nm"]  # signed distances of bounds and rows outside, upwards > 0
+    slacks: Float64[np.ndarray, " nm"]  # violations: > 0 above a bound, < 0 below one
     residuals: Float64[np.ndarray, " p"]  # `|W w_i|` of each level
     relative_residuals: Float64[np.ndarray, " p"]  # `residuals` by the levels' scales
-    multipliers: Float64[np.ndarray, " nm"] | None = None  # of the final cost; None for no such
+    multipliers: Float64[np.ndarray, " nm"] | None = None  # of the final cost, if known
     strategy: str = ""  # name of the strategy, with the backend after a slash
-    strict: bool = True  # whether each level's optimum is held, and not only weighted
-    relaxed: bool = False  # whether some level is not met
+    strict: bool = True  # True where each level is kept exactly, not by weights
+    relaxed: bool = False  # True where some level is not met
     iterations: int = 0  # of the solver, all QPs together
     timings: dict[str, float] = field(default_factory=dict)  # [s], by phase and in "total"
 

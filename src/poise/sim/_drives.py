@@ -200,7 +200,7 @@ def _is_on(model: mujoco.MjModel, i: int) -> bool:
 
 
 def _why_not(model: mujoco.MjModel, i: int) -> str:
-    """Why the force of an actuator is no linear function of one control, if it is none."""
+    """Return the reason why a force is no linear function of one control; "" for none."""
     dynamics = mujoco.mjtDyn(int(model.actuator_dyntype[i]))
     gain = mujoco.mjtGain(int(model.actuator_gaintype[i]))
     bias = mujoco.mjtBias(int(model.actuator_biastype[i]))

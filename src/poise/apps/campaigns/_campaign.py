@@ -177,7 +177,13 @@ class Campaign:
 
 
 class Design:
-    """A campaign with its scenario: makes the job of each episode."""
+    """A campaign with its scenario: makes the job of each episode.
+
+    Args:
+        campaign: content of the campaign's file.
+        scenario: content of the scenario's file.
+        where: name of the campaign's file, for messages.
+    """
 
     def __init__(
         self, campaign: Mapping[str, Any], scenario: Mapping[str, Any], where: str
@@ -194,7 +200,7 @@ class Design:
 
     @classmethod
     def load(cls, path: Path) -> "Design":
-        """A campaign from its file; the scenario's file is looked for from the same folder."""
+        """Read a campaign from its file; the path of the scenario is relative to its folder."""
         data = read_yaml(
             read_text(path, error=ConfigurationError), path.name, error=ConfigurationError
         )
@@ -205,7 +211,7 @@ class Design:
 
     @classmethod
     def of(cls, folder: CampaignFolder) -> "Design":
-        """The campaign whose results are in a folder."""
+        """Read the campaign whose results are in a folder."""
         content = folder.content()
         return cls(content["campaign"], content["scenario"], str(folder.path))
 
@@ -218,11 +224,11 @@ class Design:
         return self.campaign.episodes or self._points
 
     def jobs(self) -> Iterator[Job]:
-        """All episodes of a campaign without tuning."""
+        """Return all episodes of a campaign without tuning."""
         return (self.job(number) for number in range(self.count))
 
     def trial(self, trial: int, values: Mapping[str, Any]) -> list[Job]:
-        """The episodes of a trial; seeds and draws are the same for every trial."""
+        """Return the episodes of a trial; seeds and draws are the same for every trial."""
         count = self.campaign.tune.episodes if self.campaign.tune is not None else 0
         return [
             replace(
@@ -235,7 +241,7 @@ class Design:
         ]
 
     def job(self, number: int) -> Job:
-        """One episode; it does not depend on how many there are."""
+        """Return one episode; it does not depend on how many there are."""
         rng = np.random.default_rng([self.campaign.seed, number])
         seed = int(rng.integers(10**9))
         point, name = self._point(number)

@@ -1,4 +1,4 @@
-"""Who works through jobs: `LocalWorkers`, processes of this machine, and `ThisProcess`.
+"""Workers that run jobs: `LocalWorkers`, processes of this machine, and `ThisProcess`.
 
 `Workers`: what they have in common. `WorkerLostError`: one of them died.
 """

@@ -136,7 +136,7 @@ def run_scenario(
         PoiseError: there is no such scenario, or it does not fit its robot.
     """
     if isinstance(progress, bool):
-        with Bar("simulating", "s") if progress else nullcontext(lambda *_: None) as bar:
+        with Bar("simulating", " s") if progress else nullcontext(lambda *_: None) as bar:
             return run_scenario(scenario, robot=robot, log=log, view=view, progress=bar)
     stated = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     stage = stage_scenario(stated, robot)

@@ -204,7 +204,7 @@ class Plan:
 
 
 def _unfit(job: Job) -> str:
-    """Why an episode cannot be begun; "" where it can."""
+    """Return the reason why an episode cannot begin; "" for none."""
     try:
         stage_scenario(job.make())
     except PoiseError as error:
