@@ -62,7 +62,7 @@ def bench_stack(robot: Robot, kind: str, stance: str) -> Stack:
     """A new stack: the levels to time.
 
     "table1" is Table 1 of Ahn et al. 2024: dynamics and torque limits; contacts, wrench cones and
-    acceleration limits; COM and pelvis orientation; poses of the end effectors. It has no balance
+    acceleration limits; CoM and pelvis orientation; poses of the end effectors. It has no balance
     limit and no bound on the change of torques, as the paper has none, and `paper_contacts`.
     "default" is `default_stack`, which adds the torso's orientation and, below everything, a level
     with the posture of all joints. In single support the swing foot is one more end effector.
@@ -173,16 +173,16 @@ _SHIFT, _UNLOAD, _LIFT = 1.8, 0.2, 0.6
 """Single support: how long the weight shifts, the foot is unloaded, the foot is lifted [s]."""
 
 _COM_SHARE = np.array([0.015, 0.02, 0.015])
-"""Amplitude of the COM on two feet, as a share of its height; a third of it on one foot."""
+"""Amplitude of the CoM on two feet, as a share of its height; a third of it on one foot."""
 
 _HAND_SHARE = 0.03
-"""Radius of the hands' circles, as a share of the height of the COM."""
+"""Radius of the hands' circles, as a share of the height of the CoM."""
 
 _RAISE_SHARE = np.array([0.05, 0.0, 0.05])
 """Where the hands go first, from hanging arms that have no way to go down, as a share likewise."""
 
 _FOOT_SHARE = 0.08
-"""How far the swing foot is lifted, as a share of the height of the COM."""
+"""How far the swing foot is lifted, as a share of the height of the CoM."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -219,8 +219,8 @@ def record_run(
 ) -> Recording:
     """Runs a robot in simulation and records it while everything moves.
 
-    On two feet the COM and both hands go round; on one foot the weight is shifted and the left
-    foot lifted first, then COM, hands and foot go round. What happens before is not recorded. The
+    On two feet the CoM and both hands go round; on one foot the weight is shifted and the left
+    foot lifted first, then CoM, hands and foot go round. What happens before is not recorded. The
     levels are those of the robot's default stack, at the plant's own period.
     """
     check_biped(robot)

@@ -41,7 +41,7 @@ _HAND_RADIUS, _HAND_FREQUENCY, _HAND_SWELL = 0.03, 0.7, 1.0
 def walk_stack(robot: Robot, kind: str) -> Stack:
     """A new stack that a walker can lead.
 
-    "table1" is that of Ahn et al. 2024, Table 1: COM and pelvis orientation, then the poses of the
+    "table1" is that of Ahn et al. 2024, Table 1: CoM and pelvis orientation, then the poses of the
     end effectors, hands and the swing foot. "posture" adds torso, posture and angular momentum on
     two levels below everything, for a robot that walks on and on. Both have `paper_contacts`.
     """
@@ -120,7 +120,7 @@ class WalkRecording:
     plan: FootstepPlan  # its steps
     states: tuple[RobotState, ...]  # what the controller was told
     feet: Int64[np.ndarray, " ticks"]  # number of feet with contacts that were active at each tick
-    com_error: Float64[np.ndarray, " ticks"]  # distance of the COM from its target [m]
+    com_error: Float64[np.ndarray, " ticks"]  # distance of the CoM from its target [m]
     hand_error: Float64[np.ndarray, " ticks"]  # distance of the left hand from its target [m]
 
     def lead(self, kind: str) -> WalkLead:

@@ -1,4 +1,4 @@
-"""How far the COM is off with loads nobody told of: the table of estimation_loads.md.
+"""How far the CoM is off with loads nobody told of: the table of estimation_loads.md.
 
 python docs/measure_payload.py [ROBOT ...]
 """
@@ -71,7 +71,7 @@ class Hands:
 
 
 def errors(robot: poise.Robot, case: Case, *, known: bool) -> tuple[float, float]:
-    """Mean error of the COM along the ground and of its height [mm]; NaN for a robot that fell."""
+    """Mean error of the CoM along the ground and of its height [mm]; NaN for a robot that fell."""
     frame = robot.hands[0] if case.part == "hand" else robot.torso
     loads = (PlantConfig.Payload(frame=frame, mass=case.load),) if case.load else ()
     config = PlantConfig(

@@ -53,4 +53,4 @@ def lead(state: poise.RobotState) -> None:
 for _ in poise.rollout(plant, controller, lead, duration=options.seconds):
     worst["hand"] = max(worst["hand"], float(np.linalg.norm(hand.error)))
     worst["com"] = max(worst["com"], float(np.linalg.norm(com.error)))
-print(f"largest error: hand {1e3 * worst['hand']:.2f} mm, COM {1e3 * worst['com']:.2f} mm")
+print(f"largest error: hand {1e3 * worst['hand']:.2f} mm, CoM {1e3 * worst['com']:.2f} mm")

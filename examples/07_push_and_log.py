@@ -37,7 +37,7 @@ for _ in poise.rollout(plant, controller, None, [recorder], duration=options.sec
 
 com = recorder.record["com"]
 moved = np.linalg.norm(com - com[0], axis=1)
-print(f"fallen: {plant.fallen}; the COM moved by up to {1e3 * moved.max():.1f} mm")
+print(f"fallen: {plant.fallen}; the CoM moved by up to {1e3 * moved.max():.1f} mm")
 times, zmp = poise.sim.read_log(options.log).signal("zmp")
 print(
     f"{options.log.name}: {len(times)} samples, ZMP x from {zmp[:, 0].min():.3f} m "

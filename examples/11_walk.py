@@ -40,4 +40,4 @@ for _ in poise.rollout(plant, controller, walker, duration=plan.duration + 0.1):
     worst = max(worst, float(np.linalg.norm(com.error)))
 
 print(f"walk {walker.status.value} after {walker.steps_made} steps in {plant.time:.1f} s")
-print(f"COM within {1e3 * worst:.1f} mm of its reference; now at {plant.com.round(2)} m")
+print(f"CoM within {1e3 * worst:.1f} mm of its reference; now at {plant.com.round(2)} m")

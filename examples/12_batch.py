@@ -30,7 +30,7 @@ commands = controller.solve_batch(
     [at_home] * options.count, before_each=lambda i: com.set_acceleration(asked[i])
 )
 
-# Two levels of physics stand above one's own: COM and pelvis, then the hands, then the posture.
+# Two levels of physics stand above one's own: CoM and pelvis, then the hands, then the posture.
 balance = commands.ok & (commands.residuals[:, 2] < 1e-6)
 hands = balance & (commands.residuals[:, 3] < 1e-6)
 for name, direction in (("ahead", 0.0), ("back", np.pi), ("aside", 0.5 * np.pi)):

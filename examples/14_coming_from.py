@@ -42,6 +42,6 @@ for tick in poise.rollout(plant, controller, squat, duration=1.5):
     assert tick.command.status.ok  # tick.command.torque or .velocity: to the robot
 
 moved = 1e3 * (plant.com - start)
-print(f"COM moved by {moved[0]:.2f} {moved[1]:.2f} {moved[2]:.2f} mm")
+print(f"CoM moved by {moved[0]:.2f} {moved[1]:.2f} {moved[2]:.2f} mm")
 for joint in ("left_hip_roll", "left_knee", "right_ankle_pitch"):
     print(f"{joint} {plant.state().q[7 + robot.joint_index(joint)]:.4f} rad")

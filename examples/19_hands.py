@@ -36,5 +36,5 @@ for known in (False, True):
     run = run_teleop(told, operator, plant, duration=options.seconds)
     (x, y), status = run.record["com"][-1, :2] - run.log.zmp_reference[-1], run.teleoperator.status
     assert status is not None
-    print(f"load {'known' if known else 'unknown'}: COM {1e3 * (x * x + y * y) ** 0.5:.1f} mm off")
+    print(f"load {'known' if known else 'unknown'}: CoM {1e3 * (x * x + y * y) ** 0.5:.1f} mm off")
     print("hands:", ", ".join(does.value for does in status.hands))

@@ -100,7 +100,7 @@ def test_a_plant_says_where_it_is(robot):
     plant.step(None)
     assert repr(plant) == "Plant of humanoid33: torque every 2 ms, t = 0.002 s, up"
     names = [e.text for e in well_formed(plant._repr_html_()).iter("td")][::2]
-    assert names == ["load of left_sole", "load of right_sole", "COM", "torque"]
+    assert names == ["load of left_sole", "load of right_sole", "CoM", "torque"]
 
 
 def test_a_robot_says_what_it_has_and_is_drawn(robot, get_robot):
@@ -137,7 +137,7 @@ def test_a_run_is_plotted_with_the_moments_of_failed_checks(run):
     pytest.importorskip("matplotlib")
     axes = run.plot().axes
     titles = [ax.get_ylabel() for ax in axes]
-    assert titles[0] == "COM error [m]"
+    assert titles[0] == "CoM error [m]"
     assert "torque / limit" in titles
     (failed,) = [c for c in run.checks if not c.ok]
     dashed = [line for line in axes[0].lines if line.get_linestyle() == "--"]

@@ -2,7 +2,7 @@
 
 The humanoid's hierarchy is that of the experiments of (Escande, Mansard, Wieber 2014, "Hierarchical
 quadratic programming: Fast online humanoid-robot motion generation"), at the velocity level: joint
-limits and the COM's support as inequalities, reaching and gaze below them.
+limits and the CoM's support as inequalities, reaching and gaze below them.
 """
 
 import math
@@ -199,7 +199,7 @@ _POSTURE_GAIN = 0.5
 """Gain of the posture [1/s]."""
 
 _SUPPORT = np.array([0.06, 0.08])
-"""Half the size of the rectangle above which the COM must stay [m]."""
+"""Half the size of the rectangle above which the CoM must stay [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,7 +219,7 @@ def humanoid_problems(
     """Follows the velocities that are solved for, and keeps the problems after a while.
 
     level 1   joint limits
-    level 2   both feet stay, the COM stays above its rectangle
+    level 2   both feet stay, the CoM stays above its rectangle
     level 3   right hand
     level 4   left hand
     level 5   gaze
@@ -264,7 +264,7 @@ def _problem(
 
 
 def _support(robot: Robot, dynamics: Dynamics, middle: Float64[np.ndarray, "2"]) -> Level:
-    """Feet that stay, as equalities, and a COM that goes no farther than its rectangle."""
+    """Feet that stay, as equalities, and a CoM that goes no farther than its rectangle."""
     feet = np.vstack([dynamics.frame(robot.frame_id(sole)).jacobian for sole in robot.soles])
     still, away = np.zeros(len(feet)), dynamics.com[:2] - middle
     return Level(
@@ -272,7 +272,7 @@ def _support(robot: Robot, dynamics: Dynamics, middle: Float64[np.ndarray, "2"])
         np.concatenate((still, (-_SUPPORT - away) / _LIMIT_TIME)),
         np.concatenate((still, (_SUPPORT - away) / _LIMIT_TIME)),
         name="support",
-        labels=[("feet", len(feet)), ("COM above its rectangle", 2)],
+        labels=[("feet", len(feet)), ("CoM above its rectangle", 2)],
     )
 
 
@@ -356,7 +356,7 @@ SINGULAR = (
 HUMANOID = tuple(
     _source(
         f"humanoid-{name}",
-        f"humanoid33: feet, COM, two hands, gaze and posture; {about}.",
+        f"humanoid33: feet, CoM, two hands, gaze and posture; {about}.",
         partial(humanoid_problems, reach),
     )
     for name, about, reach in (

@@ -127,7 +127,7 @@ def record_stance(
     count: int,  # how many ticks at most; fewer where the shape of the problem changes
     progress: Progress | None = None,  # told how many thousandths of the simulation are done
 ) -> Generator[HierarchicalProblem]:
-    """Lets a robot's COM and hands go round, see `record_run`, and copies a controller's problems.
+    """Lets a robot's CoM and hands go round, see `record_run`, and copies a controller's problems.
 
     Raises:
         PoiseError: the robot fell.
@@ -153,7 +153,7 @@ def record_by_hand(count: int, progress: Progress | None = None) -> Generator[Hi
     """Follows the walk by hand over the obstacle with strict levels and hard joint limits.
 
     The step teleoperator solves its own levels in closed form. These problems are those of
-    `DifferentialIK` by "hqp" on the recorded states while the right foot is in the air: COM and
+    `DifferentialIK` by "hqp" on the recorded states while the right foot is in the air: CoM and
     right foot, then the pelvis' orientation, then posture, each sent to where the recording is
     0.1 s later.
     """
@@ -296,7 +296,7 @@ SOURCES = (
     *(
         _source(
             f"{name}-{joints}-{stance}",
-            f"humanoid{joints} on {'two feet' if stance == 'double' else 'one foot'}, COM and "
+            f"humanoid{joints} on {'two feet' if stance == 'double' else 'one foot'}, CoM and "
             f"hands go round; {about}.",
             partial(record_stance, f"humanoid{joints}", stance, stack, controller),
         )

@@ -91,7 +91,7 @@ def _tasks(stack: Stack, recording: Recording, links: dict[str, str]) -> Generat
         for task in level:
             gains = [float(index), task.kp[0], task.kd[0]]
             if isinstance(task, ComTask):
-                yield _line("com", "COM", gains)
+                yield _line("com", "CoM", gains)
             elif isinstance(task, FrameTask):
                 link, placement = _mount(robot, task.frame, links)
                 turned = recording.rotations[task.name] @ placement.rotation.T

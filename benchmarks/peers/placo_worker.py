@@ -20,7 +20,7 @@ class Peer:
     """placo's dynamics solver, fed with recorded states.
 
     Hard: base dynamics, still contacts with friction and centre of pressure, torque bounds. Soft:
-    COM, pelvis orientation, poses of the end effectors, posture. placo's joint bounds are left out.
+    CoM, pelvis orientation, poses of the end effectors, posture. placo's joint bounds are left out.
     """
 
     def __init__(self, urdf: str, run: dict[str, Any]) -> None:

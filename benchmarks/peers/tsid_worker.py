@@ -21,7 +21,7 @@ class Peer:
     """TSID's inverse dynamics, fed with recorded states.
 
     Hard: base dynamics (eliminated torques), still contacts, friction pyramids, torque bounds,
-    bounds of joint velocity and acceleration. Weighted below: COM, pelvis orientation, poses of
+    bounds of joint velocity and acceleration. Weighted below: CoM, pelvis orientation, poses of
     the end effectors, posture. TSID has no level below that.
     """
 

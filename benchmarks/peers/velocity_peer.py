@@ -34,7 +34,7 @@ class Package:
 class VelocityPeer:
     """Inverse kinematics fed with recorded states.
 
-    Hard: feet that stay where they were, joint positions and velocities. Weighted below: COM,
+    Hard: feet that stay where they were, joint positions and velocities. Weighted below: CoM,
     orientations, poses of the end effectors, posture. Targets have no velocity here: they lie
     ahead by as much as asks for it.
 

@@ -39,6 +39,6 @@ for k in range(round(1.5 / DT)):
     configuration.integrate_inplace(velocity, DT)  # to the robot: velocity[6:]
 
 moved = 1e3 * (configuration.data.subtree_com[1] - start)
-print(f"COM moved by {moved[0]:.2f} {moved[1]:.2f} {moved[2]:.2f} mm")
+print(f"CoM moved by {moved[0]:.2f} {moved[1]:.2f} {moved[2]:.2f} mm")
 for joint in ("left_hip_roll", "left_knee", "right_ankle_pitch"):
     print(f"{joint} {configuration.q[model.joint(joint).qposadr[0]]:.4f} rad")

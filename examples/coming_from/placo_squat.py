@@ -35,6 +35,6 @@ for k in range(round(1.5 / DT)):
     robot.update_kinematics()
 
 moved = 1e3 * (robot.com_world() - start)
-print(f"COM moved by {moved[0]:.2f} {moved[1]:.2f} {moved[2]:.2f} mm")
+print(f"CoM moved by {moved[0]:.2f} {moved[1]:.2f} {moved[2]:.2f} mm")
 for joint in ("left_hip_roll", "left_knee", "right_ankle_pitch"):
     print(f"{joint} {robot.get_joint(joint):.4f} rad")

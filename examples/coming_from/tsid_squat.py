@@ -79,6 +79,6 @@ for k in range(round(1.5 / DT)):
     v = v + DT * dv
 
 moved = 1e3 * (robot.com(problem.data()) - start)
-print(f"COM moved by {moved[0]:.2f} {moved[1]:.2f} {moved[2]:.2f} mm")
+print(f"CoM moved by {moved[0]:.2f} {moved[1]:.2f} {moved[2]:.2f} mm")
 for joint in ("left_hip_roll", "left_knee", "right_ankle_pitch"):
     print(f"{joint} {q[model.joints[model.getJointId(joint)].idx_q]:.4f} rad")

@@ -1,4 +1,4 @@
-"""Figure 4: tracking errors of COM and hand, in the loop with MuJoCo."""
+"""Figure 4: tracking errors of CoM and hand, in the loop with MuJoCo."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -33,7 +33,7 @@ _BY_OSQP: Methods = {
 
 
 class Curve(NamedTuple):
-    """Errors of one run: distances of COM and left hand from their targets [m]."""
+    """Errors of one run: distances of CoM and left hand from their targets [m]."""
 
     com: Float64[np.ndarray, " n"]
     hand: Float64[np.ndarray, " n"]
@@ -56,8 +56,8 @@ def tracking_section(options: StudyOptions, progress: Progress) -> Section:
     steps.finish()
     return Section(
         prose=(
-            "The robot runs in MuJoCo under each controller in turn, and the distances of COM and "
-            "left hand from their targets are compared. In double support COM and hands go round, "
+            "The robot runs in MuJoCo under each controller in turn, and the distances of CoM and "
+            "left hand from their targets are compared. In double support CoM and hands go round, "
             "as in the paper's figure, under the robot's default stack. Then it walks with the "
             "hands going round beside it; below Table 1's levels there is a posture, without which "
             "nothing would hold the joints that no task needs.",
@@ -67,7 +67,7 @@ def tracking_section(options: StudyOptions, progress: Progress) -> Section:
         tables=(
             Table(
                 title="Tracking errors",
-                header="run | method | COM, RMS [mm] | most [mm] | hand, RMS [mm] | most [mm]",
+                header="run | method | CoM, RMS [mm] | most [mm] | hand, RMS [mm] | most [mm]",
                 rows=tuple(
                     (
                         *key,
@@ -75,7 +75,7 @@ def tracking_section(options: StudyOptions, progress: Progress) -> Section:
                     )
                     for key, curve in curves.items()
                 ),
-                caption="The COM of the walk has no stiffness of its own: a feedback of the DCM "
+                caption="The CoM of the walk has no stiffness of its own: a feedback of the DCM "
                 "leads it.",
             ),
         ),
@@ -129,7 +129,7 @@ def _findings(curves: dict[tuple[str, str], Curve]) -> list[Finding]:
         if name.startswith("conventional"):
             continue
         reference = name.replace("proposed", "conventional")
-        for what, words in (("com", "COM"), ("hand", "left hand")):
+        for what, words in (("com", "CoM"), ("hand", "left hand")):
             own, full = (_rms(getattr(c, what)) for c in (curve, curves[case, reference]))
             findings.append(
                 Finding(

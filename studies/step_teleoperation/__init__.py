@@ -13,10 +13,10 @@ from studies.step_teleoperation.scenarios import (
 
 PLAN = StudyPlan(
     name="step-teleoperation",
-    title="Step-by-step teleoperation with COM shifter and body rotator",
+    title="Step-by-step teleoperation with CoM shifter and body rotator",
     introduction=(
         "A person holds two devices, one for each foot of a biped. Lifting one shifts the weight "
-        "and lifts its foot, which then follows the device until it lands. The COM shifter moves "
+        "and lifts its foot, which then follows the device until it lands. The CoM shifter moves "
         "the centre of mass by feedback from a ZMP reference that jumps; the body rotator makes up "
         "for what the swinging leg does. Here the hands are scripts, on `biped20`, the paper's "
         "robot in mass and size.",
@@ -25,7 +25,7 @@ PLAN = StudyPlan(
     source="Y. Zhang, R. Kikuuwe, “COM Shifter and Body Rotator for Step-by-Step Teleoperation of "
     "Bipedal Robots”.",
     parts=(
-        Part("cart-table", "The COM shifter by itself, Figure 6", cart_table_section),
+        Part("cart-table", "The CoM shifter by itself, Figure 6", cart_table_section),
         Part("scenario-1", "Scenario 1: over an obstacle, Figure 8", obstacle_section),
         Part("scenario-2", "Scenario 2: lifting one foot, Figure 10", lift_section),
         Part("scenario-3", "Scenario 3: switching the support foot, Figure 12", switch_section),

@@ -13,7 +13,7 @@ class CartFlywheelTable:
 
         pdd = u_1,   Ldot = u_2,   r = p - u_1 / omega^2 - u_2 / W
 
-    p is the COM, r the ZMP, L the angular momentum about the COM in the sense that moves the ZMP
+    p is the CoM, r the ZMP, L the angular momentum about the CoM in the sense that moves the ZMP
     back (for a robot that walks along x, L is -L_Gx for the axis y and L_Gy for the axis x). With
     u_2 = 0 it is the cart-table model.
     """

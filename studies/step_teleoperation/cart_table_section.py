@@ -1,4 +1,4 @@
-"""Figure 6: the COM shifter on the cart-table model, with three values of k_d."""
+"""Figure 6: the CoM shifter on the cart-table model, with three values of k_d."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,7 +16,7 @@ _SETTLED = 0.01
 """Settled means: within this share of the step."""
 
 Response = tuple[float, np.ndarray, np.ndarray]
-"""k_d [1/s], the ZMP and the COM over time [m]."""
+"""k_d [1/s], the ZMP and the CoM over time [m]."""
 
 
 def cart_table_section(_options: StudyOptions, progress: Progress) -> Section:
@@ -138,7 +138,7 @@ def _figure(responses: list[Response]) -> Figure:
             time = _DT * np.arange(len(zmp))
             left.plot(time, zmp, label=f"k_d = {kd:.2f} /s")
             right.plot(time, com)
-        for panel, name in ((left, "ZMP [m]"), (right, "COM [m]")):
+        for panel, name in ((left, "ZMP [m]"), (right, "CoM [m]")):
             panel.axhline(_STEP, color="dimgrey", linestyle="--", linewidth=0.8)
             panel.set_xlabel("time [s]")
             panel.set_ylabel(name)
@@ -146,7 +146,7 @@ def _figure(responses: list[Response]) -> Figure:
 
     return draw(
         name="figure-6",
-        title="Figure 6: the COM shifter with three values of k_d",
+        title="Figure 6: the CoM shifter with three values of k_d",
         caption="Step of the ZMP reference by 0.21 m on the cart-table model, a_lim = 0.8 m/s². "
         "The middle value is the gain rule's.",
         height=3.2,

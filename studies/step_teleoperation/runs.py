@@ -30,11 +30,11 @@ class Servos(NamedTuple):
 
 
 SOFT = Servos(VELOCITY_TELEOP_PLANT.servo.stiffness, VELOCITY_TELEOP_PLANT.servo.damping)
-"""Poise's own: the COM on one leg of `biped20` is held at 12 rad/s, over a pendulum of 3.6."""
+"""Poise's own: the CoM on one leg of `biped20` is held at 12 rad/s, over a pendulum of 3.6."""
 
 STIFF = Servos(1000.0, 50.0)
 """Near what the paper assumes, velocities as commanded: all the torque where a joint is off by 1
-mrad or by 0.02 rad/s. The COM is held at 46 rad/s."""
+mrad or by 0.02 rad/s. The CoM is held at 46 rad/s."""
 
 SETTLED = 0.3
 """From when on margins count: the robot has come to rest on the ground [s]."""

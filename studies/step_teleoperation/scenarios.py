@@ -39,7 +39,7 @@ Panel = tuple[str, TeleopRun, int]
 def _figure(
     name: str, title: str, caption: str, panels: Sequence[Panel], span: tuple[float, float]
 ) -> Figure:
-    """Draw ZMP, COM and reference over a span of time [s], with the changes of the mode."""
+    """Draw ZMP, CoM and reference over a span of time [s], with the changes of the mode."""
 
     def paint(canvas: Any) -> None:
         axes = canvas.subplots(1, len(panels), sharey=True)
@@ -48,7 +48,7 @@ def _figure(
             rows = (log.time >= span[0]) & (log.time <= span[1])
             for values, colour, style, label in (
                 (log.zmp, "C1", "-", "ZMP"),
-                (log.com, "C0", "-", "COM"),
+                (log.com, "C0", "-", "CoM"),
                 (log.zmp_reference, "dimgrey", "--", "ZMP reference"),
             ):
                 panel.plot(
@@ -95,7 +95,7 @@ def obstacle_section(_options: StudyOptions, progress: Progress) -> Section:
             "Right foot, then left foot over two blocks, 5 and 8 cm high, right across the way. "
             "The paper does not give the blocks; a foot of 0.30 m has to land beyond both, which "
             "makes a step of 0.43 m. The feet begin 0.27 m apart, where legs reach farthest; the "
-            "COM comes down where they have to (rule `stooping`).",
+            "CoM comes down where they have to (rule `stooping`).",
         ),
         findings=(
             Finding(
@@ -135,7 +135,7 @@ def obstacle_section(_options: StudyOptions, progress: Progress) -> Section:
         figures=(
             _figure(
                 "figure-8",
-                "Figure 8: ZMP and COM over the obstacle",
+                "Figure 8: ZMP and CoM over the obstacle",
                 "The ZMP first moves the other way when its reference jumps, then converges. "
                 "Letters are modes.",
                 [("ahead", run, 0), ("sideways", run, 1)],
@@ -189,15 +189,15 @@ counts as steady [s]."""
 
 
 def lift_section(_options: StudyOptions, progress: Progress) -> Section:
-    """Scenario 2: from the lifted device to the lifted foot, by COM shifter and preview control."""
+    """Scenario 2: from the lifted device to the lifted foot, by CoM shifter and preview control."""
     robot = load_robot("biped20")
     script = SCRIPTS["lift_one_foot"](robot)
     dt = script_parameters(robot, script).dt
     steps = Steps(progress, 3 + len(_LENGTHS))
     steps.next()
-    runs = {"COM shifter": run_script(robot, script)}
+    runs = {"CoM shifter": run_script(robot, script)}
     expected: dict[str, tuple[float, tuple[float, float], float, str]] = {
-        "COM shifter": (0.5, (0.45, 0.55), 0.0, "around 0.5 s, no steady error")
+        "CoM shifter": (0.5, (0.45, 0.55), 0.0, "around 0.5 s, no steady error")
     }
     for length in _LENGTHS:
         steps.next()
@@ -223,7 +223,7 @@ def lift_section(_options: StudyOptions, progress: Progress) -> Section:
             ),
             Finding(
                 name=f"steady error of the ZMP, {name}",
-                paper=0.0 if name == "COM shifter" else None,
+                paper=0.0 if name == "CoM shifter" else None,
                 ours=error,
                 unit="mm",
                 ok=not run.fell and error is not None and abs(error - steady) <= 2.0,
@@ -251,8 +251,8 @@ def lift_section(_options: StudyOptions, progress: Progress) -> Section:
     shown = [(name, run, 1) for name, run in runs.items() if name in expected]
     return Section(
         prose=(
-            "Feet 0.42 m apart and COM 0.765 m high, as in the paper, so that `r_lift` is its "
-            "0.12 m. Preview control drives the COM in place of the shifter, with the body "
+            "Feet 0.42 m apart and CoM 0.765 m high, as in the paper, so that `r_lift` is its "
+            "0.12 m. Preview control drives the CoM in place of the shifter, with the body "
             "rotator off: its steady error of the ZMP would wind the torso up. By the paper's "
             "rules alone the robot falls on Poise's servos, and stands on both feet on stiff ones, "
             "as (14e) holds for a moment, and the foot that still carries has landed.",
@@ -316,7 +316,7 @@ def switch_section(_options: StudyOptions, progress: Progress) -> Section:
     return Section(
         prose=(
             "The right foot is put down, then the left one is lifted, with three times between. "
-            "Feet 0.42 m apart, COM 0.765 m high.",
+            "Feet 0.42 m apart, CoM 0.765 m high.",
         ),
         findings=tuple(_switched("scenario 3", after, run) for after, run in runs.items()),
         figures=(
@@ -324,7 +324,7 @@ def switch_section(_options: StudyOptions, progress: Progress) -> Section:
                 "figure-12",
                 "Figure 12: from SL over D and TR to SR",
                 "The left device is lifted shortly after the right foot has landed, after the ZMP "
-                "has reached the middle, and after COM and ZMP have settled there.",
+                "has reached the middle, and after CoM and ZMP have settled there.",
                 [(f"lift {after:.1f} s later", run, 1) for after, run in runs.items()],
                 (2.8, 6.3),
             ),

@@ -98,7 +98,7 @@ def test_libdwbc_gets_the_joints_that_carry_soles_first(tmp_path, recording):
     assert [w[1] for w in words if w[0] == "joint"] == [links[n] for n in robot.joint_names]
     ticks = [w for w in words if w[0] == "tick"]
     assert len(ticks) == len(recording.states)
-    # A state, and three points each of COM and both hands.
+    # A state, and three points each of CoM and both hands.
     assert {len(w) for w in ticks} == {2 + robot.nq + robot.nv + 27}
     assert [w[0] for w in words[-5:]][-1] == "end"
 

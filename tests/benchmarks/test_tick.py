@@ -52,7 +52,7 @@ def test_the_table_of_the_paper_has_its_variables_and_rows(stance, contacts, eff
     controller = WholeBodyController(robot, bench_stack(robot, "table1", stance))
     controller.step(RobotState(robot.q_home, np.zeros(robot.nv)))
     # Table 1 of the paper: n + 6 + 6 c variables; base dynamics, torque limits, contacts, cones,
-    # acceleration limits, COM, pelvis, end effectors. One bound a normal force more.
+    # acceleration limits, CoM, pelvis, end effectors. One bound a normal force more.
     n = robot.nj
     rows = 6 + n + 6 * contacts + 10 * contacts + n + 3 + 3 + 6 * effectors + contacts
     assert controller.size == (n + 6 + 6 * contacts, rows)

@@ -116,7 +116,7 @@ def test_a_check_that_fails_gives_status_one(in_folder, capsys):
     assert main(["run", "s.yaml", "--no-video"]) == 1
     out = capsys.readouterr().out
     assert "short on biped20: FAILED" in out
-    assert "  FAIL  largest distance of the COM from its reference" in out
+    assert "  FAIL  largest distance of the CoM from its reference" in out
 
 
 def test_list_names_every_shipped_scenario(capsys):

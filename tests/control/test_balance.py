@@ -17,7 +17,7 @@ SEEDS = range(4)
 
 
 def asked_away(robot, far, *, enabled=True):
-    """The default stack with the COM's target far ahead."""
+    """The default stack with the CoM's target far ahead."""
     plain = default_stack(robot)
     limit = BalanceLimit(enabled=enabled)
     stack = Stack(plain.contacts, plain.levels, balance_limit=limit)

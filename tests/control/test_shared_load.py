@@ -9,7 +9,7 @@ CONTROLLERS = (poise.WholeBodyController, poise.ReducedController)
 
 
 def swaying(robot, controller, aside):
-    """The answer to a COM that is to go aside from rest [m/s^2], and what each sole reaches [m]."""
+    """The answer to a CoM that is to go aside from rest [m/s^2], and what each sole reaches [m]."""
     stack = poise.default_stack(robot)
     solver = controller(robot, stack)
     state = poise.RobotState(robot.q_home, np.zeros(robot.nv))
@@ -44,7 +44,7 @@ def test_pressure_stays_in_the_middle_of_soles_that_can_share(get_robot, name, c
 
 
 def _lever(robot):
-    """Height of the COM over half the distance of the soles."""
+    """Height of the CoM over half the distance of the soles."""
     dynamics = poise.Dynamics(robot)
     dynamics.update(poise.RobotState(robot.q_home, np.zeros(robot.nv)))
     left, right = (dynamics.frame(robot.frame_id(sole)).position for sole in robot.soles)

@@ -144,7 +144,7 @@ def test_a_falling_robot_accelerates_with_gravity(get_robot):
     fall = dynamics.com_jacobian @ dv + dynamics.com_bias
     assert np.abs(fall - np.array([0.0, 0.0, -9.81])).max() < 1e-8
     rate = dynamics.momentum_matrix @ dv + dynamics.momentum_bias
-    assert np.abs(rate[3:]).max() < 1e-6  # nothing turns it about its COM
+    assert np.abs(rate[3:]).max() < 1e-6  # nothing turns it about its CoM
 
 
 def test_results_keep_their_numbers_after_the_next_update(robot):

@@ -13,7 +13,7 @@ Load = PlantConfig.Payload
 
 
 def stood(robot, seconds, estimator, **plant):
-    """Stands with the estimate in the loop; the plant, and how far its COM is from before."""
+    """Stands with the estimate in the loop; the plant, and how far its CoM is from before."""
     body = Plant(robot, PlantConfig(control_dt=0.002, **plant), seed=1)
     controller = poise.WholeBodyController(robot, poise.default_stack(robot))
     for _ in rollout(body, controller, estimator=estimator, duration=seconds):

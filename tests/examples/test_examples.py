@@ -98,7 +98,7 @@ def test_a_batch_says_what_hands_at_rest_cost(run):
 
 
 def test_reach_follows_the_moving_target(run):
-    hand, com = numbers(r"hand (\S+) mm, COM (\S+) mm", run("02_reach.py"))
+    hand, com = numbers(r"hand (\S+) mm, CoM (\S+) mm", run("02_reach.py"))
     assert hand < 1.0
     assert com < 1.0
 
@@ -169,7 +169,7 @@ def test_scenario_holds_its_checks_and_leaves_a_report(tmp_path):
 def test_walk_makes_its_steps_and_says_how_well(run):
     printed = run("11_walk.py")
     assert "walk standing after 2 steps" in printed
-    assert numbers(r"COM within (\S+) mm", printed)[0] < 10.0
+    assert numbers(r"CoM within (\S+) mm", printed)[0] < 10.0
 
 
 @pytest.fixture
@@ -260,5 +260,5 @@ def test_the_notebook_describes_a_new_robot_that_stands_through_a_push(tmp_path)
 def test_hands_prints_what_a_load_costs_and_who_is_at_the_edge(run, get_robot):
     get_robot("g1")
     printed = run("19_hands.py")
-    numbers(r"load unknown: COM ([\d.]+) mm off\n.*\nload known: COM ([\d.]+) mm off", printed)
+    numbers(r"load unknown: CoM ([\d.]+) mm off\n.*\nload known: CoM ([\d.]+) mm off", printed)
     assert printed.count("hands: at the edge of its reach: it comes no further, follows") == 2

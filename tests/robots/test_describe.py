@@ -274,7 +274,7 @@ def knee(inertial):
 
 COM_UP = '<inertial><origin xyz="0 0 0.1"/><mass value="1.0"/>'
 ODD = {
-    "a COM of the wrong sign": (
+    "a CoM of the wrong sign": (
         knee(COM_UP), "left and right differ: centres of mass behind left_knee \\(0.2 m from"),
     "arms of the other side": (
         with_arms(exchanged(walker())),

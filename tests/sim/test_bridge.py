@@ -592,7 +592,7 @@ def test_soft_servos_that_are_told_velocities_do_not_sag_first(biped):
 
 
 def squat(robot, model, seconds=1.0):
-    """Down and up by 6 cm in a second, in a plain loop; returns the largest errors of COM [m]."""
+    """Down and up by 6 cm in a second, in a plain loop; returns the largest errors of CoM [m]."""
     bridge, data = quiet_bridge(robot, model), mujoco.MjData(model)
     bridge.place(data)
     controller = poise.WholeBodyController(robot)

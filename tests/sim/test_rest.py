@@ -11,7 +11,7 @@ SLOPE = 0.08
 
 
 def stand(plant, seconds=0.05):
-    """Largest motion of COM and soles [m], and load over weight, under a controller."""
+    """Largest motion of CoM and soles [m], and load over weight, under a controller."""
     robot = plant.robot
     controller = poise.WholeBodyController(robot)
     com, soles = plant.com, soles_of(plant)

@@ -167,7 +167,7 @@ Placement = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3 3"]]
 
 
 class Dynamics:
-    """Mass matrix, nonlinear effects, frames, COM and centroidal momentum of one state.
+    """Mass matrix, nonlinear effects, frames, CoM and centroidal momentum of one state.
 
     `update` runs Pinocchio's recursions once; frames and momentum are evaluated at their first use
     and kept until the next `update`, so that two tasks on one frame cost one evaluation. The next
@@ -263,7 +263,7 @@ class Dynamics:
 
     @property
     def com_velocity(self) -> Float64[np.ndarray, "3"]:
-        """Velocity of the COM [m/s]; the same array until the next `update`."""
+        """Velocity of the CoM [m/s]; the same array until the next `update`."""
         velocity = self._com_velocity
         if velocity is None:
             velocity = self._com_velocity = self._momenta()[:3] / self.motion.mass[0]
@@ -271,17 +271,17 @@ class Dynamics:
 
     @property
     def com_jacobian(self) -> Float64[np.ndarray, "3 nv"]:
-        """Maps `v` to the COM's velocity."""
+        """Maps `v` to the CoM's velocity."""
         return self.momentum_matrix[:3] / self.motion.mass[0]
 
     @property
     def com_bias(self) -> Float64[np.ndarray, "3"]:
-        """Acceleration of the COM at zero `dv` [m/s^2]."""
+        """Acceleration of the CoM at zero `dv` [m/s^2]."""
         return self._momenta()[6:9] / self.motion.mass[0]
 
     @property
     def momentum(self) -> Float64[np.ndarray, "6"]:
-        """Centroidal momentum, linear [kg m/s] then angular about the COM [kg m^2/s]."""
+        """Centroidal momentum, linear [kg m/s] then angular about the CoM [kg m^2/s]."""
         return self._momenta()[:6].copy()
 
     @property

@@ -141,7 +141,7 @@ class ReducedDynamics:
         rows u        M_ua dv_a + M_uu dv_u + h_u = tau_u
         energy        dv^T M dv / 2 = [dv_a; z]^T M_r [dv_a; z] / 2 + |dv_u - Jbar_z z|^2_M_uu / 2
                       M_r = [M_aa C; C^T I]
-        COM           J_com dv = J_com,a dv_a + J_com,u Jbar_z z
+        CoM           J_com dv = J_com,a dv_a + J_com,u Jbar_z z
 
     Rows u keep M_ua dv_a, which (17) of the paper leaves out. The coupling of a and u in the
     energy is C z too: for any dv_a the least energy of the whole robot for a z is that of
@@ -229,7 +229,7 @@ class ReducedDynamics:
         """Project a task's Jacobian onto (a, z): [J_a, J_u Jbar_z], as in (22).
 
         Exact for rows that depend on the unconstrained chain through its centroids only: frames
-        in `a`, the COM, and the total momentum. Of other tasks it is the part of z.
+        in `a`, the CoM, and the total momentum. Of other tasks it is the part of z.
 
         Args:
             jacobian: maps `dv`.

@@ -20,7 +20,7 @@ def pole_zero_damping(kp: float, omega: float) -> float:
     """k_d = k_p / omega + omega, eqs (30) and (38): cancels the slower pole against a zero."""
     if not kp > omega * omega:
         raise ConfigurationError(
-            "k_p of the COM shifter is too small for its table",
+            "k_p of the CoM shifter is too small for its table",
             got=kp,
             wanted=f"more than omega^2 = {omega * omega:.4g} /s^2",
         )
@@ -28,16 +28,16 @@ def pole_zero_damping(kp: float, omega: float) -> float:
 
 
 class ComShifter:
-    """A feedback from ZMP reference to COM acceleration, eqs (25a) and (37) of Zhang and Kikuuwe.
+    """A feedback from ZMP reference to CoM acceleration, eqs (25a) and (37) of Zhang and Kikuuwe.
 
         a = sat(a_lim, k_p (r_ref - p) - k_d pdot)     each axis by itself
 
-    No preview, no buffer: the reference may jump. While a is not saturated the COM follows by
+    No preview, no buffer: the reference may jump. While a is not saturated the CoM follows by
     (27), and the ZMP of the cart-table model by (28), which under the gain rule (30) is first order
     after the initial undershoot.
 
     Args:
-        height: of the COM [m].
+        height: of the CoM [m].
         kp: k_p [1/s^2].
         kd: k_d [1/s]; by the gain rule (30) when None.
         acceleration_max: a_lim [m/s^2].
@@ -60,11 +60,11 @@ class ComShifter:
         gravity: float = GRAVITY,
     ) -> None:
         self.omega = natural_frequency(height, gravity)
-        self.kp = checked_number(kp, "k_p of the COM shifter [1/s^2]", above=0.0)
+        self.kp = checked_number(kp, "k_p of the CoM shifter [1/s^2]", above=0.0)
         rule = pole_zero_damping(self.kp, self.omega)
-        self.kd = rule if kd is None else checked_number(kd, "k_d of the COM shifter [1/s]")
+        self.kd = rule if kd is None else checked_number(kd, "k_d of the CoM shifter [1/s]")
         self.acceleration_max = checked_number(
-            acceleration_max, "acceleration_max of the COM shifter [m/s^2]", above=0.0
+            acceleration_max, "acceleration_max of the CoM shifter [m/s^2]", above=0.0
         )
 
     def acceleration(
@@ -73,12 +73,12 @@ class ComShifter:
         position: Float64[np.ndarray, " n"],
         velocity: Float64[np.ndarray, " n"],
     ) -> Float64[np.ndarray, " n"]:
-        """The COM's acceleration.
+        """The CoM's acceleration.
 
         Args:
             reference: of the ZMP [m].
-            position: of the COM [m].
-            velocity: of the COM [m/s].
+            position: of the CoM [m].
+            velocity: of the CoM [m/s].
         """
         unlimited = self.unlimited(reference, position, velocity)
         return np.clip(unlimited, -self.acceleration_max, self.acceleration_max)
@@ -89,7 +89,7 @@ class ComShifter:
         position: Float64[np.ndarray, " n"],
         velocity: Float64[np.ndarray, " n"],
     ) -> Float64[np.ndarray, " n"]:
-        """The COM's acceleration before saturation.
+        """The CoM's acceleration before saturation.
 
         Under the gain rule its CT-ZMP is r_ref + k_s (xi - r_ref) with the DCM
         xi = p + pdot / omega and k_s = 1 + k_p / omega^2: Sugihara's regulator, eq. (33), without
@@ -97,8 +97,8 @@ class ComShifter:
 
         Args:
             reference: of the ZMP [m].
-            position: of the COM [m].
-            velocity: of the COM [m/s].
+            position: of the CoM [m].
+            velocity: of the CoM [m/s].
         """
         return self.kp * (reference - position) - self.kd * velocity
 
@@ -108,8 +108,8 @@ class ComShifter:
         """CT-ZMP, eq. (26): the ZMP at zero rate of angular momentum, p - a / omega^2 [m].
 
         Args:
-            position: of the COM [m].
-            acceleration: of the COM [m/s^2].
+            position: of the CoM [m].
+            acceleration: of the CoM [m/s^2].
         """
         return position - acceleration / self.omega**2
 
@@ -132,7 +132,7 @@ class BodyRotator:
     def momentum_rate(
         self, reference: Float64[np.ndarray, "2"], cart_table_zmp: Float64[np.ndarray, "2"]
     ) -> Float64[np.ndarray, "2"]:
-        """Rate of the angular momentum about the COM, x and y [N m]."""
+        """Rate of the angular momentum about the CoM, x and y [N m]."""
         x, y = (reference - cart_table_zmp).tolist()
         return self.weight * np.array([y, -x])
 
@@ -148,7 +148,7 @@ class PreviewControl:
     whole effect of a reference, which leaves a steady error, given by `dc_gain`.
 
     Args:
-        height: of the COM [m].
+        height: of the CoM [m].
         dt: length of a tick [s].
         length: N, ticks that the reference is known ahead.
         Q: weight of the ZMP error [1/m^2].
@@ -212,10 +212,10 @@ class PreviewControl:
     def jerk(
         self, state: Float64[np.ndarray, "3 n"], reference: Float64[np.ndarray, "N n"]
     ) -> Float64[np.ndarray, " n"]:
-        """The COM's jerk [m/s^3].
+        """The CoM's jerk [m/s^3].
 
         Args:
-            state: position, velocity, acceleration of the COM, a column an axis.
+            state: position, velocity, acceleration of the CoM, a column an axis.
             reference: of the ZMP from the next tick on, a row a tick [m].
         """
         return self.f @ reference - self.K @ state

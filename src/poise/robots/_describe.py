@@ -36,7 +36,7 @@ def describe(model: RobotInput, geometry: pin.GeometryModel | None = None) -> Pr
 
     Feet are the two mirrored chains of joints that reach lowest; soles the largest rectangles on
     the flat lower faces of their collision or visual shapes; hands and torso follow from the other
-    mirrored pair; the home posture puts the soles level and the COM over them, knees and elbows a
+    mirrored pair; the home posture puts the soles level and the CoM over them, knees and elbows a
     little bent. A robot without legs that has one arm or two is fixed. What the file lacks, limits
     and rotor inertias, is estimated.
 
@@ -187,11 +187,11 @@ class _Describer:
         stance = find_stance(
             model, self._soles, to_soles, self._upright, forward, apart, start or elbows
         )
-        reason = "by inverse kinematics: soles level, COM over their middle, knees a little bent"
+        reason = "by inverse kinematics: soles level, CoM over their middle, knees a little bent"
         reason += ", and elbows" if elbows else ""
         off = f"off by {stance.error:.3f} m or rad"
         ends = f"{off}; at their limits: {', '.join(stance.at_limit) or 'none'}"
-        lacking = f"no posture with level soles and the COM over them was found ({ends})"
+        lacking = f"no posture with level soles and the CoM over them was found ({ends})"
         if self._remark(not stance.reached, lacking):
             reason = f"NOT a standing posture: {off} at best"
         reason += f"; the root leans by {stance.tilt:.2f} rad" if round(stance.tilt, 2) else ""
@@ -224,7 +224,7 @@ class _Describer:
 
     def _hand(self, name: str, arm: Chain, grip: float = 0.9) -> int:
         """Add a hand, on the last link of an arm, or at that part of a forearm."""
-        model, joint, reason = self._model, arm[-1], "at the COM of what its last joint moves"
+        model, joint, reason = self._model, arm[-1], "at the CoM of what its last joint moves"
         point = np.array(model.inertias[joint].lever)
         along = point / max(float(np.linalg.norm(point)), 1e-9)
         shapes = shapes_of(model, self._source, joint, self._where).values()

@@ -11,7 +11,7 @@ from poise.robots._robot import Robot
 
 
 def draw_robot(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Any:
-    """A matplotlib figure: links as lines between joints, soles, hands, pelvis, torso and COM."""
+    """A matplotlib figure: links as lines between joints, soles, hands, pelvis, torso and CoM."""
     model, data = robot.model, robot.model.createData()
     pin.framesForwardKinematics(model, data, q)
     com = pin.centerOfMass(model, data, q)
@@ -25,7 +25,7 @@ def draw_robot(robot: Robot, q: Float64[np.ndarray, " nq"]) -> Any:
             )
             axes.plot(ends[:, across], ends[:, 2], color="0.3", marker="o", markersize=3)
         _draw_frames(axes, robot, data, across)
-        axes.plot(com[across], com[2], "o", color="tab:orange", label="COM")
+        axes.plot(com[across], com[2], "o", color="tab:orange", label="CoM")
         axes.margins(x=0.3)
         _widen(axes)
         axes.set(title=title, xlabel=label, ylabel="z [m]", aspect="equal")

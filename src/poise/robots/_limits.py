@@ -175,7 +175,7 @@ def _assumed_torques(model: pin.Model, soles: list[pin.Frame]) -> dict[int, floa
         elif joint in carrying:
             torques[joint] = _LEG_PART * size
         else:
-            # The subtree's COM is in the joint's own frame, whose origin is on its axis.
+            # The subtree's CoM is in the joint's own frame, whose origin is on its axis.
             # What weighs nothing, as fingers in some files, has none.
             arm = float(np.linalg.norm(data.com[joint])) if held > 0.0 else 0.0
             torques[joint] = max(_ARM_PART * held * arm, _LEAST_PART * size, _LEAST)

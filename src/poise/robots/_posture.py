@@ -1,4 +1,4 @@
-"""`standing_posture`: a configuration with the feet so far apart and the COM so high.
+"""`standing_posture`: a configuration with the feet so far apart and the CoM so high.
 
 The home configuration: joints as described, the base so that the soles stand on the ground.
 """
@@ -81,7 +81,7 @@ def _check_flat(world_T_sole: pin.SE3, name: str, where: str) -> None:
 def standing_posture(
     robot: Robot, *, feet_apart: float | None = None, com_height: float | None = None
 ) -> Float64[np.ndarray, " nq"]:
-    """The home posture with other legs: soles side by side about the origin, COM so high [m]."""
+    """The home posture with other legs: soles side by side about the origin, CoM so high [m]."""
     if not robot.floating_base or len(robot.soles) < 2:
         raise RobotError(
             f"robot {robot.name!r} has no feet to stand on", got=list(robot.soles), wanted="two"
@@ -94,7 +94,7 @@ def standing_posture(
     if feet_apart is not None:
         apart = checked_number(feet_apart, "distance of the feet [m]", above=0.0)
     if com_height is not None:
-        height = checked_number(com_height, "height of the COM [m]", above=0.0)
+        height = checked_number(com_height, "height of the CoM [m]", above=0.0)
     upright = pin.Quaternion(robot.q_home[3:7]).matrix()
     goals = StanceGoals(model, frames, upright, apart, height, True)
     joints = {j for sole in robot.soles for j in robot.leg_joints(sole)}
@@ -104,7 +104,7 @@ def standing_posture(
     if any(np.abs(error).max() > REACHED for error, _ in levels):
         raise RobotError(
             f"the legs of robot {robot.name!r} do not get there",
-            got=f"feet {apart:.3f} m apart, COM {height:.3f} m high",
-            wanted="a lower COM, or feet nearer to each other",
+            got=f"feet {apart:.3f} m apart, CoM {height:.3f} m high",
+            wanted="a lower CoM, or feet nearer to each other",
         )
     return q

@@ -237,7 +237,7 @@ def check_roles(robot: Robot) -> None:
     if com[2] <= 0.0:
         pelvis = float(data.oMf[robot.frame_id(robot.pelvis)].translation[2])
         what = f"robot {robot.name!r} is upside down on its soles ({', '.join(soles)})"
-        got = f"COM {com[2]:.3g} m and pelvis {pelvis:.3g} m above them in the home posture"
+        got = f"CoM {com[2]:.3g} m and pelvis {pelvis:.3g} m above them in the home posture"
         wanted = "soles whose z points up into the foot; mind their `rpy`"
         raise RobotError(what, got=got, wanted=wanted)
     if len(soles) == 2:

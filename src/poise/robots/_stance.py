@@ -38,7 +38,7 @@ class StancePosture:
 class StanceGoals:
     """Goals of a stance by priority, each with its Jacobian.
 
-    Level soles on the ground, the COM over their middle, root or COM at a height; then an upright
+    Level soles on the ground, the CoM over their middle, root or CoM at a height; then an upright
     root and feet side by side about the origin, toes straight ahead.
     """
 
@@ -47,7 +47,7 @@ class StanceGoals:
     upright: Float64[np.ndarray, "3 3"]  # world_R_base of an upright root
     apart: float  # distance of the feet [m]
     height: float  # [m]
-    of_com: bool  # whose height: the COM's or the root's
+    of_com: bool  # whose height: the CoM's or the root's
 
     def __call__(self, q: Float64[np.ndarray, " nq"]) -> list[Level]:
         """Errors and Jacobians at a configuration."""

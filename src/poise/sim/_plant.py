@@ -165,7 +165,7 @@ class Plant:
         share = np.max(np.abs(self.applied_torque) / self.robot.tau_max)
         rows = [
             *((f"load of {name}", f"{w[2]:.1f} N") for name, w in self.sole_wrenches().items()),
-            ("COM", f"{np.round(self.com, 3).tolist()} m"),
+            ("CoM", f"{np.round(self.com, 3).tolist()} m"),
             ("torque", f"{share:.0%} of a limit"),
         ]
         return html_table(repr(self), ("quantity", "now"), rows)

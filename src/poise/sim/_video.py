@@ -17,7 +17,7 @@ from poise.sim._record import RunRecord
 
 
 def run_markers(robot: Robot, record: RunRecord) -> Callable[[int], tuple[Marker, ...]]:
-    """Markers by sample of a run: COM on the ground (orange), ZMP (magenta), sole forces (blue)."""
+    """Markers by sample of a run: CoM on the ground (orange), ZMP (magenta), sole forces (blue)."""
     orange, magenta, blue = (
         (0.95, 0.55, 0.05, 1.0),
         (0.80, 0.10, 0.55, 1.0),

@@ -46,7 +46,7 @@ _COMEBACK = 12.0
 an angle pushes it out there by h angle omega / rate."""
 
 _LOWEST = 0.1
-"""Least height of the COM over the contacts that is reckoned with [m]."""
+"""Least height of the CoM over the contacts that is reckoned with [m]."""
 
 _LEAST_ARM, _CATCHING, _MOST_ARM = 0.3, 10.0, 1.4
 """Part of the moment that remains where the component is on the edge; how much more there is, as an
@@ -57,7 +57,7 @@ class BalanceLimit(Limit):
     """Bounds that keep the DCM of a standing robot recoverable, whatever the tasks.
 
     At a height z over the feet, with omega^2 = g / z, the divergent component of motion
-    xi = c + cdot / omega of the COM c moves away from where the contacts press, p:
+    xi = c + cdot / omega of the CoM c moves away from where the contacts press, p:
 
         xi_dot = cdot + cddot / omega = omega (xi - p)      while the angular momentum is constant
 
@@ -66,7 +66,7 @@ class BalanceLimit(Limit):
     much of the weight as it can while the next sole carries the rest (R. Orsolino et al. 2020,
     "Feasible region: an actuation-aware extension of the support region"); and as far as the next
     sole carries its least load meanwhile. So a robot is lost once xi has left it for good, and what
-    moves the COM moves xi. In every tick xi_dot, linear in the accelerations, is bounded. With
+    moves the CoM moves xi. In every tick xi_dot, linear in the accelerations, is bounded. With
     n x <= h the edges of where the component is caught, the outline of the soles that carry,
     `margin` inside, and of the foothold that `expect_step` announces,
 
@@ -86,7 +86,7 @@ class BalanceLimit(Limit):
     the soles, the least that it can do, xi_dot = 0, is the most that is allowed. They hold for xi
     as it is measured, whatever moved it.
 
-    Angular momentum L about the COM moves p as well, and only the soles can take it away again:
+    Angular momentum L about the CoM moves p as well, and only the soles can take it away again:
     a lean to one side by a force beyond the component on that side, with a moment of m g a at most,
     where a is how far the edges are from xi there. So
 
@@ -384,7 +384,7 @@ def _bound_momentum(
     xi: tuple[float, float],
     height: float,
 ) -> None:
-    """The angular momentum about the COM, as the acceleration that as much force gave it."""
+    """The angular momentum about the CoM, as the acceleration that as much force gave it."""
     v, motion, rows, work = state.v, state.motion, assembly.rows, assembly.work
     mx = my = 0.0
     for i in range(len(hull)):

@@ -50,7 +50,7 @@ class ComTask(ShippedTask[VectorTarget]):
         velocity: Numbers | None = None,
         acceleration: Numbers | None = None,
     ) -> None:
-        """Set where the COM should be.
+        """Set where the CoM should be.
 
         Args:
             position: in the world [m].
@@ -64,7 +64,7 @@ class ComTask(ShippedTask[VectorTarget]):
 
     @property
     def target_position(self) -> Float64[np.ndarray, "3"] | None:
-        """Target of the COM [m]; None until one is set or taken from the robot."""
+        """Target of the CoM [m]; None until one is set or taken from the robot."""
         return self._target.position
 
     def masked_target(self) -> Float64[np.ndarray, "3"]:
@@ -92,7 +92,7 @@ class ComTask(ShippedTask[VectorTarget]):
 
 
 class MomentumTask(ShippedTask[VectorTarget]):
-    """The angular momentum about the COM follows a target: A_G dv + A_Gdot v = Ldot_ref.
+    """The angular momentum about the CoM follows a target: A_G dv + A_Gdot v = Ldot_ref.
 
     Momentum has no position to hold, so feedback is on the momentum alone:
     Ldot_ref = target rate + kd (target - actual). Momentum is a velocity, and its error stands in
@@ -140,7 +140,7 @@ class MomentumTask(ShippedTask[VectorTarget]):
         super().set_gains(kp, kd)
 
     def set_target(self, momentum: Numbers, rate: Numbers | None = None) -> None:
-        """Set the reference angular momentum about the COM.
+        """Set the reference angular momentum about the CoM.
 
         Args:
             momentum: along the world's axes [kg m^2/s].
@@ -157,7 +157,7 @@ class MomentumTask(ShippedTask[VectorTarget]):
 
 @part
 def com_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
-    """The COM; its Jacobian and drift are the linear momentum's over the mass."""
+    """The CoM; its Jacobian and drift are the linear momentum's over the mass."""
     motion, owners, work = state.motion, assembly.owners, assembly.work
     parameters, mass = owners.parameters, motion.mass[0]
     momentum_rate(motion, work, 0)
@@ -172,7 +172,7 @@ def com_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
 
 @part
 def momentum_rows(state: StateNumbers, assembly: StackNumbers, line: Line) -> None:
-    """The angular momentum about the COM; its target's first rate is the feedforward."""
+    """The angular momentum about the CoM; its target's first rate is the feedforward."""
     owners, work = assembly.owners, assembly.work
     momentum_rate(state.motion, work, 0)
     for i in range(line.dim):

@@ -160,7 +160,7 @@ def default_stack(robot: Robot) -> Stack:
         robot: whose soles, hands, pelvis and torso the tasks name.
 
     Returns:
-        A new stack: both soles in contact; COM and pelvis orientation; hand poses and, where the
+        A new stack: both soles in contact; CoM and pelvis orientation; hand poses and, where the
         waist has three joints, torso orientation; posture. No torque jumps by more than
         `SMOOTH_RATE` allows.
     """

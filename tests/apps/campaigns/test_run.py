@@ -116,7 +116,7 @@ def test_what_becomes_of_an_episode_is_its_outcome(monkeypatch):
     checks = [{"metric": "com_error_max", "at_least": 1.0}]
     failed = outcome_of(checks=checks)
     assert failed["outcome"] == "failed"
-    assert failed["reason"] == "largest distance of the COM from its reference"
+    assert failed["reason"] == "largest distance of the CoM from its reference"
     push = [{"body": "pelvis", "at": 0.0, "duration": 0.1, "velocity_change": [8.0, 0.0, 0.0]}]
     fell = outcome_of(pushes=push, duration=1.0)
     assert fell["outcome"] == "fell"

@@ -69,7 +69,7 @@ def support_phases(time, feet):
 
 
 def replay_of(time, com, feet, forces):
-    """A pelvis, a trunk and two feet, all boxes, that walk with the feet and the COM."""
+    """A pelvis, a trunk and two feet, all boxes, that walk with the feet and the CoM."""
     frames = np.unique(
         np.linspace(0, len(time) - 1, max(1, round((time[-1] - time[0]) * 30) + 1)).astype(int)
     )
@@ -185,7 +185,7 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, **changes):
         "support": support_phases(time, feet),
         "soles": {f"{s}_sole": sole(forces[s], feet[s][1], feet[s][0]) for s in forces},
         "residuals": residuals,
-        "level_names": ("contacts, dynamics", "COM, pelvis, feet", "hands, posture"),
+        "level_names": ("contacts, dynamics", "CoM, pelvis, feet", "hands, posture"),
         "status": tuple(status),
         "tick_us": tick,
         "tick_budget_us": 1000.0,
@@ -195,7 +195,7 @@ def walking_record(duration=6.0, rate=250.0, joints=33, seed=3, **changes):
             Event(time=3.0, label="left hand target"),
         ),
         "checks": (
-            Check(name="COM error after 1 s", value=0.0312, bound=0.04, unit="m", ok=True),
+            Check(name="CoM error after 1 s", value=0.0312, bound=0.04, unit="m", ok=True),
             Check(name="ZMP margin", value=0.004, bound=0.0, relation=">=", unit="m", ok=True),
             Check(name="level 1 residual", value=3.2e-10, bound=1e-6, ok=True),
             Check(name="missed ticks", value=3, bound=0, relation="==", ok=False),

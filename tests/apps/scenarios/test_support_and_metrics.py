@@ -77,7 +77,7 @@ def test_the_ground_is_the_floor_and_above_it_the_tops_of_blocks():
 
 
 def signals():
-    """Eleven ticks of 0.05 s; the COM moves along x by 0.01 m a tick, the reference stays."""
+    """Eleven ticks of 0.05 s; the CoM moves along x by 0.01 m a tick, the reference stays."""
     n = 11
     time = 0.05 * np.arange(1, n + 1)
     com = np.zeros((n, 3))

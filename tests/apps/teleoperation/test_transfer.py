@@ -36,7 +36,7 @@ STEP = [
 ]  # fmt: skip
 PLANTS = {"torque": TORQUE_TELEOP_PLANT, "velocity": VELOCITY_TELEOP_PLANT}
 HEIGHTS = {"biped20": 0.765, "g1": 0.673, "humanoid33": 0.877}
-"""Of the COM at home [m]."""
+"""Of the CoM at home [m]."""
 
 
 def lead(robot, device, actuation, duration=4.0, **more):

@@ -37,12 +37,12 @@ def on_the_left(levels, **limits):
 
 
 def swing_levels(*led):
-    """The COM and the foot in the air above all, as in step teleoperation, and led joints."""
+    """The CoM and the foot in the air above all, as in step teleoperation, and led joints."""
     return [[ComTask(), FrameTask(RIGHT, name="swing")], [MomentumTask("angular_xy")], *led]
 
 
 def check_motion(robot, follow, q, u, swing, com=None):
-    """Foot and COM move as they were asked to, by differences of a stance of its own."""
+    """Foot and CoM move as they were asked to, by differences of a stance of its own."""
     h = 1e-6
     forth, back = (follow(robot, LEFT, h, q) for _ in range(2))
     forth.move(u)

@@ -69,7 +69,7 @@ def test_an_arm_pulled_beyond_its_reach_keeps_its_torques_and_their_steps_bounde
 
 @pytest.mark.parametrize("speed", [0.2, 1.0])
 def test_a_humanoid_that_reaches_too_far_keeps_balance_above_its_hand(get_any, speed):
-    """COM and pelvis have priority: to 1e-3 in every tick; and the torques do not jump."""
+    """CoM and pelvis have priority: to 1e-3 in every tick; and the torques do not jump."""
     robot = get_any("humanoid33")
     com, pelvis = ComTask(), FrameTask(robot.pelvis, "orientation")
     hand = FrameTask(robot.hands[0], "position")

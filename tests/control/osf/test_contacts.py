@@ -80,7 +80,7 @@ def test_cones_hold_where_the_nearest_wrenches_would_leave_them(get_any):
 
 
 def test_tasks_give_way_from_the_bottom_up_where_cones_cannot_hold_all(get_any):
-    """A COM thrown sideways leaves the cones; the tasks under it go first, then a share of it."""
+    """A CoM thrown sideways leaves the cones; the tasks under it go first, then a share of it."""
     robot = get_any("humanoid33")
     com, hand = ComTask("xy"), FrameTask("left_hand", "position")
     stack = Stack([SurfaceContact(s) for s in robot.soles], [[com], [hand], [PostureTask()]])
@@ -149,7 +149,7 @@ def test_a_wrench_on_a_contact_that_is_none_is_refused(get_any):
 
 
 def test_releasing_a_contact_shifts_its_load_smoothly(get_any):
-    """The COM moves over the left foot, the right one unloads: no jump, and nobody falls."""
+    """The CoM moves over the left foot, the right one unloads: no jump, and nobody falls."""
     robot = get_any("humanoid33")
     com = ComTask()
     stack = Stack(

@@ -1,4 +1,4 @@
-"""The COM shifter against its transfer functions, and what the gain rule is good for."""
+"""The CoM shifter against its transfer functions, and what the gain rule is good for."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ DT = 1e-4
 
 
 def respond(kp, kd, reference=1e-3, duration=1.5, substeps=1):
-    """Time, COM and CT-ZMP of a step of the reference, without saturation."""
+    """Time, CoM and CT-ZMP of a step of the reference, without saturation."""
     shifter = ComShifter(HEIGHT, kp=kp, kd=kd, acceleration_max=1e3)
     table = CartFlywheelTable(HEIGHT, MASS, np.zeros(1))
     target, still = np.array([reference]), np.zeros(1)
@@ -89,7 +89,7 @@ def test_gain_rule_is_the_fastest_that_does_not_overshoot():
 
 @pytest.mark.parametrize("kp", [12.0, 9.81 / HEIGHT])
 def test_a_stiffness_that_breaks_the_rule_is_refused(kp):
-    with pytest.raises(ConfigurationError, match="k_p of the COM shifter"):
+    with pytest.raises(ConfigurationError, match="k_p of the CoM shifter"):
         ComShifter(HEIGHT, kp=kp)
 
 

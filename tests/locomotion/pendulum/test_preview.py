@@ -49,7 +49,7 @@ def test_the_dc_gain_is_where_the_zmp_settles_with_any_weights():
     for _ in range(3000):
         state = control.advance(state, control.jerk(state, reference))
     assert (control.c @ state)[0] == pytest.approx(control.dc_gain, abs=1e-9)
-    # At rest the ZMP is under the COM.
+    # At rest the ZMP is under the CoM.
     np.testing.assert_allclose(state[:, 0], [control.dc_gain, 0.0, 0.0], atol=1e-9)
 
 

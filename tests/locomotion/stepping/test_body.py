@@ -1,4 +1,4 @@
-"""Feet that are turned, the COM's height, and the torso, as the operator commands them."""
+"""Feet that are turned, the CoM's height, and the torso, as the operator commands them."""
 
 from dataclasses import replace
 

@@ -95,7 +95,7 @@ def test_both_feet_on_the_ground_it_steps_and_comes_to_rest(get_robot, speed, de
 
 @pytest.mark.slow
 def test_feet_that_stand_too_far_apart_to_be_led_are_brought_together_again(get_robot):
-    """From twice as far apart as at home no shift takes the COM over one foot."""
+    """From twice as far apart as at home no shift takes the CoM over one foot."""
     run = pushed(get_robot("g1"), 0.65, 75, [], 8.0)
     log = run.log
     apart = log.soles[:, 0, 1] - log.soles[:, 1, 1]

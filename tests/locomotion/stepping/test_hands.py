@@ -274,7 +274,7 @@ def test_g1_swings_its_arms_with_a_load_it_does_not_know_of(get_robot, points, t
 
 @pytest.mark.slow
 def test_a_load_that_the_model_is_told_of_leaves_the_com_where_it_should_be(get_robot):
-    """Unknown it is a third of a kilogram metre off, and the COM by millimetres."""
+    """Unknown it is a third of a kilogram metre off, and the CoM by millimetres."""
     robot = get_robot("g1")
     load = PlantConfig.Payload(frame="right_hand", mass=1.5)
     plant = replace(TORQUE_TELEOP_PLANT, payloads=(load,))
@@ -294,7 +294,7 @@ def test_hands_stand_below_the_balance(get_robot):
     teleoperator = StepTeleoperator(robot, actuation="torque")
     teleoperator.lead(teleoperator.estimator.update(teleoperator.estimator.dynamics.state))
     com, arms = (teleoperator.stack.task(name) for name in ("com", "arms"))
-    # By weight, as far as numbers go: while the robot catches itself a foot counts as the COM does.
+    # By weight, as far as numbers go: while the robot catches itself a foot counts as the CoM does.
     assert com.weight[:2].min() > 1e6 * arms.weight.max()
     assert com.weight[2] > 30.0 * arms.weight.max()
     leader = HandLeader(robot, dt=DT)

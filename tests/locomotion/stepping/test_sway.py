@@ -117,7 +117,7 @@ def test_the_sway_that_is_reported_is_that_of_springs_under_a_pendulum(get_robot
     shifter = StepTeleoperator(get_robot("biped20"), actuation="velocity").driver
     with pytest.raises(ConfigurationError) as refused:
         StepTeleoperator(robot, actuation="velocity")
-    found = re.search(r"by (\S+) /s, servos that hold the COM at (\S+) rad/s", str(refused.value))
+    found = re.search(r"by (\S+) /s, servos that hold the CoM at (\S+) rad/s", str(refused.value))
     stiffness = springs(robot, "left_sole", 70.0)[1] / robot.mass
     assert float(found[2]) == pytest.approx(np.sqrt(stiffness), abs=0.06)
     rate = growth(stiffness, stiffness * 2.5 / 70.0, shifter)

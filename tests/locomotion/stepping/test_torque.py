@@ -42,7 +42,7 @@ def test_what_is_commanded_and_by_whom_is_checked(get_robot):
         with pytest.raises(UnknownNameError, match=f"no such controller.*by {actuation}.*{name}"):
             StepTeleoperator(robot, actuation=actuation, solved_by=name)
     driver = Mock(spec=ComDriver, omega=3.5)
-    with pytest.raises(ConfigurationError, match="torques need the COM shifter"):
+    with pytest.raises(ConfigurationError, match="torques need the CoM shifter"):
         StepTeleoperator(robot, actuation="torque", driver=driver)
     with pytest.raises(ConfigurationError, match="different control periods"):
         walk(robot, up_and_down(), 1.0, plant=TORQUE_TELEOP_PLANT, parameters=TeleopParameters())
@@ -55,7 +55,7 @@ def test_the_parameters_of_a_robot_are_what_it_is_led_by(get_robot, actuation):
     assert made == StepTeleoperator(robot, actuation=actuation).parameters
     q = robot.q_home.copy()
     q[2] -= 0.02
-    # The base's height alone says nothing; a deeper squat has a lower COM over the feet.
+    # The base's height alone says nothing; a deeper squat has a lower CoM over the feet.
     assert teleop_parameters(robot, actuation, q_start=q) == made
     for side in ("left", "right"):
         for name, way in (("hip_pitch", -0.2), ("knee", 0.4), ("ankle_pitch", -0.2)):

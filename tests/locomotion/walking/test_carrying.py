@@ -104,7 +104,7 @@ def test_steps_are_chosen_by_what_carries_of_the_foot_that_stands(get_robot):
     assert heel.zmp[0] == pytest.approx(lifted.zmp[0] - 0.076, abs=2e-3)
     assert edge.room[0] < 0.2 * sole.room[0]
     assert edge.room[1] == sole.room[1]
-    # The COM tips over the edge sooner than over the middle: the foot goes farther, or is sooner.
+    # The CoM tips over the edge sooner than over the middle: the foot goes farther, or is sooner.
     (whole, _), (part, _) = (
         walker._engine.parts.planner.choose(foot, plan, 0.0)
         for foot, plan in ((lifted, sole), (heel, edge))

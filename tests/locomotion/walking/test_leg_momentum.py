@@ -18,7 +18,7 @@ def test_a_leg_turns_about_the_com_as_the_ratio_says(name, get_robot):
     jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
     leg = [model.joints[j].idx_v for j in model.supports[model.frames[frame].parentJoint] if j > 1]
     ahead[leg] = np.linalg.lstsq(jacobian[:, leg], np.eye(6)[0], rcond=None)[0]
-    # By differences of positions: the momentum of every body about the COM.
+    # By differences of positions: the momentum of every body about the CoM.
     step = 1e-6
     momentum = np.zeros(3)
     pin.forwardKinematics(model, data, q)

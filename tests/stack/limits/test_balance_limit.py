@@ -149,7 +149,7 @@ def test_inside_each_edge_is_approached_no_faster_than_its_distance_allows(get_r
     found = sorted((float(d), float(u)) for d, u in edges if np.isfinite(d))
     # Hulls are exact on a grid of 4 nm.
     assert np.array(found) == pytest.approx(np.array(sorted(expected)), abs=1e-6)
-    # Coefficients: the COM's acceleration along the normal.
+    # Coefficients: the CoM's acceleration along the normal.
     dv = np.random.default_rng(seed).normal(size=robot.nv)
     com = Dynamics(robot)
     com.update(state)

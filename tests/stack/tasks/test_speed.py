@@ -27,7 +27,7 @@ def robot(get_robot):
 
 
 class OwnCom(Task):
-    """The COM, written in Python."""
+    """The CoM, written in Python."""
 
     def __init__(self, **settings):
         super().__init__("own", **{"kp": 40.0, "kd": None, "weight": 1.0, **settings})

@@ -46,7 +46,7 @@ class BodyLimits(NamedTuple):
         estimator = teleoperator.estimator
         left, right = estimator.anchors
         height = float(estimator.dynamics.com[2] - 0.5 * (left[2] + right[2]))
-        # Legs that straighten raise the COM by 4%.
+        # Legs that straighten raise the CoM by 4%.
         reach = (-teleoperator.parameters.stoop_max * height, 0.04 * height)
         turns = teleoperator.actuation != "velocity"
         return cls(reach, TORSO_MOST, FOOT_TURNS) if turns else cls(reach)

@@ -52,7 +52,7 @@ def write_page(robot: Robot, proposal: Proposal, trial: Tryout | None, path: Pat
 def _pictures(
     robot: Robot, places: Mapping[str, pin.SE3], com: Float64[np.ndarray, "3"]
 ) -> list[tuple[str, str]]:
-    """The robot at home with its frames and COM: words, and a PNG file in base64."""
+    """The robot at home with its frames and CoM: words, and a PNG file in base64."""
     from matplotlib.image import imsave
 
     def triple(point: Float64[np.ndarray, "3"]) -> tuple[float, float, float]:
@@ -79,7 +79,7 @@ def _pictures(
 def _soles(
     robot: Robot, proposal: Proposal, places: Mapping[str, pin.SE3], com: Float64[np.ndarray, "3"]
 ) -> str:
-    """Flat face and rectangle of each sole, and the COM."""
+    """Flat face and rectangle of each sole, and the CoM."""
     figure = new_figure(4.4, 4.2)
     panel = figure.subplots()
     for name, sole in robot.soles.items():

@@ -85,7 +85,7 @@ def _content(robot: Robot) -> dict[str, Any]:
     com = [{"com": {"kp": 60}}] if robot.soles else []
     frame = {"axes": "position", "kp": 60}
     hands = [{"frame": {"frame": hand, "name": hand, **frame}} for hand in robot.hands]
-    # After the hands: legs of five joints cannot hold COM and pelvis both.
+    # After the hands: legs of five joints cannot hold CoM and pelvis both.
     pelvis = [{"frame": {"frame": robot.pelvis, "axes": "orientation", "kp": 100}}] if com else []
     contacts = [{"surface": {"frame": sole}} for sole in robot.soles]
     levels = [level for level in (com, hands, pelvis, ["posture"]) if level]

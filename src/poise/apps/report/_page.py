@@ -73,7 +73,7 @@ def _cards(run: RunSignals) -> Iterator[dict[str, Any]]:
     """Figures of the summary at the head of the page, as far as they are there."""
     # A torque at its limit is legal: the controller keeps it there. Beyond it is not.
     plain = (
-        ("com_error_max_m", "largest COM error", 1e3, "mm", None),
+        ("com_error_max_m", "largest CoM error", 1e3, "mm", None),
         ("torque_ratio_max", "highest torque", 100.0, "% of its limit", 1.0 + 1e-6),
         ("torque_step_max", "largest torque step", 100.0, "% of limit, a tick", None),
         ("missed_ticks", "missed ticks", 1.0, f"of {len(run.time)}", 0.0),

@@ -166,20 +166,20 @@ def _gain(values: Values, rows: Rows) -> Reading:
 
 METRICS = {
     "com_error_max": Metric(
-        "m", "largest distance of the COM from its reference", _com_error, _largest, takes_axis=True
+        "m", "largest distance of the CoM from its reference", _com_error, _largest, takes_axis=True
     ),
     "com_error_rms": Metric(
         "m",
-        "root mean square distance of the COM from its reference",
+        "root mean square distance of the CoM from its reference",
         _com_error,
         _root_mean_square,
         takes_axis=True,
     ),
     "com_travel": Metric(
-        "m", "how far the COM moved, from least to most", _com, _extent, takes_axis=True
+        "m", "how far the CoM moved, from least to most", _com, _extent, takes_axis=True
     ),
     "com_speed_end": Metric(
-        "m/s", "mean speed of the COM over the last 0.1 s", _timed_com, _end_speed
+        "m/s", "mean speed of the CoM over the last 0.1 s", _timed_com, _end_speed
     ),
     "task_error_max": Metric("", "largest error of a task", _task_error, _largest, "task"),
     "task_error_rms": Metric(

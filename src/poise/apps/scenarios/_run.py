@@ -68,7 +68,7 @@ class Run:
         return html_table(title, ("", "check", "value", "bound", "worst at", "what happened"), rows)
 
     def plot(self) -> Any:
-        """COM and task errors, ZMP margin, torques, loads and the estimate's drift over time.
+        """CoM and task errors, ZMP margin, torques, loads and the estimate's drift over time.
 
         The worst moments of failed checks are dashed lines.
 
@@ -81,7 +81,7 @@ class Run:
         signals, base = self.signals, self.signals.base_errors
         ratio = np.abs(signals.torque) / signals.torque_max
         panels: dict[str, dict[str, np.ndarray]] = {
-            "COM error [m]": {"": np.linalg.norm(signals.com_reference - signals.com, axis=1)},
+            "CoM error [m]": {"": np.linalg.norm(signals.com_reference - signals.com, axis=1)},
             "task errors [m, rad]": {task.name: task.error for task in signals.tasks},
             "ZMP margin [m]": {"": signals.zmp_margin},
             "torque / limit": {"": np.max(ratio, axis=1, initial=0.0)},

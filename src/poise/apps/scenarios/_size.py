@@ -43,7 +43,7 @@ to brake v = share sqrt(g c)."""
 
 
 def size_ratio(scenario: Scenario, robot: Robot) -> float:
-    """Height of the COM at home over that for which the scenario is written; one where unknown."""
+    """Height of the CoM at home over that for which the scenario is written; one where unknown."""
     if scenario.reference_com_height is None:
         return 1.0
     height = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_home)[2]

@@ -190,7 +190,7 @@ TRIALS: tuple[Trial, ...] = (
     Trial("payload_torso", "payload on the torso", "of its mass", "stand", 0.0, 1.0, _TORSO),
     Trial("mass_error", "mass error of links", "share", "stand", 0.0, 0.95, _MASSES),
     Trial("mass_error_walk", "mass error of links, walking", "share", "walk", 0.0, 0.95, _MASSES),
-    Trial("com_error", "COM error of links", "m", "stand", 0.0, 0.16, _COMS),
+    Trial("com_error", "CoM error of links", "m", "stand", 0.0, 0.16, _COMS),
     Trial("inertia_error", "inertia error of links", "", "stand", 1.0, 100.0, _TENSORS, log=True),
     Trial("bandwidth", "torque bandwidth", "Hz", "stand", 200.0, 1.0, _MOTORS, log=True),
     Trial("bandwidth_walk", "bandwidth, walking", "Hz", "walk", 200.0, 1.0, _MOTORS, log=True),

@@ -48,7 +48,7 @@ class TeleopSetup:
     q_start: tuple[float, ...] | None = None  # configuration at the start
     solved_by: str | None = None  # name of the controller that solves the stack
     digest: str | None = None  # of the robot, see `robot_digest`
-    height: Positive | None = None  # of the COM over the soles at the start [m]
+    height: Positive | None = None  # of the CoM over the soles at the start [m]
 
     @classmethod
     def of(
@@ -179,7 +179,7 @@ class RecordedDevice:
         self._scale = self._per_tick = 1.0
         if teleoperator is not None:
             height = com_height(teleoperator)
-            # Without a recorded height of the COM, displacements are not scaled.
+            # Without a recorded height of the CoM, displacements are not scaled.
             self._scale = height / (recording.settings.get("height") or height)
             self._per_tick = recording.dt / teleoperator.dt
         self._offsets = [np.zeros(3), np.zeros(3)]
@@ -200,7 +200,7 @@ class RecordedDevice:
         return replace(found, feet=(left, right), body=body)
 
     def _transferred(self, foot: int, part: TrackedPose | None) -> TrackedPose | None:
-        """Scale a foot's device by the heights of both robots' COM, and shift it to the foot."""
+        """Scale a foot's device by the heights of both robots' CoM, and shift it to the foot."""
         teleoperator = self._teleoperator
         if teleoperator is None or part is None or part.position is None:
             return part
@@ -305,7 +305,7 @@ def plant_from_json(data: dict[str, Any]) -> PlantConfig:
 
 
 def com_height(teleoperator: StepTeleoperator) -> float:
-    """Height of the COM over the soles at the start [m]."""
+    """Height of the CoM over the soles at the start [m]."""
     estimator = teleoperator.estimator
     return float(estimator.dynamics.com[2] - np.mean([sole[2] for sole in estimator.anchors]))
 

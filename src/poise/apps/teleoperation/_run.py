@@ -165,7 +165,7 @@ def run_teleop(
         seed: of the sensor noise.
         parameters: scaled to the robot when None.
         rotator: use the body rotator.
-        driver: moves the COM; the COM shifter when None.
+        driver: moves the CoM; the CoM shifter when None.
         q_start: configuration at the start; the robot's home when None.
         recording: log to write for `replay_teleop`, which takes the run's record, too.
         leader: leads by rules of its own, for studies.

@@ -155,7 +155,7 @@ def terrain_blocks(name: str, robot: Robot, *, seed: int = 0) -> tuple[Block, ..
     - bumps: boxes 1 to 2 cm high at random places, none under the feet at the start.
     - tiles: squares of 15 cm, up to 2 cm high, on a third of the floor, none under the feet.
 
-    Lengths are for a robot whose COM is at 0.765 m, and go with its height.
+    Lengths are for a robot whose CoM is at 0.765 m, and go with its height.
 
     Args:
         name: flat, obstacle, steps, bumps or tiles.

@@ -33,7 +33,7 @@ class Assignment:
 def assign(task: Task, robot: Robot, partition: Partition) -> Assignment:
     """Assign the rows of a task by the joints that they depend on.
 
-    - COM and momentum need the unconstrained chain through its centroids only: LQP 1 (22).
+    - CoM and momentum need the unconstrained chain through its centroids only: LQP 1 (22).
     - A frame that no joint of the unconstrained chain moves, and a frame relative to another where
       no such joint stands between the two: LQP 1.
     - Other frames: LQP 2, with the acceleration of everything else known (23).
@@ -98,7 +98,7 @@ class AssignedRows:
             tuple(assign(task, robot, partition) for task in level) for level in rows.levels
         )
         if rows.balance is not None:
-            # COM, momentum, and legs that stand: through the centroids, and nothing but them.
+            # CoM, momentum, and legs that stand: through the centroids, and nothing but them.
             index = np.arange(rows.balance.dim)
             balance = Assignment(
                 task=rows.balance, first=index, second=index[:0], through_centroids=True

@@ -27,10 +27,10 @@ from poise.locomotion._walking import (
 from poise.robots import Robot
 
 _HEIGHT, _HALF_SOLE = 0.765, 0.12
-"""Height of the COM and half the width of a sole of the paper's robot [m]."""
+"""Height of the CoM and half the width of a sole of the paper's robot [m]."""
 
 _NARROW_GAP = 0.09
-"""Least distance of narrow soles' edges by torques, over the COM's height, to hold a push aside."""
+"""Least distance of narrow soles' edges by torques, over the CoM's height, to hold a push aside."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +42,7 @@ class Biped:
     legs: tuple[Leg, Leg]
     frames: tuple[int, int]  # of the soles
     torso: int  # frame
-    height: float  # of the COM over the soles at the start [m]
+    height: float  # of the CoM over the soles at the start [m]
     apart: float  # distance of the soles' centres across the heading at the start [m]
     half_sole: float  # half the narrower side of the smaller sole [m]
     margin: float  # distance of the CT-ZMP from the soles' edges, at most the paper's [m]
@@ -75,7 +75,7 @@ class Biped:
 
     @cached_property
     def tall(self) -> float:
-        """Ratio of the COM's heights."""
+        """Ratio of the CoM's heights."""
         return self.height / _HEIGHT
 
     @cached_property
@@ -143,12 +143,12 @@ class TeleopParameters:
 
     Attributes:
         dt: T, length of a tick [s].
-        kp: k_p of the COM shifter; by torques, the gain kp / omega of the DCM feedback [1/s^2].
+        kp: k_p of the CoM shifter; by torques, the gain kp / omega of the DCM feedback [1/s^2].
         lift_height: height of a device above its foot that lifts the foot [m].
         lower_height: height below which a device counts as lowered again [m].
         press_depth: greatest depth below the ground to which a foot can be commanded [m].
         lower_speed: largest speed of a foot downwards [m/s].
-        stoop_max: largest descent of the COM for the legs to reach, over its height.
+        stoop_max: largest descent of the CoM for the legs to reach, over its height.
         step_max: largest distance of the feet forward or sideways that can be commanded [m].
         lift_max: largest height of a foot above the other that can be commanded [m].
         hand_scale: motion of a hand over that of its device.
@@ -212,7 +212,7 @@ def teleop_parameters(
     """Scale the settings of a `StepTeleoperator` to a robot.
 
     - `kp` keeps its ratio to omega^2, so that the poles keep theirs to the robot's own time.
-    - `press_depth`, `lower_speed`, `step_max` and `lift_max` keep their ratio to the COM's height.
+    - `press_depth`, `lower_speed`, `step_max` and `lift_max` keep their ratio to the CoM's height.
       By torques a foot beside a narrow sole goes less far and high.
     - Half of `stoop_max` goes with half a sole where velocities are commanded: that sole brakes
       the body above it.

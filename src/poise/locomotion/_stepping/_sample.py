@@ -63,7 +63,7 @@ class BodyCommand(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults
     """Command of the body beside feet and hands; all zero asks for nothing.
 
     Attributes:
-        height: of the COM, over the usual one [m].
+        height: of the CoM, over the usual one [m].
         torso: roll, pitch and yaw against upright and facing as the feet do; where torques are
             commanded [rad].
         turns: of the left and the right foot, to the left of `StepTeleoperator.ahead`; where

@@ -88,10 +88,10 @@ class StepTeleoperator:
 
     A `poise.stack.Leader`. Each tick the rollout updates `estimator` with the state; `lead`
     reads the device, events (14) move the mode on, references (15) follow from mode and device, and
-    the COM shifter (37), the body rotator (39) and saturated P controllers (17) make velocities of
+    the CoM shifter (37), the body rotator (39) and saturated P controllers (17) make velocities of
     them, which tasks of `stack` are asked for. With the actuation "velocity", the paper's own,
     `controller()` solves the stack for velocities of the legs' joints, (19) to (23); a waist is
-    kept still. With "torque" it solves it for torques of all joints: the COM shifter's feedback is
+    kept still. With "torque" it solves it for torques of all joints: the CoM shifter's feedback is
     on the measured divergent component, feet on the ground are contacts, and the trunk is kept
     upright in place of the body rotator. Either way the arms follow the operator's hands and the
     neck the operator's head, whatever the feet do.
@@ -105,7 +105,7 @@ class StepTeleoperator:
         parameters: those that `teleop_parameters` makes for the robot when None.
         q_start: configuration at the start; the robot's home when None.
         rotator: whether the body rotator acts, where velocities are commanded.
-        driver: moves the COM; the COM shifter when None.
+        driver: moves the CoM; the CoM shifter when None.
         actuation: what is commanded: "torque", or "velocity" for robots whose joints take no more.
         solved_by: name of the controller of torques that solves the stack: "whole_body", "reduced"
             or "osf"; the first when None.
@@ -116,7 +116,7 @@ class StepTeleoperator:
         ConfigurationError: no two feet, legs of too few joints, soles that do not fit; a device,
             parameters or a start of another kind; servos of commanded velocities so soft that the
             robot would sway over one foot until it falls; a start turned from the world's x axis at
-            velocity level; another driver than the COM shifter for torques.
+            velocity level; another driver than the CoM shifter for torques.
         UnknownNameError: no such actuation, or no such controller of it.
 
     Attributes:
@@ -364,7 +364,7 @@ class StepTeleoperator:
 
 
 def _check_start(actuation: str, driver: ComDriver | ComShifter | None, ahead: float) -> None:
-    """Refuse another driver than the COM shifter for torques, a turned start for velocities."""
+    """Refuse another driver than the CoM shifter for torques, a turned start for velocities."""
     if actuation == "velocity" and abs(ahead) > 0.1:
         raise ConfigurationError(
             "at velocity level soles keep the world's yaw, and the robot starts turned",
@@ -373,7 +373,7 @@ def _check_start(actuation: str, driver: ComDriver | ComShifter | None, ahead: f
         )
     if actuation == "torque" and not (driver is None or isinstance(driver, ComShifter)):
         raise ConfigurationError(
-            "torques need the COM shifter, whose feedback is on what is measured",
+            "torques need the CoM shifter, whose feedback is on what is measured",
             got=type(driver).__name__,
             wanted="ComShifter, or none",
         )

@@ -25,7 +25,7 @@ from poise.stack import (
 )
 
 _KP, _KP_FOOT = 100.0, 300.0
-"""Stiffness of the COM's height, of pelvis and torso, and of a swing foot [1/s^2]."""
+"""Stiffness of the CoM's height, of pelvis and torso, and of a swing foot [1/s^2]."""
 
 POSTURE_WEIGHT = 0.03
 """Of arms and posture beside foot and trunk: below them alone the arms would be thrown about by

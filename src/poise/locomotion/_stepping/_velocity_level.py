@@ -1,6 +1,6 @@
 """`VelocityLevel`: step teleoperation by commanded velocities, and `check_sway`.
 
-`ComDriver`: from ZMP references to velocities of the COM.
+`ComDriver`: from ZMP references to velocities of the CoM.
 """
 
 import math
@@ -41,9 +41,9 @@ _WAYS = ("forward", "sideways")
 def sway_stiffness(
     biped: Biped, dynamics: Dynamics, foot: int, stiffness: float
 ) -> tuple[Vector2, tuple[str, str]]:
-    """Return the stiffness with which the servos of one leg hold the COM, and the weakest joint."""
-    # A force F on the COM asks each joint j of the leg that stands for the torque G_j F, with G the
-    # COM's Jacobian while the sole rests; joints give way in series, so 1 / K = sum G_j^2 / k_j.
+    """Return the stiffness with which the servos of one leg hold the CoM, and the weakest joint."""
+    # A force F on the CoM asks each joint j of the leg that stands for the torque G_j F, with G the
+    # CoM's Jacobian while the sole rests; joints give way in series, so 1 / K = sum G_j^2 / k_j.
     robot = biped.robot
     joints = np.array(biped.legs[foot].joints)
     columns = robot.base_dofs + joints
@@ -58,7 +58,7 @@ def sway_stiffness(
 
 def sway_growth(stiffness: float, damping: float, shifter: ComShifter, leak: float) -> float:
     """Return the growth of sway on one foot, negative where it decays [1/s]."""
-    # The COM p over a sole at rest is an inverted pendulum on the servos' spring. They follow the
+    # The CoM p over a sole at rest is an inverted pendulum on the servos' spring. They follow the
     # integral P of the commanded velocity V, which the shifter (37) computes from p, with a leak:
     #     p'' = omega^2 p - (k / m) (p - P) - (d / m) (p' - V)      P' = V
     #     V'  = -k_p p - k_d V + lambda (p' - V)
@@ -74,7 +74,7 @@ def sway_growth(stiffness: float, damping: float, shifter: ComShifter, leak: flo
 def check_sway(
     biped: Biped, dynamics: Dynamics, shifter: ComShifter, gains: tuple[float, float], leak: float
 ) -> None:
-    """Refuses a robot that the COM shifter would throw over through servos that are too soft."""
+    """Refuses a robot that the CoM shifter would throw over through servos that are too soft."""
     robot = biped.robot
     gain = checked_number(gains[0], "stiffness of the servos [1/rad]", above=0.0)
     damping = checked_number(gains[1], "damping of the servos [s/rad]")
@@ -87,9 +87,9 @@ def check_sway(
                 torque = float(robot.tau_max[robot.joint_names.index(joint)])
                 raise ConfigurationError(
                     f"robot {robot.name!r} cannot be stepped by joint velocities: standing on "
-                    f"{sole} it would sway {way} ever more, its servos too soft for the COM "
+                    f"{sole} it would sway {way} ever more, its servos too soft for the CoM "
                     "shifter",
-                    got=f"sway that grows by {growth:.2g} /s, servos that hold the COM at "
+                    got=f"sway that grows by {growth:.2g} /s, servos that hold the CoM at "
                     f"{math.sqrt(stiffness):.1f} rad/s over a pendulum of {omega:.1f}; what gives "
                     f"way most is {joint}, {torque:.3g} N m",
                     wanted=f"at most {_GROWTH_MAX:g} /s: actuation 'torque', which needs no "
@@ -98,13 +98,13 @@ def check_sway(
 
 
 _OBSERVED = 20.0
-"""Rate at which the observed velocity of the COM follows the measured one [1/s]: noise and the
+"""Rate at which the observed velocity of the CoM follows the measured one [1/s]: noise and the
 shock of a landing are gone in two ticks, a sway is not."""
 
 
 @runtime_checkable
 class ComDriver(Protocol):
-    """From ZMP references to velocities of the COM.
+    """From ZMP references to velocities of the CoM.
 
     Attributes:
         omega: sqrt(g / H) [1/s].
@@ -156,13 +156,13 @@ class ComMotion:
         """One tick."""
         dt, dynamics, before = self._dt, footing.dynamics, self.velocity
         com, reference = dynamics.com[:2], footing.zmp_reference
-        # While a sole rocks on its edge the COM moves by itself, which an integral does not notice.
+        # While a sole rocks on its edge the CoM moves by itself, which an integral does not notice.
         before = before + dt * self._leak * (dynamics.com_velocity[:2] - before)
         driver = self._driver
         if not isinstance(driver, ComShifter):
             self.velocity, self.acceleration = driver.drive(reference, com, before, dt)
             return
-        # Saturated on a straight line as the COM sets off, and not as it brakes.
+        # Saturated on a straight line as the CoM sets off, and not as it brakes.
         free = driver.unlimited(reference, com, before)
         (free_x, free_y), (velocity_x, velocity_y) = free.tolist(), before.tolist()
         setting_off = free_x * velocity_x + free_y * velocity_y >= 0.0
@@ -177,7 +177,7 @@ class ComMotion:
 
 
 _BRAKED = 0.2
-"""Part of its largest acceleration with which the COM is braked before a knee is at its limit."""
+"""Part of its largest acceleration with which the CoM is braked before a knee is at its limit."""
 
 _LATE = 0.2
 """Delay of braking where the knee of the stance leg is at its limit [s]."""
@@ -201,7 +201,7 @@ class ComHeight:
         self._velocity = self.offset = 0.0
 
     def velocity(self, footing: Footing, target: Vector3) -> float:
-        """Velocity of the COM upwards [m/s]."""
+        """Velocity of the CoM upwards [m/s]."""
         p = self._numbers
         hips = [self._range.hip(foot, footing.dynamics) for foot in (0, 1)]
         too_low = self._too_low(footing, hips)
@@ -304,7 +304,7 @@ class VelocityLevel(SteppingLevel):
         p, numbers = self._parameters, self._numbers
         self._com = ComMotion(self._driver, p.dt, numbers.velocity_leak)
         self._height = ComHeight(self._biped.height, self._reach, p, numbers)
-        self._momentum: Vector2 = np.zeros(2)  # about the COM, x and y [kg m^2/s]
+        self._momentum: Vector2 = np.zeros(2)  # about the CoM, x and y [kg m^2/s]
         self._machine, self._shifted = StepMachine(), 0.0
         self._ended: StepEnd | None = None
 

@@ -39,8 +39,8 @@ class VelocityNumbers:
     capture_max: float  # largest distance of the DCM from the stance foot at lift-off [m]
     ct_zmp_max: float  # largest distance of the CT-ZMP from there [m]
     w_L: float  # weight of the angular momentum in single support
-    lift_speed: float  # largest vertical speed of the COM [m/s]
-    lift_acceleration: float  # largest vertical acceleration of the COM [m/s^2]
+    lift_speed: float  # largest vertical speed of the CoM [m/s]
+    lift_acceleration: float  # largest vertical acceleration of the CoM [m/s^2]
     acceleration_max: float = 0.8  # a_lim [m/s^2]
     shift_time: float = 0.01  # time for which a weight shift has to be complete [s]
     k_omega: float = 10.0  # gain of the angular velocities [1/s]
@@ -53,13 +53,13 @@ class VelocityNumbers:
     epsilon: float = 1e-3  # weight of what should not count
     tilt_soft: float = 0.2  # tilt of the torso at which its attitude weighs twice as much [rad]
     momentum_leak: float = 5.0  # decay of the desired angular momentum [1/s]
-    velocity_leak: float = 5.0  # decay of the commanded COM velocity into the measured one [1/s]
+    velocity_leak: float = 5.0  # decay of the commanded CoM velocity into the measured one [1/s]
 
 
 def velocity_numbers(biped: Biped) -> VelocityNumbers:
     """Scale the numbers from the paper's robot: 65 kg, feet 0.42 m apart.
 
-    With a_lim as it is, the first swing of the ZMP, a_lim / omega^2, keeps its ratio to the COM's
+    With a_lim as it is, the first swing of the ZMP, a_lim / omega^2, keeps its ratio to the CoM's
     height; `r_lift` keeps its ratio to the distance of the feet, within half a sole. Angular
     momentum weighs as much as the paper's beside the swing foot's velocity: it goes with m h.
     """

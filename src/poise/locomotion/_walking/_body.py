@@ -36,7 +36,7 @@ class BodyMotion:
         self._carried = carried
         self._heading_before = 0.5 * (standing.start[0].yaw + standing.start[1].yaw)
         self._mass: Point = (0.0, 0.0)
-        self.rise: Motion = (0.0, 0.0, 0.0)  # height of the COM in the world, with rates [m]
+        self.rise: Motion = (0.0, 0.0, 0.0)  # height of the CoM in the world, with rates [m]
         self.heading: Motion = (0.0, 0.0, 0.0)  # with rates [rad]
 
     def begin(self, mass: Point, height: float, heading: float) -> None:
@@ -77,7 +77,7 @@ class BodyMotion:
 
 
 LOWEST = 0.9
-"""Part of its height to which the COM goes down so that a leg reaches where it catches the
+"""Part of its height to which the CoM goes down so that a leg reaches where it catches the
 robot."""
 
 _BODY_TIME = 0.25

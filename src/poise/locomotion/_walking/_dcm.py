@@ -18,7 +18,7 @@ FeetAt = tuple[Point, Point]
 class LegRatios(NamedTuple):
     """Angular momentum of moving legs."""
 
-    ahead: float  # angular momentum about the COM of a foot that moves ahead at 1 m/s, over m h
+    ahead: float  # angular momentum about the CoM of a foot that moves ahead at 1 m/s, over m h
     rise: float  # that of a foot that rises, over that of one that moves ahead
 
 
@@ -49,9 +49,9 @@ class LegMomentum:
     """The linear inverted pendulum of a robot whose legs are not light."""
 
     # A leg that swings has angular momentum, which the ground has to give: with
-    # L_y = -m h beta (p' - c') for each foot p, the ZMP z and the COM c,
+    # L_y = -m h beta (p' - c') for each foot p, the ZMP z and the CoM c,
     #     c'' = omega^2 (c - z) + beta sum (p'' - c'')
-    # so C = (1 + 2 beta) c - beta (p_left + p_right) moves as the COM of the plain pendulum does,
+    # so C = (1 + 2 beta) c - beta (p_left + p_right) moves as the CoM of the plain pendulum does,
     # C'' = W^2 (C - Z), with Z defined from z and W^2 = omega^2 / (1 + 2 beta). A foot
     # that rises turns its leg as one does that moves ahead: its height counts `LegRatios.rise`
     # times as a way ahead.

@@ -85,14 +85,14 @@ _DOUBLE_SUPPORT = 0.12
 """Part of a step's time, by default."""
 
 _CROUCH = 0.05
-"""Descent of the COM over its height, by default."""
+"""Descent of the CoM over its height, by default."""
 
 _SWING_HEIGHT = 0.06
-"""Lift of a foot over the height of the COM, by default."""
+"""Lift of a foot over the height of the CoM, by default."""
 
 
 def usual_gait(height: float) -> Gait:
-    """Timing and shape of steps by the height of the COM [m]."""
+    """Timing and shape of steps by the height of the CoM [m]."""
     crouch = _CROUCH * height
     step_time = _STEP_PHASE / natural_frequency(height - crouch)
     return Gait(

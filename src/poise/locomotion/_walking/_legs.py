@@ -58,7 +58,7 @@ class Leg:
     knee_lever: float  # distance of the knee from the line of the weight at which it holds all [m]
     relief: float  # lean of the body over the stance foot that a weak hip needs [rad]
     span: float  # from the first joint to the last of a leg that is nearly straight [m]
-    rise: float  # height of the first joint over the last, less that of the COM over the sole [m]
+    rise: float  # height of the first joint over the last, less that of the CoM over the sole [m]
     quickness: float  # acceleration of the foot by its quickest joint at its limit [m/s^2]
 
     def beside(self, height: float) -> float:
@@ -403,7 +403,7 @@ def _strong_lean(leg: Leg, share: float) -> float:
 
 _MISS = 0.01
 """A foot this far from its place, or a joint this far beyond its limit, is out of reach [m, rad]:
-the pelvis is known only as moving with the COM."""
+the pelvis is known only as moving with the CoM."""
 
 
 def check_reach(robot: Robot, plan: FootstepPlan, height: float) -> None:

@@ -25,7 +25,7 @@ _TURN, _TURN_IN = 0.8, 0.12
 """Most that a foot is turned outwards and inwards against the other one [rad]."""
 
 _WIDE = 0.75
-"""Farthest that feet stand apart, over the height of the COM."""
+"""Farthest that feet stand apart, over the height of the CoM."""
 
 _REACH = 0.85
 """Part of the longest step, both legs straight, that a foot may use."""
@@ -39,16 +39,16 @@ class WalkParts:
     gait: Gait  # timing and shape of a step
     settings: WalkSettings  # feedback and touchdown
     ground: Ground  # what it walks on
-    height: float  # of the COM over the soles while it walks [m]
+    height: float  # of the CoM over the soles while it walks [m]
     room: LegRoom  # where feet may go
     legs: LegMomentum  # the pendulum, with the momentum of its legs
     commands: StepCommands
     tasks: WalkTasks  # what is set of the stack
-    sense: WalkSense  # COM and soles, as they are
+    sense: WalkSense  # CoM and soles, as they are
     areas: Sequence[CarryingArea]  # what of each sole carries
     planner: StepPlanner  # of the next footholds
     stance: Stance  # where the feet stand
-    body: BodyMotion  # where the COM and the targets that move with it should be
+    body: BodyMotion  # where the CoM and the targets that move with it should be
     rise: BodyHeight  # how high the body goes
     pendulum: MeasuredPendulum  # as it is
     region: SingleSupportRegion  # of one foot, while the other one is held

@@ -55,7 +55,7 @@ class WalkStatus(Enum):
     FOOT_LOST = "foot_lost"
     """A foot found no ground: it is held, and the robot balances on the other."""
     COM_LOST = "com_lost"
-    """The COM ran away from its reference: velocities wait, steps go on catching the robot."""
+    """The CoM ran away from its reference: velocities wait, steps go on catching the robot."""
     FOOT_CAUGHT = "foot_caught"
     """A swing foot is blocked, and put down where it is."""
     SLIPPING = "slipping"

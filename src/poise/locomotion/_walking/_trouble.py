@@ -44,7 +44,7 @@ _LOST = 0.4
 """Distance of the DCM from its reference, over the CoM's height, beyond which the CoM is lost."""
 
 _FALLEN = 0.5
-"""A COM lower over the lower sole than this part of its height has fallen."""
+"""A CoM lower over the lower sole than this part of its height has fallen."""
 
 _CAUGHT = 0.06
 """A swing foot this far beside where it should be [m] is held by something if its sole is loaded:

@@ -39,7 +39,7 @@ class Walker:
     Standing, the robot steps by itself when its feet cannot hold it, and comes back to rest side by
     side.
 
-    It only sets targets of tasks and loads of contacts of the stack: the COM task (its target, and
+    It only sets targets of tasks and loads of contacts of the stack: the CoM task (its target, and
     the acceleration that keeps the balance), the frame task of the swing foot, the contacts of
     both soles, and every other frame task, which moves with the body. It never raises while it
     runs: `notice` has the part of a command that was cut, `status` the state of the walk.
@@ -199,7 +199,7 @@ class Walker:
         }
 
     def leads(self, task: Task) -> bool:
-        """Return whether the walk sets a task's target by itself: the COM's and the feet's."""
+        """Return whether the walk sets a task's target by itself: the CoM's and the feet's."""
         tasks = self._engine.parts.tasks
         return task is tasks.com or task in tasks.feet
 

@@ -7,7 +7,7 @@ const BENDS = { r: [0, 1], f: [0, -1], g: [1, -1], h: [1, 1], i: [2, 1], k: [2, 
 const bendable = () => driving && newest?.source === "browser" && newest.limits.height[0] < 0;
 const wrapped = (angle) => angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
 
-// Where sliders have put the body last: height of the COM [m], the torso's angles, and how each foot is
+// Where sliders have put the body last: height of the CoM [m], the torso's angles, and how each foot is
 // turned [rad]; keys go on from there.
 let slid;
 const flat = ({ height, torso: [roll, pitch, yaw], turns: [left, right] }) => ({ height, roll, pitch, yaw, left, right });

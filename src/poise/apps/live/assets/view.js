@@ -21,7 +21,7 @@ async function openView() {
     renderer: { antialias: !software },
   });
   // From behind: left is left, and the arrow that points away is forward. As far as it takes to see
-  // all of a robot whose COM is so high [m].
+  // all of a robot whose CoM is so high [m].
   function lookAt(height) {
     stage.camera.position.set(-2.3, 1.1, 1.3).multiplyScalar(height / 0.7);
     stage.controls.target.set(0, 0, (0.65 / 0.7) * height);

@@ -50,16 +50,16 @@ def _log_bounds(errors: list[Float64[np.ndarray, " T"]]) -> tuple[float, float] 
 
 
 def draw_com(run: RunSignals) -> list[PlotFigure]:
-    """Draw COM and reference over time."""
+    """Draw CoM and reference over time."""
     sheet = TimeSheet(run, [1.35] * 3)
     for i, (ax, name) in enumerate(zip(sheet.axes, ("x", "y", "z"), strict=True)):
-        sheet.plot(ax, run.com[:, i], label="COM", color=COM)
+        sheet.plot(ax, run.com[:, i], label="CoM", color=COM)
         if np.isfinite(run.com_reference[:, i]).any():
             sheet.plot(ax, run.com_reference[:, i], label="reference", **DASHED)
         ax.set_ylabel(f"{name} [m]")
         ax.ticklabel_format(axis="y", useOffset=False)
         low, high = ax.get_ylim()
-        # A centimetre at least: a COM that stands still must not look as if it shook.
+        # A centimetre at least: a CoM that stands still must not look as if it shook.
         short = max(0.0, 0.01 - (high - low)) / 2.0
         ax.set_ylim(low - short, high + short)
     legend_beside(sheet.axes[0])
@@ -78,7 +78,7 @@ def draw_estimate(run: RunSignals) -> list[PlotFigure]:
     ]
     if run.payload is not None and run.payload.any():
         tracks.append(("payload [kg]", run.payload[:, 0]))
-        tracks.append(("COM offset [mm]", 1e3 * np.linalg.norm(run.payload[:, 1:], axis=1)))
+        tracks.append(("CoM offset [mm]", 1e3 * np.linalg.norm(run.payload[:, 1:], axis=1)))
     sheet = TimeSheet(run, [1.35] * len(tracks))
     for ax, (name, values) in zip(sheet.axes, tracks, strict=True):
         sheet.plot(ax, values, color="C0")

@@ -62,7 +62,7 @@ def _from_above(run: RunSignals) -> PlotFigure:
     grid = {"left": 0.08, "right": 0.9, "bottom": bottom, "top": 1.0 - 0.6 * bottom}
     axes = figure.subplots(rows, columns, gridspec_kw={**grid, "hspace": 0.35, "wspace": 0.2})
     norm = Normalize(*time_span(run))
-    trails = (("ZMP", run.zmp), ("COM, seen from above", run.com[:, :2]))
+    trails = (("ZMP", run.zmp), ("CoM, seen from above", run.com[:, :2]))
     for ax, (name, trail) in zip(axes, trails, strict=True):
         _draw_polygons(ax, run)
         _draw_trail(ax, run.time, trail, norm)
@@ -71,7 +71,7 @@ def _from_above(run: RunSignals) -> PlotFigure:
         ax.set_ylim(centre[1] - half[1], centre[1] + half[1])
     colours = ScalarMappable(norm, _TIME_COLOURS)
     colour_bar(figure, colours, (0.925, 0.2, 0.012, 0.6), "time [s]")
-    title = "ZMP and COM in the support polygon, from above"
+    title = "ZMP and CoM in the support polygon, from above"
     svg = inline_svg(figure, "support", title)
     return PlotFigure(name="support", title=title, svg=svg)
 
@@ -88,7 +88,7 @@ def _over_time(run: RunSignals) -> PlotFigure:
         sheet.plot(ax, run.zmp[:, i], color=ZMP, label="ZMP")
         if np.isfinite(run.zmp_reference).any():
             sheet.plot(ax, run.zmp_reference[:, i], label="reference", **DASHED)
-            sheet.plot(ax, run.com[:, i], color=COM, label="COM")
+            sheet.plot(ax, run.com[:, i], color=COM, label="CoM")
         ax.set_ylabel(f"{name} [m]")
     sheet.plot(sheet.axes[2], run.zmp_margin, color=ZMP, label="margin")
     sheet.axes[2].axhline(0.0, color=INK, linewidth=1.0, label="edge")

@@ -1,10 +1,10 @@
-// The 3D replay: bodies, support polygon, COM, ZMP and forces, drawn from the page's own data.
+// The 3D replay: bodies, support polygon, CoM, ZMP and forces, drawn from the page's own data.
 (() => {
   "use strict";
   const element = document.getElementById("replay");
   const data = JSON.parse(document.getElementById("replay-data").textContent);
   const find = (name) => element.querySelector(`[data-part="${name}"]`);
-  const COM = 0x0072b2;
+  const CoM = 0x0072b2;
   const ZMP = 0xd55e00;
   const SUPPORT = 0x009e73;
   const PUSH = 0xcc79a7;
@@ -116,8 +116,8 @@
     return made;
   }
   const unit = 0.014 * height;
-  const comBall = ball(COM, 1.5 * unit);
-  const comFloor = ring(COM, 1.2 * unit);
+  const comBall = ball(CoM, 1.5 * unit);
+  const comFloor = ring(CoM, 1.2 * unit);
   const zmpFloor = ring(ZMP, 1.6 * unit);
   const targets = markers.map(() => ball(TARGET, 1.3 * unit));
 
@@ -279,7 +279,7 @@
     item.append(dot, text);
     find("legend").append(item);
   }
-  legend(COM, "COM and its shadow");
+  legend(CoM, "CoM and its shadow");
   legend(ZMP, "ZMP");
   const newtons = (n) => (n < 10 ? n.toFixed(1) : String(Math.round(n)));
   if (data.phases.length) legend(SUPPORT, "support polygon");

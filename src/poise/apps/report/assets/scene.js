@@ -139,7 +139,7 @@ window.poiseScene = (canvas, { bodies, geometries, meshes }, height, { fov, shad
 
   // ---- marks ---------------------------------------------------------------------------------------
   function ball(color, radius, opacity = 0.9) {
-    // Drawn through the robot: the COM lies inside it.
+    // Drawn through the robot: the CoM lies inside it.
     const look = new T.MeshBasicMaterial({ color, transparent: true, opacity, depthTest: false });
     const made = new T.Mesh(new T.SphereGeometry(radius, 20, 14), look);
     made.renderOrder = 5;
