@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from poise.hardware import MotorCommand, MotorState
+from poise.hardware import LastCheck, MotorCommand, MotorState
 
 JOINTS = "hip", "knee", "ankle"
 LIMITS = SimpleNamespace(
@@ -15,6 +15,10 @@ LIMITS = SimpleNamespace(
     tau_max=np.array([100.0, 120.0, 40.0]),
 )
 """Limits of a leg, without a robot."""
+
+
+def make_check(**settings):
+    return LastCheck(LIMITS, **{"kp_max": 200.0, "kd_max": 10.0} | settings)
 
 
 def state(time=0.0, q=(0.0, 1.0, 0.0), dq=(0.0, 0.0, 0.0), arrived=None, **fields):

@@ -52,3 +52,9 @@ class Inertias:
 
 link: Link = Inertias()
 link.write(command)
+
+# %% LastCheck
+from poise.hardware import LastCheck
+
+check = LastCheck(robot, kp_max=200.0, kd_max=20.0)  # [N m/rad], [N m s/rad]
+link.write(check.check(command, link.read()))

@@ -1,5 +1,6 @@
 """The way to a real robot: one contract, `Link`, and what stands between controller and drives."""
 
+from poise.hardware._last_check import LastCheck
 from poise.hardware._link import (
     Link,
     LinkInfo,
@@ -9,6 +10,7 @@ from poise.hardware._link import (
 )
 
 __all__ = [
+    "LastCheck",
     "Link",
     "LinkInfo",
     "MotorCommand",
