@@ -58,3 +58,11 @@ from poise.hardware import LastCheck
 
 check = LastCheck(robot, kp_max=200.0, kd_max=20.0)  # [N m/rad], [N m s/rad]
 link.write(check.check(command, link.read()))
+
+# %% TorqueSplit
+from poise.hardware import TorqueSplit
+
+split = TorqueSplit(check, kp={"left_knee": 30.0, "right_knee": 30.0}, kd=1.0)
+controller = poise.WholeBodyController(robot)
+answer = controller.step(poise.RobotState(robot.q_home, np.zeros(robot.nv)))
+link.write(split.split(answer, link.read()))

@@ -1,5 +1,8 @@
 """The way to a real robot: one contract, `Link`, and what stands between controller and drives."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from poise.hardware._last_check import LastCheck
 from poise.hardware._link import (
     Link,
@@ -9,10 +12,25 @@ from poise.hardware._link import (
     MotorState,
 )
 
+if TYPE_CHECKING:
+    from poise.hardware._torque_split import TorqueSplit
+
 __all__ = [
     "LastCheck",
     "Link",
     "LinkInfo",
     "MotorCommand",
     "MotorState",
+    "TorqueSplit",
 ]
+
+_LATER = {
+    "TorqueSplit": "_torque_split",
+}
+"""Modules that import Pinocchio, which the process of a `ProcessLink` does without."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module 'poise.hardware' has no attribute {name!r}")
+    return getattr(import_module(f"poise.hardware.{_LATER[name]}"), name)
