@@ -66,3 +66,9 @@ split = TorqueSplit(check, kp={"left_knee": 30.0, "right_knee": 30.0}, kd=1.0)
 controller = poise.WholeBodyController(robot)
 answer = controller.step(poise.RobotState(robot.q_home, np.zeros(robot.nv)))
 link.write(split.split(answer, link.read()))
+
+# %% PlantLink robot_state
+from poise.hardware import PlantLink, robot_state
+
+link = PlantLink(poise.Plant(robot), check)
+state = robot_state(robot, link.info, link.read())  # for a `StateEstimator`

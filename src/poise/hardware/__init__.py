@@ -13,6 +13,7 @@ from poise.hardware._link import (
 )
 
 if TYPE_CHECKING:
+    from poise.hardware._plant_link import PlantLink, robot_state
     from poise.hardware._torque_split import TorqueSplit
 
 __all__ = [
@@ -21,10 +22,13 @@ __all__ = [
     "LinkInfo",
     "MotorCommand",
     "MotorState",
+    "PlantLink",
     "TorqueSplit",
+    "robot_state",
 ]
 
 _LATER = {
+    **dict.fromkeys(("PlantLink", "robot_state"), "_plant_link"),
     "TorqueSplit": "_torque_split",
 }
 """Modules that import Pinocchio, which the process of a `ProcessLink` does without."""
