@@ -72,3 +72,11 @@ from poise.hardware import PlantLink, robot_state
 
 link = PlantLink(poise.Plant(robot), check)
 state = robot_state(robot, link.info, link.read())  # for a `StateEstimator`
+
+# %% ProcessLink
+from poise.hardware import ProcessLink
+
+if __name__ == "__main__":
+    remote = ProcessLink(Inertias, check, linger=0.0)  # damps for two seconds by default
+    remote.write(command)
+    remote.close()

@@ -11,6 +11,7 @@ from poise.hardware._link import (
     MotorCommand,
     MotorState,
 )
+from poise.hardware._process_link import ProcessLink
 
 if TYPE_CHECKING:
     from poise.hardware._plant_link import PlantLink, robot_state
@@ -23,6 +24,7 @@ __all__ = [
     "MotorCommand",
     "MotorState",
     "PlantLink",
+    "ProcessLink",
     "TorqueSplit",
     "robot_state",
 ]
