@@ -8,6 +8,8 @@ from poise.errors import ConfigurationError
 from poise.estimation import StateEstimator
 from poise.hardware import LastCheck, LinkStatus, MotorCommand, PlantLink, TorqueSplit, robot_state
 
+from poise.hardware import Response, Watchdog  # isort: skip
+
 pytest.importorskip("mujoco")
 
 
@@ -22,18 +24,21 @@ def make_link(robot, *, dt=0.002, period=None):
     return plant, check, PlantLink(plant, check, period=period)
 
 
-def stand(robot, link, split, seconds):
-    """Stand under control from what the link measures."""
+def stand(robot, link, split, seconds, watchdog=None):
+    """Stand under control from what the link measures, and return the verdicts."""
     controller, estimator = poise.WholeBodyController(robot), StateEstimator(robot)
     com = next(
         t for level in controller.stack.levels for t in level if isinstance(t, poise.ComTask)
     )
-    home = poise.Dynamics(robot).com.copy()
+    home, verdicts = poise.Dynamics(robot).com.copy(), []
     while link.clock() < seconds:
         measured = link.read()
         command = controller.step(estimator.update(robot_state(robot, link.info, measured)))
         com.set_target(home + [0.0, 0.02 * np.sin(3.0 * link.clock()), 0.0])
+        if watchdog is not None:
+            verdicts.append(watchdog.evaluate(link, measured, command))
         link.write(split.split(command, measured))
+    return verdicts
 
 
 def test_torque_alone_is_the_same_as_the_plants_own(robot):
@@ -65,9 +70,10 @@ def test_drives_act_at_the_rate_of_the_plant(robot):
 def test_a_robot_stands_and_sways_by_torques_with_low_gains(robot):
     plant, check, link = make_link(robot)
     split = TorqueSplit(check, kp=20.0, kd=1.0)
-    stand(robot, link, split, 1.5)
+    verdicts = stand(robot, link, split, 1.5, Watchdog(robot))
     assert not plant.fallen
     assert (link.refused, link.reason, link.status) == (0, "", LinkStatus.OK)
+    assert {v.response for v in verdicts} == {Response.RUN}, verdicts[-1]
     assert np.abs(plant.state().v[6:]).max() > 0.01
 
 

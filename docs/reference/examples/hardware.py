@@ -80,3 +80,12 @@ if __name__ == "__main__":
     remote = ProcessLink(Inertias, check, linger=0.0)  # damps for two seconds by default
     remote.write(command)
     remote.close()
+
+# %% Watchdog
+from poise.hardware import Response, Watchdog
+
+watchdog = Watchdog(robot)
+with watchdog.signals():  # Ctrl-C and kill are rows of the table
+    verdict = watchdog.evaluate(link, link.read(), answer)
+    if verdict.response is Response.DAMP:
+        link.write(check.damping)

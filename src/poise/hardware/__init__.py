@@ -16,6 +16,14 @@ from poise.hardware._process_link import ProcessLink
 if TYPE_CHECKING:
     from poise.hardware._plant_link import PlantLink, robot_state
     from poise.hardware._torque_split import TorqueSplit
+    from poise.hardware._watchdog import (
+        RULES as RULES,
+        Response as Response,
+        Rule as Rule,
+        Trouble as Trouble,
+        Verdict as Verdict,
+        Watchdog,
+    )
 
 __all__ = [
     "LastCheck",
@@ -26,12 +34,14 @@ __all__ = [
     "PlantLink",
     "ProcessLink",
     "TorqueSplit",
+    "Watchdog",
     "robot_state",
 ]
 
 _LATER = {
     **dict.fromkeys(("PlantLink", "robot_state"), "_plant_link"),
     "TorqueSplit": "_torque_split",
+    **dict.fromkeys(("RULES", "Response", "Rule", "Trouble", "Verdict", "Watchdog"), "_watchdog"),
 }
 """Modules that import Pinocchio, which the process of a `ProcessLink` does without."""
 
