@@ -3,6 +3,7 @@
 import os
 import signal
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import links
@@ -61,6 +62,12 @@ def loop():
 
 def test_every_trouble_stands_in_the_table():
     assert {rule.trouble for rule in RULES} == set(Trouble)
+
+
+def test_the_page_has_every_trouble():
+    page = Path(__file__).parents[2] / "docs" / "hardware.md"
+    text = page.read_text(encoding="utf-8")
+    assert [t.value for t in Trouble if t.value not in text] == []
 
 
 @pytest.mark.parametrize(

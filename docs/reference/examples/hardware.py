@@ -24,13 +24,13 @@ class Inertias:
         self.q, self.dq, self.tau = np.zeros((3, len(joints)))
         self.time = 0.0
 
-    def clock(self):
-        return self.time  # of a robot, time.monotonic()
-
     def write(self, command):
         self.tau = command.torque(self.q, self.dq)
         self.dq = self.dq + self.tau / self.info.rate
         self.q, self.time = self.q + self.dq / self.info.rate, self.time + 1.0 / self.info.rate
+
+    def clock(self):
+        return self.time  # of a robot, time.monotonic()
 
     def close(self):
         self.status = LinkStatus.LOST
