@@ -1,6 +1,6 @@
 """The loop of a humanoid on a robot's computer: sensors, estimator, leader, controller, drives.
 
-A simulated robot stands in for the hardware: replace what mentions `plant`.
+A simulated robot stands in for the hardware: another link takes the place of `PlantLink`.
 """
 
 import argparse
@@ -11,8 +11,8 @@ from time import sleep
 import numpy as np
 
 import poise
-from poise.dynamics import SensorReadings
 from poise.estimation import StateEstimator
+from poise.hardware import LastCheck, PlantLink, Response, TorqueSplit, Watchdog, robot_state
 from poise.locomotion import ScriptedDevice
 
 parser = argparse.ArgumentParser(description=__doc__)
@@ -23,78 +23,57 @@ options = parser.parse_args()
 
 robot = poise.load_robot(options.robot)
 
-
-class Link:
-    """Drives and sensors."""
-
-    def __init__(self):
-        self.plant = poise.Plant(robot, poise.sim.PlantConfig(control_dt=0.002))
-
-    def clock(self):
-        """Return the clock that stamps measurements [s]; on a robot `time.monotonic()`."""
-        return self.plant.time
-
-    def read(self):
-        """Return the measured state."""
-        raw = self.plant.state()
-        q, v = robot.q_home.copy(), np.zeros(robot.nv)  # q[:3] and v[:3] are estimated
-        q[3:7] = raw.q[3:7]  # world_R_base of the inertial unit, (x, y, z, w)
-        v[3:6] = raw.v[3:6]  # angular velocity along the base's axes [rad/s]
-        q[7:], v[6:] = raw.q[7:], raw.v[6:]  # in the order of robot.joint_names [rad, rad/s]
-        # [force; moment] of the ground on the robot, in the sole's frame at its centre [N, N m]:
-        wrenches = {sole: raw.contacts[sole] for sole in robot.soles}  # "left_sole", "right_sole"
-        readings = SensorReadings(
-            raw.readings.angular_velocity,  # along the unit's axes [rad/s]
-            raw.readings.specific_force,  # at rest 9.81 upwards [m/s^2]
-            raw.readings.torque,  # of the motors [N m]; np.zeros(0) where nothing measures it
-        )
-        return poise.RobotState(q, v, wrenches, raw.time, readings)
-
-    def send(self, torque):
-        """Send torques [N m] to the drives, in the order of robot.joint_names."""
-        self.plant.step(poise.Command(poise.CommandStatus.OK, torque))
-
-    def stop(self, why):
-        """Bring the robot to rest, by drives that damp the joints."""
-        print("stopped:", why)
+# Full torque at an error of 1 rad, or at the velocity limit, is the most that drives may add.
+kp_max, kd_max = robot.tau_max, robot.tau_max / robot.v_max
+check = LastCheck(robot, kp_max=kp_max, kd_max=kd_max)
 
 
-def run(link, estimator, controller, leader=None, *, seconds, period=0.002, keep=None):
-    """Run the loop; a leader that has a `dt` needs that as the period."""
+def connect():
+    """Connect to the robot."""
+    return PlantLink(poise.Plant(robot, poise.sim.PlantConfig(control_dt=0.002)), check)
 
-    def tick():
-        estimate = estimator.update(link.read())
-        if leader is not None:
+
+def run(link, estimator, controller, leader=None, *, seconds, keep=None):
+    """Run the loop; a leader that has a `dt` needs that as the link's period."""
+    period = 1.0 / link.info.rate
+    split = TorqueSplit(check, kp=0.1 * kp_max, kd=0.1 * kd_max, period=period)
+    watchdog = Watchdog(robot, period=period)
+
+    def tick(measured, hold=False):
+        estimate = estimator.update(robot_state(robot, link.info, measured))
+        if leader is not None and not hold:
             leader.lead(estimate)
         return estimate, controller.step(estimate)
 
-    tick()  # makes what all others use; nothing is sent
+    _, command = tick(link.read())  # makes what all others use; nothing is sent
     for part in (leader, estimator, controller):
         if hasattr(part, "reset"):
             part.reset()
     gc.collect()
     gc.freeze()
-    why, failed, begin = "an error", 0, link.clock()
+    why, begin = "an error", link.clock()
     due = begin
     try:
         while due < begin + seconds:
-            estimate, command = tick()
-            link.send(command.torque)
+            measured = link.read()
+            verdict = watchdog.evaluate(link, measured, command)
+            if verdict.response >= Response.DAMP:
+                why = verdict.reason
+                break
+            estimate, command = tick(measured, verdict.response is Response.HOLD)
+            link.write(split.split(command, measured))
             if hasattr(estimator, "command"):  # one that compensates late sensors
                 estimator.command(command.acceleration, due)
             if keep is not None:
                 keep(estimate, command)
-            failed = 0 if command.status.ok else failed + 1
-            if failed > 25 or command.status is poise.CommandStatus.FALLEN:
-                why = command.status.value
-                break
             due = max(due + period, link.clock())
             sleep(max(0.0, due - link.clock()))
         else:
             why = "the end"
     finally:
-        link.stop(why)
+        link.close()  # damps
         gc.unfreeze()
+    print("stopped:", why)
 
 
 record = poise.sim.RunRecord(joints=robot.joint_names)
@@ -113,7 +92,7 @@ def keep(estimate, command):
 # Tasks of a stack: a leader of yours sets their targets; without one they hold.
 controller = poise.WholeBodyController(robot)
 try:
-    run(Link(), StateEstimator(robot), controller, seconds=options.seconds, keep=keep)
+    run(connect(), StateEstimator(robot), controller, seconds=options.seconds, keep=keep)
 finally:
     if options.record is not None:
         record.to_pandas().to_parquet(options.record)
@@ -123,4 +102,4 @@ print(f"{len(record.times('q'))} ticks, last status {record.notes('status')[-1][
 teleoperator = poise.StepTeleoperator(robot)
 teleoperator.device = ScriptedDevice([], *teleoperator.estimator.anchors)
 controller, estimator = teleoperator.controller(), teleoperator.estimator
-run(Link(), estimator, controller, teleoperator, seconds=options.seconds, period=teleoperator.dt)
+run(connect(), estimator, controller, teleoperator, seconds=options.seconds)

@@ -21,7 +21,7 @@ FLOORS = (
     {"dynamics"},
     {"stack", "estimation"},
     {"control"},
-    {"locomotion", "sim"},
+    {"locomotion", "sim", "hardware"},
     {"apps"},
     {"cli"},
 )

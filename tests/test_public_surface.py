@@ -11,7 +11,7 @@ import poise
 
 SURFACE = set(poise.__all__)
 ROOT = Path(poise.__file__).parent
-MOST_NAMES = 135
+MOST_NAMES = 145
 """What there is now; a new public name takes the place of another, or says why it is needed.
 
 The last ones: a campaign from a program, its episodes as scenarios, workers for whoever runs
@@ -32,7 +32,9 @@ those do; and where the head looks;
 and the payload that a state carries, with what finds it, which nothing else tells controllers;
 and two trackers that lead feet, which everybody who has some would write anew, and wrongly: ours
 did, twice; and the numbers of a teleoperated robot, which whoever changes one has to have;
-and the order of joints of other programs, which everybody who deploys a policy writes anew.
+and the order of joints of other programs, which everybody who deploys a policy writes anew;
+and the link to a robot with its states and commands, two links, the last check, the split of
+torques and the watchdog, without which everyone who has a robot writes these, and less safely.
 """
 
 

@@ -111,7 +111,7 @@ def __getattr__(name: str) -> Any:
     """Import what is used: the command's help needs neither Pinocchio nor compiled code."""
     if name == "__version__":
         return import_module("importlib.metadata").version("poise")
-    if name in (*_FACES, "estimation", "locomotion", "sim"):
+    if name in (*_FACES, "estimation", "hardware", "locomotion", "sim"):
         return import_module(f"poise.{name}")
     if name not in __all__:
         raise AttributeError(f"module 'poise' has no attribute {name!r}")

@@ -1,0 +1,52 @@
+"""The way to a real robot: one contract, `Link`, and what stands between controller and drives."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from poise.hardware._last_check import LastCheck
+from poise.hardware._link import (
+    Link,
+    LinkInfo,
+    LinkStatus as LinkStatus,
+    MotorCommand,
+    MotorState,
+)
+from poise.hardware._process_link import ProcessLink
+
+if TYPE_CHECKING:
+    from poise.hardware._plant_link import PlantLink, robot_state
+    from poise.hardware._torque_split import TorqueSplit
+    from poise.hardware._watchdog import (
+        RULES as RULES,
+        Response as Response,
+        Rule as Rule,
+        Trouble as Trouble,
+        Verdict as Verdict,
+        Watchdog,
+    )
+
+__all__ = [
+    "LastCheck",
+    "Link",
+    "LinkInfo",
+    "MotorCommand",
+    "MotorState",
+    "PlantLink",
+    "ProcessLink",
+    "TorqueSplit",
+    "Watchdog",
+    "robot_state",
+]
+
+_LATER = {
+    **dict.fromkeys(("PlantLink", "robot_state"), "_plant_link"),
+    "TorqueSplit": "_torque_split",
+    **dict.fromkeys(("RULES", "Response", "Rule", "Trouble", "Verdict", "Watchdog"), "_watchdog"),
+}
+"""Modules that import Pinocchio, which the process of a `ProcessLink` does without."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module 'poise.hardware' has no attribute {name!r}")
+    return getattr(import_module(f"poise.hardware.{_LATER[name]}"), name)
