@@ -182,7 +182,7 @@ _RAISE_SHARE = np.array([0.05, 0.0, 0.05])
 """Where the hands go first, from hanging arms that have no way to go down, as a share likewise."""
 
 _FOOT_SHARE = 0.08
-"""How far the swing foot is lifted, as a share of the height of the CoM."""
+"""Lift of the swing foot by the height of the CoM."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

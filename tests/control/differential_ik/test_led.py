@@ -37,7 +37,7 @@ def on_the_left(levels, **limits):
 
 
 def swing_levels(*led):
-    """The CoM and the foot in the air above all, as in step teleoperation, and led joints."""
+    """CoM and swing foot above all, as in step teleoperation, then tasks of joints."""
     return [[ComTask(), FrameTask(RIGHT, name="swing")], [MomentumTask("angular_xy")], *led]
 
 

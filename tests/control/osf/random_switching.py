@@ -19,7 +19,7 @@ PERIOD = 0.1
 class Switching:
     """Tasks of a humanoid that go on, off, and to another level.
 
-    Somebody always balances: the CoM is always on, on any of the first levels, and so is the
+    The CoM is always on, on any of the first levels, and so is the
     posture, at the end. The pelvis may be off; then the posture holds it as well as it can.
 
     Args:

@@ -1,4 +1,4 @@
-"""Where the legs have to reach: the base that goes with a CoM of the walk."""
+"""Reach of the legs: the base that goes with a CoM of the walk."""
 
 import math
 
