@@ -74,7 +74,7 @@ def commands_of(log):
 
 def swing(make, check, ready, priority=None):
     """A controller's process: swing all joints until it is killed."""
-    link = ProcessLink(make, check, linger=0.3, priority=priority)
+    link = ProcessLink(make, check, linger=1.0, priority=priority)
     ready.send(link.pid)
     begin = link.clock()
     while True:

@@ -132,20 +132,22 @@ def test_a_link_that_cannot_be_made_is_one_clear_error():
 
 
 def run_and_end(controller, near, log, how, far_enough):
-    """Lines of the log before the controller's end, and those 20 ms after it and later."""
+    """Lines of the log before the controller's end, and those from 20 ms after it on."""
     controller.start()
     pid = near.recv()
     try:
         assert wait_for(lambda: far_enough(processes.commands_of(log)))
         end = time.monotonic()
         os.kill(controller.pid, how)
-        assert wait_for(lambda: processes.commands_of(log)[-1, 0] > end + 0.1)
+        assert wait_for(lambda: processes.commands_of(log)[-1, 0] > end + 0.6)
     finally:
         controller.kill()
         controller.join()
     assert wait_for(lambda: not alive(pid)), "the process of the link does not end"
     lines = processes.commands_of(log)
-    return lines[lines[:, 0] < end], lines[lines[:, 0] > end + 0.02]
+    # Without a priority another process may delay the link's.
+    late = 0.02 if real_time() else 0.5
+    return lines[lines[:, 0] < end], lines[lines[:, 0] > end + late]
 
 
 def alive(pid):
