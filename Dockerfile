@@ -1,6 +1,6 @@
 # Poise with its simulator, and everything compiled: after `.ci/build`
 #   docker build -t poise .
-#   docker run --rm -v "$PWD/runs:/work/runs" poise run squat
+#   docker run --rm -v "$PWD/runs:/poise/runs" poise run squat
 FROM python:3.13-slim
 
 # MuJoCo draws the video without a screen.
@@ -14,6 +14,6 @@ COPY requirements.lock dist/*.whl /opt/poise/
 RUN pip install --no-cache-dir -c /opt/poise/requirements.lock --find-links /opt/poise "poise[sim]" \
   && poise warmup
 
-WORKDIR /work
+WORKDIR /poise
 ENTRYPOINT ["poise"]
 CMD ["run"]
