@@ -12,7 +12,7 @@ import numpy as np
 
 import poise
 from poise.estimation import StateEstimator
-from poise.hardware import LastCheck, PlantLink, Response, TorqueSplit, Watchdog, robot_state
+from poise.hardware import Action, LastCheck, PlantLink, TorqueSplit, Watchdog, robot_state
 from poise.locomotion import ScriptedDevice
 
 parser = argparse.ArgumentParser(description=__doc__)
@@ -57,10 +57,10 @@ def run(link, estimator, controller, leader=None, *, seconds, keep=None):
         while due < begin + seconds:
             measured = link.read()
             verdict = watchdog.evaluate(link, measured, command)
-            if verdict.response >= Response.DAMP:
+            if verdict.response >= Action.DAMP:
                 why = verdict.reason
                 break
-            estimate, command = tick(measured, verdict.response is Response.HOLD)
+            estimate, command = tick(measured, verdict.response is Action.HOLD)
             link.write(split.split(command, measured))
             if hasattr(estimator, "command"):  # one that compensates late sensors
                 estimator.command(command.acceleration, due)

@@ -8,7 +8,7 @@ from poise.errors import ConfigurationError
 from poise.estimation import StateEstimator
 from poise.hardware import LastCheck, LinkStatus, MotorCommand, PlantLink, TorqueSplit, robot_state
 
-from poise.hardware import Response, Watchdog  # isort: skip
+from poise.hardware import Action, Watchdog  # isort: skip
 
 pytest.importorskip("mujoco")
 
@@ -73,7 +73,7 @@ def test_a_robot_stands_and_sways_by_torques_with_low_gains(robot):
     verdicts = stand(robot, link, split, 1.5, Watchdog(robot))
     assert not plant.fallen
     assert (link.refused, link.reason, link.status) == (0, "", LinkStatus.OK)
-    assert {v.response for v in verdicts} == {Response.RUN}, verdicts[-1]
+    assert {v.response for v in verdicts} == {Action.RUN}, verdicts[-1]
     assert np.abs(plant.state().v[6:]).max() > 0.01
 
 

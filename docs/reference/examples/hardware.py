@@ -82,10 +82,10 @@ if __name__ == "__main__":
     remote.close()
 
 # %% Watchdog
-from poise.hardware import Response, Watchdog
+from poise.hardware import Action, Watchdog
 
 watchdog = Watchdog(robot)
 with watchdog.signals():  # Ctrl-C and kill are rows of the table
     verdict = watchdog.evaluate(link, link.read(), answer)
-    if verdict.response is Response.DAMP:
+    if verdict.response is Action.DAMP:
         link.write(check.damping)

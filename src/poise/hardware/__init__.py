@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from poise.hardware._torque_split import TorqueSplit
     from poise.hardware._watchdog import (
         RULES as RULES,
-        Response as Response,
+        Action as Action,
         Rule as Rule,
         Trouble as Trouble,
         Verdict as Verdict,
@@ -41,7 +41,7 @@ __all__ = [
 _LATER = {
     **dict.fromkeys(("PlantLink", "robot_state"), "_plant_link"),
     "TorqueSplit": "_torque_split",
-    **dict.fromkeys(("RULES", "Response", "Rule", "Trouble", "Verdict", "Watchdog"), "_watchdog"),
+    **dict.fromkeys(("RULES", "Action", "Rule", "Trouble", "Verdict", "Watchdog"), "_watchdog"),
 }
 """Modules that import Pinocchio, which the process of a `ProcessLink` does without."""
 

@@ -16,7 +16,7 @@ _FIELDS = "q", "dq", "kp", "kd", "tau"
 
 
 @runtime_checkable
-class JointLimits(Protocol):
+class RobotLimits(Protocol):
     """Limits of joints, as `Robot` has them; a process that imports no robot has them, too."""
 
     @property
@@ -74,7 +74,7 @@ class LastCheck:
 
     def __init__(
         self,
-        limits: JointLimits,
+        limits: RobotLimits,
         *,
         kp_max: Gains,
         kd_max: Gains,

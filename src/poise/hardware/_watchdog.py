@@ -13,11 +13,11 @@ import numpy as np
 from poise._checks import checked_kind, checked_number
 from poise.control import Command, CommandStatus
 from poise.errors import ConfigurationError
-from poise.hardware._last_check import JointLimits
+from poise.hardware._last_check import RobotLimits
 from poise.hardware._link import Link, LinkStatus, MotorState
 
 
-class Response(IntEnum):
+class Action(IntEnum):
     """Action on a trouble, the strongest last."""
 
     RUN = 0
@@ -73,37 +73,37 @@ class Rule:
 
     trouble: Trouble
     limit: float
-    response: Response
+    response: Action
 
     def __post_init__(self) -> None:
         checked_kind(self.trouble, Trouble, "trouble of a rule")
-        checked_kind(self.response, Response, "response of a rule")
+        checked_kind(self.response, Action, "response of a rule")
         if math.isnan(self.limit):
             raise ConfigurationError("limit of a rule", got=self.limit, wanted="a number")
 
 
 RULES = (
     # 10 ms at 500 Hz, half of the 20 ms within which a robot has to be damped.
-    Rule(trouble=Trouble.LATE_STATE, limit=5.0, response=Response.DAMP),
+    Rule(trouble=Trouble.LATE_STATE, limit=5.0, response=Action.DAMP),
     # Two lost states; an estimator integrates over them. The half is for the rounding of stamps.
-    Rule(trouble=Trouble.GAP, limit=3.5, response=Response.HOLD),
-    Rule(trouble=Trouble.BAD_STATE, limit=0, response=Response.DAMP),
+    Rule(trouble=Trouble.GAP, limit=3.5, response=Action.HOLD),
+    Rule(trouble=Trouble.BAD_STATE, limit=0, response=Action.DAMP),
     # A humanoid tilted by 1 rad has its CoM beyond any foot it could still put down.
-    Rule(trouble=Trouble.FALL, limit=1.0, response=Response.DAMP),
+    Rule(trouble=Trouble.FALL, limit=1.0, response=Action.DAMP),
     # Half of the default margin of `JointLimit`, which controllers keep.
-    Rule(trouble=Trouble.JOINT_STOP, limit=-0.005, response=Response.HOLD),
+    Rule(trouble=Trouble.JOINT_STOP, limit=-0.005, response=Action.HOLD),
     # Neodymium magnets of grade N lose magnetisation above 80 deg C.
-    Rule(trouble=Trouble.HEAT, limit=80.0, response=Response.DAMP),
+    Rule(trouble=Trouble.HEAT, limit=80.0, response=Action.DAMP),
     # Twice in succession.
-    Rule(trouble=Trouble.LATE_TICK, limit=1, response=Response.DAMP),
+    Rule(trouble=Trouble.LATE_TICK, limit=1, response=Action.DAMP),
     # Half of the time constant with which a controller's fallback decays.
-    Rule(trouble=Trouble.NO_ANSWER, limit=0.05, response=Response.DAMP),
-    Rule(trouble=Trouble.REFUSED, limit=0, response=Response.DAMP),
+    Rule(trouble=Trouble.NO_ANSWER, limit=0.05, response=Action.DAMP),
+    Rule(trouble=Trouble.REFUSED, limit=0, response=Action.DAMP),
     # Time for which step teleoperation holds the last sample.
-    Rule(trouble=Trouble.OPERATOR, limit=0.5, response=Response.HOLD),
-    Rule(trouble=Trouble.INTERRUPT, limit=0, response=Response.DAMP),
-    Rule(trouble=Trouble.KILL, limit=0, response=Response.DAMP),
-    Rule(trouble=Trouble.LINK, limit=0, response=Response.STOP),
+    Rule(trouble=Trouble.OPERATOR, limit=0.5, response=Action.HOLD),
+    Rule(trouble=Trouble.INTERRUPT, limit=0, response=Action.DAMP),
+    Rule(trouble=Trouble.KILL, limit=0, response=Action.DAMP),
+    Rule(trouble=Trouble.LINK, limit=0, response=Action.STOP),
 )
 """The default table."""
 
@@ -118,7 +118,7 @@ class Verdict:
         reason: the trouble with its number and limit; "" without one.
     """
 
-    response: Response
+    response: Action
     trouble: Trouble | None = None
     reason: str = ""
 
@@ -141,7 +141,7 @@ class Watchdog:
     """
 
     def __init__(
-        self, limits: JointLimits, *, period: float = 0.002, rules: Sequence[Rule] = RULES
+        self, limits: RobotLimits, *, period: float = 0.002, rules: Sequence[Rule] = RULES
     ) -> None:
         self._q_min, self._q_max = limits.q_min, limits.q_max
         self._period = checked_number(period, "period of the watchdog [s]", above=0.0)
@@ -151,7 +151,7 @@ class Watchdog:
 
     def reset(self) -> None:
         """Forget all troubles; signals, too."""
-        self._verdict = Verdict(response=Response.RUN)
+        self._verdict = Verdict(response=Action.RUN)
         self._stamp = self._tick = self._answer = math.nan
         self._late, self._refused = 0, -1
         self._signals = dict.fromkeys(self._signals, 0)
@@ -184,13 +184,13 @@ class Watchdog:
                 operator [s].
         """
         measured = self._measure(link, state, command, operator)
-        found = Verdict(response=Response.RUN)
+        found = Verdict(response=Action.RUN)
         for rule in self.rules:
             value = measured[rule.trouble]
             if not value <= rule.limit and rule.response > found.response:
                 reason = f"{rule.trouble.value}: {value:.4g}, limit {rule.limit:g}"
                 found = Verdict(response=rule.response, trouble=rule.trouble, reason=reason)
-        if self._verdict.response < Response.DAMP or found.response > self._verdict.response:
+        if self._verdict.response < Action.DAMP or found.response > self._verdict.response:
             self._verdict = found
         return self._verdict
 
