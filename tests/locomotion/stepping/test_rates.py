@@ -123,9 +123,10 @@ def foot_lag(robot, *, told):
 
 
 @pytest.mark.slow
+@pytest.mark.xfail(reason="the lag is 0.72 of that without a velocity")
 def test_a_foot_lags_less_behind_a_device_that_says_how_fast_it_is(get_robot):
     robot = get_robot("g1")
-    assert foot_lag(robot, told=True) < 0.8 * foot_lag(robot, told=False)
+    assert foot_lag(robot, told=True) < 0.5 * foot_lag(robot, told=False)
 
 
 def test_a_device_may_write_over_what_it_has_given(get_robot):
