@@ -118,6 +118,16 @@ def test_a_term_below_the_tolerance_is_left_out_and_one_above_it_is_not(seed):
     assert kept.softened.tolist() == [0.0, 0.1]
 
 
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("weights", [(0.0, 0.0), (0.0, 0.4)])
+def test_a_reference_whose_distance_overflows_leaves_the_levels_strict(weights):
+    problem, _ = random_problem(0)
+    with np.errstate(over="ignore", invalid="ignore"):  # of the test's own distance
+        solver = softened(problem, np.full(problem.n, 1e200), weights)
+    np.testing.assert_allclose(solver.x, make_solver().solve(problem).x, atol=1e-6)
+    assert not solver.softened.any()
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_problem_is_as_it_was_and_residuals_are_those_of_what_was_wanted(seed):
     problem, reference = random_problem(seed)

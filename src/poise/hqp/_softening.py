@@ -132,7 +132,9 @@ def search_softened(program_at: int, strict: int) -> int:
                 return found
         distance, straining = _distance(p), -1
         for k in range(levels):
-            if p.softened[k] == 0.0 and not p.weights[k] * distance <= p.tolerance[0]:
+            # Zero times an infinite distance is no number, and would strain for ever.
+            free = p.weights[k] > 0.0 and p.softened[k] == 0.0
+            if free and not p.weights[k] * distance <= p.tolerance[0]:
                 straining = k
         if straining < 0:
             break
