@@ -42,10 +42,11 @@ class HostGamepad:
         # Without these SDL wants a screen, and pygame greets on the terminal.
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-        self._pygame = pygame = import_extra("pygame", "teleop", "A gamepad")
-        self._controller = controller = import_extra(
-            "pygame._sdl2.controller", "teleop", "A gamepad"
+        pygame, controller = (
+            import_extra(name, "teleop", "A gamepad", package="pygame-ce")
+            for name in ("pygame", "pygame._sdl2.controller")
         )
+        self._pygame, self._controller = pygame, controller
         pygame.display.init()
         pygame.joystick.init()
         controller.init()
