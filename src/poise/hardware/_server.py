@@ -25,6 +25,9 @@ FRESH = 0.01
 Half of the 20 ms within which a robot has to be damped, and five ticks of 500 Hz, so that one late
 tick damps nothing."""
 
+LOOKS = 4
+"""Looks for states and commands in a period of the link: each waits for a quarter of it at most."""
+
 STATUSES = tuple(LinkStatus)
 COMMAND_FIELDS = "q", "dq", "kp", "kd", "tau"
 _STATE_FIELDS = (
@@ -99,13 +102,14 @@ class _Server:
         self._record = np.zeros((), dtype=kinds[0])
         self._status, self._state, self._ending = LinkStatus.DAMPING, link.read(), False
         self._fault, self._longest = "", max(FRESH, 2.0 / link.info.rate)
+        self._number, self._written = 0, -math.inf
         self._record["time"] = np.nan
         self._publish()
         signal.signal(signal.SIGTERM, self._end)
 
     def run(self, linger: float) -> None:
         """Tick until the controller has gone, then damp for a while."""
-        period, parent = 1.0 / self._link.info.rate, parent_process()
+        period, parent = 1.0 / (LOOKS * self._link.info.rate), parent_process()
         due, end = time.monotonic(), math.inf
         try:
             while due < end:
@@ -126,7 +130,14 @@ class _Server:
     def _tick(self) -> None:
         self._state = self._link.read()
         self._publish()
-        command, check, refused = self._fresh(), self._check, self._refused
+        number, command = self._fresh()
+        now, period = time.monotonic(), 1.0 / self._link.info.rate
+        # A command goes out when it comes; without one something does after one and a half periods.
+        waited = now - self._written
+        if waited < (0.5 if number != self._number else 1.5) * period:
+            return
+        self._number, self._written = number, now
+        check, refused = self._check, self._refused
         if command is None:
             check.reset()
             self._link.write(check.damping)
@@ -141,16 +152,16 @@ class _Server:
     def _refused(self) -> int:
         return self._check.refused + self._link.refused
 
-    def _fresh(self) -> MotorCommand | None:
-        """Return the controller's command; None once it is old."""
+    def _fresh(self) -> tuple[int, MotorCommand | None]:
+        """Return number and set-points of the controller's command; None once it is old."""
         found = self._commands.read()
         if found is None or self._ending:
-            return None
-        record = found[1]
+            return 0, None
+        number, record = found
         self._ending = bool(record["close"])
         if self._ending or time.monotonic() - float(record["sent"]) > self._longest:
-            return None
-        return MotorCommand(**{name: record[name] for name in COMMAND_FIELDS})
+            return 0, None
+        return number, MotorCommand(**{name: record[name] for name in COMMAND_FIELDS})
 
     def _publish(self) -> None:
         state, record = self._state, self._record

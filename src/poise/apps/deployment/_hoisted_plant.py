@@ -1,0 +1,60 @@
+"""`HoistedPlant`: a plant whose robot hangs in a hoist until it stands."""
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from poise.hardware import RAMP
+from poise.sim import Plant, PlantConfig
+
+_STRETCH = 0.01
+"""Stretch of the rope under the robot's weight [m]: less than the clearance of a swing foot."""
+
+
+class HoistedPlant(Plant):
+    """Plant with a hoist that holds the base where it began.
+
+    The hoist is a spring and a damper at the base, critically damped, that stretches by 1 cm under
+    the weight and turns the base back with twice the moment with which gravity tips the robot. It
+    holds until `lower`, then fades over `RAMP`.
+
+    Args:
+        robot: with a floating base.
+        config: of the plant.
+        seed: of the sensor noise.
+    """
+
+    def __init__(self, robot: Any, config: PlantConfig | None = None, *, seed: int = 0) -> None:
+        self._lowered = math.nan
+        super().__init__(robot, config, seed=seed)
+        weight, height = robot.weight, float(self.com[2])
+        push, turn = weight / _STRETCH, 2.0 * weight * height
+        # The inertia about the feet is at most m h^2 of the CoM, and as much of the links.
+        inertia = 2.0 * robot.mass * height**2
+        self._stiffness = np.repeat([push, turn], 3)
+        roots = 2.0 * math.sqrt(push * robot.mass), 2.0 * math.sqrt(turn * inertia)
+        self._damping = np.repeat(roots, 3)
+        self._place, self._turn = self.data.qpos[:3].copy(), self.data.qpos[3:7].copy()
+
+    def lower(self) -> None:
+        """Begin to lower the robot onto its feet; a second call changes nothing."""
+        if math.isnan(self._lowered):
+            self._lowered = self.time
+
+    def _simulate(self, begin: float) -> None:
+        gone = (begin - self._lowered) / RAMP
+        share = 1.0 if math.isnan(gone) else max(0.0, 1.0 - gone)
+        self.data.qfrc_applied[:6] = 0.0 if share == 0.0 else share * self._pull()
+        self.model.dof_damping[:6] = share * self._damping  # which MuJoCo integrates implicitly
+        super()._simulate(begin)
+
+    def _pull(self) -> Any:
+        """Return force in the world and moment in the base."""
+        
+
+        away = np.zeros(6)
+        away[:3] = self.data.qpos[:3] - self._place
+        mujoco.mju_subQuat(away[3:], self.data.qpos[3:7], self._turn)
+        return -self._stiffness * away

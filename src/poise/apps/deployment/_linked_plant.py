@@ -1,0 +1,121 @@
+"""`LinkedPlant`: a robot behind a link with the interface of a plant."""
+
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float64
+
+from poise.control import Command
+from poise.dynamics import RobotState
+from poise.errors import ConfigurationError
+from poise.hardware import LinkBody
+from poise.sim import Estimator, Plant, PlantConfig, Push, Value
+
+
+class LinkedPlant(Plant):
+    """Robot behind a link, with the interface of a plant for records, pages and viewers.
+
+    Its simulator does no physics: it shows the estimate. True state, CoM and ZMP are those of the
+    estimate, the applied torque is that of the motors as measured.
+
+    Args:
+        body: the robot.
+        config: floor and blocks to draw.
+
+    Attributes:
+        body: the robot.
+    """
+
+    def __init__(self, body: LinkBody, config: PlantConfig) -> None:
+        self.body = body
+        super().__init__(body.robot, config)
+
+    def reset(
+        self,
+        q: Float64[np.ndarray, " nq"] | None = None,
+        v: Float64[np.ndarray, " nv"] | None = None,
+    ) -> RobotState:
+        """Show a posture until the first estimate; the robot stays as it is."""
+        Plant.reset(self, q, v)
+        self.show(self.body.state())
+        return self._estimate
+
+    def watch(self, estimator: Estimator) -> Estimator:
+        """Return the estimator, whose estimates the plant shows."""
+        return _Watched(estimator, self)
+
+    @property
+    def time(self) -> float:
+        """Time of the body [s]."""
+        return self.body.time
+
+    @property
+    def fallen(self) -> bool:
+        """True where the run has ended."""
+        return self.body.fallen
+
+    @property
+    def applied_torque(self) -> Float64[np.ndarray, " nj"]:
+        """Torques of the joints as measured [N m]."""
+        return np.nan_to_num(self.body.measured.tau)
+
+    def state(self) -> RobotState:
+        """Return the measured state."""
+        return self.body.state()
+
+    def step(self, command: Command | None, position: Any = None) -> None:
+        """Send a command and wait for the next state."""
+        del position
+        if command is not None:
+            self.body.step(command)
+
+    def push(self, *args: Any, **kwargs: Any) -> Push:
+        """Refuse a push."""
+        raise ConfigurationError("a robot behind a link cannot be pushed", wanted="no pushes")
+
+    def signals(self) -> dict[str, Value | str]:
+        """Return what was received and sent in the last tick, for a recorder."""
+        return self.body.signals()
+
+    def show(self, estimate: RobotState) -> None:
+        """Show an estimate."""
+        unknown = dict.fromkeys(self.robot.soles, np.full(6, np.nan))
+        self._estimate = replace(estimate, contacts=unknown | dict(estimate.contacts))
+        self.data.qpos[:] = self.map.qpos(estimate.q)
+        self.data.qvel[:] = self.map.qvel(estimate.q, estimate.v)
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+
+    def zmp(self, height: float = 0.0) -> Float64[np.ndarray, "2"]:
+        """ZMP of the estimated sole wrenches on the plane z = height [m]; NaN without load."""
+        force, moment = np.zeros(3), np.zeros(3)
+        for name, wrench in self._estimate.contacts.items():
+            site = self.data.site(name)
+            turn = site.xmat.reshape(3, 3)
+            push = turn @ wrench[:3]
+            force += push
+            moment += turn @ wrench[3:] + np.cross(site.xpos - [0.0, 0.0, height], push)
+        if not force[2] > 0.0:
+            return np.full(2, np.nan)
+        return np.array([-moment[1], moment[0]]) / force[2]
+
+    @property
+    def _true(self) -> RobotState:
+        return self._estimate
+
+
+class _Watched:
+    """Estimator that shows its estimates."""
+
+    def __init__(self, estimator: Estimator, plant: LinkedPlant) -> None:
+        self._estimator, self._plant = estimator, plant
+
+    def update(self, state: RobotState) -> RobotState:
+        estimate = self._estimator.update(state)
+        self._plant.show(estimate)
+        return estimate
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._estimator, name)

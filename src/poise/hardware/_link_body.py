@@ -1,0 +1,232 @@
+"""`LinkBody`: a robot behind a link as the body of a rollout."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from poise._checks import checked_number
+from poise.control import Command
+from poise.dynamics import RobotState, least_jerk
+from poise.errors import ConfigurationError
+from poise.hardware._last_check import LastCheck
+from poise.hardware._link import Joints, Link, MotorCommand, MotorState
+from poise.hardware._plant_link import robot_state
+from poise.hardware._torque_split import TorqueSplit
+from poise.hardware._watchdog import Action, Verdict, Watchdog
+from poise.robots import Robot
+from poise.stack import Leader
+
+RAMP = 3.0
+"""Length of each ramp, and of standing before the leader begins [s]: a joint that is 1 rad off then
+moves by at most 15 / 8 / 3 s = 0.6 rad/s, which a person with a hand on the stop can follow."""
+
+_POLL = 1e-4
+"""Pause between two looks for a new state [s], a twentieth of a period of 500 Hz."""
+
+
+class LinkBody:
+    """Robot behind a link, as the `Body` of `poise.rollout`.
+
+    A step evaluates the watchdog, splits the command's torque, blends it by the ramp, writes, and
+    waits for the next state, at most one and a half periods after the last. Time is that of the
+    robot's stamps, zero where the leader begins.
+
+    In the ramp-in the set-points of the drives are a blend of position control and controller,
+
+        u = (1 - s) hold + s split,    hold: q = q_0 + s (q_start - q_0) with `kp_max`, `kd_max`
+
+    field by field, with the measured positions q_0 at the first step and the least-jerk phase s.
+    The first torques are zero. Position control at the ankles does not balance a humanoid: a hoist
+    holds it meanwhile, and is lowered while the controller stands for `stand`. From `duration` on
+    the set-points fade to the last check's damping in the same way.
+
+    Args:
+        robot: the robot.
+        link: connection to it; its joints are the robot's.
+        split: from torques to set-points of the drives; None for torque alone.
+        check: the last check of the link, for bounds and damping.
+        watchdog: the table of troubles; the default one if None.
+        q_start: posture of the joints at the end of the ramp-in; that of `robot.q_home` if None.
+        ramp: length of both ramps, zero for none [s].
+        stand: time for which the controller stands before the leader begins [s].
+        duration: time at which the ramp-out begins [s].
+        operator: returns the time of the operator's newest sample by the link's clock [s]; None
+            without an operator.
+
+    Attributes:
+        robot: the robot.
+        link: connection to it.
+        verdict: of the watchdog in the last step.
+        measured: state of the present tick, as read.
+        sent: set-points of the last tick; None before the first and after an end.
+        late: ticks in which no new state arrived.
+
+    Raises:
+        ConfigurationError: the link has other joints than the robot, or a setting is out of range.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        link: Link,
+        check: LastCheck,
+        split: TorqueSplit | None = None,
+        *,
+        watchdog: Watchdog | None = None,
+        q_start: Joints | None = None,
+        ramp: float = RAMP,
+        stand: float = RAMP,
+        duration: float = math.inf,
+        operator: Callable[[], float | None] | None = None,
+    ) -> None:
+        if link.info.joints != robot.joint_names or check.joints != robot.joint_names:
+            raise ConfigurationError(
+                "the link or its last check has other joints than the robot",
+                got=(link.info.joints, check.joints),
+                wanted=f"those of {robot.name}: {robot.joint_names}",
+            )
+        self.robot, self.link, self._check = robot, link, check
+        self.control_dt = dt = 1.0 / link.info.rate
+        zero = np.zeros(robot.nj)
+        self._split = split or TorqueSplit(check, kp=zero, kd=zero, period=dt)
+        self.watchdog = watchdog or Watchdog(robot, period=dt)
+        home = robot.q_home[-robot.nj :] if q_start is None else q_start
+        self._q_start = np.clip(home, check.lower, check.upper)
+        self._ramp = checked_number(ramp, "ramp of the link's body [s]")
+        self._end, self._operator = duration, operator
+        self.verdict = Verdict(response=Action.RUN)
+        self.sent: MotorCommand | None = None
+        self.late = 0
+        self.measured = link.read()
+        self._before = self._ramp + checked_number(stand, "stand of the link's body [s]")
+        self._zero = self.measured.time + self._before
+        self._q_0 = np.clip(self.measured.q, check.lower, check.upper)
+        self._began = link.clock()
+
+    @property
+    def time(self) -> float:
+        """Stamp of the present state, zero where the leader begins [s]."""
+        return self.measured.time - self._zero
+
+    @property
+    def fallen(self) -> bool:
+        """True once the watchdog damps or stops, and after the ramp-out: a rollout ends."""
+        return self.verdict.response >= Action.DAMP or self.time >= self._end + self._ramp
+
+    @property
+    def held(self) -> bool:
+        """True where the leader's targets are frozen: before its begin, and on HOLD."""
+        return self.time < 0.0 or self.verdict.response is Action.HOLD
+
+    def state(self) -> RobotState:
+        """Return the measured state, for an estimator: `robot_state`."""
+        state = robot_state(self.robot, self.link.info, self.measured)
+        return replace(state, time=self.time)
+
+    def true_state(self) -> RobotState:
+        """Return the measured state; the true one is not known."""
+        return self.state()
+
+    def step(self, command: Command) -> None:
+        """Send a command and wait for the next state.
+
+        Args:
+            command: of the controller, for the present state.
+        """
+        operator = None if self._operator is None else self._operator()
+        state, before = self.measured, self.verdict.response
+        self.verdict = self.watchdog.evaluate(self.link, state, command, operator=operator)
+        response = self.verdict.response
+        if response < Action.DAMP:
+            self.sent = self._ramped(self._split.split(command, state))
+            self.link.write(self.sent)
+        else:
+            if response is Action.DAMP and before is not Action.STOP:
+                self.link.write(self._check.damping)
+            self.sent = None
+        self._wait()
+
+    def follow(self, leader: Leader) -> "HeldLeader":
+        """Return the leader, frozen while the body is `held`.
+
+        Args:
+            leader: sets the targets of the controller's stack.
+        """
+        return HeldLeader(leader, self)
+
+    def close(self) -> None:
+        """Damp the robot and disconnect."""
+        self.sent = None
+        self.link.close()
+
+    def _ramped(self, split: MotorCommand) -> MotorCommand:
+        since = self.time + self._before
+        if since < self._ramp:
+            share = least_jerk(since, 0.0, self._ramp)[0]
+            q = self._q_0 + share * (self._q_start - self._q_0)
+            check = self._check
+            still = np.zeros(len(q))
+            hold = MotorCommand(q=q, dq=still, kp=check.kp_max, kd=check.kd_max, tau=still)
+            return _blend(hold, split, share)
+        if self.time > self._end:
+            share = least_jerk(self.time, self._end, self._ramp)[0]
+            damping = replace(self._check.damping, q=split.q)
+            return _blend(split, damping, share)
+        return split
+
+    def _wait(self) -> None:
+        """Wait for the next state."""
+        begin, link, period = self._began, self.link, self.control_dt
+        while True:
+            state, now = link.read(), link.clock()
+            # A robot's period is not quite that of this clock: half of one is for its jitter.
+            if state.time != self.measured.time and now >= begin + 0.5 * period:
+                break
+            if now >= begin + 1.5 * period:
+                self.late += 1
+                break
+            time.sleep(_POLL)
+        self.measured: MotorState = state
+        self._began = now
+
+
+class HeldLeader:
+    """Leader that is frozen while its body is held.
+
+    A leader with a method `hold`, for one whose robot cannot stop between two steps, is called by
+    that in place of `lead`, except before its begin.
+
+    Args:
+        leader: the leader.
+        body: of the robot.
+    """
+
+    def __init__(self, leader: Leader, body: LinkBody) -> None:
+        self.stack, self._leader, self._body = leader.stack, leader, body
+        self._hold = getattr(leader, "hold", None)
+
+    def lead(self, state: RobotState) -> None:
+        """Set the stack's targets, or leave them.
+
+        Args:
+            state: as estimated.
+        """
+        body = self._body
+        if not body.held:
+            self._leader.lead(state)
+        elif self._hold is not None and body.time >= 0.0:
+            self._hold(state)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._leader, name)
+
+
+def _blend(first: MotorCommand, second: MotorCommand, share: float) -> MotorCommand:
+    """Return (1 - share) first + share second, field by field."""
+    fields = ("q", "dq", "kp", "kd", "tau")
+    rest = 1.0 - share
+    mixed = {n: rest * getattr(first, n) + share * getattr(second, n) for n in fields}
+    return MotorCommand(**mixed)
