@@ -195,7 +195,10 @@ class LoadCellVote:
             return state
         contacts = {n: w for n, w in state.contacts.items() if n not in self.estimated}
         known = {n: w for n in self._names if n in contacts and (w := state.wrench(n)) is not None}
-        for name, wrench in self._observer.share(before.q, known).items():
+        observer = self._observer
+        # Without a sound cell it has just shared all of the force.
+        shared = observer.share(before.q, known) if known else observer.wrenches
+        for name, wrench in shared.items():
             force = math.hypot(*wrench[:3].tolist())
             contacts[name] = wrench if force >= ContactBelief.load * self._weight else np.zeros(6)
         return replace(state, contacts=contacts)

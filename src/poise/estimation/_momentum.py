@@ -46,7 +46,7 @@ class MomentumObserver:
 
     def __init__(self, robot: Robot, gain: float = 150.0) -> None:
         self._model, self._data = robot.model, robot.model.createData()
-        self._gain = gain
+        self._gain, self._lower = gain, np.tril_indices(robot.nv, -1)
         self._soles = {name: robot.frame_id(name) for name in robot.soles}
         self._rows = _rows_of_legs(robot, list(self._soles.values()))
         self._legs = np.where(self._rows < 6, 0.0, 1.0)
@@ -79,7 +79,8 @@ class MomentumObserver:
         """
         model, data, v = self._model, self._data, state.v
         M = pin.crba(model, data, state.q)
-        momentum = np.triu(M) @ v + np.triu(M, 1).T @ v
+        M[self._lower] = M.T[self._lower]
+        momentum = M @ v
         coriolis = pin.computeCoriolisMatrix(model, data, state.q, v)
         drive = coriolis.T @ v - pin.computeGeneralizedGravity(model, data, state.q)
         drive[6:] += torque
@@ -124,7 +125,7 @@ class MomentumObserver:
             return {}
         J = np.vstack(list(jacobians.values()))
         A = J @ J.T
-        A[np.diag_indices_from(A)] += (_TRUST if measured else _DAMPING) * A.max()
+        A.flat[:: len(A) + 1] += (_TRUST if measured else _DAMPING) * A.max()
         wrenches = np.linalg.solve(A, J @ force).reshape(-1, 6)
         return {
             name: wrench + measured.get(name, 0.0)

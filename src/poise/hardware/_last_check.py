@@ -6,13 +6,11 @@ import numpy as np
 
 from poise._checks import checked_number
 from poise.errors import ConfigurationError
-from poise.hardware._link import Gains, Joints, MotorCommand, MotorState, per_joint
+from poise.hardware._link import COMMAND_FIELDS, Gains, Joints, MotorCommand, MotorState, per_joint
 
 DAMPING_RATIO = 0.3
 """Damping torque at a joint's velocity limit, by its torque limit, as of the controllers' fallback:
 a fall has no joint reach its torque limit below three times its velocity limit."""
-
-_FIELDS = "q", "dq", "kp", "kd", "tau"
 
 
 @runtime_checkable
@@ -134,15 +132,15 @@ class LastCheck:
         count = len(self.joints)
         try:
             # A copy, which is the last command of the next tick.
-            rows = np.array([getattr(command, name) for name in _FIELDS], dtype=np.float64)
+            rows = np.array([getattr(command, name) for name in COMMAND_FIELDS], dtype=np.float64)
             measured = np.array([state.q, state.dq], dtype=np.float64)
         except (AttributeError, TypeError, ValueError, OverflowError):
             return f"no command, wanted numbers for {count} joints"
-        if rows.shape != (len(_FIELDS), count) or measured.shape != (2, count):
+        if rows.shape != (len(COMMAND_FIELDS), count) or measured.shape != (2, count):
             return f"a command of shape {rows.shape[1:]}, wanted {count} joints"
         if not np.isfinite(measured).all():
             return "the measured state is not finite, wanted one that is"
-        taken = MotorCommand(**dict(zip(_FIELDS, rows, strict=True)))
+        taken = MotorCommand(**dict(zip(COMMAND_FIELDS, rows, strict=True)))
         with np.errstate(invalid="ignore", over="ignore"):  # infinite or huge ones, refused below
             change = taken.torque(*measured) - self._last.torque(*measured)
         # Targets without a gain may be any number; infinite ones make the change NaN.

@@ -1,7 +1,7 @@
 """`Link`: the contract between a controller and a robot, with its states and commands."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Protocol, runtime_checkable
 
@@ -168,6 +168,10 @@ class Link(Protocol):
     def close(self) -> None:
         """Send damping and disconnect."""
         ...
+
+
+COMMAND_FIELDS = tuple(f.name for f in fields(MotorCommand))
+STATE_FIELDS = tuple(f.name for f in fields(MotorState))
 
 
 def per_joint(values: Gains, joints: Sequence[str], what: str) -> Joints:

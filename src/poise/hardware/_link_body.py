@@ -12,7 +12,14 @@ from poise.control import Command
 from poise.dynamics import RobotState, least_jerk
 from poise.errors import ConfigurationError
 from poise.hardware._last_check import LastCheck
-from poise.hardware._link import Joints, Link, MotorCommand, MotorState
+from poise.hardware._link import (
+    COMMAND_FIELDS,
+    STATE_FIELDS,
+    Joints,
+    Link,
+    MotorCommand,
+    MotorState,
+)
 from poise.hardware._plant_link import robot_state
 from poise.hardware._torque_split import TorqueSplit
 from poise.hardware._watchdog import Action, Verdict, Watchdog
@@ -32,7 +39,7 @@ class LinkBody:
 
     A step evaluates the watchdog, splits the command's torque, blends it by the ramp, writes, and
     waits for the next state, at most one and a half periods after the last. Time is that of the
-    robot's stamps, zero where the leader begins.
+    robot's stamps, zero at the first state.
 
     In the ramp-in the set-points of the drives are a blend of position control and controller,
 
@@ -59,6 +66,7 @@ class LinkBody:
     Attributes:
         robot: the robot.
         link: connection to it.
+        begin: time at which the leader begins [s].
         verdict: of the watchdog in the last step.
         measured: state of the present tick, as read.
         sent: set-points of the last tick; None before the first and after an end.
@@ -99,10 +107,11 @@ class LinkBody:
         self._end, self._operator = duration, operator
         self.verdict = Verdict(response=Action.RUN)
         self.sent: MotorCommand | None = None
+        self._answered = link.read()
         self.late = 0
         self.measured = link.read()
-        self._before = self._ramp + checked_number(stand, "stand of the link's body [s]")
-        self._zero = self.measured.time + self._before
+        self.begin = self._ramp + checked_number(stand, "stand of the link's body [s]")
+        self._zero = self.measured.time
         self._q_0 = np.clip(self.measured.q, check.lower, check.upper)
         self._began = link.clock()
 
@@ -113,16 +122,20 @@ class LinkBody:
 
     @property
     def fallen(self) -> bool:
-        """True once the watchdog damps or stops, and after the ramp-out: a rollout ends."""
-        return self.verdict.response >= Action.DAMP or self.time >= self._end + self._ramp
+        """True once the watchdog damps or stops before the ramp-out, which ends a rollout."""
+        return self.verdict.response >= Action.DAMP and self.time <= self._end
 
     @property
     def held(self) -> bool:
         """True where the leader's targets are frozen: before its begin, and on HOLD."""
-        return self.time < 0.0 or self.verdict.response is Action.HOLD
+        return self.time < self.begin or self.verdict.response is Action.HOLD
 
     def state(self) -> RobotState:
-        """Return the measured state, for an estimator: `robot_state`."""
+        """Return the measured state, for an estimator: `robot_state`; the first begins the run."""
+        if math.isnan(self._zero):
+            self.measured, self._began = self.link.read(), self.link.clock()
+            self._zero = self.measured.time
+            self._q_0 = np.clip(self.measured.q, self._check.lower, self._check.upper)
         state = robot_state(self.robot, self.link.info, self.measured)
         return replace(state, time=self.time)
 
@@ -138,7 +151,9 @@ class LinkBody:
         """
         operator = None if self._operator is None else self._operator()
         state, before = self.measured, self.verdict.response
+        self._answered = state
         self.verdict = self.watchdog.evaluate(self.link, state, command, operator=operator)
+        self._age = self.link.clock() - state.arrived
         response = self.verdict.response
         if response < Action.DAMP:
             self.sent = self._ramped(self._split.split(command, state))
@@ -157,15 +172,31 @@ class LinkBody:
         """
         return HeldLeader(leader, self)
 
+    def signals(self) -> dict[str, np.ndarray | float | str]:
+        """Return the state that the last tick received and the command that it sent.
+
+        `received/` and `sent/` with the fields of `MotorState` and `MotorCommand`, `age` of the
+        state when the command went out [s], and notes of the link and the watchdog.
+        """
+        received = {f"received/{name}": getattr(self._answered, name) for name in STATE_FIELDS}
+        signals = {name: value for name, value in received.items() if np.size(value)}
+        if self.sent is not None:
+            signals |= {f"sent/{name}": getattr(self.sent, name) for name in COMMAND_FIELDS}
+        reason = self.verdict.reason or self.link.reason
+        return signals | {
+            "age": self._age,
+            "link": self.link.status.value,
+            "watchdog": f"{self.verdict.response.name}: {reason}",
+        }
+
     def close(self) -> None:
         """Damp the robot and disconnect."""
         self.sent = None
         self.link.close()
 
     def _ramped(self, split: MotorCommand) -> MotorCommand:
-        since = self.time + self._before
-        if since < self._ramp:
-            share = least_jerk(since, 0.0, self._ramp)[0]
+        if self.time < self._ramp:
+            share = least_jerk(self.time, 0.0, self._ramp)[0]
             q = self._q_0 + share * (self._q_start - self._q_0)
             check = self._check
             still = np.zeros(len(q))
@@ -217,7 +248,7 @@ class HeldLeader:
         body = self._body
         if not body.held:
             self._leader.lead(state)
-        elif self._hold is not None and body.time >= 0.0:
+        elif self._hold is not None and body.time >= body.begin:
             self._hold(state)
 
     def __getattr__(self, name: str) -> object:
@@ -226,7 +257,6 @@ class HeldLeader:
 
 def _blend(first: MotorCommand, second: MotorCommand, share: float) -> MotorCommand:
     """Return (1 - share) first + share second, field by field."""
-    fields = ("q", "dq", "kp", "kd", "tau")
     rest = 1.0 - share
-    mixed = {n: rest * getattr(first, n) + share * getattr(second, n) for n in fields}
+    mixed = {n: rest * getattr(first, n) + share * getattr(second, n) for n in COMMAND_FIELDS}
     return MotorCommand(**mixed)

@@ -38,13 +38,21 @@ class PlantLink:
         plant: with torque actuation, as `poise.Plant`.
         check: the last check.
         period: from one command to the next; the plant's control period if not given [s].
+        load_cells: False for soles without.
 
     Raises:
         ConfigurationError: the check is of another robot, or the period is no multiple of the
             plant's.
     """
 
-    def __init__(self, plant: PlantLike, check: LastCheck, *, period: float | None = None) -> None:
+    def __init__(
+        self,
+        plant: PlantLike,
+        check: LastCheck,
+        *,
+        period: float | None = None,
+        load_cells: bool = True,
+    ) -> None:
         robot, dt = plant.robot, plant.control_dt
         period = checked_number(dt if period is None else period, "period [s]", above=0.0)
         self._ticks = max(1, round(period / dt))
@@ -59,7 +67,8 @@ class PlantLink:
             )
         self._plant, self._check, self._status = plant, check, LinkStatus.OK
         self._tau_max, self._torque = robot.tau_max, np.zeros(robot.nj)
-        soles = tuple(name for name in robot.soles if name in plant.state().contacts)
+        measured = plant.state().contacts if load_cells else {}
+        soles = tuple(name for name in robot.soles if name in measured)
         self.info = LinkInfo(
             name=f"simulated {robot.name}", rate=1.0 / period, joints=robot.joint_names, soles=soles
         )

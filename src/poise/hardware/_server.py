@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from poise.hardware._last_check import LastCheck
-from poise.hardware._link import Link, LinkStatus, MotorCommand
+from poise.hardware._link import COMMAND_FIELDS, STATE_FIELDS, Link, LinkStatus, MotorCommand
 from poise.hardware._mailbox import Mailbox
 
 FRESH = 0.01
@@ -29,11 +29,7 @@ LOOKS = 4
 """Looks for states and commands in a period of the link: each waits for a quarter of it at most."""
 
 STATUSES = tuple(LinkStatus)
-COMMAND_FIELDS = "q", "dq", "kp", "kd", "tau"
-_STATE_FIELDS = (
-    *("time", "q", "dq", "tau", "temperature"),
-    *("quaternion", "gyro", "acceleration", "wrenches"),
-)
+_MEASURED = tuple(name for name in STATE_FIELDS if name != "arrived")
 _REASON = 200  # bytes: the longest reason has a joint's name and two numbers
 
 
@@ -167,7 +163,7 @@ class _Server:
         state, record = self._state, self._record
         if state.time != record["time"]:
             record["arrived"] = time.monotonic()
-            for name in _STATE_FIELDS:
+            for name in _MEASURED:
                 record[name] = getattr(state, name)
         record["status"], record["refused"] = STATUSES.index(self._status), self._refused
         reason = self._fault or self._check.reason or self._link.reason

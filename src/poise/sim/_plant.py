@@ -369,6 +369,13 @@ class Plant:
         return not height > self.config.fall_height_ratio * self._home_height
 
     @property
+    def trouble(self) -> str:
+        """Reason for which a run ended on this plant; "" for none."""
+        if self._diverged:
+            return "the simulation diverged"
+        return f"the robot fell at {self.time:.3f} s" if self.fallen else ""
+
+    @property
     def rejected_commands(self) -> int:
         """Commands since the last reset that held NaN or infinity, and were not carried out."""
         return self._actuators.rejected

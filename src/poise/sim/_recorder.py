@@ -48,7 +48,7 @@ class SolvesStack(Protocol):
 
 @runtime_checkable
 class HasSignals(Protocol):
-    """A leader with signals to record."""
+    """A leader, or a plant, with signals to record."""
 
     def signals(self) -> Mapping[str, Value | str]:
         """Samples of signals by name, and notes by topic, after a tick."""
@@ -116,6 +116,7 @@ class Recorder:
         self._plant = plant
         self._stack = _WatchedStack(controller) if isinstance(controller, SolvesStack) else None
         self._leader = leader if isinstance(leader, HasSignals) else None
+        self._sources = [part for part in (leader, plant) if isinstance(part, HasSignals)]
         self._truth = plant.true_state()
         self._watch = BlockWatch(plant) if plant.config.blocks else None
         self._wrenches = [(name, f"wrench/{name}") for name in robot.soles]
@@ -163,8 +164,8 @@ class Recorder:
                 samples["tick_us/controller"] = 1e6 * tick.controller_seconds
             else:
                 self._stack.add(samples, answered=tick.command.status.ok)
-        if self._leader is not None:
-            for name, value in self._leader.signals().items():
+        for source in self._sources:
+            for name, value in source.signals().items():
                 if isinstance(value, str):
                     note(time, name, value)
                 elif due:

@@ -18,7 +18,7 @@ class HoistedPlant(Plant):
 
     The hoist is a spring and a damper at the base, critically damped, that stretches by 1 cm under
     the weight and turns the base back with twice the moment with which gravity tips the robot. It
-    holds until `lower`, then fades over `RAMP`.
+    holds for `RAMP` after the first torque or stiffness, then fades over `RAMP`.
 
     Args:
         robot: with a floating base.

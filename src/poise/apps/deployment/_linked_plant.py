@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from poise.control import Command
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError
-from poise.hardware import LinkBody
+from poise.hardware import LinkBody, robot_state
 from poise.sim import Estimator, Plant, PlantConfig, Push, Value
 
 
@@ -30,17 +30,10 @@ class LinkedPlant(Plant):
 
     def __init__(self, body: LinkBody, config: PlantConfig) -> None:
         self.body = body
+        # Not the body's own state, which begins the run.
+        self._estimate = robot_state(body.robot, body.link.info, body.measured)
         super().__init__(body.robot, config)
-
-    def reset(
-        self,
-        q: Float64[np.ndarray, " nq"] | None = None,
-        v: Float64[np.ndarray, " nv"] | None = None,
-    ) -> RobotState:
-        """Show a posture until the first estimate; the robot stays as it is."""
-        Plant.reset(self, q, v)
-        self.show(self.body.state())
-        return self._estimate
+        self.show(self._estimate)
 
     def watch(self, estimator: Estimator) -> Estimator:
         """Return the estimator, whose estimates the plant shows."""
@@ -55,6 +48,11 @@ class LinkedPlant(Plant):
     def fallen(self) -> bool:
         """True where the run has ended."""
         return self.body.fallen
+
+    @property
+    def trouble(self) -> str:
+        """Reason of the watchdog for an end; "" for none."""
+        return self.body.verdict.reason if self.body.fallen else ""
 
     @property
     def applied_torque(self) -> Float64[np.ndarray, " nj"]:

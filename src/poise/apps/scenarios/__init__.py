@@ -20,6 +20,7 @@ from poise.apps.scenarios._run import (
     Progress as Progress,
     Run,
     run_scenario,
+    run_stage as run_stage,
 )
 from poise.apps.scenarios._scenario import (
     Measurement as Measurement,

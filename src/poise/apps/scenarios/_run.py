@@ -18,10 +18,10 @@ from poise.apps.report import Check, RunSignals
 from poise.apps.scenarios._checks import evaluate_checks
 from poise.apps.scenarios._scenario import Scenario, load_scenario
 from poise.apps.scenarios._signals import collect_signals
-from poise.apps.scenarios._stage import describe, stage_scenario
+from poise.apps.scenarios._stage import Stage, describe, stage_scenario
 from poise.control import Controller
 from poise.robots import Robot
-from poise.sim import Plant, Recorder, RunRecord, open_viewer, rollout
+from poise.sim import Plant, Recorder, RecorderConfig, RunRecord, open_viewer, rollout
 
 INTERRUPTED = "interrupted by the user"
 """The reason of an early end by Ctrl-C."""
@@ -139,9 +139,32 @@ def run_scenario(
         with Bar("simulating", " s") if progress else nullcontext(lambda *_: None) as bar:
             return run_scenario(scenario, robot=robot, log=log, view=view, progress=bar)
     stated = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-    stage = stage_scenario(stated, robot)
+    return run_stage(stage_scenario(stated, robot), log=log, view=view, progress=progress)
+
+
+def run_stage(
+    stage: Stage,
+    *,
+    log: str | Path | None = None,
+    view: bool = False,
+    progress: Progress = lambda *_: None,
+    flush_dt: float = RecorderConfig().flush_dt,
+) -> Run:
+    """Run a staged scenario; as `run_scenario`.
+
+    Args:
+        stage: as `stage_scenario` returns it, or on another plant.
+        log: MCAP file to write meanwhile; none when None.
+        view: show the plant in a window, in real time.
+        progress: called with the progress of the run.
+        flush_dt: time between two writings of the log [s].
+
+    Returns:
+        The run with its signals and checks.
+    """
     scenario, plant = stage.scenario, stage.plant
-    recorder = Recorder(log, metadata=describe(scenario, stage.pushes))
+    config = RecorderConfig(flush_dt=flush_dt)
+    recorder = Recorder(log, config=config, metadata=describe(scenario, stage.pushes))
     shown, ended_early, begin = 0.0, "", clock.perf_counter()
     with (
         open_viewer(plant) if view else nullcontext() as viewer,
@@ -153,7 +176,7 @@ def run_scenario(
                 stage.leader,
                 [recorder],
                 estimator=stage.estimator,
-                duration=scenario.duration,
+                duration=stage.duration,
             )
         ) as ticks,
     ):
@@ -171,10 +194,8 @@ def run_scenario(
             if ended_early:
                 break
     wall = clock.perf_counter() - begin
-    if ended_early != INTERRUPTED and plant.fallen:
-        ended_early = f"the robot fell at {plant.time:.3f} s"
-    if ended_early != INTERRUPTED and plant.diverged:
-        ended_early = "the simulation diverged"
+    if ended_early != INTERRUPTED:
+        ended_early = plant.trouble or ended_early
     record = recorder.record
     signals = collect_signals(record, stage.robot)
     return Run(

@@ -396,6 +396,29 @@ class Scenario:
         """True for a robot that walks by itself."""
         return self.walk is not None or self.drive is not None
 
+    def later(self, by: float) -> "Scenario":
+        """Return the scenario after a time of standing [s]; devices and walks by footsteps apart.
+
+        Devices keep their own time, and a walk begins when its leader is first called.
+        """
+
+        def moved(items: Any, key: str = "at") -> Any:
+            return tuple(replace(item, **{key: getattr(item, key) + by}) for item in items)
+
+        # Windows end with the scenario, where a robot may have to do something else after it.
+        last = self.duration
+        checks = (replace(c, begin=c.begin + by, end=min(c.end, last) + by) for c in self.checks)
+        drive = self.drive
+        return replace(
+            self,
+            duration=self.duration + by,
+            motions=moved(self.motions),
+            contact_changes=moved(self.contact_changes),
+            pushes=moved(self.pushes),
+            checks=tuple(checks),
+            drive=drive and replace(drive, velocities=moved(drive.velocities)),
+        )
+
     def walker(self, robot: Robot, stack: Stack) -> Walker | None:
         """Make the leader of a robot that walks from its home posture; None for one that stays.
 

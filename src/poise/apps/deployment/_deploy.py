@@ -1,0 +1,136 @@
+"""`deploy`: a scenario on a robot behind a link."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from msgspec import structs
+
+from poise.apps.deployment._linked_plant import LinkedPlant
+from poise.apps.scenarios import Progress, Run, Scenario, Stage, run_stage, stage_scenario
+from poise.errors import ConfigurationError
+from poise.hardware import RAMP, LastCheck, Link, LinkBody, TorqueSplit
+from poise.locomotion import Device, OperatorSample, StepTeleoperator
+from poise.robots import Robot
+from poise.sim import rollout
+
+FLUSH = 0.01
+"""Time between two writings of the log [s]: half of the 20 ms that a killed run may lose."""
+
+_REHEARSAL = 0.1
+"""Length of the rehearsal [s]: all of a tick runs in its first few, and is compiled then."""
+
+
+def stage_deployment(
+    scenario: Scenario,
+    robot: Robot,
+    link: Link,
+    check: LastCheck,
+    split: TorqueSplit | None = None,
+    *,
+    ramp: float = RAMP,
+    operator: Callable[[], float | None] | None = None,
+) -> Stage:
+    """Stage a scenario on a robot behind a link.
+
+    A first stage is rehearsed on the scenario's own plant, so that nothing is compiled while the
+    robot stands.
+
+    Args:
+        scenario: its pushes are left out; its plant gets the period of the link.
+        robot: the robot.
+        link: connection to it.
+        check: the last check of the link.
+        split: from torques to set-points of the drives; None for torque alone.
+        ramp: length of ramps and of standing before the scenario begins [s].
+        operator: time of the operator's newest sample, as for `LinkBody`.
+
+    Raises:
+        PoiseError: the scenario does not fit the robot, or needs a simulator.
+    """
+    scenario = _without_simulator(scenario, 1.0 / link.info.rate).later(2.0 * ramp)
+    rehearsed = stage_scenario(scenario, robot)
+    for _ in rollout(
+        rehearsed.plant,
+        rehearsed.controller,
+        rehearsed.leader,
+        estimator=rehearsed.estimator,
+        duration=_REHEARSAL,
+    ):
+        pass
+    stage = stage_scenario(scenario, robot)
+    body = LinkBody(
+        robot,
+        link,
+        check,
+        split,
+        q_start=stage.plant.true_state().q[-robot.nj :],
+        ramp=ramp,
+        stand=ramp,
+        duration=scenario.duration,
+        operator=operator,
+    )
+    if isinstance(stage.leader, StepTeleoperator) and stage.leader.device is not None:
+        stage.leader.device = _LaterDevice(stage.leader.device, body.begin)
+    plant = LinkedPlant(body, stage.scenario.plant)
+    if stage.estimator is None:
+        raise ConfigurationError(
+            f"scenario {scenario.name!r} has no estimator", wanted="a robot with a floating base"
+        )
+    return replace(
+        stage,
+        plant=plant,
+        leader=body.follow(stage.leader),
+        estimator=plant.watch(stage.estimator),
+        duration=scenario.duration + ramp,
+    )
+
+
+def deploy(
+    stage: Stage,
+    *,
+    log: str | Path | None = None,
+    view: bool = False,
+    progress: Progress = lambda *_: None,
+) -> Run:
+    """Run a staged deployment; whatever ends it, the robot is damped.
+
+    Args:
+        stage: of `stage_deployment`.
+        log: MCAP file, written every 10 ms.
+        view: show the estimate in a window.
+        progress: called with the progress of the run.
+
+    Returns:
+        The run with its signals and checks; those of the simulator's truth compare the estimate
+        with itself.
+    """
+    plant = stage.plant
+    assert isinstance(plant, LinkedPlant)
+    try:
+        return run_stage(stage, log=log, view=view, progress=progress, flush_dt=FLUSH)
+    finally:
+        plant.body.close()
+
+
+class _LaterDevice:
+    """Device whose time begins later."""
+
+    def __init__(self, device: Device, begin: float) -> None:
+        self._device, self._begin = device, begin
+
+    def sample(self, time: float) -> OperatorSample | None:
+        sample = self._device.sample(time - self._begin)
+        return sample and structs.replace(sample, time=sample.time + self._begin)
+
+
+def _without_simulator(scenario: Scenario, period: float) -> Scenario:
+    """The scenario at another control period, without what only a simulator does."""
+    if scenario.plant.commanded != "torque":
+        raise ConfigurationError(
+            f"scenario {scenario.name!r} commands velocities",
+            got=scenario.plant.actuation,
+            wanted="torque",
+        )
+    plant = replace(scenario.plant, control_dt=period, sensors=type(scenario.plant.sensors)())
+    return replace(scenario, plant=plant, pushes=(), ground_truth=False)
