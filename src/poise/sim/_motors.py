@@ -2,7 +2,7 @@
 
 import math
 import re
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -18,6 +18,7 @@ from poise.sim._motor_config import PERIOD, Motor, MotorConfig
 Joints = Float64[np.ndarray, " nj"]
 Square = Float64[np.ndarray, "nj nj"]
 
+@runtime_checkable
 class SetPoints(Protocol):
     """Set-points of the drives' loops: tau + kp (q - q_measured) + kd (dq - dq_measured)."""
 
@@ -50,6 +51,7 @@ class _State(NamedTuple):
     """State of the motors, at their outputs."""
 
     angle: Joints
+    slip: Joints  # in each period, towards the angles of the physics
     speed: Joints
     counted: Joints  # angle by the encoder
     measured: Joints  # speed by the drive
@@ -104,6 +106,7 @@ class Motors:
             values[:] = 0.0
         state.torque[:] = np.linalg.solve(self._rates.T, load)
         self._mean = state.torque.copy()
+        state.angle[:] = self._rates @ data.qpos[self._at_q]
         self._look(data)
         state.counted[:] = _counted(state.angle, self._drives.count)
         state.measured[:] = state.speed
@@ -152,7 +155,7 @@ class Motors:
     def _look(self, data: mujoco.MjData) -> None:
         """Take over angles, speeds and the response of the physics."""
         rates, state = self._rates, self._state
-        state.angle[:] = rates @ data.qpos[self._at_q]
+        state.slip[:] = (rates @ data.qpos[self._at_q] - state.angle) / self._ticks
         state.speed[:] = rates @ data.qvel[self._at_v]
         state.given[:] = state.limited[:] = 0.0
         mujoco.mj_fullM(self._model, data, self._inertia)
@@ -213,7 +216,7 @@ def _advance(
                     state.speed[k] += response[k, i] * change
         for i in range(n):
             state.given[i] += state.impulse[i] / PERIOD
-            state.angle[i] += PERIOD * state.speed[i]
+            state.angle[i] += PERIOD * state.speed[i] + state.slip[i]
             counted = state.angle[i]
             if drives.count[i] > 0.0:
                 counted = drives.count[i] * round(counted / drives.count[i])
