@@ -5,11 +5,10 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from poise._checks import checked_number
-from poise.control import Command, CommandStatus
 from poise.dynamics import RobotState, SensorReadings
 from poise.errors import ConfigurationError
 from poise.hardware._last_check import LastCheck
-from poise.hardware._link import LinkInfo, LinkStatus, MotorCommand, MotorState
+from poise.hardware._link import Joints, LinkInfo, LinkStatus, MotorCommand, MotorState
 from poise.robots import Robot
 
 
@@ -24,15 +23,16 @@ class PlantLike(Protocol):
     @property
     def time(self) -> float: ...
     def state(self) -> RobotState: ...
-    def true_state(self) -> RobotState: ...
-    def step(self, command: Command | None) -> Any: ...
+    @property
+    def applied_torque(self) -> Joints: ...
+    def drive(self, set_points: MotorCommand) -> Any: ...
 
 
 class PlantLink:
-    """A plant in this process, with ideal drives at the rate of its commands.
+    """A plant in this process.
 
-    Each written command lasts for one period of the link, in which the drives' loops act once in
-    each control period of the plant, on the true joint state. The clock is the plant's.
+    Each written command lasts for one period of the link, in which it goes to the plant's drives
+    (`Plant.drive`) in each control period of the plant. The clock is the plant's.
 
     Args:
         plant: with torque actuation, as `poise.Plant`.
@@ -66,7 +66,6 @@ class PlantLink:
                 wanted=f"those of {robot.name}",
             )
         self._plant, self._check, self._status = plant, check, LinkStatus.OK
-        self._tau_max, self._torque = robot.tau_max, np.zeros(robot.nj)
         measured = plant.state().contacts if load_cells else {}
         soles = tuple(name for name in robot.soles if name in measured)
         self.info = LinkInfo(
@@ -101,7 +100,7 @@ class PlantLink:
             arrived=self._plant.time,
             q=raw.q[-joints:],
             dq=raw.v[-joints:],
-            tau=self._torque if readings is None else readings.torque,
+            tau=self._plant.applied_torque if readings is None else readings.torque,
             temperature=np.full(joints, np.nan),
             quaternion=raw.q[3:7] if floating else np.array([0.0, 0.0, 0.0, 1.0]),
             gyro=np.zeros(3) if readings is None else readings.angular_velocity,
@@ -117,17 +116,12 @@ class PlantLink:
         """
         if self._status is LinkStatus.LOST:
             return
-        refused, joints = self._check.refused, self._plant.robot.nj
+        refused = self._check.refused
         command = self._check.check(command, self.read())
         failed = self._check.refused > refused
         self._status = LinkStatus.REFUSED if failed else LinkStatus.OK
         for _ in range(self._ticks):
-            now = self._plant.true_state()
-            torque = command.torque(now.q[-joints:], now.v[-joints:])
-            # A plant that has diverged has no state, and takes any torque.
-            torque = np.nan_to_num(np.clip(torque, -self._tau_max, self._tau_max))
-            self._torque = torque
-            self._plant.step(Command(CommandStatus.OK, torque))
+            self._plant.drive(command)
 
     def close(self) -> None:
         """Send damping for one period and disconnect."""

@@ -19,6 +19,11 @@ from poise.sim._config import (
 )
 from poise.sim._log import finish_log as finish_log, read_log, write_log as write_log
 from poise.sim._mapping import StateMap as StateMap
+from poise.sim._motor_config import (
+    Linkage as Linkage,
+    Motor as Motor,
+    MotorConfig as MotorConfig,
+)
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord, Value as Value
 from poise.sim._recorder import (

@@ -30,7 +30,8 @@ class Actuators:
         self._stiffness = config.servo.stiffness * robot.tau_max
         self._damping = config.servo.damping * robot.tau_max
         self._q_min, self._q_max = robot.q_min, robot.q_max
-        bandwidth = config.torque_bandwidth
+        # Motors with drives of their own follow at the rate of these.
+        bandwidth = config.torque_bandwidth if config.motors is None else None
         self._lags = bandwidth is not None
         # Part of what is missing to the torque that a motor makes up in a physics step
         self._follow = 1.0 if bandwidth is None else -math.expm1(-math.tau * bandwidth * self._dt)

@@ -212,7 +212,8 @@ def _add_motors(spec: mujoco.MjSpec, robot: Robot, config: PlantConfig) -> None:
         motor = spec.add_actuator(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, forcerange=(-limit, limit)
         )
-        motor.forcelimited = bool(np.isfinite(limit))
+        # Motors with drives of their own limit their torques themselves.
+        motor.forcelimited = bool(np.isfinite(limit)) and config.motors is None
         if config.actuation == "torque":
             motor.set_to_motor()
         else:

@@ -10,8 +10,20 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 import pinocchio as pin
 
-from poise._schema import Bounds, Duration, Number, Ratio, Seconds, Text, Truth, Vector, checked
+from poise._schema import (
+    NOT_IN_FILES,
+    Bounds,
+    Duration,
+    Number,
+    Ratio,
+    Seconds,
+    Text,
+    Truth,
+    Vector,
+    checked,
+)
 from poise.errors import ConfigurationError
+from poise.sim._motor_config import PERIOD, MotorConfig
 
 Actuation = Literal["torque", "position", "velocity"]
 """Kind of control of the joints' motors."""
@@ -228,6 +240,8 @@ class PlantConfig:
     # Cut-off frequency f of the motors' torque [Hz], by torque actuation alone:
     # dtau/dt = 2 pi f (tau_commanded - tau); without delay when None
     torque_bandwidth: Annotated[float, Bounds(positive=True, most=1e6, unit="Hz")] | None = None
+    # Drives with loops of their own, by torque actuation alone; ideal ones when None
+    motors: MotorConfig | None = field(default=None, metadata=NOT_IN_FILES)
     fall_height_ratio: Ratio = 0.6  # a pelvis below this fraction of its home height has fallen
 
     def with_noise(self) -> "PlantConfig":
@@ -245,6 +259,11 @@ class PlantConfig:
         return _multiple("control_dt", self.control_dt, "physics_dt", self.physics_dt)
 
     @property
+    def drive_ticks(self) -> int:
+        """Number of periods of the drives' loops in one physics step."""
+        return _multiple("physics_dt", self.physics_dt, "the period of the drives", PERIOD)
+
+    @property
     def delay_ticks(self) -> int:
         """Age of the measurements in control periods."""
         return _multiple("the sensors' delay", self.sensors.delay, "control_dt", self.control_dt)
@@ -257,12 +276,15 @@ class PlantConfig:
         if self.contact_time_constant < least:
             wrong = "contact_time_constant is too short for the physics step"
             raise ConfigurationError(wrong, got=self.contact_time_constant, wanted=f">= {least}")
-        if self.torque_bandwidth is not None and self.actuation != "torque":
-            raise ConfigurationError(
-                f"torque_bandwidth does not go with {self.actuation} actuation",
-                got=self.torque_bandwidth,
-                wanted="no torque_bandwidth, or actuation torque",
-            )
+        for name in ("torque_bandwidth", "motors"):
+            if getattr(self, name) is not None and self.actuation != "torque":
+                raise ConfigurationError(
+                    f"{name} does not go with {self.actuation} actuation",
+                    got=getattr(self, name),
+                    wanted=f"no {name}, or actuation torque",
+                )
+        if self.motors is not None:
+            _ = self.drive_ticks
 
 
 def _multiple(name: str, value: float, unit_name: str, unit: float) -> int:

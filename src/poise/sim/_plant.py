@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float64
 
 from poise._checks import checked_count, checked_kind
 from poise._show import few, html_table
-from poise.control import Command
+from poise.control import Command, CommandStatus
 from poise.dynamics import RobotState, SensorReadings
 from poise.errors import RobotError, TargetError
 from poise.robots import Robot
@@ -19,6 +19,7 @@ from poise.sim._build import build_model
 from poise.sim._config import PlantConfig, Push
 from poise.sim._forces import LOADED, PushSchedule, SoleForces
 from poise.sim._mapping import StateMap
+from poise.sim._motors import Motors, SetPoints
 from poise.sim._rest import find_rest
 from poise.sim._self_contact import SelfContacts
 from poise.sim._sensors import InertialUnit, Sensors
@@ -84,6 +85,8 @@ class Plant:
         servos = config.actuation != "torque"
         self._servos = ServoSteps(self.model, self.data) if servos else None
         checked_count(seed, "seed of the plant")
+        driven = config.motors is not None
+        self._motors = Motors(robot, config, self.model, seed) if driven else None
         self._sensors = None
         if not config.sensors.ideal:
             ticks, base = config.delay_ticks, robot.base_dofs
@@ -130,11 +133,13 @@ class Plant:
         self.data.ctrl[:] = self._actuators.reset(q[-self.robot.nj :], load)
         self._unit.reset()
         mujoco.mj_forward(self.model, self.data)
+        if self._motors is not None:
+            self._motors.reset(self.data, load)
         if self._self_contacts is not None:
             self._self_contacts.forces = {}
             self._self_contacts.look(self.data)
         self._truth: RobotState | None = None
-        state = self.true_state()
+        state = self._read_drives()
         state = state if self._sensors is None else self._sensors.reset(state)
         self._state: RobotState | None = state
         return state
@@ -215,12 +220,60 @@ class Plant:
             ConfigurationError: the command is of another kind or shape than the plant's actuation.
         """
         self._actuators.accept(command, position, self.state)
+        if self._motors is not None:
+            torque = self._actuators.controls()[0]
+            self._motors.send(np.array([*np.zeros((4, self.robot.nj)), torque]))
+        self._pass()
+
+    def drive(self, set_points: SetPoints) -> None:
+        """Advance one control period under set-points of the drives' own loops.
+
+        Each drive applies tau + kp (q - q_measured) + kd (dq - dq_measured) within its limits.
+        Ideal drives do so once, on the true joint state, at the beginning of the period; those of
+        `PlantConfig.motors` at 10 kHz, from when the command arrives until another one does. These
+        refuse set-points with NaN or infinity, count them among `rejected_commands`, and apply no
+        torque then.
+
+        Args:
+            set_points: q [rad], dq [rad/s], kp [N m/rad], kd [N m s/rad] and tau [N m] of all
+                joints, as `poise.hardware.MotorCommand`; the plant has torque actuation.
+
+        Raises:
+            ConfigurationError: the plant has another actuation.
+        """
+        names = "q", "dq", "kp", "kd", "tau"
+        q, dq, kp, kd, tau = rows = np.array([getattr(set_points, name) for name in names])
+        if self._motors is None:
+            now, joints = self._true, self.robot.nj
+            torque = tau + kp * (q - now.q[-joints:]) + kd * (dq - now.v[-joints:])
+            # A plant that has diverged has no state, and takes any torque.
+            torque = np.nan_to_num(np.clip(torque, -self.robot.tau_max, self.robot.tau_max))
+            self.step(Command(CommandStatus.OK, torque))
+            return
+        if not np.isfinite(rows).all():
+            self._actuators.rejected += 1
+            rows[:] = 0.0
+        self._motors.send(rows)
+        self._pass()
+
+    def _pass(self) -> None:
+        """Let a control period pass."""
         begin = self.time
         self._tick += 1
         if not self._diverged:
             self._advance(begin)
         self._truth = None
-        self._state = None if self._sensors is None else self._sensors.measure(self.true_state())
+        if self._sensors is not None:
+            self._state = self._sensors.measure(self._read_drives())
+        else:
+            self._state = None if self._motors is None else self._read_drives()
+
+    def _read_drives(self) -> RobotState:
+        """Return the true state, with what drives of their own measure in place of the joints'."""
+        state = self.true_state()
+        if self._motors is not None:
+            self._motors.measure(state)
+        return state
 
     def _advance(self, begin: float) -> None:
         """Advance, keeping MuJoCo's warnings off the terminal and out of the user's folder."""
@@ -242,14 +295,15 @@ class Plant:
     def _simulate(self, begin: float) -> None:
         data, dt, pushes = self.data, self.config.physics_dt, self._pushes
         controls, touching, servos = self._actuators.controls(), self._self_contacts, self._servos
-        if self._actuators.constant and not pushes and touching is None and servos is None:
+        motors, constant = self._motors, self._actuators.constant and self._motors is None
+        if constant and not pushes and touching is None and servos is None:
             data.ctrl[:] = controls[0]
             mujoco.mj_step(self.model, data, len(controls))
             return
         if touching is not None:
             touching.forces = {}
         for k, control in enumerate(controls):
-            data.ctrl[:] = control
+            data.ctrl[:] = control if motors is None else motors.torque(data)
             if pushes:
                 pushes.apply(data, begin + k * dt, begin + (k + 1) * dt)
             if servos is None:
@@ -324,12 +378,18 @@ class Plant:
 
     @property
     def applied_torque(self) -> Float64[np.ndarray, " nj"]:
-        """Torque that the motors gave in the last physics step, saturation included [N m]."""
+        """Torque that the motors gave in the last physics step, saturation included [N m].
+
+        With `PlantConfig.motors` it is the mean in that step, with ripple and friction; what
+        `state().readings` has is that of the currents.
+        """
         return self.data.actuator_force.copy()
 
     @property
     def saturated(self) -> Bool[np.ndarray, " nj"]:
         """Motors that were at their limit in the last physics step."""
+        if self._motors is not None:
+            return self._motors.saturated
         return np.abs(self.data.actuator_force) >= self.robot.tau_max * (1.0 - 1e-12)
 
     @property
