@@ -3,6 +3,9 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from poise.hardware._g1 import G1Link as G1Link
+from poise.hardware._g1_robot import G1Robot as G1Robot
+from poise.hardware._g1_sdk import MODE_MACHINES as MODE_MACHINES
 from poise.hardware._last_check import LastCheck
 from poise.hardware._link import (
     Link,

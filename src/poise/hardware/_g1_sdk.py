@@ -1,0 +1,123 @@
+"""Unitree's messages of a G1, by the SDK: what both ends of its topics share."""
+
+import socket
+from collections.abc import Sequence
+from importlib import metadata
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from poise.errors import ConfigurationError, RobotError, UnknownNameError, import_extra
+from poise.hardware._link import Joints
+
+MOTORS = 29
+"""Slots that the SDK fills, of the messages' 35."""
+
+MODE_MACHINES = {
+    "g1_23dof": 1,
+    "g1_29dof": 2,
+    "g1_29dof_lock_waist": 3,
+    "g1_23dof_rev_1_0": 4,
+    "g1_29dof_rev_1_0": 5,
+    "g1_29dof_lock_waist_rev_1_0": 6,
+    "g1_dual_arm": 9,
+    "g1_23dof_mode_10": 10,
+    "g1_29dof_mode_11": 11,
+    "g1_29dof_mode_12": 12,
+    "g1_29dof_mode_13": 13,
+    "g1_29dof_mode_14": 14,
+    "g1_29dof_mode_15": 15,
+    "g1_29dof_mode_16": 16,
+}
+"""`mode_machine` of a G1 by its model, from robots/g1_description/README.md of unitree_ros.
+
+Models with hands have the number of the same robot without; `poise.load_robot("g1")` is
+`g1_29dof_rev_1_0`. Waists of 3, 6, 12, 14 and 16 are locked."""
+
+_VERSION = "0.1.8"  # whose behaviour the tests show
+_FLOAT32 = float(np.finfo(np.float32).max)
+_PARTICIPANTS = 119  # last index whose ports are of domain 0 (RTPS 2.5, 9.6.2.3)
+
+
+def open_sdk(interface: str, tag: str) -> tuple[Any, Any]:
+    """Return the SDK's module, and its object for the topics of a G1.
+
+    A process has one network interface and one tag for its lifetime.
+
+    Args:
+        interface: network interface.
+        tag: of Cyclone DDS; participants with different tags do not see each other.
+
+    Raises:
+        MissingExtraError: the SDK is not installed.
+        ConfigurationError: it has another version.
+        UnknownNameError: there is no such interface.
+        RobotError: DDS does not start.
+    """
+    name = "far-unitree-sdk"
+    purpose = "A link to a G1, on Linux with Python 3.11 or 3.12,"
+    sdk = import_extra("unitree_interface", "g1", purpose, package=name)
+    if (version := metadata.version(name)) != _VERSION:
+        what = f"the package {name!r} has a version that is not known"
+        wanted = f"{_VERSION}; install it with: pip install {name}=={_VERSION}"
+        raise ConfigurationError(what, got=version, wanted=wanted)
+    interfaces = [found for _, found in socket.if_nameindex()]
+    if interface not in interfaces:
+        raise UnknownNameError("no such network interface", got=interface, choices=interfaces)
+    try:
+        kinds = sdk.RobotType.G1, sdk.MessageType.HG
+        return sdk, sdk.UnitreeInterface(interface, *kinds, dds_config=_settings(interface, tag))
+    except RuntimeError as error:
+        wanted = f"an interface that is up, and one interface and tag in a process; {PEERS}"
+        raise RobotError("DDS does not start", got=str(error), wanted=wanted) from error
+
+
+PEERS = (
+    f"on lo, up to {_PARTICIPANTS + 1} participants with the same tag find each other by unicast "
+    "to 127.0.0.1, but only 10 with Cyclone's default settings"
+)
+
+
+class MotorOrder:
+    """Arrays by joint, and lists by motor.
+
+    Args:
+        joints: names of the link's joints.
+        motors: names of the joints that the motors of the messages move, in their order.
+
+    Raises:
+        UnknownNameError: a joint has no motor.
+        ConfigurationError: there are not 29 motors.
+    """
+
+    def __init__(self, joints: Sequence[str], motors: Sequence[str]) -> None:
+        if len(motors) != MOTORS:
+            raise ConfigurationError("number of motors", got=len(motors), wanted=f"{MOTORS}")
+        unknown = [name for name in joints if name not in motors]
+        if unknown:
+            raise UnknownNameError("a joint has no motor", got=unknown[0], choices=motors)
+        self._slots = np.array([list(motors).index(name) for name in joints], dtype=np.int64)
+        self._all = np.zeros(MOTORS)
+
+    def spread(self, values: Joints) -> list[float]:
+        """Return a number for each motor: zero without a joint, finite as a float32."""
+        self._all[self._slots] = np.clip(values, -_FLOAT32, _FLOAT32)
+        return self._all.tolist()
+
+    def pick(self, values: Sequence[float]) -> Joints:
+        """Return a number for each joint."""
+        return np.array(values, dtype=np.float64)[self._slots]
+
+
+def _settings(interface: str, tag: str) -> str | None:
+    """Return Cyclone's settings; None for the SDK's own."""
+    if interface != "lo" and not tag:
+        return None
+    return (
+        '<CycloneDDS><Domain Id="any"><General><Interfaces>'
+        f'<NetworkInterface name={quoteattr(interface)} priority="default" multicast="default"/>'
+        "</Interfaces></General><Discovery>"
+        f"<Tag>{escape(tag)}</Tag><MaxAutoParticipantIndex>{_PARTICIPANTS}"
+        "</MaxAutoParticipantIndex></Discovery></Domain></CycloneDDS>"
+    )
