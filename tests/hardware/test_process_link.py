@@ -78,8 +78,19 @@ def test_commands_reach_the_robot_and_states_come_back(shared):
     assert wait_for(lambda: shared.read().time > state.time)
 
 
-def test_it_damps_before_the_first_command_and_between_commands(shared):
-    assert wait_for(lambda: shared.status is LinkStatus.DAMPING)
+def test_nothing_is_sent_before_the_first_command(tmp_path):
+    log = tmp_path / "log"
+    link = ProcessLink(partial(processes.Leg, log=log), links.make_check(), linger=0.0)
+    try:
+        time.sleep(0.05)
+        assert link.status is LinkStatus.IDLE
+        assert len(processes.commands_of(log)) == 0
+    finally:
+        link.close()
+    assert len(processes.commands_of(log)) == 0
+
+
+def test_it_damps_between_commands(shared):
     write_until(shared, links.command(), lambda: shared.status is LinkStatus.OK)
     assert shared.status is LinkStatus.OK
     assert wait_for(lambda: shared.status is LinkStatus.DAMPING)
@@ -102,7 +113,7 @@ def test_a_command_that_fails_the_last_check_is_a_status(shared, bad):
 
 
 def test_a_process_of_a_link_that_is_killed_is_a_status(link):
-    assert wait_for(lambda: link.read().time > 0.0)
+    assert write_until(link, links.command(), lambda: link.read().time > 0.0)
     os.kill(link.pid, signal.SIGKILL)
     assert wait_for(lambda: link.status is LinkStatus.LOST)
     last = link.read()
@@ -199,11 +210,12 @@ def test_a_lost_terminal_leaves_the_process_of_the_link_alone(shared):
 
 
 def test_ctrl_c_leaves_the_process_of_the_link_alone(shared):
+    write_until(shared, links.command(), lambda: shared.status is LinkStatus.OK)
     os.kill(shared.pid, signal.SIGINT)
     time.sleep(0.05)
     before = shared.read().time
     assert wait_for(lambda: shared.read().time > before)
-    assert shared.status is LinkStatus.DAMPING
+    assert wait_for(lambda: shared.status is LinkStatus.DAMPING)
 
 
 def test_nothing_is_sent_after_close(link):

@@ -115,6 +115,8 @@ class LinkInfo:
 class LinkStatus(Enum):
     """State of the connection."""
 
+    IDLE = "idle"
+    """Nothing has been sent yet."""
     OK = "ok"
     """The last command went out as given."""
     REFUSED = "refused"

@@ -36,7 +36,7 @@ class PlantLink:
 
     Args:
         plant: with torque actuation, as `poise.Plant`.
-        check: the last check.
+        check: the last check; None where another link has one.
         period: from one command to the next; the plant's control period if not given [s].
         load_cells: False for soles without.
 
@@ -48,7 +48,7 @@ class PlantLink:
     def __init__(
         self,
         plant: PlantLike,
-        check: LastCheck,
+        check: LastCheck | None = None,
         *,
         period: float | None = None,
         load_cells: bool = True,
@@ -59,7 +59,7 @@ class PlantLink:
         if abs(self._ticks * dt - period) > 1e-9:  # the rounding of sums of periods
             wanted = f"a multiple of the plant's control period, {dt:g} s"
             raise ConfigurationError("period of the link [s]", got=period, wanted=wanted)
-        if check.joints != robot.joint_names:
+        if check is not None and check.joints != robot.joint_names:
             raise ConfigurationError(
                 "the last check has other joints than the plant",
                 got=check.joints,
@@ -80,12 +80,12 @@ class PlantLink:
     @property
     def refused(self) -> int:
         """Number of commands that failed the last check."""
-        return self._check.refused
+        return 0 if self._check is None else self._check.refused
 
     @property
     def reason(self) -> str:
         """Fault of the last refused command."""
-        return self._check.reason
+        return "" if self._check is None else self._check.reason
 
     def clock(self) -> float:
         """Return the plant's time [s]."""
@@ -116,16 +116,18 @@ class PlantLink:
         """
         if self._status is LinkStatus.LOST:
             return
-        refused = self._check.refused
-        command = self._check.check(command, self.read())
-        failed = self._check.refused > refused
-        self._status = LinkStatus.REFUSED if failed else LinkStatus.OK
+        if self._check is not None:
+            refused = self._check.refused
+            command = self._check.check(command, self.read())
+            failed = self._check.refused > refused
+            self._status = LinkStatus.REFUSED if failed else LinkStatus.OK
         for _ in range(self._ticks):
             self._plant.drive(command)
 
     def close(self) -> None:
         """Send damping for one period and disconnect."""
-        self.write(self._check.damping)
+        if self._check is not None:
+            self.write(self._check.damping)
         self._status = LinkStatus.LOST
 
 

@@ -24,11 +24,10 @@ ln(pi / 0.05) / omega = 1.3 s, with omega = 3.1 1/s of a CoM 1 m high."""
 class ProcessLink:
     """A link in a process of its own, by shared memory without locks.
 
-    The link's process reads its link, publishes the state, and writes the newest command `rate`
-    times a second. Without a fresh command for 10 ms, or two periods of a slow link, as from a
+    The link's process looks for states and commands four times in a period of the link, and passes
+    each on when it comes. Without a fresh command for 10 ms, or two periods of a slow link, as from a
     controller that stopped or died, it sends the last check's damping; a fresh command takes over
-    again. Every command passes the last
-    check there. After `close`, or the end of the controller's process, it damps for a while longer,
+    again. Nothing is sent before the first command. Every command passes the last check there. After `close`, or the end of the controller's process, it damps for a while longer,
     then closes its link and ends.
 
     The process is spawned: a script needs `if __name__ == "__main__":`. It imports neither

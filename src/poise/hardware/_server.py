@@ -96,9 +96,10 @@ class _Server:
         kinds = state_kind(len(check.joints), soles), command_kind(len(check.joints))
         self._states, self._commands = map(Mailbox, memories, kinds)
         self._record = np.zeros((), dtype=kinds[0])
-        self._status, self._state, self._ending = LinkStatus.DAMPING, link.read(), False
+        self._status, self._state, self._ending = LinkStatus.IDLE, link.read(), False
         self._fault, self._longest = "", max(FRESH, 2.0 / link.info.rate)
-        self._number, self._written = 0, -math.inf
+        self._number: int | None = None  # of the last command; nothing is sent before the first
+        self._written = -math.inf
         self._record["time"] = np.nan
         self._publish()
         signal.signal(signal.SIGTERM, self._end)
@@ -119,7 +120,8 @@ class _Server:
             sys.exit(1)
         finally:
             with suppress(Exception):
-                self._link.write(self._check.damping)
+                if self._number is not None:
+                    self._link.write(self._check.damping)
                 self._link.close()
             self._publish()
 
@@ -130,6 +132,8 @@ class _Server:
         now, period = time.monotonic(), 1.0 / self._link.info.rate
         # A command goes out when it comes; without one something does after one and a half periods.
         waited = now - self._written
+        if self._number is None and command is None:
+            return
         if waited < (0.5 if number != self._number else 1.5) * period:
             return
         self._number, self._written = number, now

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from poise.hardware import RAMP
-from poise.sim import Plant, PlantConfig
+from poise.sim import Plant, PlantConfig, SetPoints
 
 _STRETCH = 0.01
 """Stretch of the rope under the robot's weight [m]: less than the clearance of a swing foot."""
@@ -38,14 +38,19 @@ class HoistedPlant(Plant):
         self._damping = np.repeat(roots, 3)
         self._place, self._turn = self.data.qpos[:3].copy(), self.data.qpos[3:7].copy()
 
-    def lower(self) -> None:
-        """Begin to lower the robot onto its feet; a second call changes nothing."""
-        if math.isnan(self._lowered):
-            self._lowered = self.time
+    def drive(self, set_points: SetPoints) -> None:
+        """Advance one control period under set-points of the drives' own loops.
+
+        Args:
+            set_points: as of `Plant.drive`.
+        """
+        if math.isnan(self._lowered) and (np.any(set_points.tau) or np.any(set_points.kp)):
+            self._lowered = self.time + RAMP
+        super().drive(set_points)
 
     def _simulate(self, begin: float) -> None:
         gone = (begin - self._lowered) / RAMP
-        share = 1.0 if math.isnan(gone) else max(0.0, 1.0 - gone)
+        share = 1.0 if math.isnan(gone) else min(1.0, max(0.0, 1.0 - gone))
         self.data.qfrc_applied[:6] = 0.0 if share == 0.0 else share * self._pull()
         self.model.dof_damping[:6] = share * self._damping  # which MuJoCo integrates implicitly
         super()._simulate(begin)

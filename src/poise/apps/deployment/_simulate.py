@@ -1,0 +1,111 @@
+"""`simulate`: a simulated robot behind the robot's end of a bus, in real time."""
+
+import gc
+import time as clock
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from poise.apps.deployment._faults import FaultPlan, Faults
+from poise.apps.deployment._hoisted_plant import HoistedPlant
+from poise.hardware import MotorCommand, MotorState, PlantLink
+from poise.sim import Recorder
+
+PERIOD = 0.002
+"""Of states and commands [s], as of a G1's bus."""
+
+_LATE = 0.1
+"""Farther behind the clock, time that has passed is given up [s]; so does the live loop."""
+
+
+class RobotEnd(Protocol):
+    """Robot's end of a bus, such as `poise.hardware.G1Robot`."""
+
+    def publish(self, state: MotorState) -> None:
+        """Send a state."""
+
+    def read(self) -> MotorCommand:
+        """Return the newest command."""
+        ...
+
+
+class SimulatedRobot:
+    """Plant with motors behind the robot's end of a bus.
+
+    It hangs in a hoist until it is commanded stiffness or torque, and is then lowered onto its
+    feet. The motors have no watchdog: they hold the last command, as those of a G1.
+
+    Args:
+        plant: the robot; its control period is that of the bus.
+        end: the robot's end of the bus.
+        faults: of the bus and its devices.
+        seed: of the faults.
+
+    Attributes:
+        plant: the robot.
+        late: ticks that began more than half a period late.
+    """
+
+    def __init__(
+        self,
+        plant: HoistedPlant,
+        end: RobotEnd,
+        faults: FaultPlan | None = None,
+        *,
+        seed: int = 0,
+    ) -> None:
+        self.plant, self._end = plant, end
+        self._link = PlantLink(plant, load_cells=False)
+        self._faults = Faults(
+            faults or FaultPlan(), plant.robot.joint_names, period=plant.control_dt, seed=seed
+        )
+        self.late = 0
+
+    def tick(self) -> MotorCommand:
+        """Publish the state, and advance under the newest command; return it."""
+        time = self.plant.time
+        for state in self._faults.states(self._link.read(), time):
+            self._end.publish(state)
+        command = self._faults.command(self._end.read(), time)
+        self.plant.drive(command)
+        return command
+
+    def run(
+        self,
+        seconds: float = np.inf,
+        *,
+        recorder: Recorder | None = None,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Tick in real time.
+
+        Args:
+            seconds: length of the run [s].
+            recorder: of the truth and the commands.
+            stop: ends the run when it returns True; called each tick.
+        """
+        plant, period = self.plant, self.plant.control_dt
+        if recorder is not None:
+            recorder.begin(plant)
+        gc.collect()
+        gc.freeze()
+        due = clock.monotonic()
+        try:
+            while plant.time < seconds and not stop():
+                command = self.tick()
+                if recorder is not None:
+                    recorder.look()
+                    names = ("q", "dq", "kp", "kd", "tau")
+                    got = {f"received/{n}": getattr(command, n) for n in names}
+                    recorder.sample(plant.time, **got)
+                due += period
+                now = clock.monotonic()
+                self.late += now > due + 0.5 * period
+                if now > due + _LATE:
+                    due = now
+                clock.sleep(max(0.0, due - now))
+        finally:
+            gc.unfreeze()
+            if recorder is not None:
+                recorder.end()
