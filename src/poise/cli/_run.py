@@ -77,6 +77,13 @@ def run_and_report(
 
     with Bar("simulating", " s", lines=not output.json) as bar:
         run = scenarios.run_scenario(scenario, log=folder / scenarios.LOG, view=view, progress=bar)
+    return run, report_run(run, folder, output, video=video)
+
+
+def report_run(run: Any, folder: Path, output: Output, *, video: bool) -> dict[str, Any]:
+    """Write everything that a run leaves behind, and print its verdict."""
+    from poise.apps import scenarios
+
     # Until there is something in its place, the report of an earlier run keeps its video.
     scenarios.discard_video(folder)
     summary = scenarios.summarise(run)
@@ -95,7 +102,7 @@ def run_and_report(
             print(f"ended early: {run.ended_early}", file=sys.stderr)
         if no_video:
             print(no_video, file=sys.stderr)
-    return run, summary
+    return summary
 
 
 def replay(

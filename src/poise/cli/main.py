@@ -16,6 +16,8 @@ _VERBS = {
     "describe": ("_robots", "propose a description for a URDF or MJCF"),
     "teleop": ("_live", "a person walks the robot step by step, in a browser"),
     "drive": ("_live", "a person drives the robot by velocities, in a browser"),
+    "simulate": ("_deploy", "a simulated robot behind the real one's bus"),
+    "deploy": ("_deploy", "a scenario on a robot behind a link"),
     "warmup": ("_warmup", "compile ahead what controllers need"),
     "doctor": ("_doctor", "check this installation and name what mends it"),
 }

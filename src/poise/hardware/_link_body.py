@@ -15,10 +15,12 @@ from poise.hardware._last_check import LastCheck
 from poise.hardware._link import (
     COMMAND_FIELDS,
     STATE_FIELDS,
+    Gains,
     Joints,
     Link,
     MotorCommand,
     MotorState,
+    per_joint,
 )
 from poise.hardware._plant_link import robot_state
 from poise.hardware._torque_split import TorqueSplit
@@ -43,23 +45,24 @@ class LinkBody:
 
     In the ramp-in the set-points of the drives are a blend of position control and controller,
 
-        u = (1 - s) hold + s split,    hold: q = q_0 + s (q_start - q_0) with `kp_max`, `kd_max`
+        u = (1 - s) hold + s split,    hold: q = q_0 + s (q_start - q_0) with `kp`, `kd`
 
     field by field, with the measured positions q_0 at the first step and the least-jerk phase s.
     The first torques are zero. Position control at the ankles does not balance a humanoid: a hoist
-    holds it meanwhile, and is lowered while the controller stands for `stand`. From `duration` on
-    the set-points fade to the last check's damping in the same way.
+    holds it meanwhile, and is lowered while the controller stands for `stand`. After `end` the
+    set-points fade to the last check's damping in the same way.
 
     Args:
         robot: the robot.
         link: connection to it; its joints are the robot's.
         split: from torques to set-points of the drives; None for torque alone.
         check: the last check of the link, for bounds and damping.
+        kp: stiffness of position control; that of the last check's `kp_max` if None [N m/rad].
+        kd: its damping; `kd_max` if None [N m s/rad].
         watchdog: the table of troubles; the default one if None.
         q_start: posture of the joints at the end of the ramp-in; that of `robot.q_home` if None.
         ramp: length of both ramps, zero for none [s].
         stand: time for which the controller stands before the leader begins [s].
-        duration: time at which the ramp-out begins [s].
         operator: returns the time of the operator's newest sample by the link's clock [s]; None
             without an operator.
 
@@ -83,11 +86,12 @@ class LinkBody:
         check: LastCheck,
         split: TorqueSplit | None = None,
         *,
+        kp: Gains | None = None,
+        kd: Gains | None = None,
         watchdog: Watchdog | None = None,
         q_start: Joints | None = None,
         ramp: float = RAMP,
         stand: float = RAMP,
-        duration: float = math.inf,
         operator: Callable[[], float | None] | None = None,
     ) -> None:
         if link.info.joints != robot.joint_names or check.joints != robot.joint_names:
@@ -98,13 +102,15 @@ class LinkBody:
             )
         self.robot, self.link, self._check = robot, link, check
         self.control_dt = dt = 1.0 / link.info.rate
-        zero = np.zeros(robot.nj)
+        zero, joints = np.zeros(robot.nj), robot.joint_names
+        self._kp = per_joint(check.kp_max if kp is None else kp, joints, "kp [N m/rad]")
+        self._kd = per_joint(check.kd_max if kd is None else kd, joints, "kd [N m s/rad]")
         self._split = split or TorqueSplit(check, kp=zero, kd=zero, period=dt)
         self.watchdog = watchdog or Watchdog(robot, period=dt)
         home = robot.q_home[-robot.nj :] if q_start is None else q_start
         self._q_start = np.clip(home, check.lower, check.upper)
         self._ramp = checked_number(ramp, "ramp of the link's body [s]")
-        self._end, self._operator = duration, operator
+        self._end, self._operator = math.inf, operator
         self.verdict = Verdict(response=Action.RUN)
         self.sent: MotorCommand | None = None
         self._answered = link.read()
@@ -122,8 +128,8 @@ class LinkBody:
 
     @property
     def fallen(self) -> bool:
-        """True once the watchdog damps or stops before the ramp-out, which ends a rollout."""
-        return self.verdict.response >= Action.DAMP and self.time <= self._end
+        """True once the watchdog damps or stops, and after the ramp-out: a rollout ends."""
+        return self.verdict.response >= Action.DAMP or self.time >= self._end + self._ramp
 
     @property
     def held(self) -> bool:
@@ -189,6 +195,10 @@ class LinkBody:
             "watchdog": f"{self.verdict.response.name}: {reason}",
         }
 
+    def end(self) -> None:
+        """Begin the ramp-out; for its length the controller goes on."""
+        self._end = self.time
+
     def close(self) -> None:
         """Damp the robot and disconnect."""
         self.sent = None
@@ -198,9 +208,8 @@ class LinkBody:
         if self.time < self._ramp:
             share = least_jerk(self.time, 0.0, self._ramp)[0]
             q = self._q_0 + share * (self._q_start - self._q_0)
-            check = self._check
             still = np.zeros(len(q))
-            hold = MotorCommand(q=q, dq=still, kp=check.kp_max, kd=check.kd_max, tau=still)
+            hold = MotorCommand(q=q, dq=still, kp=self._kp, kd=self._kd, tau=still)
             return _blend(hold, split, share)
         if self.time > self._end:
             share = least_jerk(self.time, self._end, self._ramp)[0]

@@ -53,6 +53,8 @@ class Trouble(Enum):
     """Commands that the last check refused since the last tick."""
     OPERATOR = "operator gone"
     """Age of the operator's newest sample [s]."""
+    STOP_BUTTON = "emergency stop"
+    """Number of calls of `Watchdog.stop`."""
     INTERRUPT = "Ctrl-C"
     """Number of SIGINT."""
     KILL = "kill"
@@ -101,6 +103,7 @@ RULES = (
     Rule(trouble=Trouble.REFUSED, limit=0, response=Action.DAMP),
     # Time for which step teleoperation holds the last sample.
     Rule(trouble=Trouble.OPERATOR, limit=0.5, response=Action.HOLD),
+    Rule(trouble=Trouble.STOP_BUTTON, limit=0, response=Action.DAMP),
     Rule(trouble=Trouble.INTERRUPT, limit=0, response=Action.DAMP),
     Rule(trouble=Trouble.KILL, limit=0, response=Action.DAMP),
     Rule(trouble=Trouble.LINK, limit=0, response=Action.STOP),
@@ -153,8 +156,12 @@ class Watchdog:
         """Forget all troubles; signals, too."""
         self._verdict = Verdict(response=Action.RUN)
         self._stamp = self._tick = self._answer = math.nan
-        self._late, self._refused = 0, -1
+        self._late, self._refused, self._stops = 0, -1, 0
         self._signals = dict.fromkeys(self._signals, 0)
+
+    def stop(self) -> None:
+        """Count an emergency stop; from any thread."""
+        self._stops += 1
 
     @contextmanager
     def signals(self) -> Generator[None]:
@@ -217,6 +224,7 @@ class Watchdog:
             Trouble.NO_ANSWER: now - self._answer,
             Trouble.REFUSED: refused - self._refused if self._refused >= 0 else 0,
             Trouble.OPERATOR: 0.0 if operator is None else now - operator,
+            Trouble.STOP_BUTTON: self._stops,
             Trouble.INTERRUPT: self._signals[signal.SIGINT],
             Trouble.KILL: self._signals[signal.SIGTERM],
             Trouble.LINK: float(link.status is LinkStatus.LOST),

@@ -24,6 +24,7 @@ from poise.sim._motor_config import (
     Motor as Motor,
     MotorConfig as MotorConfig,
 )
+from poise.sim._motors import SetPoints as SetPoints
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord, Value as Value
 from poise.sim._recorder import (
@@ -40,6 +41,7 @@ from poise.sim._rollout import (
     Observer,
     Tick,
     check_period as check_period,
+    garbage_frozen as garbage_frozen,
     rollout,
 )
 from poise.sim._video import VideoConfig as VideoConfig, render_video, run_markers as run_markers

@@ -1,5 +1,6 @@
 """`deploy`: a scenario on a robot behind a link."""
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +10,16 @@ from msgspec import structs
 from poise.apps.deployment._linked_plant import LinkedPlant
 from poise.apps.scenarios import Progress, Run, Scenario, Stage, run_stage, stage_scenario
 from poise.errors import ConfigurationError
-from poise.hardware import RAMP, LastCheck, Link, LinkBody, TorqueSplit
+from poise.hardware import RAMP, Gains, LastCheck, Link, LinkBody, TorqueSplit
 from poise.locomotion import Device, OperatorSample, StepTeleoperator
 from poise.robots import Robot
-from poise.sim import rollout
+from poise.sim import Recorder, RecorderConfig, garbage_frozen, rollout
 
 FLUSH = 0.01
 """Time between two writings of the log [s]: half of the 20 ms that a killed run may lose."""
+
+_SWITCH = 2e-4
+"""Longest time for which another thread keeps the interpreter [s], a tenth of a period."""
 
 _REHEARSAL = 0.1
 """Length of the rehearsal [s]: all of a tick runs in its first few, and is compiled then."""
@@ -28,6 +32,8 @@ def stage_deployment(
     check: LastCheck,
     split: TorqueSplit | None = None,
     *,
+    kp: Gains | None = None,
+    kd: Gains | None = None,
     ramp: float = RAMP,
     operator: Callable[[], float | None] | None = None,
 ) -> Stage:
@@ -42,6 +48,8 @@ def stage_deployment(
         link: connection to it.
         check: the last check of the link.
         split: from torques to set-points of the drives; None for torque alone.
+        kp: stiffness of position control in the ramp-in, as for `LinkBody` [N m/rad].
+        kd: its damping [N m s/rad].
         ramp: length of ramps and of standing before the scenario begins [s].
         operator: time of the operator's newest sample, as for `LinkBody`.
 
@@ -64,10 +72,11 @@ def stage_deployment(
         link,
         check,
         split,
+        kp=kp,
+        kd=kd,
         q_start=stage.plant.true_state().q[-robot.nj :],
         ramp=ramp,
         stand=ramp,
-        duration=scenario.duration,
         operator=operator,
     )
     if isinstance(stage.leader, StepTeleoperator) and stage.leader.device is not None:
@@ -82,22 +91,23 @@ def stage_deployment(
         plant=plant,
         leader=body.follow(stage.leader),
         estimator=plant.watch(stage.estimator),
-        duration=scenario.duration + ramp,
     )
 
 
 def deploy(
     stage: Stage,
     *,
-    log: str | Path | None = None,
+    log: Path | None = None,
     view: bool = False,
     progress: Progress = lambda *_: None,
 ) -> Run:
     """Run a staged deployment; whatever ends it, the robot is damped.
 
+    Ctrl-C damps at once; after the scenario the set-points fade to damping.
+
     Args:
         stage: of `stage_deployment`.
-        log: MCAP file, written every 10 ms.
+        log: MCAP file, written every 10 ms; that of the ramp-out has `_end` behind its name.
         view: show the estimate in a window.
         progress: called with the progress of the run.
 
@@ -107,10 +117,28 @@ def deploy(
     """
     plant = stage.plant
     assert isinstance(plant, LinkedPlant)
+    body, controller = plant.body, stage.controller
+
+    def ramp_out() -> None:
+        if plant.fallen or body.time < stage.duration - 0.5 * body.control_dt:
+            return
+        path = None if log is None else log.with_stem(f"{log.stem}_end")
+        recorder = Recorder(path, config=RecorderConfig(flush_dt=FLUSH))
+        body.end()
+        for _ in rollout(plant, controller, None, [recorder], estimator=stage.estimator):
+            pass
+
+    interval = sys.getswitchinterval()
     try:
-        return run_stage(stage, log=log, view=view, progress=progress, flush_dt=FLUSH)
+        # The thread that writes the log waits for this one, and not the other way round.
+        sys.setswitchinterval(_SWITCH)
+        with garbage_frozen():  # once: the ramp-out begins without a pause
+            return run_stage(
+                stage, log=log, view=view, progress=progress, flush_dt=FLUSH, at_end=ramp_out
+            )
     finally:
-        plant.body.close()
+        sys.setswitchinterval(interval)
+        body.close()
 
 
 class _LaterDevice:

@@ -149,6 +149,7 @@ def run_stage(
     view: bool = False,
     progress: Progress = lambda *_: None,
     flush_dt: float = RecorderConfig().flush_dt,
+    at_end: Callable[[], object] = lambda: None,
 ) -> Run:
     """Run a staged scenario; as `run_scenario`.
 
@@ -158,6 +159,7 @@ def run_stage(
         view: show the plant in a window, in real time.
         progress: called with the progress of the run.
         flush_dt: time between two writings of the log [s].
+        at_end: called after the last tick, before the run is judged.
 
     Returns:
         The run with its signals and checks.
@@ -193,9 +195,11 @@ def run_stage(
                 ended_early = INTERRUPTED
             if ended_early:
                 break
+        fell, trouble = plant.fallen, plant.trouble
+        at_end()
     wall = clock.perf_counter() - begin
     if ended_early != INTERRUPTED:
-        ended_early = plant.trouble or ended_early
+        ended_early = trouble or ended_early
     record = recorder.record
     signals = collect_signals(record, stage.robot)
     return Run(
@@ -205,8 +209,8 @@ def run_stage(
         controller=stage.controller,
         record=record,
         signals=signals,
-        checks=evaluate_checks(scenario, signals, stage.robot, plant.fallen, ended_early),
-        fell=plant.fallen,
+        checks=evaluate_checks(scenario, signals, stage.robot, fell, ended_early),
+        fell=fell,
         ended_early=ended_early,
         wall_seconds=wall,
     )

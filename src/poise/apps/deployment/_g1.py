@@ -1,0 +1,101 @@
+"""`connect_g1`, `simulate_g1`: both ends of a Unitree G1's bus."""
+
+from functools import partial
+from typing import NamedTuple
+
+from poise.hardware import (
+    MODE_MACHINES,
+    G1Link,
+    G1Robot,
+    LastCheck,
+    Link,
+    ProcessLink,
+    TorqueSplit,
+)
+from poise.robots import JointOrder, Robot
+
+_KP = {"hip": 60.0, "knee": 100.0, "waist_yaw": 60.0, "": 40.0}
+_KD = {"knee": 2.0, "": 1.0}
+"""Gains of Unitree's own example (unitree_sdk2_python, g1_low_level_example.py), by part of a name
+[N m/rad, N m s/rad]."""
+
+_KD_MAX = 5.0
+"""Largest damping of the drives [N m s/rad], as in LeRobot's configuration of a G1."""
+
+_SHARE = 0.1
+"""Part of the example's gains that drives have beside a controller's torques."""
+
+
+class G1Gains(NamedTuple):
+    """Last check, torque split, and gains of position control of a G1."""
+
+    check: LastCheck
+    split: TorqueSplit
+    kp: dict[str, float]  # [N m/rad]
+    kd: dict[str, float]  # [N m s/rad]
+
+
+def g1_gains(robot: Robot) -> G1Gains:
+    """Return limits and gains of the drives of a G1.
+
+    Args:
+        robot: a model of it.
+    """
+
+    def by_joint(gains: dict[str, float], share: float = 1.0) -> dict[str, float]:
+        names = robot.joint_names
+        return {n: share * next(g for part, g in gains.items() if part in n) for n in names}
+
+    kp, kd = by_joint(_KP), by_joint(_KD)
+    check = LastCheck(robot, kp_max=kp, kd_max=_KD_MAX)
+    split = TorqueSplit(check, kp=by_joint(_KP, _SHARE), kd=by_joint(_KD, _SHARE))
+    return G1Gains(check, split, kp, kd)
+
+
+def connect_g1(
+    robot: Robot,
+    check: LastCheck,
+    *,
+    interface: str,
+    model: str = "g1_29dof_rev_1_0",
+    tag: str = "",
+    release: bool = False,
+    priority: int | None = None,
+) -> Link:
+    """Connect to a G1, in a process of its own.
+
+    Args:
+        robot: the robot's model.
+        check: the last check.
+        interface: network interface; "lo" for a simulated robot.
+        model: its name in `MODE_MACHINES`.
+        tag: that of the simulated robot.
+        release: release the motion mode of the robot.
+        priority: of the link's process, as of `ProcessLink`.
+
+    Raises:
+        PoiseError: as of `G1Link` and `ProcessLink`.
+    """
+    motors = JointOrder.unitree_dds("g1").names
+    make = partial(
+        G1Link,
+        robot.joint_names,
+        motors,
+        mode_machines=(MODE_MACHINES[model],),
+        interface=interface,
+        tag=tag,
+        release=release,
+    )
+    return ProcessLink(make, check, priority=priority)
+
+
+def simulate_g1(robot: Robot, *, model: str = "g1_29dof_rev_1_0", tag: str = "") -> G1Robot:
+    """Return the robot's end of a G1's bus on the loopback interface.
+
+    Args:
+        robot: the robot's model.
+        model: its name in `MODE_MACHINES`.
+        tag: that of the link.
+    """
+    motors = JointOrder.unitree_dds("g1").names
+    return G1Robot(robot.joint_names, motors, mode_machine=MODE_MACHINES[model], tag=tag)
