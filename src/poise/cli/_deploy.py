@@ -166,6 +166,18 @@ class DeployVerb(Output):
         return 0 if run.ok else 1
 
 
+def linked_plant(robot: Any, config: Any, *, interface: str, tag: str) -> Any:
+    """Connect to a robot that an operator leads."""
+    from poise.apps import deployment as d
+    from poise.hardware import LinkBody
+
+    _g1(robot.name)
+    gains = d.g1_gains(robot)
+    link = d.connect_g1(robot, gains.check, interface=interface, tag=tag)
+    body = LinkBody(robot, link, gains.check, gains.split, kp=gains.kp, kd=gains.kd)
+    return d.LinkedPlant(body, config)
+
+
 def _g1(name: str) -> Any:
     from poise.robots import load_robot
 

@@ -5,6 +5,7 @@ import sys
 import threading
 import webbrowser
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -25,6 +26,9 @@ class _Live:
         seed: seed of --noise, and of the places of bumps; a recording has its own.
         seconds: end after so many seconds.
         no_open: do not open the page in a browser.
+        link: interface of a robot behind a link, as eth0, or lo for a simulated one, that is led in
+            place of a simulated one; it has to be g1.
+        tag: of the participants on its bus.
         out: folder to write into.
     """
 
@@ -33,6 +37,8 @@ class _Live:
     seed: int = 0
     seconds: float = inf
     no_open: bool = False
+    link: str | None = None
+    tag: str = ""
     out: Annotated[str | None, arg(metavar="DIR")] = None
 
     def __post_init__(self) -> None:
@@ -45,6 +51,10 @@ class _Live:
 
         verb = type(self).__name__.removesuffix("Verb").lower()
         folder = Path(self.out or f"runs/{verb}-{Path(robot.name).stem}")
+        if self.link is not None:
+            from poise.cli._deploy import linked_plant
+
+            options["connect"] = partial(linked_plant, robot, interface=self.link, tag=self.tag)
         session = LiveSession(
             robot,
             folder,

@@ -2,8 +2,9 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -74,6 +75,7 @@ class LinkBody:
         measured: state of the present tick, as read.
         sent: set-points of the last tick; None before the first and after an end.
         late: ticks in which no new state arrived.
+        operator: time of the operator's newest sample, as given.
 
     Raises:
         ConfigurationError: the link has other joints than the robot, or a setting is out of range.
@@ -110,7 +112,7 @@ class LinkBody:
         home = robot.q_home[-robot.nj :] if q_start is None else q_start
         self._q_start = np.clip(home, check.lower, check.upper)
         self._ramp = checked_number(ramp, "ramp of the link's body [s]")
-        self._end, self._operator = math.inf, operator
+        self._end, self.operator = math.inf, operator
         self.verdict = Verdict(response=Action.RUN)
         self.sent: MotorCommand | None = None
         self._answered = link.read()
@@ -155,7 +157,7 @@ class LinkBody:
         Args:
             command: of the controller, for the present state.
         """
-        operator = None if self._operator is None else self._operator()
+        operator = None if self.operator is None else self.operator()
         state, before = self.measured, self.verdict.response
         self._answered = state
         self.verdict = self.watchdog.evaluate(self.link, state, command, operator=operator)
@@ -234,10 +236,10 @@ class LinkBody:
 
 
 class HeldLeader:
-    """Leader that is frozen while its body is held.
+    """Leader that is held with its body.
 
-    A leader with a method `hold`, for one whose robot cannot stop between two steps, is called by
-    that in place of `lead`, except before its begin.
+    Before the body's `begin` it is not called; on HOLD its `pause` is in place of its `lead`, or
+    nothing where it has none.
 
     Args:
         leader: the leader.
@@ -246,7 +248,8 @@ class HeldLeader:
 
     def __init__(self, leader: Leader, body: LinkBody) -> None:
         self.stack, self._leader, self._body = leader.stack, leader, body
-        self._hold = getattr(leader, "hold", None)
+        self._pause = getattr(leader, "pause", None)
+        self._signals = getattr(leader, "signals", dict)
 
     def lead(self, state: RobotState) -> None:
         """Set the stack's targets, or leave them.
@@ -255,12 +258,18 @@ class HeldLeader:
             state: as estimated.
         """
         body = self._body
+        if body.time < body.begin:
+            return
         if not body.held:
             self._leader.lead(state)
-        elif self._hold is not None and body.time >= body.begin:
-            self._hold(state)
+        elif self._pause is not None:
+            self._pause(state)
 
-    def __getattr__(self, name: str) -> object:
+    def signals(self) -> Mapping[str, Any]:
+        """Return the leader's signals, for a recorder; none before it begins."""
+        return self._signals() if self._body.time >= self._body.begin else {}
+
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._leader, name)
 
 

@@ -1,6 +1,7 @@
 """Deployment: scenarios and operators on a robot behind a link, and a simulated robot there."""
 
 from poise.apps.deployment._deploy import (
+    FLUSH as FLUSH,
     deploy as deploy,
     stage_deployment as stage_deployment,
 )

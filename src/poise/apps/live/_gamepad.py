@@ -36,9 +36,11 @@ def sample_from(pressed: Callable[[str], bool], axis: Callable[[str], float]) ->
 
 
 class HostGamepad:
-    """Reads the first gamepad in a thread of its own, sixty times a second."""
+    """Reads the first gamepad, sixty times a second, in a thread; its Back is the emergency stop."""
 
-    def __init__(self, inputs: OperatorInputs) -> None:
+    def __init__(
+        self, inputs: OperatorInputs, stop: Callable[[], object] = lambda: None
+    ) -> None:
         # Without these SDL wants a screen, and pygame greets on the terminal.
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
@@ -63,7 +65,7 @@ class HostGamepad:
                 wanted="one that is plugged in; one at the computer of the browser works through "
                 "the page, with --device browser",
             )
-        self._inputs, self._stop = inputs, threading.Event()
+        self._inputs, self._stop, self._emergency = inputs, threading.Event(), stop
         self._landings = 0
         self._thread: threading.Thread | None = None
 
@@ -102,6 +104,8 @@ class HostGamepad:
                 lambda name: pad.get_axis(getattr(sdl, f"CONTROLLER_AXIS_{name}")) / 2**15,
             )
             self._inputs.take(sample)
+            if pad.get_button(sdl.CONTROLLER_BUTTON_BACK):
+                self._emergency()
 
     def shake(self, landings: int) -> None:
         """Shake the gamepad, if it can, where the number of landings has grown."""

@@ -80,6 +80,11 @@ class OperatorInputs:
             self._unread.clear()
             self._newest = None
 
+    def heard(self) -> float | None:
+        """Return the time of the newest sample [s]; None before the first."""
+        with self._lock:
+            return None if self._newest is None else self._newest.arrived
+
     def read(self) -> OperatorSample | None:
         """Return the newest sample; None where it is older than a device's period."""
         with self._lock:

@@ -21,6 +21,7 @@ from poise.dynamics import RobotState
 from poise.estimation import PayloadEstimator, StateEstimator
 from poise.locomotion import (
     BodyCommand,
+    Device,
     DeviceStatus,
     GazeLeader,
     HandLeader,
@@ -33,7 +34,7 @@ from poise.locomotion import (
     walking_stack,
 )
 from poise.robots import Robot
-from poise.sim import Plant, PlantConfig, Recorder, RecorderConfig, Tick, check_period
+from poise.sim import Plant, PlantConfig, Recorder, RecorderConfig, Tick, check_period, rollout
 from poise.stack import Stack
 
 WALK_PLANT = PlantConfig(control_dt=0.002, self_contact=True)
@@ -56,6 +57,7 @@ class _Lead:
     def __init__(self, robot: Robot, inputs: OperatorInputs, plant: PlantConfig, seed: int) -> None:
         self.robot, self.inputs, self.plant, self.seed = robot, inputs, plant, seed
         self.limits = BodyLimits()
+        self.recording = _RECORD
         self.pushes: list[RecordedPush] = []  # of the run, in order; its recorder takes them out
 
 
@@ -132,7 +134,7 @@ class FootLead(_Lead):
         setup = TeleopSetup.of(self.leader, self.plant, seed=self.seed, rotator=self._rotator)
         about = {"controller": "step teleoperation"}
         return TeleopRecorder(
-            path, self.leader, setup, pushes=self.pushes, config=_RECORD, metadata=about
+            path, self.leader, setup, pushes=self.pushes, config=self.recording, metadata=about
         )
 
     def take_in(self, tick: Tick, plant: Plant) -> None:
@@ -197,14 +199,22 @@ class VelocityLead(_Lead):
 
     def recorder(self, path: Path) -> Recorder:
         """Return a recorder of signals."""
-        return Recorder(path, config=_RECORD, metadata={"controller": "whole_body"})
+        return Recorder(path, config=self.recording, metadata={"controller": "whole_body"})
 
     def lead(self, state: RobotState) -> None:
         """Set the targets of the next tick; a state that cannot be used changes nothing."""
         if not is_usable(state, self.robot):
             return
+        self._lead(self._device, state)
+
+    def pause(self, state: RobotState) -> None:
+        """Lead without the operator: come to rest."""
+        if is_usable(state, self.robot):
+            self._lead(None, state)
+
+    def _lead(self, device: Device | None, state: RobotState) -> None:
         guard = self._guard
-        guard.check(guard.read(self._device, state.time), state.time)
+        guard.check(guard.read(device, state.time), state.time)
         self.walker.set_velocity(*guard.velocity)
         self.walker.lead(state)
         self.hands.lead(guard, state)
@@ -236,3 +246,13 @@ class VelocityLead(_Lead):
 
 
 Lead = FootLead | VelocityLead
+
+
+def rehearse(lead: Lead, seconds: float = 0.1) -> None:
+    """Run on a simulated plant what a tick needs, so that it is compiled, and begin anew."""
+    plant = Plant(lead.robot, lead.plant, seed=lead.seed)
+    for _ in rollout(
+        plant, lead.controller(), lead.leader, estimator=lead.estimator, duration=seconds
+    ):
+        pass
+    lead.begin()

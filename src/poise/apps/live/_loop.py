@@ -15,6 +15,7 @@ from jaxtyping import Float64
 from msgspec import Struct
 from pydantic.alias_generators import to_camel
 
+from poise.apps.deployment import LinkedPlant
 from poise.apps.live._leads import Lead
 from poise.apps.live._log import Takes
 from poise.apps.teleoperation import RecordedPush
@@ -58,6 +59,10 @@ class Reset(Order):
     """Reset the robot to its start, and restart."""
 
 
+class Stop(Order):
+    """Emergency stop: damp a robot behind a link, or stop the time of a simulated one."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Snapshot:
     """State of a live run at one time; positions in the simulator's world."""
@@ -85,6 +90,7 @@ class Snapshot:
     bodies: Float64[np.ndarray, " b"]  # positions of the simulator's bodies [m]
     turns: Float64[np.ndarray, " t"]  # their quaternions (w, x, y, z)
     fallen: bool
+    stopped: str  # trouble for which a robot behind a link is damped; "" for none
     paused: bool
     speed: float  # commanded robot time over wall-clock time
     real_time_factor: float  # part of that speed reached in the last second
@@ -110,9 +116,10 @@ def _plain(value: Any) -> Any:
 class LiveLoop:
     """Real-time loop of a simulated robot, with orders from any thread between ticks."""
 
-    def __init__(self, lead: Lead, takes: Takes) -> None:
+    def __init__(self, lead: Lead, takes: Takes, plant: Plant | None = None) -> None:
         self.lead, self.takes = lead, takes
-        self.plant = Plant(lead.robot, lead.plant, seed=lead.seed)
+        self.plant = Plant(lead.robot, lead.plant, seed=lead.seed) if plant is None else plant
+        self.linked = isinstance(self.plant, LinkedPlant)
         self.error: Exception | None = None
         self.snapshot: Snapshot | None = None
         self._ticks = self._rollout()
@@ -137,6 +144,8 @@ class LiveLoop:
         if self._thread.is_alive():
             self._thread.join()
         self._ticks.close()
+        if isinstance(self.plant, LinkedPlant):
+            self.plant.body.close()
 
     @property
     def running(self) -> bool:
@@ -161,6 +170,10 @@ class LiveLoop:
                     self._paused = order.value
                 case Slow():
                     self._speed = 0.25 if order.value else 1.0
+                case Stop() if isinstance(self.plant, LinkedPlant):
+                    self.plant.body.watchdog.stop()
+                case Stop():
+                    self._paused = True
                 case _:
                     self._restart()
 
@@ -172,9 +185,10 @@ class LiveLoop:
         for push in lead.pushes:
             start = push.tick * plant.control_dt
             plant.push(lead.robot.torso, push.force, push.duration, start)
-        return rollout(
-            plant, lead.controller(), lead.leader, [self.takes], estimator=lead.estimator
-        )
+        leader, estimator = lead.leader, lead.estimator
+        if isinstance(plant, LinkedPlant):
+            leader, estimator = plant.body.follow(leader), plant.watch(estimator)
+        return rollout(plant, lead.controller(), leader, [self.takes], estimator=estimator)
 
     def _restart(self) -> None:
         self._ticks.close()
@@ -200,7 +214,9 @@ class LiveLoop:
             else:
                 due = clock.perf_counter() + 0.01
             ahead = due - clock.perf_counter()
-            if ahead > 0.0:
+            if self.linked:  # Its steps wait for the robot's states.
+                due = clock.perf_counter()
+            elif ahead > 0.0:
                 clock.sleep(ahead)
             elif ahead < -late:
                 due = clock.perf_counter()
@@ -291,6 +307,7 @@ class LiveLoop:
             bodies=plant.data.xpos.ravel().copy(),
             turns=plant.data.xquat.ravel().copy(),
             fallen=plant.fallen,
+            stopped=plant.trouble if self.linked else "",
             paused=self._paused,
             speed=self._speed,
             real_time_factor=self._factor,

@@ -9,27 +9,28 @@ from typing import Any, Literal
 import msgspec
 from msgspec import structs
 
+from poise.apps.deployment import FLUSH, LinkedPlant
 from poise.apps.live._front import Answer, Front
 from poise.apps.live._gamepad import HostGamepad
 from poise.apps.live._inputs import OperatorInputs
-from poise.apps.live._leads import WALK_PLANT, FootLead, VelocityLead
+from poise.apps.live._leads import WALK_PLANT, FootLead, VelocityLead, rehearse
 from poise.apps.live._log import Takes
-from poise.apps.live._loop import LiveLoop, Order, Pause, PushOrder, Reset, Slow
+from poise.apps.live._loop import LiveLoop, Order, Pause, PushOrder, Reset, Slow, Stop
 from poise.apps.report import shapes_payload
 from poise.apps.scenarios import drawn_shapes
 from poise.apps.teleoperation import TORQUE_TELEOP_PLANT, Recording
 from poise.errors import ConfigurationError
 from poise.locomotion import OperatorSample, TeleopParameters
 from poise.robots import Robot
-from poise.sim import PlantConfig
+from poise.sim import PlantConfig, RecorderConfig
 
 
 class Keep(Order):
     """Keep a copy of the run so far."""
 
 
-_ORDERS: msgspec.json.Decoder[OperatorSample | PushOrder | Pause | Slow | Reset | Keep] = (
-    msgspec.json.Decoder(OperatorSample | PushOrder | Pause | Slow | Reset | Keep)
+_ORDERS: msgspec.json.Decoder[OperatorSample | PushOrder | Pause | Slow | Reset | Keep | Stop] = (
+    msgspec.json.Decoder(OperatorSample | PushOrder | Pause | Slow | Reset | Keep | Stop)
 )
 
 
@@ -48,6 +49,8 @@ class LiveSession:
         seed: of the sensor noise.
         parameters: of the teleoperator; scaled to the robot when None.
         solved_by: name of the controller that solves the teleoperator's stack.
+        connect: returns the robot behind a link that is led in place of a simulated one, by its
+            posture at the start; it is called when everything has been compiled.
 
     Raises:
         ConfigurationError: the robot cannot be walked, or an option of feet for a velocity.
@@ -76,9 +79,10 @@ class LiveSession:
         seed: int = 0,
         parameters: TeleopParameters | None = None,
         solved_by: str | None = None,
+        connect: Callable[[PlantConfig], LinkedPlant] | None = None,
     ) -> None:
         self.inputs = inputs = OperatorInputs()
-        self._gamepad = HostGamepad(inputs) if gamepad else None
+        self._gamepad = HostGamepad(inputs, self._stop) if gamepad else None
         self._source = "gamepad" if gamepad else "browser" if recording is None else "recording"
         if by == "feet":
             lead = FootLead(
@@ -97,7 +101,13 @@ class LiveSession:
         else:
             lead = VelocityLead(robot, inputs, plant or WALK_PLANT, seed=seed)
         self.takes = Takes(Path(folder), lead.takes)
-        self.loop = LiveLoop(lead, self.takes)
+        linked = None
+        if connect is not None:
+            rehearse(lead)
+            linked = connect(lead.plant)
+            linked.body.operator = self.inputs.heard
+            lead.recording = RecorderConfig(flush_dt=FLUSH, scene_dt=0.1, keep=False)
+        self.loop = LiveLoop(lead, self.takes, linked)
         self._last: dict[type[Order], float] = {}
         model = self.loop.plant.drawn_model()
         shapes = {"bodies": model.nbody, **shapes_payload(drawn_shapes(model))}
@@ -138,6 +148,8 @@ class LiveSession:
                 # As often as a device asks: forces are no use to it later.
                 answer = {"echo": message.time, "forces": self.loop.lead.forces}
                 return answer | (self.inputs.take(message) if self._source == "browser" else {})
+            case PushOrder() | Pause() | Slow() | Reset() if self.loop.linked:
+                return {"error": "Not on a robot behind a link."}
             case Reset() | Keep() if not self._is_rare(type(message)):
                 return {"error": "Not again within a second."}
             case Keep():
@@ -157,6 +169,9 @@ class LiveSession:
             self._last[order] = now
         return rare
 
+    def _stop(self) -> None:
+        self.loop.order(Stop())
+
     def left(self) -> None:
         """Forget an operator who has gone: the feet go back to the ground."""
         if self._source == "browser":
@@ -169,6 +184,7 @@ class LiveSession:
             "robot": lead.robot.name,
             "source": self._source,
             "kind": lead.kind,
+            "linked": self.loop.linked,
             "limits": lead.limits._asdict(),
             "asked": structs.asdict(lead.body),
         }

@@ -81,10 +81,25 @@ class Director:
         self.walker = scenario.walker(robot, stack)
         self._velocities = [] if scenario.drive is None else list(scenario.drive.velocities)
         self._check_beside_walk()
+        self._paused, self._last = 0.0, math.nan
+
+    def pause(self, state: RobotState) -> None:
+        """Leave the targets where they are, and begin later what comes; a walk goes on.
+
+        Args:
+            state: as the estimator gave it.
+        """
+        if self.walker is not None:
+            self.lead(state)
+            return
+        if state.time > self._last:
+            self._paused += state.time - self._last
+        self._last = state.time
 
     def lead(self, state: RobotState) -> None:
         """Apply everything that is due at the state's time."""
-        time = state.time
+        self._last = state.time
+        time = state.time - self._paused
         if self._changes:
             self._change_contacts(state)
         while self._motions and self._motions[0].at <= time:
@@ -118,7 +133,7 @@ class Director:
         ]
 
     def _apply(self, change: ContactChange, state: RobotState) -> bool:
-        if state.time < change.at:
+        if state.time - self._paused < change.at:
             return False
         contact = self._contacts[change.contact]
         if not change.load:
@@ -126,7 +141,7 @@ class Director:
             return True
         measured = state.contacts.get(contact.frame)
         touched = measured is not None and measured[2] >= change.touchdown
-        if touched or change.touchdown == 0.0 or state.time >= change.at + TOUCHDOWN_PATIENCE:
+        if touched or change.touchdown == 0.0 or state.time - self._paused >= change.at + TOUCHDOWN_PATIENCE:
             contact.engage(change.over)
             return True
         return False

@@ -329,6 +329,16 @@ class StepTeleoperator:
         if self._level.lead(state, guard, command, self._body_with_gaze()):
             self._ahead = self._faces()
 
+    def pause(self, state: RobotState) -> None:
+        """Lead without the operator, as after a loss of the device.
+
+        Args:
+            state: as the estimator gave it.
+        """
+        device, self.device = self.device, None
+        self.lead(state)
+        self.device = device
+
     def _faces(self) -> float:
         """Heading of the feet, to the left of the world's x axis [rad]."""
         return mean_angle(*(yaw_of(self.estimator.rotation(foot)) for foot in (0, 1)))

@@ -150,6 +150,7 @@ function show(s) {
   if (stepping && s.mode === "D" && !view?.drags().some(Boolean)) begun();
   if (document.body.dataset.kind !== s.kind || grips !== s.hands.length > 0) {
     document.body.dataset.kind = s.kind;
+    document.body.dataset.linked = s.linked;
     grips = s.hands.length > 0;
     document.body.dataset.grips = grips;
     // What no limits are known of cannot be bent.
@@ -190,9 +191,9 @@ function words(s) {
   if (!("mode" in s)) return;
   for (const chip of part("modes").children) chip.classList.toggle("now", chip.dataset.mode === s.mode);
   const old = `Nothing has come from the robot since ${since()}.`;
-  put("mode-text", stale ? old : s.fallen ? "fallen: press Reset" : s.modeText, stale || s.fallen);
+  put("mode-text", stale ? old : s.stopped ? "damped" : s.fallen ? "fallen: press Reset" : s.modeText, stale || s.fallen);
   const lost = driving && (stuck || s.device === "OVERRULED") ? AGAIN : "";
-  warn(stale ? old : s.fallen ? `The robot has fallen. ${driving ? "Press Reset" : "Its operator has to press Reset"}.` : lost);
+  warn(stale ? old : s.stopped ? `The robot is damped (${s.stopped}).` : s.fallen ? `The robot has fallen. ${driving ? "Press Reset" : "Its operator has to press Reset"}.` : lost);
   put("margin", `${(100 * s.margin).toFixed(1)} cm`);
   part("margin-bar").value = Math.max(0, s.margin);
   const device = s.deviceText;
@@ -332,6 +333,7 @@ function press(event, down) {
   if (event.key === "Meta" && !down) release();
   // With one of these the browser does something of its own.
   if (down && (event.ctrlKey || event.metaKey || event.altKey)) return;
+  if (event.key === "Escape" && down && newest?.linked) send({ do: "stop" });
   if (event.key === "?" && down) help(part("help").hidden);
   const letter = letterOf(event), arrow = event.key.startsWith("Arrow") ? event.key : driven() && ARROWS[letter];
   if (letter === "q") hold("left", down);
@@ -394,6 +396,7 @@ for (const button of document.querySelectorAll("[data-push]"))
   button.addEventListener("click", () => send({ do: "push", value: button.dataset.push }));
 const toggled = (id) => !part(id).classList.contains("on");
 part("pause").addEventListener("click", () => send({ do: "pause", value: toggled("pause") }));
+part("stop").addEventListener("click", () => send({ do: "stop" }));
 part("slow").addEventListener("click", () => send({ do: "slow", value: toggled("slow") }));
 part("upright").addEventListener("click", () => { keys.upright = toggled("upright"); part("upright").classList.toggle("on", keys.upright); look(); });
 part("reset").addEventListener("click", () => { slid = undefined; send({ do: "reset" }); });
