@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from poise.hardware import G1Link, G1Robot, LastCheck, MotorCommand, MotorState, ProcessLink
+from poise.hardware._g1_mode import Channel, Request, Response
+from poise.hardware._g1_sdk import open_sdk
 
 MODE = 5
 MOTORS = tuple(f"motor{k}" for k in range(29))
@@ -136,6 +138,26 @@ def command(pipe, tag, priority):
     pipe.send(link.pid)
     while True:
         link.write(MotorCommand(q=target, dq=still, kp=still + 20.0, kd=still + 1.0, tau=still))
+        time.sleep(0.002)
+
+
+def walk(pipe, tag):
+    """A robot that commands its motors until its motion mode is released."""
+    sdk, robot = open_sdk("lo", tag)
+    state, command, mode = sdk.LowState(29), sdk.MotorCommand(29), b"ai"
+    state.mode_machine, command.kp = MODE, [50.0] * 29
+    imu = state.imu
+    imu.quat = [1.0, 0.0, 0.0, 0.0]
+    robot.write_low_command(command)
+    service, (_, states) = Channel(sdk, Response, Request), open_sdk("lo", tag)
+    while True:
+        states.publish_low_state(state)
+        request = service.take()
+        if request is not None and request.api == 1003:
+            mode, robot = b"", None
+        if request is not None:
+            text = b'{"form":"0","name":"%s"}' % mode if request.api == 1001 else b""
+            service.write(Response(id=request.id, api=request.api, text=text))
         time.sleep(0.002)
 
 

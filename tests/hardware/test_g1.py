@@ -41,6 +41,7 @@ def process(main, *arguments):
     near, far = SPAWN.Pipe()
     made = SPAWN.Process(target=main, args=(far, *arguments), daemon=False)
     made.start()
+    far.close()
     try:
         yield near, made
     finally:
@@ -89,6 +90,15 @@ def test_commands_and_states_arrive_as_they_were_sent(tag, joints, count):
 def test_a_link_without_its_robot_says_how_peers_find_each_other(tag):
     with pytest.raises(RobotError, match=r"no state of a G1.*0\.3 s on lo.*unicast"):
         ProcessLink(g1_ends.link_to(tag, timeout=0.3), g1_ends.check())
+
+
+def test_a_link_refuses_a_robot_in_a_motion_mode_of_its_own_until_it_is_released(tag):
+    with process(g1_ends.walk, tag):
+        with pytest.raises(RobotError, match=r"motion mode.*got 'ai'"):
+            ProcessLink(g1_ends.link_to(tag), g1_ends.check())
+        link = ProcessLink(g1_ends.link_to(tag, release=True), g1_ends.check(), linger=0.0)
+        assert link.status is not LinkStatus.LOST
+        link.close()
 
 
 def test_a_link_refuses_another_robot(tag):

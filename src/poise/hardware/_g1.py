@@ -8,6 +8,7 @@ import numpy as np
 
 from poise._checks import checked_number
 from poise.errors import RobotError
+from poise.hardware._g1_mode import end_mode
 from poise.hardware._g1_sdk import MODE_MACHINES, PEERS, MotorOrder, open_sdk
 from poise.hardware._link import LinkInfo, LinkStatus, MotorCommand, MotorState
 
@@ -15,6 +16,7 @@ RATE = 500.0
 """States and commands in a second: the SDK's thread sends each 2 ms [1/s]."""
 
 _TIMEOUT = 5.0  # ten times what discovery takes on loopback, measured [s]
+_CABLE = "rt/lowstate: check power, cable, the interface's address (192.168.123.x) and firewall"
 _LISTEN = 0.5  # for commanders: discovery once more, and 250 of their periods [s]
 
 
@@ -26,10 +28,10 @@ class G1Link:
         make = partial(G1Link, robot.joint_names, motors, interface="eth0", mode_machines=modes)
         link = ProcessLink(make, check)
 
-    The robot's motion service has to be released before (debug mode), because it commands the
-    motors, too. Nothing is sent before the first `write`. From then on a thread of the SDK sends
-    the newest command every 2 ms, even while Python hangs, until `close` or the end of the process.
-    Motors without a joint of the link get zero gains and torques.
+    The robot must have no motion mode active, in which it commands its motors itself; a robot that
+    stands falls when its mode ends. Nothing is sent before the first `write`. From then on a thread
+    of the SDK sends the newest command every 2 ms, even while Python hangs, until `close` or the
+    end of the process. Motors without a joint of the link get zero gains and torques.
 
     The SDK does not pass on the robot's clock or a count: a state is new if its numbers differ from
     those before, and its time is that of its arrival in `read`. It also stores motors and inertial
@@ -42,14 +44,15 @@ class G1Link:
         interface: network interface; "lo" for a simulated robot.
         tag: participants with different ones do not see each other, such as simulated robots on
             one machine; a real robot has none.
-        timeout: longest wait for the first state [s].
+        release: release the motion mode, as the remote control's debug mode does.
+        timeout: longest wait for the first state, and for the end of the mode [s].
 
     Raises:
         MissingExtraError: the SDK is not installed.
         ConfigurationError: the SDK has another version, or there are not 29 motors.
         UnknownNameError: there is no such network interface, or a joint has no motor.
-        RobotError: DDS does not start, no state arrives, the robot is another one, or another
-            process commands it.
+        RobotError: DDS does not start, no state arrives, the robot is another one, a motion mode is
+            active, or another process commands the robot.
     """
 
     def __init__(
@@ -60,18 +63,20 @@ class G1Link:
         mode_machines: Sequence[int],
         interface: str,
         tag: str = "",
+        release: bool = False,
         timeout: float = _TIMEOUT,
     ) -> None:
         timeout = checked_number(timeout, "longest wait for the first state [s]", above=0.0)
         self._order = MotorOrder(joints, motors)
         self.info = LinkInfo(name=f"Unitree G1 on {interface}", rate=RATE, joints=tuple(joints))
         self.status, self.refused, self.reason = LinkStatus.OK, 0, ""
-        sdk, robot = open_sdk(interface, tag)
-        self._robot: Any = robot
-        self._command = sdk.MotorCommand(len(motors))
-        self._listen(interface, timeout)
+        sdk = self._open(interface, tag, timeout)
         self._check_robot(mode_machines)
+        if end_mode(sdk, release, timeout):
+            self._open(interface, tag, timeout)  # without the last command of the mode
+        time.sleep(_LISTEN)
         self._check_commander()
+        self._command = sdk.MotorCommand(len(motors))
         self._numbers: Any = None
         self._state = self.read()
 
@@ -127,38 +132,30 @@ class G1Link:
             time.sleep(2.0 / RATE)
             self._robot, self.status = None, LinkStatus.LOST
 
-    def _listen(self, interface: str, timeout: float) -> None:
-        """Wait for the first state, then for other commanders."""
-        end = time.monotonic() + timeout
-        while not any(self._robot.read_low_state().imu.quat):
+    def _open(self, interface: str, tag: str, timeout: float) -> Any:
+        """Open the topics, and wait for the first state."""
+        sdk, self._robot = open_sdk(interface, tag)
+        end, heard = time.monotonic() + timeout, False
+        while not heard:
             if time.monotonic() > end:
-                raise RobotError(
-                    "no state of a G1 arrives",
-                    got=f"nothing in {timeout:g} s on {interface}",
-                    wanted="rt/lowstate in DDS domain 0: check power, cable, the address of the "
-                    f"interface (192.168.123.x), and its firewall; {PEERS}",
-                )
-            time.sleep(1.0 / RATE)
-        time.sleep(_LISTEN)
+                got, wanted = f"nothing in {timeout:g} s on {interface}", f"{_CABLE}; {PEERS}"
+                raise RobotError("no state of a G1 arrives", got=got, wanted=wanted)
+            heard = any(self._robot.read_low_state().imu.quat)
+            time.sleep(1.0 / RATE)  # also for mode_machine, which the SDK stores last
+        return sdk
 
     def _check_robot(self, mode_machines: Sequence[int]) -> None:
         names = {mode: f"{mode} ({name})" for name, mode in MODE_MACHINES.items()}
         mode = int(self._robot.read_low_state().mode_machine)
         if mode not in mode_machines:
-            raise RobotError(
-                "mode_machine of the G1 is that of another robot",
-                got=names.get(mode, f"{mode}, which no model has"),
-                wanted=", ".join(names.get(right, str(right)) for right in mode_machines)
-                + "; load the model of this robot, and give its number",
-            )
+            got = names.get(mode, f"{mode}, which no model has")
+            wanted = ", ".join(names.get(right, str(right)) for right in mode_machines)
+            wanted += "; load the model of this robot, and give its number"
+            raise RobotError("the G1 is another robot, by mode_machine", got=got, wanted=wanted)
 
     def _check_commander(self) -> None:
         found = self._robot.read_incoming_command()
         if any(map(any, (found.kp, found.kd, found.tau_ff))):
-            gains = f"kp up to {max(found.kp):g}, kd up to {max(found.kd):g}"
-            raise RobotError(
-                "another process commands the G1",
-                got=f"messages on rt/lowcmd, {gains}",
-                wanted="none: end the other controller; of the robot's own release the mode "
-                "with the remote control (debug mode)",
-            )
+            got = f"rt/lowcmd with kp up to {max(found.kp):g}, kd up to {max(found.kd):g}"
+            wanted = "none: end the other controller"
+            raise RobotError("another process commands the G1", got=got, wanted=wanted)

@@ -13,7 +13,9 @@ _COUNTS = 1000  # states until the voltages repeat: two seconds at 500 Hz
 
 
 class G1Robot:
-    """Robot's end of `rt/lowstate` and `rt/lowcmd` on the loopback interface; one in a process.
+    """Robot's end of a G1's topics on the loopback interface, with no motion mode active.
+
+    There is one in a process.
 
     Args:
         joints: names of the joints, in the order of all arrays.
@@ -26,11 +28,8 @@ class G1Robot:
             comes again from one that has stopped coming.
 
     Raises:
-        MissingExtraError: the SDK is not installed.
-        ConfigurationError: the SDK has another version, there are not 29 motors, or no robot has
-            that number.
-        UnknownNameError: a joint has no motor.
-        RobotError: DDS does not start.
+        ConfigurationError: there are not 29 motors, or no robot has that number.
+        PoiseError: as of `G1Link`, of the SDK, DDS and joints.
     """
 
     def __init__(
@@ -41,6 +40,7 @@ class G1Robot:
             raise ConfigurationError("mode_machine of a G1", got=mode_machine, wanted=wanted)
         self._order, self.received, self._published = MotorOrder(joints, motors), 0, 0
         sdk, self._robot = open_sdk("lo", tag)
+        self._robot.enable_motion_switcher_responder()
         self._raw = sdk.LowState(len(motors))
         self._raw.mode_machine = mode_machine
         still = np.zeros(len(joints))

@@ -11,8 +11,7 @@ import numpy as np
 from poise.errors import ConfigurationError, RobotError, UnknownNameError, import_extra
 from poise.hardware._link import Joints
 
-MOTORS = 29
-"""Slots that the SDK fills, of the messages' 35."""
+MOTORS = 29  # that the SDK sets, of the messages' 35
 
 MODE_MACHINES = {
     "g1_23dof": 1,
@@ -23,12 +22,7 @@ MODE_MACHINES = {
     "g1_29dof_lock_waist_rev_1_0": 6,
     "g1_dual_arm": 9,
     "g1_23dof_mode_10": 10,
-    "g1_29dof_mode_11": 11,
-    "g1_29dof_mode_12": 12,
-    "g1_29dof_mode_13": 13,
-    "g1_29dof_mode_14": 14,
-    "g1_29dof_mode_15": 15,
-    "g1_29dof_mode_16": 16,
+    **{f"g1_29dof_mode_{number}": number for number in range(11, 17)},
 }
 """`mode_machine` of a G1 by its model, from robots/g1_description/README.md of unitree_ros.
 
@@ -41,20 +35,7 @@ _PARTICIPANTS = 119  # last index whose ports are of domain 0 (RTPS 2.5, 9.6.2.3
 
 
 def open_sdk(interface: str, tag: str) -> tuple[Any, Any]:
-    """Return the SDK's module, and its object for the topics of a G1.
-
-    A process has one network interface and one tag for its lifetime.
-
-    Args:
-        interface: network interface.
-        tag: of Cyclone DDS; participants with different tags do not see each other.
-
-    Raises:
-        MissingExtraError: the SDK is not installed.
-        ConfigurationError: it has another version.
-        UnknownNameError: there is no such interface.
-        RobotError: DDS does not start.
-    """
+    """Return the SDK's module, and a new object of it; one interface and tag in a process."""
     name = "far-unitree-sdk"
     purpose = "A link to a G1, on Linux with Python 3.11 or 3.12,"
     sdk = import_extra("unitree_interface", "g1", purpose, package=name)
@@ -80,16 +61,7 @@ PEERS = (
 
 
 class MotorOrder:
-    """Arrays by joint, and lists by motor.
-
-    Args:
-        joints: names of the link's joints.
-        motors: names of the joints that the motors of the messages move, in their order.
-
-    Raises:
-        UnknownNameError: a joint has no motor.
-        ConfigurationError: there are not 29 motors.
-    """
+    """Arrays by joint, and lists by motor of the messages."""
 
     def __init__(self, joints: Sequence[str], motors: Sequence[str]) -> None:
         if len(motors) != MOTORS:
@@ -114,10 +86,9 @@ def _settings(interface: str, tag: str) -> str | None:
     """Return Cyclone's settings; None for the SDK's own."""
     if interface != "lo" and not tag:
         return None
+    place = f'<NetworkInterface name={quoteattr(interface)} priority="default"/>'
+    most = f"<MaxAutoParticipantIndex>{_PARTICIPANTS}</MaxAutoParticipantIndex>"
     return (
-        '<CycloneDDS><Domain Id="any"><General><Interfaces>'
-        f'<NetworkInterface name={quoteattr(interface)} priority="default" multicast="default"/>'
-        "</Interfaces></General><Discovery>"
-        f"<Tag>{escape(tag)}</Tag><MaxAutoParticipantIndex>{_PARTICIPANTS}"
-        "</MaxAutoParticipantIndex></Discovery></Domain></CycloneDDS>"
+        f'<CycloneDDS><Domain Id="any"><General><Interfaces>{place}</Interfaces></General>'
+        f"<Discovery><Tag>{escape(tag)}</Tag>{most}</Discovery></Domain></CycloneDDS>"
     )
