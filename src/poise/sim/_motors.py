@@ -6,9 +6,9 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Bool, Float64, Int32, Int64
 
-from poise._compiled import compiled
+from poise._compiled import compiled, factor_leading, solve_lower
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
@@ -17,6 +17,11 @@ from poise.sim._motor_config import PERIOD, Motor, MotorConfig
 
 Joints = Float64[np.ndarray, " nj"]
 Square = Float64[np.ndarray, "nj nj"]
+
+# Kinds of constraints whose forces answer to accelerations
+_QUADRATIC = int(mujoco.mjtConstraintState.mjCNSTRSTATE_QUADRATIC)
+_CONE = int(mujoco.mjtConstraintState.mjCNSTRSTATE_CONE)
+
 
 @runtime_checkable
 class SetPoints(Protocol):
@@ -89,6 +94,7 @@ class Motors:
         self._drives, self._rates = _make_drives(robot, motors)
         self._follow = _share(config.torque_bandwidth), _share(motors.velocity_bandwidth)
         self._inertia = np.empty((model.nv, model.nv))
+        self._columns = np.empty((robot.nj, model.nv))
         self._set_points = np.zeros((5, robot.nj))
         self._state = _State(*np.zeros((len(_State._fields), robot.nj)))
         self._mean, self._free = np.zeros((2, robot.nj))
@@ -159,13 +165,13 @@ class Motors:
         state.speed[:] = rates @ data.qvel[self._at_v]
         state.given[:] = state.limited[:] = 0.0
         mujoco.mj_fullM(self._model, data, self._inertia)
-        hessian = self._inertia
-        if data.nefc:
-            jacobian = _jacobian(self._model, data)
-            weight = np.where(np.isin(data.efc_state, _HOLDING), data.efc_D, 0.0)
-            hessian = hessian + (jacobian.T * weight) @ jacobian
-        compliance = np.linalg.inv(hessian)[np.ix_(self._at_v, self._at_v)]
-        self._response[:] = rates @ compliance @ rates.T
+        _respond(
+            self._inertia,
+            (_jacobian(self._model, data), data.efc_D, data.efc_state),
+            (self._at_v, self._drives.mate, self._rates),
+            self._columns,
+            self._response,
+        )
         self._free[:] = rates @ data.qacc[self._at_v] - self._response @ self._mean
 
 
@@ -225,11 +231,38 @@ def _advance(
             state.counted[i] = counted
 
 
-_HOLDING = (
-    int(mujoco.mjtConstraintState.mjCNSTRSTATE_QUADRATIC),
-    int(mujoco.mjtConstraintState.mjCNSTRSTATE_CONE),
-)
-"""States of constraints whose forces answer to accelerations."""
+@compiled
+def _respond(
+    hessian: Float64[np.ndarray, "nv nv"],
+    constraints: tuple[
+        Float64[np.ndarray, "nefc nv"], Float64[np.ndarray, " nefc"], Int32[np.ndarray, " nefc"]
+    ],
+    transmission: tuple[Int64[np.ndarray, " nj"], Int64[np.ndarray, " nj"], Square],
+    columns: Float64[np.ndarray, "nj nv"],
+    response: Square,
+) -> None:
+    """Fill in R C R^T, of the inertia in `hessian` and the constraints."""
+    (jacobian, stiffness, kinds), (at_v, mate, rates) = constraints, transmission
+    nv, n = len(hessian), len(mate)
+    for row in range(len(kinds)):
+        if kinds[row] not in (_QUADRATIC, _CONE):
+            continue
+        for i in range(nv):
+            scaled = stiffness[row] * jacobian[row, i]
+            if scaled != 0.0:
+                for j in range(i + 1):
+                    hessian[i, j] += scaled * jacobian[row, j]
+    factor_leading(hessian, nv)
+    for i in range(n):
+        column = columns[i]
+        column[:] = 0.0
+        column[at_v[i]], column[at_v[mate[i]]] = rates[i, i], rates[i, mate[i]]
+        solve_lower(hessian, 0, nv, column)
+        for k in range(i + 1):
+            total = 0.0
+            for j in range(nv):
+                total += column[j] * columns[k, j]
+            response[i, k] = response[k, i] = total
 
 
 def _jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Float64[np.ndarray, "nefc nv"]:
