@@ -18,7 +18,7 @@ from poise.hardware._link import (
 from poise.hardware._process_link import ProcessLink
 
 if TYPE_CHECKING:
-    from poise.hardware._link_body import RAMP as RAMP, LinkBody
+    from poise.hardware._link_body import LISTEN as LISTEN, RAMP as RAMP, LinkBody
     from poise.hardware._plant_link import PlantLink, robot_state
     from poise.hardware._torque_split import TorqueSplit
     from poise.hardware._watchdog import (
@@ -46,7 +46,7 @@ __all__ = [
 
 _LATER = {
     **dict.fromkeys(("PlantLink", "robot_state"), "_plant_link"),
-    **dict.fromkeys(("RAMP", "LinkBody"), "_link_body"),
+    **dict.fromkeys(("LISTEN", "RAMP", "LinkBody"), "_link_body"),
     "TorqueSplit": "_torque_split",
     **dict.fromkeys(("RULES", "Action", "Rule", "Trouble", "Verdict", "Watchdog"), "_watchdog"),
 }

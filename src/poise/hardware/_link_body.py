@@ -33,6 +33,9 @@ RAMP = 3.0
 """Length of each ramp, and of standing before the leader begins [s]: a joint that is 1 rad off then
 moves by at most 15 / 8 / 3 s = 0.6 rad/s, which a person with a hand on the stop can follow."""
 
+LISTEN = 0.5
+"""Time for which all of a tick runs before the first command [s]: its memory is warm then."""
+
 _POLL = 1e-4
 """Pause between two looks for a new state [s], a twentieth of a period of 500 Hz."""
 
@@ -40,7 +43,7 @@ _POLL = 1e-4
 class LinkBody:
     """Robot behind a link, as the `Body` of `poise.rollout`.
 
-    A step evaluates the watchdog, splits the command's torque, blends it by the ramp, writes, and
+    At first it only listens, for `LISTEN`. A step then evaluates the watchdog, splits the command's torque, blends it by the ramp, writes, and
     waits for the next state, at most one and a half periods after the last. Time is that of the
     robot's stamps, zero at the first state.
 
@@ -118,15 +121,13 @@ class LinkBody:
         self._answered = link.read()
         self.late = 0
         self.measured = link.read()
-        self.begin = self._ramp + checked_number(stand, "stand of the link's body [s]")
-        self._zero = self.measured.time
-        self._q_0 = np.clip(self.measured.q, check.lower, check.upper)
-        self._began = link.clock()
+        self.begin = LISTEN + self._ramp + checked_number(stand, "stand of the link's body [s]")
+        self._zero, self._age = math.nan, 0.0
 
     @property
     def time(self) -> float:
         """Stamp of the present state, zero where the leader begins [s]."""
-        return self.measured.time - self._zero
+        return 0.0 if math.isnan(self._zero) else self.measured.time - self._zero
 
     @property
     def fallen(self) -> bool:
@@ -143,7 +144,6 @@ class LinkBody:
         if math.isnan(self._zero):
             self.measured, self._began = self.link.read(), self.link.clock()
             self._zero = self.measured.time
-            self._q_0 = np.clip(self.measured.q, self._check.lower, self._check.upper)
         state = robot_state(self.robot, self.link.info, self.measured)
         return replace(state, time=self.time)
 
@@ -157,6 +157,11 @@ class LinkBody:
         Args:
             command: of the controller, for the present state.
         """
+        if self.time < LISTEN:
+            self._q_0 = np.clip(self.measured.q, self._check.lower, self._check.upper)
+            self._answered = self.measured
+            self._wait()
+            return
         operator = None if self.operator is None else self.operator()
         state, before = self.measured, self.verdict.response
         self._answered = state
@@ -207,8 +212,8 @@ class LinkBody:
         self.link.close()
 
     def _ramped(self, split: MotorCommand) -> MotorCommand:
-        if self.time < self._ramp:
-            share = least_jerk(self.time, 0.0, self._ramp)[0]
+        if self.time < LISTEN + self._ramp:
+            share = least_jerk(self.time, LISTEN, self._ramp)[0]
             q = self._q_0 + share * (self._q_start - self._q_0)
             still = np.zeros(len(q))
             hold = MotorCommand(q=q, dq=still, kp=self._kp, kd=self._kd, tau=still)

@@ -241,7 +241,7 @@ class PlantConfig:
     # dtau/dt = 2 pi f (tau_commanded - tau); without delay when None
     torque_bandwidth: Annotated[float, Bounds(positive=True, most=1e6, unit="Hz")] | None = None
     # Drives with loops of their own, by torque actuation alone; ideal ones when None
-    motors: MotorConfig | None = field(default=None, metadata=NOT_IN_FILES)
+    motors: MotorConfig | None = None
     fall_height_ratio: Ratio = 0.6  # a pelvis below this fraction of its home height has fallen
 
     def with_noise(self) -> "PlantConfig":

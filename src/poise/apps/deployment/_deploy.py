@@ -10,7 +10,7 @@ from msgspec import structs
 from poise.apps.deployment._linked_plant import LinkedPlant
 from poise.apps.scenarios import Progress, Run, Scenario, Stage, run_stage, stage_scenario
 from poise.errors import ConfigurationError
-from poise.hardware import RAMP, Gains, LastCheck, Link, LinkBody, TorqueSplit
+from poise.hardware import LISTEN, RAMP, Gains, LastCheck, Link, LinkBody, TorqueSplit
 from poise.locomotion import Device, OperatorSample, StepTeleoperator
 from poise.robots import Robot
 from poise.sim import Recorder, RecorderConfig, garbage_frozen, rollout
@@ -56,7 +56,7 @@ def stage_deployment(
     Raises:
         PoiseError: the scenario does not fit the robot, or needs a simulator.
     """
-    scenario = _without_simulator(scenario, 1.0 / link.info.rate).later(2.0 * ramp)
+    scenario = _without_simulator(scenario, 1.0 / link.info.rate).later(LISTEN + 2.0 * ramp)
     rehearsed = stage_scenario(scenario, robot)
     for _ in rollout(
         rehearsed.plant,

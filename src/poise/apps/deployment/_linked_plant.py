@@ -31,9 +31,10 @@ class LinkedPlant(Plant):
     def __init__(self, body: LinkBody, config: PlantConfig) -> None:
         self.body = body
         # Not the body's own state, which begins the run.
-        self._estimate = robot_state(body.robot, body.link.info, body.measured)
+        self._estimate, self._made = robot_state(body.robot, body.link.info, body.measured), False
         super().__init__(body.robot, config)
         self.show(self._estimate)
+        self._made = True
 
     def watch(self, estimator: Estimator) -> Estimator:
         """Return the estimator, whose estimates the plant shows."""
@@ -61,7 +62,7 @@ class LinkedPlant(Plant):
 
     def state(self) -> RobotState:
         """Return the measured state."""
-        return self.body.state()
+        return self.body.state() if self._made else self._estimate
 
     def step(self, command: Command | None, position: Any = None) -> None:
         """Send a command and wait for the next state."""
