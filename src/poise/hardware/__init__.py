@@ -8,6 +8,8 @@ from poise.hardware._g1_robot import G1Robot as G1Robot
 from poise.hardware._g1_sdk import MODE_MACHINES as MODE_MACHINES
 from poise.hardware._last_check import LastCheck
 from poise.hardware._link import (
+    COMMAND_FIELDS as COMMAND_FIELDS,
+    STATE_FIELDS as STATE_FIELDS,
     Gains as Gains,
     Link,
     LinkInfo,

@@ -13,4 +13,5 @@ from poise.apps.deployment._g1 import (
 )
 from poise.apps.deployment._hoisted_plant import HoistedPlant as HoistedPlant
 from poise.apps.deployment._linked_plant import LinkedPlant as LinkedPlant
+from poise.apps.deployment._replay_states import replay_states as replay_states
 from poise.apps.deployment._simulate import SimulatedRobot as SimulatedRobot
