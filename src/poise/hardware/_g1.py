@@ -70,6 +70,7 @@ class G1Link:
         self._order = MotorOrder(joints, motors)
         self.info = LinkInfo(name=f"Unitree G1 on {interface}", rate=RATE, joints=tuple(joints))
         self.status, self.refused, self.reason = LinkStatus.OK, 0, ""
+        self._robot: Any = None
         self._open(interface, tag, timeout)
         self._check_robot(mode_machines)
         if end_mode(self._sdk, release, timeout):

@@ -27,7 +27,7 @@ Request = _structure("Request_", _IDENTITY, _POLICY, _TEXT)
 Response = _structure("Response_", _IDENTITY, {"code": c.c_int32}, _TEXT)
 
 _KINDS = {c.c_int64: 4, c.c_int32: 3, c.c_bool: 1, c.c_char_p: 5}  # DDS_OP_VAL of Cyclone
-_WORDS = dict.fromkeys(("size", "align", "flags", "keys"), c.c_uint32)
+_WORDS: dict[str, Any] = dict.fromkeys(("size", "align", "flags", "keys"), c.c_uint32)
 _TYPE = {"name": c.c_char_p, "key_list": c.c_void_p, "count": c.c_uint32}
 _REST = {"operations": c.POINTER(c.c_uint32), "meta": c.c_char_p, "types": c.c_int64 * 5}
 _DESCRIPTOR = _structure("Descriptor", _WORDS, _TYPE, _REST)
