@@ -8,7 +8,7 @@ import numpy as np
 
 from poise.hardware import G1Link, G1Robot, LastCheck, MotorCommand, MotorState, ProcessLink
 from poise.hardware._g1_mode import Channel, Request, Response
-from poise.hardware._g1_sdk import open_sdk
+from poise.hardware._g1_sdk import open_sdk, silence
 
 MODE = 5
 MOTORS = tuple(f"motor{k}" for k in range(29))
@@ -154,6 +154,7 @@ def walk(pipe, tag):
         states.publish_low_state(state)
         request = service.take()
         if request is not None and request.api == 1003:
+            silence(sdk)
             mode, robot = b"", None
         if request is not None:
             text = b'{"form":"0","name":"%s"}' % mode if request.api == 1001 else b""

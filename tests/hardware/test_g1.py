@@ -198,14 +198,14 @@ def payloads(packet):
         at += 4 + size if size else len(packet)
 
 
-def capture(matches, seconds=3.0):
-    """The first payload on the loopback interface that matches."""
-    listener = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(3))
-    with listener:
+def capture(matches, tick, seconds=5.0):
+    """The first payload on the loopback interface that matches, with a call for each message."""
+    with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(3)) as listener:
         listener.bind(("lo", 0))
         listener.settimeout(seconds)
         end = time.monotonic() + seconds
         while time.monotonic() < end:
+            tick()
             for payload in payloads(listener.recv(1 << 16)):
                 if matches(payload):
                     return payload
@@ -226,12 +226,7 @@ def test_a_message_has_the_checksum_and_modes_that_a_g1_wants(tag):
         joints, q = np.arange(29.0), np.zeros(29)
         q[g1_ends.JOINTS[29].index("motor0")], q[0] = mark, 1e300  # joint 0 has no stiffness
         sent = MotorCommand(q=q, dq=joints / 100, kp=joints, kd=joints / 10, tau=-joints)
-        end = time.monotonic() + 5.0
-        while link.status is not LinkStatus.OK and time.monotonic() < end:
-            link.write(sent)
-            time.sleep(0.001)
-        link.write(sent)
-        payload = capture(is_ours)
+        payload = capture(is_ours, lambda: link.write(sent))
         link.close()
     assert payload is not None
     numbers = LOWCMD_CDR.unpack(payload)

@@ -9,7 +9,7 @@ import numpy as np
 from poise._checks import checked_number
 from poise.errors import RobotError
 from poise.hardware._g1_mode import end_mode
-from poise.hardware._g1_sdk import MODE_MACHINES, PEERS, MotorOrder, open_sdk
+from poise.hardware._g1_sdk import MODE_MACHINES, PEERS, MotorOrder, open_sdk, silence
 from poise.hardware._link import LinkInfo, LinkStatus, MotorCommand, MotorState
 
 RATE = 500.0
@@ -70,13 +70,15 @@ class G1Link:
         self._order = MotorOrder(joints, motors)
         self.info = LinkInfo(name=f"Unitree G1 on {interface}", rate=RATE, joints=tuple(joints))
         self.status, self.refused, self.reason = LinkStatus.OK, 0, ""
-        sdk = self._open(interface, tag, timeout)
+        self._robot: Any = None
+        self._open(interface, tag, timeout)
         self._check_robot(mode_machines)
-        if end_mode(sdk, release, timeout):
+        if end_mode(self._sdk, release, timeout):
+            self._forget()
             self._open(interface, tag, timeout)  # without the last command of the mode
         time.sleep(_LISTEN)
         self._check_commander()
-        self._command = sdk.MotorCommand(len(motors))
+        self._command = self._sdk.MotorCommand(len(motors))
         self._numbers: Any = None
         self._state = self.read()
 
@@ -130,11 +132,16 @@ class G1Link:
         """
         if self._robot is not None:
             time.sleep(2.0 / RATE)
-            self._robot, self.status = None, LinkStatus.LOST
+            self._forget()
+            self.status = LinkStatus.LOST
 
-    def _open(self, interface: str, tag: str, timeout: float) -> Any:
+    def _forget(self) -> None:
+        silence(self._sdk)
+        self._robot = None
+
+    def _open(self, interface: str, tag: str, timeout: float) -> None:
         """Open the topics, and wait for the first state."""
-        sdk, self._robot = open_sdk(interface, tag)
+        self._sdk, self._robot = open_sdk(interface, tag)
         end, heard = time.monotonic() + timeout, False
         while not heard:
             if time.monotonic() > end:
@@ -142,7 +149,6 @@ class G1Link:
                 raise RobotError("no state of a G1 arrives", got=got, wanted=wanted)
             heard = any(self._robot.read_low_state().imu.quat)
             time.sleep(1.0 / RATE)  # also for mode_machine, which the SDK stores last
-        return sdk
 
     def _check_robot(self, mode_machines: Sequence[int]) -> None:
         names = {mode: f"{mode} ({name})" for name, mode in MODE_MACHINES.items()}
@@ -150,12 +156,10 @@ class G1Link:
         if mode not in mode_machines:
             got = names.get(mode, f"{mode}, which no model has")
             wanted = ", ".join(names.get(right, str(right)) for right in mode_machines)
-            wanted += "; load the model of this robot, and give its number"
-            raise RobotError("the G1 is another robot, by mode_machine", got=got, wanted=wanted)
+            raise RobotError("mode_machine is not that of the model", got=got, wanted=wanted)
 
     def _check_commander(self) -> None:
         found = self._robot.read_incoming_command()
         if any(map(any, (found.kp, found.kd, found.tau_ff))):
             got = f"rt/lowcmd with kp up to {max(found.kp):g}, kd up to {max(found.kd):g}"
-            wanted = "none: end the other controller"
-            raise RobotError("another process commands the G1", got=got, wanted=wanted)
+            raise RobotError("another process commands the G1", got=got, wanted="it to be ended")

@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 from poise.errors import RobotError
+from poise.hardware._g1_sdk import library_of
 
 _CHECK, _RELEASE = 1001, 1003  # numbers of the service's functions
 _WAIT = 1.0  # for an answer, as Unitree's own client [s]
@@ -26,7 +27,7 @@ Request = _structure("Request_", _IDENTITY, _POLICY, _TEXT)
 Response = _structure("Response_", _IDENTITY, {"code": c.c_int32}, _TEXT)
 
 _KINDS = {c.c_int64: 4, c.c_int32: 3, c.c_bool: 1, c.c_char_p: 5}  # DDS_OP_VAL of Cyclone
-_WORDS = dict.fromkeys(("size", "align", "flags", "keys"), c.c_uint32)
+_WORDS: dict[str, Any] = dict.fromkeys(("size", "align", "flags", "keys"), c.c_uint32)
 _TYPE = {"name": c.c_char_p, "key_list": c.c_void_p, "count": c.c_uint32}
 _REST = {"operations": c.POINTER(c.c_uint32), "meta": c.c_char_p, "types": c.c_int64 * 5}
 _DESCRIPTOR = _structure("Descriptor", _WORDS, _TYPE, _REST)
@@ -37,8 +38,7 @@ class Channel:
     """Topics of the service, by the DDS library and settings of an object of the SDK."""
 
     def __init__(self, sdk: Any, sent: Any, got: Any) -> None:
-        # Symbols are found in the libraries that the extension has loaded, too.
-        self._dds, self._got = c.CDLL(sdk.unitree_interface.__file__), c.POINTER(got)
+        self._dds, self._got = library_of(sdk), c.POINTER(got)
         self._own = self._dds.dds_create_participant(0, None, None)
         self._writer = self._dds.dds_create_writer(self._own, self._topic(sent), None, None)
         self._reader = self._dds.dds_create_reader(self._own, self._topic(got), None, None)

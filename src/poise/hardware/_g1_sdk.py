@@ -1,5 +1,6 @@
 """Unitree's messages of a G1, by the SDK: what both ends of its topics share."""
 
+import ctypes as c
 import socket
 from collections.abc import Sequence
 from importlib import metadata
@@ -31,6 +32,7 @@ Models with hands have the number of the same robot without; `poise.load_robot("
 
 _VERSION = "0.1.8"  # whose behaviour the tests show
 _FLOAT32 = float(np.finfo(np.float32).max)
+_ENTITIES = 100  # more than any entity of the SDK's has below it, 12
 _PARTICIPANTS = 119  # last index whose ports are of domain 0 (RTPS 2.5, 9.6.2.3)
 
 
@@ -40,9 +42,8 @@ def open_sdk(interface: str, tag: str) -> tuple[Any, Any]:
     purpose = "A link to a G1, on Linux with Python 3.11 or 3.12,"
     sdk = import_extra("unitree_interface", "g1", purpose, package=name)
     if (version := metadata.version(name)) != _VERSION:
-        what = f"the package {name!r} has a version that is not known"
         wanted = f"{_VERSION}; install it with: pip install {name}=={_VERSION}"
-        raise ConfigurationError(what, got=version, wanted=wanted)
+        raise ConfigurationError(f"version of {name} is not known", got=version, wanted=wanted)
     interfaces = [found for _, found in socket.if_nameindex()]
     if interface not in interfaces:
         raise UnknownNameError("no such network interface", got=interface, choices=interfaces)
@@ -54,10 +55,24 @@ def open_sdk(interface: str, tag: str) -> tuple[Any, Any]:
         raise RobotError("DDS does not start", got=str(error), wanted=wanted) from error
 
 
+def library_of(sdk: Any) -> c.CDLL:
+    """Return the DDS library that the SDK's extension has loaded."""
+    return c.CDLL(sdk.unitree_interface.__file__)
+
+
 PEERS = (
     f"on lo, up to {_PARTICIPANTS + 1} participants with the same tag find each other by unicast "
     "to 127.0.0.1, but only 10 with Cyclone's default settings"
 )
+
+
+def silence(sdk: Any) -> None:
+    """Remove all callbacks of DDS: an object whose reader is in one aborts as it is deleted."""
+    dds, found, size = library_of(sdk), (c.c_int32 * _ENTITIES)(), c.c_size_t(_ENTITIES)
+    entities = list(found[: max(dds.dds_lookup_participant(0, found, size), 0)])
+    for entity in entities:
+        dds.dds_set_listener(entity, None)  # It waits for the end of those that run.
+        entities += found[: max(dds.dds_get_children(entity, found, size), 0)]
 
 
 class MotorOrder:
