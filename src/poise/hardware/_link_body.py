@@ -43,7 +43,7 @@ _POLL = 1e-4
 class LinkBody:
     """Robot behind a link, as the `Body` of `poise.rollout`.
 
-    At first it only listens, for `LISTEN`. A step then evaluates the watchdog, splits the command's torque, blends it by the ramp, writes, and
+    At first it only listens, for `listen`. A step then evaluates the watchdog, splits the command's torque, blends it by the ramp, writes, and
     waits for the next state, at most one and a half periods after the last. Time is that of the
     robot's stamps, zero at the first state.
 
@@ -65,6 +65,7 @@ class LinkBody:
         kd: its damping; `kd_max` if None [N m s/rad].
         watchdog: the table of troubles; the default one if None.
         q_start: posture of the joints at the end of the ramp-in; that of `robot.q_home` if None.
+        listen: time for which nothing is sent; zero for a link whose time passes by commands [s].
         ramp: length of both ramps, zero for none [s].
         stand: time for which the controller stands before the leader begins [s].
         operator: returns the time of the operator's newest sample by the link's clock [s]; None
@@ -95,6 +96,7 @@ class LinkBody:
         kd: Gains | None = None,
         watchdog: Watchdog | None = None,
         q_start: Joints | None = None,
+        listen: float = LISTEN,
         ramp: float = RAMP,
         stand: float = RAMP,
         operator: Callable[[], float | None] | None = None,
@@ -121,7 +123,8 @@ class LinkBody:
         self._answered = link.read()
         self.late = 0
         self.measured = link.read()
-        self.begin = LISTEN + self._ramp + checked_number(stand, "stand of the link's body [s]")
+        self._listen = checked_number(listen, "listen of the link's body [s]")
+        self.begin = self._listen + self._ramp + checked_number(stand, "stand of the link's body [s]")
         self._zero, self._age = math.nan, 0.0
 
     @property
@@ -157,8 +160,9 @@ class LinkBody:
         Args:
             command: of the controller, for the present state.
         """
-        if self.time < LISTEN:
+        if self.time <= self._listen:
             self._q_0 = np.clip(self.measured.q, self._check.lower, self._check.upper)
+        if self.time < self._listen:
             self._answered = self.measured
             self._wait()
             return
@@ -212,8 +216,8 @@ class LinkBody:
         self.link.close()
 
     def _ramped(self, split: MotorCommand) -> MotorCommand:
-        if self.time < LISTEN + self._ramp:
-            share = least_jerk(self.time, LISTEN, self._ramp)[0]
+        if self.time < self._listen + self._ramp:
+            share = least_jerk(self.time, self._listen, self._ramp)[0]
             q = self._q_0 + share * (self._q_start - self._q_0)
             still = np.zeros(len(q))
             hold = MotorCommand(q=q, dq=still, kp=self._kp, kd=self._kd, tau=still)
@@ -236,6 +240,8 @@ class LinkBody:
                 self.late += 1
                 break
             time.sleep(_POLL)
+            if link.clock() == now:  # Its time passes by commands, and there was none.
+                break
         self.measured: MotorState = state
         self._began = now
 

@@ -34,6 +34,7 @@ def stage_deployment(
     *,
     kp: Gains | None = None,
     kd: Gains | None = None,
+    listen: float = LISTEN,
     ramp: float = RAMP,
     operator: Callable[[], float | None] | None = None,
 ) -> Stage:
@@ -50,13 +51,14 @@ def stage_deployment(
         split: from torques to set-points of the drives; None for torque alone.
         kp: stiffness of position control in the ramp-in, as for `LinkBody` [N m/rad].
         kd: its damping [N m s/rad].
+        listen: time for which nothing is sent, as for `LinkBody` [s].
         ramp: length of ramps and of standing before the scenario begins [s].
         operator: time of the operator's newest sample, as for `LinkBody`.
 
     Raises:
         PoiseError: the scenario does not fit the robot, or needs a simulator.
     """
-    scenario = _without_simulator(scenario, 1.0 / link.info.rate).later(LISTEN + 2.0 * ramp)
+    scenario = _without_simulator(scenario, 1.0 / link.info.rate).later(listen + 2.0 * ramp)
     rehearsed = stage_scenario(scenario, robot)
     for _ in rollout(
         rehearsed.plant,
@@ -75,6 +77,7 @@ def stage_deployment(
         kp=kp,
         kd=kd,
         q_start=stage.plant.true_state().q[-robot.nj :],
+        listen=listen,
         ramp=ramp,
         stand=ramp,
         operator=operator,
