@@ -15,6 +15,16 @@ from poise.hardware._process_link import ProcessLink
 
 if TYPE_CHECKING:
     from poise.hardware._plant_link import PlantLink, robot_state
+    from poise.hardware._preflight import (
+        Preflight as Preflight,
+        PreflightCheck as PreflightCheck,
+        preflight as preflight,
+    )
+    from poise.hardware._preflight_moves import (
+        Move as Move,
+        joint_moves as joint_moves,
+        limb_moves as limb_moves,
+    )
     from poise.hardware._torque_split import TorqueSplit
     from poise.hardware._watchdog import (
         RULES as RULES,
@@ -40,6 +50,8 @@ __all__ = [
 
 _LATER = {
     **dict.fromkeys(("PlantLink", "robot_state"), "_plant_link"),
+    **dict.fromkeys(("Preflight", "PreflightCheck", "preflight"), "_preflight"),
+    **dict.fromkeys(("Move", "joint_moves", "limb_moves"), "_preflight_moves"),
     "TorqueSplit": "_torque_split",
     **dict.fromkeys(("RULES", "Action", "Rule", "Trouble", "Verdict", "Watchdog"), "_watchdog"),
 }

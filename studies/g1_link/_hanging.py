@@ -1,0 +1,129 @@
+"""`HangingRobot`: a simulated robot limp in a hoist, and a person who moves it by hand."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+import poise
+from poise.hardware import LastCheck, LinkStatus, MotorCommand, MotorState, Move, PlantLink
+from poise.sim import PlantConfig
+
+PERIOD = 0.002
+"""Of the link [s]."""
+
+SHOULDERS = "left_shoulder_pitch_link", "right_shoulder_pitch_link"
+"""Links that the two straps hold."""
+
+SAG = 0.05
+"""Stretch of the straps under the robot [m]."""
+
+HEIGHT = 0.5
+"""Of the feet above the floor [m]."""
+
+
+class HangingRobot:
+    """A link whose robot moves on with each `read`, with damped motors and nothing commanded.
+
+    Args:
+        robot: with shoulders.
+        check: for its damping.
+        moves: those that the person knows, besides rocking the pelvis.
+        seed: of the noise.
+        hold: command of the motors in place of damping.
+        config: of the plant; by default noise, and friction as in the maker's model of G1.
+    """
+
+    def __init__(
+        self,
+        robot: poise.Robot,
+        check: LastCheck,
+        moves: Sequence[Move] = (),
+        *,
+        seed: int = 0,
+        hold: MotorCommand | None = None,
+        config: PlantConfig | None = None,
+    ) -> None:
+        given = PlantConfig(joint_friction=0.2, control_dt=PERIOD).with_noise()
+        self.plant = poise.Plant(robot, given if config is None else config, seed=seed)
+        self._robot, self._command = robot, check.damping if hold is None else hold
+        self._moves = {move.prompt: move for move in moves}
+        self._limbs = [set(move.joints) for move in poise.hardware.limb_moves(robot)]
+        q = robot.q_home.copy()
+        q[2] += HEIGHT
+        if hold is not None:
+            q[7:] = hold.q
+        self.plant.reset(q)
+        self._link = PlantLink(self.plant, check)
+        self.info, self.status, self.refused, self.reason = self._link.info, LinkStatus.OK, 0, ""
+        self._stiffness = 0.5 * robot.weight / SAG
+        self._damping = math.sqrt(0.5 * robot.mass * self._stiffness)
+        self._move, self._begin, self._posture = None, 0.0, q[7:].copy()
+        self._hooks = np.array([self.plant.data.body(link).xipos for link in SHOULDERS])
+        self._hooks[:, 2] += SAG
+        self._before = self._hooks.copy()
+        self._settle()
+
+    def ask(self, prompt: str) -> None:
+        """Let go, wait until the robot hangs still, and begin a motion."""
+        self._settle()
+        self._move = self._moves.get(prompt, Move(prompt))
+        self._begin, self._posture = self.clock(), self.plant.true_state().q[7:]
+
+    def _settle(self) -> None:
+        self._move = None
+        self.plant.data.qfrc_applied[:] = 0.0
+        for _ in range(600):
+            self.read()
+
+    def read(self) -> MotorState:
+        """Return the state one period later."""
+        self._pull()
+        if self._move is not None:
+            self._hand(self._move, self.clock() - self._begin)
+        self._link.write(self._command)
+        return self._link.read()
+
+    def clock(self) -> float:
+        """Return the plant's time [s]."""
+        return self.plant.time
+
+    def write(self, command: MotorCommand) -> None:
+        """Set the command of the motors."""
+        self._command = command
+
+    def close(self) -> None:
+        """Do nothing: the robot hangs on."""
+
+    def _pull(self) -> None:
+        data = self.plant.data
+        places = np.array([data.body(link).xipos for link in SHOULDERS])
+        rates, self._before = (places - self._before) / PERIOD, places
+        forces = self._stiffness * (self._hooks - places) - self._damping * rates
+        for link, force in zip(SHOULDERS, forces, strict=True):
+            data.body(link).xfrc_applied[:3] = force
+
+    def _hand(self, move: Move, time: float) -> None:
+        """Guide joints of one limb or the pelvis, as a spring and a damper do."""
+        robot, data, state = self._robot, self.plant.data, self.plant.true_state()
+        data.qfrc_applied[:] = 0.0
+        wave = 0.5 - 0.5 * math.cos(math.pi * time)  # once to and fro in two seconds
+        if not move.joints:
+            swing = np.zeros(3)
+            swing[int(time / 2.0) % 3] = 0.25 * math.sin(math.pi * time)
+            rotation = pin.Quaternion(state.q[3:7]).toRotationMatrix()
+            error = rotation.T @ pin.log3(pin.exp3(swing) @ rotation.T)
+            # A person moves the pelvis and what hangs from it, some 20 kg, at about 1 Hz.
+            data.qfrc_applied[3:6] = 80.0 * error - 10.0 * state.v[3:6]
+            return
+        limb = next(limb for limb in (*self._limbs, {*move.joints}) if limb >= {*move.joints})
+        away = np.where(robot.q_max - self._posture >= self._posture - robot.q_min, 1, -1)
+        for k in limb:
+            way = 0.4 * (move.sign or away[k]) if k in move.joints else 0.0
+            target = self._posture[k] + way * wave
+            stiffness = 1.5 * robot.tau_max[k]
+            dof = self.plant.model.joint(robot.joint_names[k]).dofadr[0]
+            data.qfrc_applied[dof] = (
+                stiffness * (target - state.q[7 + k]) - 0.05 * stiffness * state.v[6 + k]
+            )
