@@ -1,7 +1,6 @@
 """`HangingRobot`: a simulated robot limp in a hoist, and a person who moves it by hand."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -9,9 +8,6 @@ import pinocchio as pin
 import poise
 from poise.hardware import LastCheck, LinkStatus, MotorCommand, MotorState, Move, PlantLink
 from poise.sim import PlantConfig
-
-PERIOD = 0.002
-"""Of the link [s]."""
 
 SHOULDERS = "left_shoulder_pitch_link", "right_shoulder_pitch_link"
 """Links that the two straps hold."""
@@ -29,8 +25,8 @@ class HangingRobot:
     Args:
         robot: with shoulders.
         check: for its damping.
-        moves: those that the person knows, besides rocking the pelvis.
         seed: of the noise.
+        period: of the link [s].
         hold: command of the motors in place of damping.
         config: of the plant; by default noise, and friction as in the maker's model of G1.
     """
@@ -39,21 +35,18 @@ class HangingRobot:
         self,
         robot: poise.Robot,
         check: LastCheck,
-        moves: Sequence[Move] = (),
         *,
         seed: int = 0,
+        period: float = 0.002,
         hold: MotorCommand | None = None,
         config: PlantConfig | None = None,
     ) -> None:
-        given = PlantConfig(joint_friction=0.2, control_dt=PERIOD).with_noise()
+        given = PlantConfig(joint_friction=0.2, control_dt=period).with_noise()
         self.plant = poise.Plant(robot, given if config is None else config, seed=seed)
         self._robot, self._command = robot, check.damping if hold is None else hold
-        self._moves = {move.prompt: move for move in moves}
-        self._limbs = [set(move.joints) for move in poise.hardware.limb_moves(robot)]
         q = robot.q_home.copy()
         q[2] += HEIGHT
-        if hold is not None:
-            q[7:] = hold.q
+        q[7:] = [1.2 * ("elbow" in name) for name in robot.joint_names] if hold is None else hold.q
         self.plant.reset(q)
         self._link = PlantLink(self.plant, check)
         self.info, self.status, self.refused, self.reason = self._link.info, LinkStatus.OK, 0, ""
@@ -63,18 +56,18 @@ class HangingRobot:
         self._hooks = np.array([self.plant.data.body(link).xipos for link in SHOULDERS])
         self._hooks[:, 2] += SAG
         self._before = self._hooks.copy()
-        self._settle()
+        self._settle(2.0)
 
-    def ask(self, prompt: str) -> None:
+    def ask(self, move: Move) -> None:
         """Let go, wait until the robot hangs still, and begin a motion."""
         self._settle()
-        self._move = self._moves.get(prompt, Move(prompt))
+        self._move = move
         self._begin, self._posture = self.clock(), self.plant.true_state().q[7:]
 
-    def _settle(self) -> None:
+    def _settle(self, seconds: float = 1.0) -> None:
         self._move = None
         self.plant.data.qfrc_applied[:] = 0.0
-        for _ in range(600):
+        for _ in range(round(seconds / self.plant.control_dt)):
             self.read()
 
     def read(self) -> MotorState:
@@ -99,7 +92,7 @@ class HangingRobot:
     def _pull(self) -> None:
         data = self.plant.data
         places = np.array([data.body(link).xipos for link in SHOULDERS])
-        rates, self._before = (places - self._before) / PERIOD, places
+        rates, self._before = (places - self._before) / self.plant.control_dt, places
         forces = self._stiffness * (self._hooks - places) - self._damping * rates
         for link, force in zip(SHOULDERS, forces, strict=True):
             data.body(link).xfrc_applied[:3] = force
@@ -117,13 +110,11 @@ class HangingRobot:
             # A person moves the pelvis and what hangs from it, some 20 kg, at about 1 Hz.
             data.qfrc_applied[3:6] = 80.0 * error - 10.0 * state.v[3:6]
             return
-        limb = next(limb for limb in (*self._limbs, {*move.joints}) if limb >= {*move.joints})
         away = np.where(robot.q_max - self._posture >= self._posture - robot.q_min, 1, -1)
-        for k in limb:
-            way = 0.4 * (move.sign or away[k]) if k in move.joints else 0.0
-            target = self._posture[k] + way * wave
+        for k in move.joints:
+            target = self._posture[k] + 0.4 * (move.sign or away[k]) * wave
             stiffness = 1.5 * robot.tau_max[k]
             dof = self.plant.model.joint(robot.joint_names[k]).dofadr[0]
             data.qfrc_applied[dof] = (
-                stiffness * (target - state.q[7 + k]) - 0.05 * stiffness * state.v[6 + k]
+                stiffness * (target - state.q[7 + k]) - 0.02 * stiffness * state.v[6 + k]
             )

@@ -20,11 +20,7 @@ if TYPE_CHECKING:
         PreflightCheck as PreflightCheck,
         preflight as preflight,
     )
-    from poise.hardware._preflight_moves import (
-        Move as Move,
-        joint_moves as joint_moves,
-        limb_moves as limb_moves,
-    )
+    from poise.hardware._preflight_moves import Move as Move
     from poise.hardware._torque_split import TorqueSplit
     from poise.hardware._watchdog import (
         RULES as RULES,
@@ -51,7 +47,7 @@ __all__ = [
 _LATER = {
     **dict.fromkeys(("PlantLink", "robot_state"), "_plant_link"),
     **dict.fromkeys(("Preflight", "PreflightCheck", "preflight"), "_preflight"),
-    **dict.fromkeys(("Move", "joint_moves", "limb_moves"), "_preflight_moves"),
+    "Move": "_preflight_moves",
     "TorqueSplit": "_torque_split",
     **dict.fromkeys(("RULES", "Action", "Rule", "Trouble", "Verdict", "Watchdog"), "_watchdog"),
 }

@@ -108,7 +108,15 @@ class LastCheck:
                 got=float(kd[high]),
                 wanted=f"at most kd_max, {self.kd_max[high]:g}",
             )
-        for numbers in (self.lower, self.upper, self.v_max, self.tau_max, self.kp_max, self.kd_max, kd):
+        for numbers in (
+            self.lower,
+            self.upper,
+            self.v_max,
+            self.tau_max,
+            self.kp_max,
+            self.kd_max,
+            kd,
+        ):
             numbers.flags.writeable = False
         self.damping = self._last = MotorCommand.damping(kd)
         self.refused, self.reason = 0, ""

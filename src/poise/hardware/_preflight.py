@@ -1,18 +1,18 @@
 """`preflight`: checks of a robot behind a link, before the first command is sent."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from poise._checks import checked_kind, checked_number
 from poise.errors import ConfigurationError
-from poise.hardware import _preflight_checks as rest
+from poise.hardware import _preflight_checks as rest, _preflight_link as wire
 from poise.hardware._last_check import LastCheck
 from poise.hardware._link import Joints, Link, MotorState
 from poise.hardware._preflight_checks import PreflightCheck, Samples
-from poise.hardware._preflight_moves import ROCK, Move, limb_moves, motion_checks
+from poise.hardware._preflight_moves import ROCK, Move, joint_move, limb_moves, motion_checks
 from poise.robots import Robot
 
 PATIENCE = 15.0
@@ -62,19 +62,21 @@ def preflight(
     *,
     start: Joints | None = None,
     seconds: float = 3.0,
-    motion: Callable[[str], None] | None = None,
-    moves: Sequence[Move] | None = None,
+    motion: Callable[[Move], None] | None = None,
+    each_joint: bool = False,
 ) -> Preflight:
     """Check a robot that hangs limp or damped, its feet in the air; nothing is sent.
 
-    It is listened to at rest. If all is well and `motion` is given, a person rocks the base and
-    moves the limbs by hand. A check has no verdict where the link does not measure. Checks that
-    need the result of a failed one are left out.
+    It listens at rest. If all is well and `motion` is given, a person rocks the pelvis and moves
+    the limbs by hand. A check has no verdict where the link does not measure; checks that need what
+    failed before are left out.
 
-    At rest mistakes of order and sign are found where they move the posture out of the position
-    limits, or where its gravity torques by the model are then not those measured: joints at like
-    angles can be interchanged unseen, and a sign is not seen near zero. `limb_moves` finds joints
-    that are interchanged between limbs, `joint_moves` those within a limb and signs, too.
+    At rest, mistakes of order and sign are found where they move the posture out of the position
+    limits, or where the model's gravity torques there are not those measured. Joints at like angles
+    can be interchanged unseen, and no sign shows near zero, nor a gyro or accelerometer turned
+    about the vertical. Rocking finds the latter; moving whole limbs finds joints interchanged
+    between limbs and encoders that stand; moving each joint finds joints interchanged within a limb
+    and signs. A sign of position, velocity and torque together shows in no other way.
 
     Args:
         robot: the model.
@@ -82,9 +84,9 @@ def preflight(
         check: the last check of the commands to come.
         start: joint positions at which the run starts, None for any [rad].
         seconds: time to listen at rest [s].
-        motion: called with each request for a motion, a sentence; returns when the person is about
-            to begin. None to ask for none.
-        moves: motions after the base is rocked; those of `limb_moves` when None.
+        motion: called with each request, to show its `prompt`; returns when the person is about to
+            begin, with the robot still. None to ask for no motion.
+        each_joint: ask for each joint by itself in place of whole limbs.
 
     Raises:
         ConfigurationError: `start` or `seconds` is out of range.
@@ -93,11 +95,11 @@ def preflight(
     checked_number(seconds, "seconds of the preflight [s]", above=0.0)
     if start is not None and (np.shape(start) != (robot.nj,) or not np.isfinite(start).all()):
         raise ConfigurationError("start [rad]", got=start, wanted=f"{robot.nj} finite numbers")
-    checks = rest.wiring_checks(robot, link, check)
+    checks = wire.wiring_checks(robot, link, check)
     if all(c.ok for c in checks[:2]):
         checks += _listened(robot, link, start, seconds)
     if motion is not None and all(c.ok is not False for c in checks):
-        checks += _moved(robot, link, motion, limb_moves(robot) if moves is None else moves)
+        checks += _moved(robot, link, motion, each_joint)
     return Preflight(checks=tuple(checks))
 
 
@@ -106,37 +108,48 @@ def _listened(
 ) -> list[PreflightCheck]:
     begin = link.clock()
     states = _listen(link, seconds)
-    elapsed, numbers = link.clock() - begin, rest.numbers_check(robot, states)
+    elapsed, numbers = link.clock() - begin, wire.numbers_check(robot, states)
     if not numbers.ok:
         return [numbers]
     samples = Samples.of(states)
     return [
         numbers,
-        *rest.timing_checks(link, samples, elapsed, seconds),
+        *wire.timing_checks(link, samples, elapsed, seconds),
+        rest.rest_check(samples),
         *rest.joint_checks(robot, samples, start),
         *rest.imu_checks(samples),
-        *rest.supply_checks(robot, link, samples),
+        *wire.supply_checks(robot, link, samples),
     ]
 
 
 def _moved(
-    robot: Robot, link: Link, motion: Callable[[str], None], moves: Sequence[Move]
+    robot: Robot, link: Link, motion: Callable[[Move], None], each_joint: bool
 ) -> list[PreflightCheck]:
-    moves, records = (ROCK, *moves), list[Samples]()
-    for move in moves:
-        motion(move.prompt)
+    moves, records = list[Move](), list[Samples]()
+    for move in _requests(robot, link, each_joint):
+        motion(move)
         states = _listen(link, PATIENCE, lambda seen, move=move: move.done(robot, Samples.of(seen)))
-        numbers = rest.numbers_check(robot, states)
+        numbers = wire.numbers_check(robot, states)
         if not numbers.ok:
             return [numbers]
+        moves.append(move)
         records.append(Samples.of(states))
     return motion_checks(robot, moves, records)
+
+
+def _requests(robot: Robot, link: Link, each_joint: bool) -> Iterator[Move]:
+    yield ROCK
+    if not each_joint:
+        yield from limb_moves(robot)
+        return
+    for joint in range(robot.nj):
+        yield joint_move(robot, joint, link.read().q)
 
 
 def _listen(
     link: Link, seconds: float, done: Callable[[list[MotorState]], bool] | None = None
 ) -> list[MotorState]:
-    """Collect states for a time by the link's clock, or until done, looked at ten times a second."""
+    """Collect states for a time by the link's clock, or until done; ten looks a second."""
     states, last, each = list[MotorState](), None, max(2, round(0.1 * link.info.rate))
     begin = now = link.clock()
     end = begin + seconds

@@ -1,4 +1,4 @@
-"""Checks of a robot at rest, from what a link has delivered in some seconds."""
+"""Checks of a robot at rest: joints, gravity and inertial unit."""
 
 import math
 from collections.abc import Sequence
@@ -9,14 +9,17 @@ from jaxtyping import Bool, Float64
 
 from poise._show import few
 from poise.dynamics import Dynamics, RobotState
-from poise.hardware._last_check import LastCheck
-from poise.hardware._link import Joints, Link, LinkStatus, MotorState
+from poise.hardware._link import Joints, MotorState
 from poise.hardware._watchdog import RULES, Trouble
 from poise.robots import GRAVITY, Robot
 
 GRAVITY_SHARE = 0.05
 """Largest error of the accelerometer at rest, along the vertical or across, by gravity: a unit
 mounted askew by two degrees, and a bias of four times that of `SensorConfig.typical`."""
+
+REST = 0.2
+"""Largest root mean square of a speed at rest [rad/s]: a torso half a metre below its hooks that
+swings so has a centripetal acceleration of 0.02 m/s^2, less than an accelerometer's bias."""
 
 STOP = 0.05
 """Reach of a mechanical stop around its position limit [rad]: zeros set with a jig are within two
@@ -28,9 +31,6 @@ the wrists (0.1 of 5 N m) and less elsewhere."""
 
 MODEL_SHARE = 0.1
 """Error of a model's gravity torque: cables and covers are a tenth of a limb's mass."""
-
-_OPTIONAL = "tau", "temperature"
-"""Measurements that a link may lack: NaN."""
 
 START_REACH = 0.1
 """Largest distance to the start [rad]: at the ankles it moves the CoM of a humanoid, 0.65 m above,
@@ -88,7 +88,9 @@ def limbs(robot: Robot) -> dict[str, tuple[int, ...]]:
     """Return the joints that move one hand or sole alone, by its name."""
     ends = [*robot.soles, *robot.hands]
     above = {end: set(robot.joints_above(end)) for end in ends}
-    counts = {j: sum(j in joints for joints in above.values()) for j in set().union(*above.values())}
+    counts = {
+        j: sum(j in joints for joints in above.values()) for j in set().union(*above.values())
+    }
     first = robot.base_dofs
     return {
         end: tuple(
@@ -98,126 +100,23 @@ def limbs(robot: Robot) -> dict[str, tuple[int, ...]]:
     }
 
 
-def wiring_checks(robot: Robot, link: Link, check: LastCheck) -> list[PreflightCheck]:
-    """Check names of joints, the last check's limits and the link's status."""
-    known = {"link": link.info.joints, "last check": check.joints}
-    others = [whose for whose, names in known.items() if tuple(names) != robot.joint_names]
-    lost = link.status is LinkStatus.LOST
-    checks = [
-        PreflightCheck(
-            name="link",
-            seen=f"{link.status.value} {link.reason}".strip(),
-            wanted="not lost",
-            remedy="look at cable, network interface and the robot's power",
-            ok=not lost,
-        ),
-        PreflightCheck(
-            name="joints",
-            seen=f"other joints or another order: {few(others)}" if others else "the robot's",
-            wanted=f"the {robot.nj} joints of {robot.name}, in their order",
-            remedy="load the model of this robot, or convert with poise.robots.JointOrder",
-            ok=not others,
-        ),
-    ]
-    if not others:
-        wide = (check.lower < robot.q_min) | (check.upper > robot.q_max)
-        wide |= (check.v_max > robot.v_max) | (check.tau_max > robot.tau_max)
-        checks.append(
-            of_joints(
-                robot,
-                wide,
-                name="last check",
-                good="within the robot's",
-                bad="wider than the robot's",
-                wanted="limits within the robot's",
-                remedy="make the LastCheck from this robot, with margin >= 0 and scale <= 1",
-            )
-        )
-    return checks
-
-
-def numbers_check(robot: Robot, states: Sequence[MotorState]) -> PreflightCheck:
-    """Check that there are states, whose numbers have the right shapes and are finite."""
-    joints = dict.fromkeys(("q", "dq", "tau", "temperature"), robot.nj)
-    sizes = joints | {"quaternion": 4, "gyro": 3, "acceleration": 3}
-    seen = "" if len(states) > 1 else f"{len(states)} states"
-    for name, size in sizes.items():
-        values = [np.asarray(getattr(state, name), float) for state in states]
-        if any(value.shape != (size,) for value in values):
-            seen = seen or f"{name} without {size} numbers"
-        elif name not in _OPTIONAL and not np.isfinite(values).all():
-            bad = np.flatnonzero(~np.isfinite(values).all(axis=0))
-            of = f" of {few([robot.joint_names[k] for k in bad])}" if size == robot.nj else ""
-            seen = seen or f"{name}{of} not finite"
+def rest_check(samples: Samples) -> PreflightCheck:
+    """Check that base and joints are at rest, which the checks of gravity need."""
+    fastest = math.sqrt(np.square(np.hstack([samples.dq, samples.gyro])).mean(axis=0).max())
     return PreflightCheck(
-        name="numbers",
-        seen=seen or f"{len(states)} states, all finite",
-        wanted="finite numbers of all joints and of the inertial unit",
-        remedy="look at the motors' power and at the drivers' log",
-        ok=not seen,
+        name="at rest",
+        seen=f"up to {fastest:.3f} rad/s",
+        wanted=f"at most {REST:g} rad/s",
+        remedy="wait until nothing swings, and repeat",
+        ok=fastest <= REST,
     )
-
-
-def timing_checks(
-    link: Link, samples: Samples, elapsed: float, seconds: float
-) -> list[PreflightCheck]:
-    """Check rate, gaps, arrivals and clocks against the rules of the watchdog."""
-    rate, late, gap = link.info.rate, _limit(Trouble.LATE_STATE), _limit(Trouble.GAP)
-    stamps, arrivals = np.diff(samples.time), np.diff(samples.arrived)
-    span = samples.arrived[-1] - samples.arrived[0]
-    measured = len(arrivals) / span if span > 0.0 else math.inf
-    # Two lost states, three periods, must not be a gap, nor four periods none.
-    slow, fast = 3.0 / gap * rate, 4.0 / gap * rate
-    steady = float(arrivals.std() * rate)
-    longest, widest = float(arrivals.max() * rate), float(np.abs(stamps).max() * rate)
-    pace = (samples.time[-1] - samples.time[0]) / span if span > 0.0 else math.inf
-    # The first and the last state may each arrive as late as the watchdog permits.
-    drift = late / rate / max(span, 1.0 / rate)
-    backward, whole = int(np.count_nonzero(stamps <= 0.0)), elapsed >= seconds
-    clocks = f"{pace:.4f} s of stamps a second, {backward} repeated or back"
-    trip = getattr(link, "round_trip", None)
-    return [
-        PreflightCheck(
-            name="rate",
-            seen=f"{measured:.1f} states a second",
-            wanted=f"{slow:.0f} to {fast:.0f}",
-            remedy="correct the rate of the link or of the robot's publisher",
-            ok=bool(slow <= measured <= fast),
-        ),
-        PreflightCheck(
-            name="gaps",
-            seen=f"{widest:.1f} periods between stamps at most",
-            wanted=f"at most {gap:g}",
-            remedy="use a cable instead of a radio link; close other subscribers",
-            ok=widest <= gap,
-        ),
-        PreflightCheck(
-            name="arrivals",
-            seen=f"{longest:.1f} periods apart at most, deviation {steady:.2f}",
-            wanted=f"at most {late:g}",
-            remedy="give the link's process a real-time priority; unload this computer",
-            ok=longest <= late,
-        ),
-        PreflightCheck(
-            name="clock",
-            seen=clocks if whole else f"the link's clock stands, at {elapsed:.3f} s of {seconds:g}",
-            wanted=f"1 within {drift:.4f}, none back",
-            remedy="stamp states on the robot by one monotonic clock, in seconds",
-            ok=bool(whole and not backward and abs(pace - 1.0) <= drift),
-        ),
-        PreflightCheck(
-            name="round trip",
-            seen="not measured" if trip is None else f"{1e3 * trip:.1f} ms",
-            wanted=f"at most {1e3 * late / rate:g} ms",
-            remedy="use a cable instead of a radio link",
-            ok=None if trip is None else bool(trip <= late / rate),
-        ),
-    ]
 
 
 def joint_checks(robot: Robot, samples: Samples, start: Joints | None) -> list[PreflightCheck]:
     """Check that all joints are heard, within limits, in balance with gravity and at the start."""
-    silent = np.all((np.ptp(samples.q, axis=0) == 0.0) & (np.ptp(samples.dq, axis=0) == 0.0)[None], 0)
+    silent = np.all(
+        (np.ptp(samples.q, axis=0) == 0.0) & (np.ptp(samples.dq, axis=0) == 0.0)[None], 0
+    )
     beyond = np.maximum(samples.q - robot.q_max, robot.q_min - samples.q).max(axis=0) > STOP
     checks = [
         of_joints(
@@ -262,7 +161,7 @@ def imu_checks(samples: Samples) -> list[PreflightCheck]:
     size = float(np.linalg.norm(force))
     norm = float(np.abs(np.linalg.norm(samples.quaternion, axis=1) - 1.0).max())
     tilt = math.acos(np.clip(up[2], -1.0, 1.0))
-    tilt_limit = 0.5 * _limit(Trouble.FALL)
+    tilt_limit = 0.5 * limit_of(Trouble.FALL)
     cosine = float(force @ up) / max(size * float(np.linalg.norm(up)), 1e-12)
     askew = math.acos(np.clip(cosine, -1.0, 1.0))
     return [
@@ -288,31 +187,6 @@ def imu_checks(samples: Samples) -> list[PreflightCheck]:
             wanted=f"at most {GRAVITY_SHARE:g} rad",
             remedy="turn both by the mounting of the inertial unit into the base's axes",
             ok=askew <= GRAVITY_SHARE,
-        ),
-    ]
-
-
-def supply_checks(robot: Robot, link: Link, samples: Samples) -> list[PreflightCheck]:
-    """Check temperatures and battery."""
-    hot = np.fmax.reduce(samples.temperature, axis=0)
-    known, limit = bool(np.isfinite(hot).any()), _limit(Trouble.HEAT)
-    battery: tuple[float, float] | None = getattr(link, "battery", None)
-    warmest = f"{np.nanmax(hot):.1f} deg C at {robot.joint_names[np.nanargmax(hot)]}" if known else ""
-    volts, least = (math.nan, math.nan) if battery is None else battery
-    return [
-        PreflightCheck(
-            name="temperature",
-            seen=warmest or "not measured",
-            wanted=f"at most {limit:g} deg C",
-            remedy="let the motors cool down",
-            ok=bool(np.nanmax(hot) <= limit) if known else None,
-        ),
-        PreflightCheck(
-            name="battery",
-            seen="not measured" if battery is None else f"{volts:.1f} V",
-            wanted="" if battery is None else f"at least {least:g} V",
-            remedy="charge the battery",
-            ok=None if battery is None else bool(volts >= least),
         ),
     ]
 
@@ -368,6 +242,6 @@ def of_joints(
     return PreflightCheck(name=name, seen=seen, wanted=wanted, remedy=remedy, ok=not names)
 
 
-def _limit(trouble: Trouble) -> float:
+def limit_of(trouble: Trouble) -> float:
     """Return the limit of the watchdog's default table."""
     return min(rule.limit for rule in RULES if rule.trouble is trouble)

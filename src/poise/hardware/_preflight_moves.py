@@ -13,9 +13,9 @@ from poise.hardware._link import Joints
 from poise.hardware._preflight_checks import PreflightCheck, Samples, limbs, of_joints
 from poise.robots import Robot
 
-MOVED = 0.2
-"""Smallest motion that counts [rad]: a person sees it, and a joint with a range of 0.5 rad, as the
-ankles of G1 have, can make it from anywhere within."""
+MOVED = 0.15
+"""Smallest motion that counts [rad]: nine degrees, which a person sees, and which a joint can make
+that rests in the middle of a range of 0.5 rad, the smallest of G1, with a good margin."""
 
 WINDOW = 0.1
 """Time over which changes are compared with integrated rates [s]."""
@@ -31,7 +31,7 @@ a delay of 10 ms differs by less than a third at 5 Hz, which no hand exceeds."""
 
 
 class Move(NamedTuple):
-    """A motion that a person is asked for.
+    """Request for a motion by hand.
 
     Attributes:
         prompt: the request, as a sentence.
@@ -81,11 +81,7 @@ ROCK = Move("Tilt the pelvis slowly by 15 degrees to each side, forward and back
 
 
 def limb_moves(robot: Robot) -> tuple[Move, ...]:
-    """Return one move for each limb, of all its joints in any way.
-
-    Args:
-        robot: with soles or hands at the ends of its limbs.
-    """
+    """Return one move for each limb, of all its joints in any way."""
     parts = limbs(robot)
     return tuple(
         Move(
@@ -97,27 +93,20 @@ def limb_moves(robot: Robot) -> tuple[Move, ...]:
     )
 
 
-def joint_moves(robot: Robot, q: Joints) -> tuple[Move, ...]:
-    """Return one move for each joint, away from its nearer limit, described in words.
-
-    Args:
-        robot: the model.
-        q: joint positions as the robot hangs [rad].
-    """
-    data = robot.model.createData()
+def joint_move(robot: Robot, joint: int, q: Joints) -> Move:
+    """Return the move of one joint from a posture, away from its nearer limit, in words."""
+    data, sign = robot.model.createData(), 1
     at = np.append(robot.q_home[: robot.nq - robot.nj], q)
     pin.centerOfMass(robot.model, data, at, True)
-    signs = np.where(robot.q_max - q >= q - robot.q_min, 1, -1)
-    pin.computeJointJacobians(robot.model, data, at)
-    moves = list[Move]()
-    for joint in robot.model.joints[1 + robot.floating_base :]:
-        k, place = joint.idx_v - robot.base_dofs, data.oMi[joint.id]
-        axis = signs[k] * data.J[3:, joint.idx_v]
-        way = _way(axis, place.rotation @ data.com[joint.id])
-        name = robot.joint_names[k]
-        text = f"Hold the link above {name} and move the one below by it: {way}."
-        moves.append(Move(text, (k,), (), int(signs[k])))
-    return tuple(moves)
+    if robot.q_max[joint] - q[joint] < q[joint] - robot.q_min[joint]:
+        sign = -1
+    index = next(k for k, j in enumerate(robot.model.joints) if j.idx_v == robot.base_dofs + joint)
+    rotation = data.oMi[index].rotation
+    axis = pin.computeJointJacobian(robot.model, data, at, index)[3:, robot.base_dofs + joint]
+    way = _way(sign * rotation @ axis, rotation @ data.com[index])
+    name = robot.joint_names[joint]
+    text = f"Hold the link above {name} and move the one below by it: {way}."
+    return Move(text, (joint,), (), sign)
 
 
 def motion_checks(
@@ -161,7 +150,9 @@ def motion_checks(
         ),
         of_joints(
             robot,
-            _driven(np.concatenate([r.tau for r in records]), np.concatenate([r.dq for r in records])),
+            _driven(
+                np.concatenate([r.tau for r in records]), np.concatenate([r.dq for r in records])
+            ),
             name="torque signs",
             good="no torque drives a motion",
             bad="torque along the motion",
