@@ -10,7 +10,7 @@ from poise.hardware import LastCheck, LinkStatus, MotorCommand, MotorState, Move
 from poise.sim import PlantConfig
 
 SHOULDERS = "left_shoulder_pitch_link", "right_shoulder_pitch_link"
-"""Links that the two straps hold."""
+"""Links beside which two straps hold the torso."""
 
 SAG = 0.05
 """Stretch of the straps under the robot [m]."""
@@ -53,7 +53,10 @@ class HangingRobot:
         self._stiffness = 0.5 * robot.weight / SAG
         self._damping = math.sqrt(0.5 * robot.mass * self._stiffness)
         self._move, self._begin, self._posture = None, 0.0, q[7:].copy()
-        self._hooks = np.array([self.plant.data.body(link).xipos for link in SHOULDERS])
+        torso = self.plant.data.body(robot.roles[robot.torso].link)
+        self._torso = torso
+        self._hooks = np.array([self.plant.data.body(link).xpos for link in SHOULDERS])
+        self._rings = (self._hooks - torso.xpos) @ torso.xmat.reshape(3, 3)
         self._hooks[:, 2] += SAG
         self._before = self._hooks.copy()
         self._settle(2.0)
@@ -65,10 +68,14 @@ class HangingRobot:
         self._begin, self._posture = self.clock(), self.plant.true_state().q[7:]
 
     def _settle(self, seconds: float = 1.0) -> None:
-        self._move = None
-        self.plant.data.qfrc_applied[:] = 0.0
+        """Steady the pelvis by hand, and let go."""
+        self._move, data = None, self.plant.data
+        data.qfrc_applied[:] = 0.0
         for _ in range(round(seconds / self.plant.control_dt)):
+            # Near the critical damping of a pendulum of 33 kg on a metre.
+            data.qfrc_applied[:6] = -np.repeat([200.0, 20.0], 3) * data.qvel[:6]
             self.read()
+        data.qfrc_applied[:] = 0.0
 
     def read(self) -> MotorState:
         """Return the state one period later."""
@@ -90,12 +97,12 @@ class HangingRobot:
         """Do nothing: the robot hangs on."""
 
     def _pull(self) -> None:
-        data = self.plant.data
-        places = np.array([data.body(link).xipos for link in SHOULDERS])
+        torso = self._torso
+        places = torso.xpos + self._rings @ torso.xmat.reshape(3, 3).T
         rates, self._before = (places - self._before) / self.plant.control_dt, places
         forces = self._stiffness * (self._hooks - places) - self._damping * rates
-        for link, force in zip(SHOULDERS, forces, strict=True):
-            data.body(link).xfrc_applied[:3] = force
+        torso.xfrc_applied[:3] = forces.sum(axis=0)
+        torso.xfrc_applied[3:] = np.cross(places - torso.xipos, forces).sum(axis=0)
 
     def _hand(self, move: Move, time: float) -> None:
         """Guide joints of one limb or the pelvis, as a spring and a damper do."""
