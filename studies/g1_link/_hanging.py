@@ -1,12 +1,13 @@
 """`HangingRobot`: a simulated robot limp in a hoist, and a person who moves it by hand."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 import poise
-from poise.hardware import LastCheck, LinkStatus, MotorCommand, MotorState, Move, PlantLink
+from poise.hardware import LastCheck, MotorCommand, MotorState, PlantLink
 from poise.sim import PlantConfig
 
 SHOULDERS = "left_shoulder_pitch_link", "right_shoulder_pitch_link"
@@ -49,7 +50,8 @@ class HangingRobot:
         q[7:] = [1.2 * ("elbow" in name) for name in robot.joint_names] if hold is None else hold.q
         self.plant.reset(q)
         self._link = PlantLink(self.plant, check)
-        self.info, self.status, self.refused, self.reason = self._link.info, LinkStatus.OK, 0, ""
+        self.info, self.status = self._link.info, self._link.status
+        self.refused, self.reason = 0, ""
         self._stiffness = 0.5 * robot.weight / SAG
         self._damping = math.sqrt(0.5 * robot.mass * self._stiffness)
         self._move, self._begin, self._posture = None, 0.0, q[7:].copy()
@@ -61,7 +63,7 @@ class HangingRobot:
         self._before = self._hooks.copy()
         self._settle(2.0)
 
-    def ask(self, move: Move) -> None:
+    def ask(self, move: Any) -> None:
         """Let go, wait until the robot hangs still, and begin a motion."""
         self._settle()
         self._move = move
@@ -104,7 +106,7 @@ class HangingRobot:
         torso.xfrc_applied[:3] = forces.sum(axis=0)
         torso.xfrc_applied[3:] = np.cross(places - torso.xipos, forces).sum(axis=0)
 
-    def _hand(self, move: Move, time: float) -> None:
+    def _hand(self, move: Any, time: float) -> None:
         """Guide joints of one limb or the pelvis, as a spring and a damper do."""
         robot, data, state = self._robot, self.plant.data, self.plant.true_state()
         data.qfrc_applied[:] = 0.0

@@ -36,7 +36,7 @@ class Move(NamedTuple):
     Attributes:
         prompt: the request, as a sentence.
         joints: indices of the joints that have to move; none for the base.
-        still: indices of those that have to stay.
+        still: indices of those that have to move less.
         sign: of the motion of a single joint, which has to be the first to move; zero for several.
     """
 
@@ -62,7 +62,9 @@ class Move(NamedTuple):
             turned = np.append(np.ptp(samples.up[:, :2], axis=0)[::-1], np.ptp(_heading(samples)))
             return [f"base about {a}" for a, t in zip("xyz", turned, strict=True) if t < MOVED]
         lacking = [f"{names[k]} stays" for k in self.joints if reach[k] < MOVED]
-        return lacking + [f"{names[k]} moves, too" for k in self.still if reach[k] >= MOVED]
+        # The other limbs swing with the pelvis, less than the one that is moved.
+        most = reach[list(self.joints)].max()
+        return lacking + [f"{names[k]} moves more" for k in self.still if reach[k] >= most]
 
     def _single(self, robot: Robot, samples: Samples) -> list[str]:
         far, joint = _farthest(samples), self.joints[0]
