@@ -22,6 +22,12 @@ from poise.hardware._process_link import ProcessLink
 if TYPE_CHECKING:
     from poise.hardware._link_body import LISTEN as LISTEN, RAMP as RAMP, LinkBody
     from poise.hardware._plant_link import PlantLink, robot_state
+    from poise.hardware._preflight import (
+        Preflight as Preflight,
+        PreflightCheck as PreflightCheck,
+        preflight as preflight,
+    )
+    from poise.hardware._preflight_moves import Move as Move
     from poise.hardware._torque_split import TorqueSplit
     from poise.hardware._watchdog import (
         RULES as RULES,
@@ -49,6 +55,8 @@ __all__ = [
 _LATER = {
     **dict.fromkeys(("PlantLink", "robot_state"), "_plant_link"),
     **dict.fromkeys(("LISTEN", "RAMP", "LinkBody"), "_link_body"),
+    **dict.fromkeys(("Preflight", "PreflightCheck", "preflight"), "_preflight"),
+    "Move": "_preflight_moves",
     "TorqueSplit": "_torque_split",
     **dict.fromkeys(("RULES", "Action", "Rule", "Trouble", "Verdict", "Watchdog"), "_watchdog"),
 }

@@ -59,6 +59,7 @@ class LastCheck:
         lower: lower bounds of position targets [rad].
         upper: upper bounds of position targets [rad].
         v_max: bounds of velocity targets [rad/s].
+        tau_max: bounds of torques [N m].
         kp_max: largest stiffness [N m/rad].
         kd_max: largest damping [N m s/rad].
         damping: the damping command.
@@ -92,7 +93,7 @@ class LastCheck:
         if scale > 1.0:
             raise ConfigurationError("scale of the last check", got=scale, wanted="in (0, 1]")
         step = checked_number(step, "step of the last check", above=0.0)
-        self.v_max, self._tau_max = np.array(limits.v_max), scale * limits.tau_max
+        self.v_max, self.tau_max = np.array(limits.v_max), scale * limits.tau_max
         self._step = step * limits.tau_max
         self.kp_max = per_joint(kp_max, joints, "kp_max [N m/rad]")
         self.kd_max = per_joint(kd_max, joints, "kd_max [N m s/rad]")
@@ -105,7 +106,15 @@ class LastCheck:
                 got=float(kd[high]),
                 wanted=f"at most kd_max, {self.kd_max[high]:g}",
             )
-        for numbers in (self.lower, self.upper, self.v_max, self.kp_max, self.kd_max, kd):
+        for numbers in (
+            self.lower,
+            self.upper,
+            self.v_max,
+            self.tau_max,
+            self.kp_max,
+            self.kd_max,
+            kd,
+        ):
             numbers.flags.writeable = False
         self.damping = self._last = MotorCommand.damping(kd)
         self.refused, self.reason = 0, ""
@@ -150,7 +159,7 @@ class LastCheck:
             ("dq", taken.dq, -self.v_max - free_dq, self.v_max + free_dq),
             ("kp", taken.kp, np.zeros(count), self.kp_max),
             ("kd", taken.kd, np.zeros(count), self.kd_max),
-            ("tau", taken.tau, -self._tau_max, self._tau_max),
+            ("tau", taken.tau, -self.tau_max, self.tau_max),
             ("change of torque", change, -self._step, self._step),
         ):
             good = (lower <= values) & (values <= upper)

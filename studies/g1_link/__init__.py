@@ -1,0 +1,1 @@
+"""The link to a G1: what its checks find."""
