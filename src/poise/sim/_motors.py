@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from poise._compiled import say_if_slow
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
@@ -54,7 +55,7 @@ class Motors:
         self._config, self._model, self._seed = motors, model, seed
         self._ticks = config.drive_ticks
         joints = [model.joint(name).id for name in robot.joint_names]
-        self._at_q, self._at_v = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        self._at_q, self._at_v = model.jnt_qposadr[joints], np.int64(model.jnt_dofadr[joints])
         self._drives, self._rates = _make_drives(robot, motors)
         self._follow = _share(config.torque_bandwidth), _share(motors.velocity_bandwidth)
         self._inertia = np.empty((model.nv, model.nv))
@@ -63,6 +64,7 @@ class Motors:
         self._state = State(*np.zeros((len(State._fields), robot.nj)))
         self._mean, self._free = np.zeros((2, robot.nj))
         self._response = np.eye(robot.nj)
+        say_if_slow(advance, "the loops of motors")
         self._run(1)  # what is compiled is compiled now
 
     def reset(self, data: mujoco.MjData, load: Joints) -> None:
