@@ -45,7 +45,8 @@ class Motor:
             re.compile(self.joints)
         except re.error as error:
             wrong = f"joints of a motor: {error}"
-            raise ConfigurationError(wrong, got=self.joints, wanted="a regular expression") from None
+            wanted = "a regular expression"
+            raise ConfigurationError(wrong, got=self.joints, wanted=wanted) from None
 
 
 @checked()
@@ -107,8 +108,8 @@ class MotorConfig:
                 Linkage(joints=(f"{first}_joint", f"{second}_joint"), rates=((1, 1), (1, -1)))
                 for first, second in (*pairs, ("waist_pitch", "waist_roll"))
             ),
-            # A command waits for the next cycle of the motors' bus, 1 kHz on Go1 (unitree_legged_sdk,
-            # remarks of its developers), another robot, and travels for one.
+            # A command waits for a cycle of the motors' bus and travels for one: 1 kHz on Go1,
+            # another robot (remarks of the developers of unitree_legged_sdk).
             latency=1e-3,
             jitter=1e-3,
             velocity_bandwidth=400.0,  # of moteus (motor_position.h, pll_filter_hz), another drive

@@ -2,25 +2,19 @@
 
 import math
 import re
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float64, Int32, Int64
+from jaxtyping import Bool, Float64
 
-from poise._compiled import compiled, factor_leading, solve_lower
+from poise._compiled import say_if_slow
 from poise.dynamics import RobotState
 from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.sim._config import PlantConfig
 from poise.sim._motor_config import PERIOD, Motor, MotorConfig
-
-Joints = Float64[np.ndarray, " nj"]
-Square = Float64[np.ndarray, "nj nj"]
-
-# Kinds of constraints whose forces answer to accelerations
-_QUADRATIC = int(mujoco.mjtConstraintState.mjCNSTRSTATE_QUADRATIC)
-_CONE = int(mujoco.mjtConstraintState.mjCNSTRSTATE_CONE)
+from poise.sim._motor_loops import Drives, Joints, Square, State, advance, respond
 
 
 @runtime_checkable
@@ -37,35 +31,6 @@ class SetPoints(Protocol):
     def kd(self) -> Joints: ...
     @property
     def tau(self) -> Joints: ...
-
-
-class _Drives(NamedTuple):
-    """Constants of the motors; motor i is on joint i and, by a linkage, on joint `mate[i]`."""
-
-    mate: Int64[np.ndarray, " nj"]  # itself without a linkage
-    inverse: Float64[np.ndarray, "2 nj"]  # R^-1: turns of joint i with motor i, with `mate[i]`
-    limit: Joints
-    friction: Joints
-    damping: Joints
-    ripple: Joints
-    wave: Joints  # phase of the ripple over the angle of the output
-    count: Joints  # step of the encoder at the output [rad]
-
-
-class _State(NamedTuple):
-    """State of the motors, at their outputs."""
-
-    angle: Joints
-    slip: Joints  # in each period, towards the angles of the physics
-    speed: Joints
-    counted: Joints  # angle by the encoder
-    measured: Joints  # speed by the drive
-    torque: Joints  # of the currents
-    impulse: Joints  # of the Coulomb friction in a period [N m s]
-    given: Joints  # sum of the torques with ripple and friction since the physics step began
-    limited: Joints  # one where a torque was at its limit since then
-    total: Joints  # torque in a period, without Coulomb friction
-    asked: Joints  # torques that the loops of the joints ask for
 
 
 class Motors:
@@ -90,15 +55,16 @@ class Motors:
         self._config, self._model, self._seed = motors, model, seed
         self._ticks = config.drive_ticks
         joints = [model.joint(name).id for name in robot.joint_names]
-        self._at_q, self._at_v = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        self._at_q, self._at_v = model.jnt_qposadr[joints], np.int64(model.jnt_dofadr[joints])
         self._drives, self._rates = _make_drives(robot, motors)
         self._follow = _share(config.torque_bandwidth), _share(motors.velocity_bandwidth)
         self._inertia = np.empty((model.nv, model.nv))
         self._columns = np.empty((robot.nj, model.nv))
         self._set_points = np.zeros((5, robot.nj))
-        self._state = _State(*np.zeros((len(_State._fields), robot.nj)))
+        self._state = State(*np.zeros((len(State._fields), robot.nj)))
         self._mean, self._free = np.zeros((2, robot.nj))
         self._response = np.eye(robot.nj)
+        say_if_slow(advance, "the loops of motors")
         self._run(1)  # what is compiled is compiled now
 
     def reset(self, data: mujoco.MjData, load: Joints) -> None:
@@ -156,7 +122,7 @@ class Motors:
 
     def _run(self, ticks: int) -> None:
         dynamics = self._free, self._response
-        _advance(self._drives, self._state, self._set_points, dynamics, self._follow, ticks)
+        advance(self._drives, self._state, self._set_points, dynamics, self._follow, ticks)
 
     def _look(self, data: mujoco.MjData) -> None:
         """Take over angles, speeds and the response of the physics."""
@@ -165,7 +131,7 @@ class Motors:
         state.speed[:] = rates @ data.qvel[self._at_v]
         state.given[:] = state.limited[:] = 0.0
         mujoco.mj_fullM(self._model, data, self._inertia)
-        _respond(
+        respond(
             self._inertia,
             (_jacobian(self._model, data), data.efc_D, data.efc_state),
             (self._at_v, self._drives.mate, self._rates),
@@ -173,96 +139,6 @@ class Motors:
             self._response,
         )
         self._free[:] = rates @ data.qacc[self._at_v] - self._response @ self._mean
-
-
-@compiled
-def _advance(
-    drives: _Drives,
-    state: _State,
-    set_points: Float64[np.ndarray, "5 nj"],
-    dynamics: tuple[Joints, Square],
-    follow: tuple[float, float],
-    ticks: int,
-) -> None:
-    """Run all loops for some periods."""
-    (free, response), (follow_torque, follow_speed) = dynamics, follow
-    q, dq, kp, kd, tau = set_points
-    mate, inverse, n = drives.mate, drives.inverse, len(drives.limit)
-    for _ in range(ticks):
-        for j in range(n):
-            own, other = inverse[0, j], inverse[1, j]
-            angle = own * state.counted[j] + other * state.counted[mate[j]]
-            speed = own * state.measured[j] + other * state.measured[mate[j]]
-            state.asked[j] = tau[j] + kp[j] * (q[j] - angle) + kd[j] * (dq[j] - speed)
-        for i in range(n):
-            limit, k = drives.limit[i], mate[i]
-            asked = inverse[0, i] * state.asked[i] + inverse[1, k] * state.asked[k]
-            if abs(asked) >= limit:
-                state.limited[i] = 1.0
-            asked = min(max(asked, -limit), limit)
-            state.torque[i] += follow_torque * (asked - state.torque[i])
-            ripple = drives.ripple[i] * math.sin(drives.wave[i] * state.angle[i])
-            state.total[i] = state.torque[i] + ripple - drives.damping[i] * state.speed[i]
-            state.given[i] += state.total[i]
-        for i in range(n):
-            change = PERIOD * free[i]
-            for k in range(n):
-                change += response[i, k] * (PERIOD * state.total[k] + state.impulse[k])
-            state.asked[i] = change
-        for i in range(n):
-            state.speed[i] += state.asked[i]
-        for i in range(n):
-            most = PERIOD * drives.friction[i]
-            impulse = state.impulse[i] - state.speed[i] / response[i, i]
-            impulse = min(max(impulse, -most), most)
-            change = impulse - state.impulse[i]
-            state.impulse[i] = impulse
-            if change != 0.0:
-                for k in range(n):
-                    state.speed[k] += response[k, i] * change
-        for i in range(n):
-            state.given[i] += state.impulse[i] / PERIOD
-            state.angle[i] += PERIOD * state.speed[i] + state.slip[i]
-            counted = state.angle[i]
-            if drives.count[i] > 0.0:
-                counted = drives.count[i] * round(counted / drives.count[i])
-            rate = (counted - state.counted[i]) / PERIOD
-            state.measured[i] += follow_speed * (rate - state.measured[i])
-            state.counted[i] = counted
-
-
-@compiled
-def _respond(
-    hessian: Float64[np.ndarray, "nv nv"],
-    constraints: tuple[
-        Float64[np.ndarray, "nefc nv"], Float64[np.ndarray, " nefc"], Int32[np.ndarray, " nefc"]
-    ],
-    transmission: tuple[Int64[np.ndarray, " nj"], Int64[np.ndarray, " nj"], Square],
-    columns: Float64[np.ndarray, "nj nv"],
-    response: Square,
-) -> None:
-    """Fill in R C R^T, of the inertia in `hessian` and the constraints."""
-    (jacobian, stiffness, kinds), (at_v, mate, rates) = constraints, transmission
-    nv, n = len(hessian), len(mate)
-    for row in range(len(kinds)):
-        if kinds[row] not in (_QUADRATIC, _CONE):
-            continue
-        for i in range(nv):
-            scaled = stiffness[row] * jacobian[row, i]
-            if scaled != 0.0:
-                for j in range(i + 1):
-                    hessian[i, j] += scaled * jacobian[row, j]
-    factor_leading(hessian, nv)
-    for i in range(n):
-        column = columns[i]
-        column[:] = 0.0
-        column[at_v[i]], column[at_v[mate[i]]] = rates[i, i], rates[i, mate[i]]
-        solve_lower(hessian, 0, nv, column)
-        for k in range(i + 1):
-            total = 0.0
-            for j in range(nv):
-                total += column[j] * columns[k, j]
-            response[i, k] = response[k, i] = total
 
 
 def _jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Float64[np.ndarray, "nefc nv"]:
@@ -285,7 +161,7 @@ def _counted(angle: Joints, count: Joints) -> Joints:
     return np.where(count > 0.0, steps * np.rint(angle / steps), angle)
 
 
-def _make_drives(robot: Robot, config: MotorConfig) -> tuple[_Drives, Square]:
+def _make_drives(robot: Robot, config: MotorConfig) -> tuple[Drives, Square]:
     """Constants of the motors, and the matrix R of their turns in those of the joints."""
     kinds = [_kind_of(name, config.motors) for name in robot.joint_names]
     mate, rates = np.arange(robot.nj), np.eye(robot.nj)
@@ -300,7 +176,7 @@ def _make_drives(robot: Robot, config: MotorConfig) -> tuple[_Drives, Square]:
     inverse, own = np.linalg.inv(rates), np.arange(robot.nj)
     across = np.where(mate == own, 0.0, inverse[own, mate])
     limits = zip(kinds, robot.tau_max.tolist(), strict=True)
-    drives = _Drives(
+    drives = Drives(
         mate=mate,
         inverse=np.array([inverse[own, own], across]),
         limit=np.array([most if kind.limit is None else kind.limit for kind, most in limits]),
