@@ -3,8 +3,6 @@
 import signal
 import sys
 import threading
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
@@ -15,7 +13,7 @@ from tyro.conf import Positional, arg
 from poise._progress import Bar
 from poise.cli._command import OK, Output, output_folder
 from poise.cli._run import report_run
-from poise.errors import ConfigurationError
+from poise.errors import ConfigurationError, RobotError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,11 +95,12 @@ class SimulateVerb:
 class DeployVerb(Output):
     """Run a scenario on a robot behind a link: preflight, ramp-in, scenario, ramp-out.
 
-    The robot hangs in a hoist. Nothing is sent before the preflight has passed. Within three
-    seconds the controller then takes over from position control, and stands for three more, in
-    which the hoist is lowered. Enter, Ctrl-C and troubles of the watchdog damp the robot. Log,
-    report and summary are those of `poise run`. Exit status: 0 all checks hold, 1 a check failed or
-    the robot was damped, 2 bad input.
+    The robot hangs in a hoist. Nothing is sent before the preflight has passed. The robot then
+    takes its posture within three seconds, and is lowered onto its feet; after Enter the controller
+    takes over within three more, and stands for three before the scenario begins. Without a
+    terminal it counts as standing three seconds after it has its posture. Ctrl-C, Enter and
+    troubles of the watchdog damp it. Log, report and summary are those of `poise run`. Exit status:
+    0 all checks hold, 1 a check failed or the robot was damped, 2 bad input.
 
     example: poise deploy squat --robot g1 --interface eth0
 
@@ -157,7 +156,11 @@ class DeployVerb(Output):
                 stage = d.stage_deployment(
                     scenario, robot, link, gains.check, gains.split, kp=gains.kp, kd=gains.kd
                 )
-                with _stopped_by_enter(stage), Bar("on the robot", " s", lines=not self.json) as bar:
+                if not self.without_preflight:
+                    start = stage.plant.body.q_start
+                    check_robot(robot, link, gains.check, start, motion=self.motion)
+                _listen(stage.plant.body)
+                with Bar("on the robot", " s", lines=not self.json) as bar:
                     run = d.deploy(stage, log=folder / scenarios.LOG, view=self.view, progress=bar)
             finally:
                 link.close()
@@ -166,7 +169,24 @@ class DeployVerb(Output):
         return 0 if run.ok else 1
 
 
-def linked_plant(robot: Any, config: Any, *, interface: str, tag: str) -> Any:
+def check_robot(robot: Any, link: Any, check: Any, start: Any, *, motion: bool) -> None:
+    """Make the preflight and print it; an error where it fails."""
+    from poise.hardware import preflight
+
+    print("Preflight: the robot hangs, its feet in the air.", file=sys.stderr, flush=True)
+    found = preflight(robot, link, check, start=start, motion=_ask if motion else None)
+    print(found, file=sys.stderr, flush=True)
+    if not found.ok:
+        raise RobotError("the preflight failed", got=found.failed)
+
+
+def _ask(move: Any) -> None:
+    input(f"{move.prompt}; Enter begins.")
+
+
+def linked_plant(
+    robot: Any, config: Any, *, interface: str, tag: str, without_preflight: bool
+) -> Any:
     """Connect to a robot that an operator leads."""
     from poise.apps import deployment as d
     from poise.hardware import LinkBody
@@ -175,6 +195,8 @@ def linked_plant(robot: Any, config: Any, *, interface: str, tag: str) -> Any:
     gains = d.g1_gains(robot)
     link = d.connect_g1(robot, gains.check, interface=interface, tag=tag)
     body = LinkBody(robot, link, gains.check, gains.split, kp=gains.kp, kd=gains.kd)
+    if not without_preflight:
+        check_robot(robot, link, gains.check, body.q_start, motion=False)
     return d.LinkedPlant(body, config)
 
 
@@ -186,15 +208,19 @@ def _g1(name: str) -> Any:
     return load_robot(name)
 
 
-@contextmanager
-def _stopped_by_enter(stage: Any) -> Generator[None]:
-    """Emergency stop by Enter, where a person sits at the terminal."""
-    if sys.stdin.isatty():
-        print("Enter is the emergency stop.", flush=True)
+def _listen(body: Any) -> None:
+    """Take Enter as the sign that the robot stands, then as the emergency stop."""
+    if not sys.stdin.isatty():
+        return
+    stands = threading.Event()
+    body.ready = stands.is_set
+    print("The robot takes its posture: lower it until it stands on its feet, then press Enter.")
+    print("After that Enter is the emergency stop, as Ctrl-C is at any time.", flush=True)
 
-        def wait() -> None:
-            sys.stdin.readline()
-            stage.plant.body.watchdog.stop()
+    def wait() -> None:
+        sys.stdin.readline()
+        stands.set()
+        sys.stdin.readline()
+        body.watchdog.stop()
 
-        threading.Thread(target=wait, name="poise emergency stop", daemon=True).start()
-    yield
+    threading.Thread(target=wait, name="poise terminal", daemon=True).start()

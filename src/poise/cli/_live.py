@@ -29,6 +29,7 @@ class _Live:
         link: interface of a robot behind a link, as eth0, or lo for a simulated one, that is led in
             place of a simulated one; it has to be g1.
         tag: of the participants on its bus.
+        without_preflight: leave its preflight out.
         out: folder to write into.
     """
 
@@ -39,6 +40,7 @@ class _Live:
     no_open: bool = False
     link: str | None = None
     tag: str = ""
+    without_preflight: bool = False
     out: Annotated[str | None, arg(metavar="DIR")] = None
 
     def __post_init__(self) -> None:
@@ -54,7 +56,13 @@ class _Live:
         if self.link is not None:
             from poise.cli._deploy import linked_plant
 
-            options["connect"] = partial(linked_plant, robot, interface=self.link, tag=self.tag)
+            options["connect"] = partial(
+                linked_plant,
+                robot,
+                interface=self.link,
+                tag=self.tag,
+                without_preflight=self.without_preflight,
+            )
         session = LiveSession(
             robot,
             folder,

@@ -20,7 +20,7 @@ from poise.hardware._link import (
 from poise.hardware._process_link import ProcessLink
 
 if TYPE_CHECKING:
-    from poise.hardware._link_body import LISTEN as LISTEN, RAMP as RAMP, LinkBody
+    from poise.hardware._link_body import RAMP as RAMP, WARM as WARM, LinkBody
     from poise.hardware._plant_link import PlantLink, robot_state
     from poise.hardware._preflight import (
         Preflight as Preflight,
@@ -54,7 +54,7 @@ __all__ = [
 
 _LATER = {
     **dict.fromkeys(("PlantLink", "robot_state"), "_plant_link"),
-    **dict.fromkeys(("LISTEN", "RAMP", "LinkBody"), "_link_body"),
+    **dict.fromkeys(("RAMP", "WARM", "LinkBody"), "_link_body"),
     **dict.fromkeys(("Preflight", "PreflightCheck", "preflight"), "_preflight"),
     "Move": "_preflight_moves",
     "TorqueSplit": "_torque_split",

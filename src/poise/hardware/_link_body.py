@@ -33,8 +33,9 @@ RAMP = 3.0
 """Length of each ramp, and of standing before the leader begins [s]: a joint that is 1 rad off then
 moves by at most 15 / 8 / 3 s = 0.6 rad/s, which a person with a hand on the stop can follow."""
 
-LISTEN = 0.5
-"""Time for which all of a tick runs before the first command [s]: its memory is warm then."""
+WARM = 0.2
+"""Time for which all of a tick runs before its command counts [s]: its first hundred runs take
+several times as long as the later ones, until memory and caches are warm."""
 
 _POLL = 1e-4
 """Pause between two looks for a new state [s], a twentieth of a period of 500 Hz."""
@@ -43,31 +44,37 @@ _POLL = 1e-4
 class LinkBody:
     """Robot behind a link, as the `Body` of `poise.rollout`.
 
-    At first it only listens, for `listen`. A step then evaluates the watchdog, splits the command's torque, blends it by the ramp, writes, and
-    waits for the next state, at most one and a half periods after the last. Time is that of the
-    robot's stamps, zero at the first state.
+    A step evaluates the watchdog, splits the command's torque, blends it by the ramp, writes, and
+    waits for the next state, at most one and a half periods after the last.
 
-    In the ramp-in the set-points of the drives are a blend of position control and controller,
+    The first call of `state` brings a hanging robot into its posture by position control,
 
-        u = (1 - s) hold + s split,    hold: q = q_0 + s (q_start - q_0) with `kp`, `kd`
+        hold: q = q_0 + s (q_start - q_0) with `kp`, `kd`,
 
-    field by field, with the measured positions q_0 at the first step and the least-jerk phase s.
-    The first torques are zero. Position control at the ankles does not balance a humanoid: a hoist
-    holds it meanwhile, and is lowered while the controller stands for `stand`. After `end` the
-    set-points fade to the last check's damping in the same way.
+    with the measured positions q_0 and a least-jerk phase s over `ramp`, and holds it there until
+    `ready`: the hoist is lowered meanwhile until the robot stands. Time is that of the robot's
+    stamps, zero then. For `WARM` the drives still hold, then the set-points are
+
+        u = (1 - s) hold + s split
+
+    field by field, with a phase over `ramp`. Position control at the ankles does not balance a
+    humanoid: the hoist goes with it until the controller stands alone, for `stand`, before the
+    leader begins. After `end` the set-points fade to the last check's damping over `ramp`.
 
     Args:
         robot: the robot.
         link: connection to it; its joints are the robot's.
-        split: from torques to set-points of the drives; None for torque alone.
         check: the last check of the link, for bounds and damping.
+        split: from torques to set-points of the drives; None for torque alone.
         kp: stiffness of position control; that of the last check's `kp_max` if None [N m/rad].
         kd: its damping; `kd_max` if None [N m s/rad].
         watchdog: the table of troubles; the default one if None.
-        q_start: posture of the joints at the end of the ramp-in; that of `robot.q_home` if None.
-        listen: time for which nothing is sent; zero for a link whose time passes by commands [s].
-        ramp: length of both ramps, zero for none [s].
+        q_start: posture of the joints; that of `robot.q_home` if None.
+        posture: False for a robot that is in its posture already, and stands.
+        ramp: length of each ramp; zero for a robot that stands under no control [s].
         stand: time for which the controller stands before the leader begins [s].
+        ready: returns True once the robot stands on its feet; if None it counts as standing
+            `stand` after it has its posture.
         operator: returns the time of the operator's newest sample by the link's clock [s]; None
             without an operator.
 
@@ -75,11 +82,13 @@ class LinkBody:
         robot: the robot.
         link: connection to it.
         begin: time at which the leader begins [s].
+        q_start: posture of the joints within the last check's bounds.
         verdict: of the watchdog in the last step.
         measured: state of the present tick, as read.
         sent: set-points of the last tick; None before the first and after an end.
         late: ticks in which no new state arrived.
-        operator: time of the operator's newest sample, as given.
+        ready: as given.
+        operator: as given.
 
     Raises:
         ConfigurationError: the link has other joints than the robot, or a setting is out of range.
@@ -96,9 +105,10 @@ class LinkBody:
         kd: Gains | None = None,
         watchdog: Watchdog | None = None,
         q_start: Joints | None = None,
-        listen: float = LISTEN,
+        posture: bool = True,
         ramp: float = RAMP,
         stand: float = RAMP,
+        ready: Callable[[], bool] | None = None,
         operator: Callable[[], float | None] | None = None,
     ) -> None:
         if link.info.joints != robot.joint_names or check.joints != robot.joint_names:
@@ -109,27 +119,27 @@ class LinkBody:
             )
         self.robot, self.link, self._check = robot, link, check
         self.control_dt = dt = 1.0 / link.info.rate
-        zero, joints = np.zeros(robot.nj), robot.joint_names
+        self._still, joints = np.zeros(robot.nj), robot.joint_names
         self._kp = per_joint(check.kp_max if kp is None else kp, joints, "kp [N m/rad]")
         self._kd = per_joint(check.kd_max if kd is None else kd, joints, "kd [N m s/rad]")
-        self._split = split or TorqueSplit(check, kp=zero, kd=zero, period=dt)
+        self._split = split or TorqueSplit(check, kp=self._still, kd=self._still, period=dt)
         self.watchdog = watchdog or Watchdog(robot, period=dt)
         home = robot.q_home[-robot.nj :] if q_start is None else q_start
-        self._q_start = np.clip(home, check.lower, check.upper)
+        self.q_start = np.clip(home, check.lower, check.upper)
+        self._posture = posture and ramp > 0.0
         self._ramp = checked_number(ramp, "ramp of the link's body [s]")
-        self._end, self.operator = math.inf, operator
+        self._stand = checked_number(stand, "stand of the link's body [s]")
+        self._warm = WARM if ramp > 0.0 else 0.0
+        self.begin = self._warm + self._ramp + self._stand
+        self._end, self.ready, self.operator = math.inf, ready, operator
         self.verdict = Verdict(response=Action.RUN)
         self.sent: MotorCommand | None = None
-        self._answered = link.read()
-        self.late = 0
-        self.measured = link.read()
-        self._listen = checked_number(listen, "listen of the link's body [s]")
-        self.begin = self._listen + self._ramp + checked_number(stand, "stand of the link's body [s]")
-        self._zero, self._age = math.nan, 0.0
+        self.measured = self._answered = link.read()
+        self._zero, self._age, self.late = math.nan, 0.0, 0
 
     @property
     def time(self) -> float:
-        """Stamp of the present state, zero where the leader begins [s]."""
+        """Stamp of the present state, zero where the robot stands [s]."""
         return 0.0 if math.isnan(self._zero) else self.measured.time - self._zero
 
     @property
@@ -146,6 +156,8 @@ class LinkBody:
         """Return the measured state, for an estimator: `robot_state`; the first begins the run."""
         if math.isnan(self._zero):
             self.measured, self._began = self.link.read(), self.link.clock()
+            if self._posture:
+                self._take_posture()
             self._zero = self.measured.time
         state = robot_state(self.robot, self.link.info, self.measured)
         return replace(state, time=self.time)
@@ -160,11 +172,9 @@ class LinkBody:
         Args:
             command: of the controller, for the present state.
         """
-        if self.time <= self._listen:
-            self._q_0 = np.clip(self.measured.q, self._check.lower, self._check.upper)
-        if self.time < self._listen:
+        if self.time < self._warm:
             self._answered = self.measured
-            self._wait()
+            self._send(self._hold(self.q_start))
             return
         operator = None if self.operator is None else self.operator()
         state, before = self.measured, self.verdict.response
@@ -215,17 +225,38 @@ class LinkBody:
         self.sent = None
         self.link.close()
 
+    def _take_posture(self) -> None:
+        """Bring the robot into its posture, and hold it until it is ready."""
+        first, begin = self.measured, self.measured.time
+        q_0 = np.clip(first.q, self._check.lower, self._check.upper)
+        while True:
+            since = self.measured.time - begin
+            self.verdict = self.watchdog.evaluate(self.link, self.measured)
+            if self.verdict.response >= Action.DAMP:
+                self.link.write(self._check.damping)
+                return
+            share = least_jerk(since, 0.0, self._ramp)[0]
+            self._send(self._hold(q_0 + share * (self.q_start - q_0)))
+            over = since - self._ramp
+            if over >= 0.0 and (over >= self._stand if self.ready is None else self.ready()):
+                return
+
+    def _hold(self, q: Joints) -> MotorCommand:
+        return MotorCommand(q=q, dq=self._still, kp=self._kp, kd=self._kd, tau=self._still)
+
+    def _send(self, command: MotorCommand) -> None:
+        self.sent = command
+        self.link.write(command)
+        self._wait()
+
     def _ramped(self, split: MotorCommand) -> MotorCommand:
-        if self.time < self._listen + self._ramp:
-            share = least_jerk(self.time, self._listen, self._ramp)[0]
-            q = self._q_0 + share * (self._q_start - self._q_0)
-            still = np.zeros(len(q))
-            hold = MotorCommand(q=q, dq=still, kp=self._kp, kd=self._kd, tau=still)
-            return _blend(hold, split, share)
-        if self.time > self._end:
-            share = least_jerk(self.time, self._end, self._ramp)[0]
-            damping = replace(self._check.damping, q=split.q)
-            return _blend(split, damping, share)
+        time, ramp = self.time, self._ramp
+        if time < self._warm + ramp:
+            share = least_jerk(time, self._warm, ramp)[0]
+            return _blend(self._hold(self.q_start), split, share)
+        if time > self._end:
+            share = least_jerk(time, self._end, ramp)[0]
+            return _blend(split, replace(self._check.damping, q=split.q), share)
         return split
 
     def _wait(self) -> None:

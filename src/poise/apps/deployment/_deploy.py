@@ -1,6 +1,5 @@
 """`deploy`: a scenario on a robot behind a link."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,16 +9,13 @@ from msgspec import structs
 from poise.apps.deployment._linked_plant import LinkedPlant
 from poise.apps.scenarios import Progress, Run, Scenario, Stage, run_stage, stage_scenario
 from poise.errors import ConfigurationError
-from poise.hardware import LISTEN, RAMP, Gains, LastCheck, Link, LinkBody, TorqueSplit
+from poise.hardware import RAMP, WARM, Gains, LastCheck, Link, LinkBody, TorqueSplit
 from poise.locomotion import Device, OperatorSample, StepTeleoperator
 from poise.robots import Robot
 from poise.sim import Recorder, RecorderConfig, garbage_frozen, rollout
 
 FLUSH = 0.01
 """Time between two writings of the log [s]: half of the 20 ms that a killed run may lose."""
-
-_SWITCH = 2e-4
-"""Longest time for which another thread keeps the interpreter [s], a tenth of a period."""
 
 _REHEARSAL = 0.1
 """Length of the rehearsal [s]: all of a tick runs in its first few, and is compiled then."""
@@ -34,8 +30,9 @@ def stage_deployment(
     *,
     kp: Gains | None = None,
     kd: Gains | None = None,
-    listen: float = LISTEN,
+    posture: bool = True,
     ramp: float = RAMP,
+    ready: Callable[[], bool] | None = None,
     operator: Callable[[], float | None] | None = None,
 ) -> Stage:
     """Stage a scenario on a robot behind a link.
@@ -51,14 +48,17 @@ def stage_deployment(
         split: from torques to set-points of the drives; None for torque alone.
         kp: stiffness of position control in the ramp-in, as for `LinkBody` [N m/rad].
         kd: its damping [N m s/rad].
-        listen: time for which nothing is sent, as for `LinkBody` [s].
-        ramp: length of ramps and of standing before the scenario begins [s].
+        posture: False for a robot that stands in its posture already.
+        ramp: length of each ramp and of standing before the scenario begins [s].
+        ready: returns True once the robot stands on its feet, as for `LinkBody`.
         operator: time of the operator's newest sample, as for `LinkBody`.
 
     Raises:
         PoiseError: the scenario does not fit the robot, or needs a simulator.
     """
-    scenario = _without_simulator(scenario, 1.0 / link.info.rate).later(listen + 2.0 * ramp)
+    scenario = _without_simulator(scenario, 1.0 / link.info.rate).later(
+        (WARM if ramp > 0.0 else 0.0) + 2.0 * ramp
+    )
     rehearsed = stage_scenario(scenario, robot)
     for _ in rollout(
         rehearsed.plant,
@@ -77,9 +77,10 @@ def stage_deployment(
         kp=kp,
         kd=kd,
         q_start=stage.plant.true_state().q[-robot.nj :],
-        listen=listen,
+        posture=posture,
         ramp=ramp,
         stand=ramp,
+        ready=ready,
         operator=operator,
     )
     if isinstance(stage.leader, StepTeleoperator) and stage.leader.device is not None:
@@ -131,16 +132,18 @@ def deploy(
         for _ in rollout(plant, controller, None, [recorder], estimator=stage.estimator):
             pass
 
-    interval = sys.getswitchinterval()
     try:
-        # The thread that writes the log waits for this one, and not the other way round.
-        sys.setswitchinterval(_SWITCH)
         with garbage_frozen():  # once: the ramp-out begins without a pause
             return run_stage(
-                stage, log=log, view=view, progress=progress, flush_dt=FLUSH, at_end=ramp_out
+                stage,
+                log=log,
+                view=view,
+                progress=progress,
+                flush_dt=FLUSH,
+                at_end=ramp_out,
+                on_interrupt=body.watchdog.stop,
             )
     finally:
-        sys.setswitchinterval(interval)
         body.close()
 
 

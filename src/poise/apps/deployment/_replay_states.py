@@ -12,7 +12,6 @@ from poise.apps.scenarios import Scenario
 from poise.errors import PoiseError
 from poise.hardware import (
     COMMAND_FIELDS,
-    LISTEN,
     STATE_FIELDS,
     Gains,
     LastCheck,
@@ -120,7 +119,6 @@ def replay_states(
     *,
     kp: Gains | None = None,
     kd: Gains | None = None,
-    listen: float = LISTEN,
     progress: Callable[[float, float], None] = lambda *_: None,
 ) -> StateReplay:
     """Feed the states of a log to a scenario's estimator, leader and controller.
@@ -133,7 +131,6 @@ def replay_states(
         split: from torques to set-points of the drives.
         kp: stiffness of position control in the ramp-in [N m/rad].
         kd: its damping [N m s/rad].
-        listen: time for which nothing was sent [s].
         progress: called with the ticks done and those in all.
 
     Raises:
@@ -141,7 +138,7 @@ def replay_states(
     """
     record = read_log(path)
     link = ReplayLink(record, robot.joint_names)
-    stage = stage_deployment(scenario, robot, link, check, split, kp=kp, kd=kd, listen=listen)
+    stage = stage_deployment(scenario, robot, link, check, split, kp=kp, kd=kd, posture=False)
     body = stage.plant.body
     body.watchdog = Watchdog(robot, rules=())
     sent: dict[float, MotorCommand] = {}

@@ -141,7 +141,11 @@ class Director:
             return True
         measured = state.contacts.get(contact.frame)
         touched = measured is not None and measured[2] >= change.touchdown
-        if touched or change.touchdown == 0.0 or state.time - self._paused >= change.at + TOUCHDOWN_PATIENCE:
+        if (
+            touched
+            or change.touchdown == 0.0
+            or state.time - self._paused >= change.at + TOUCHDOWN_PATIENCE
+        ):
             contact.engage(change.over)
             return True
         return False

@@ -150,6 +150,7 @@ def run_stage(
     progress: Progress = lambda *_: None,
     flush_dt: float = RecorderConfig().flush_dt,
     at_end: Callable[[], object] = lambda: None,
+    on_interrupt: Callable[[], object] = lambda: None,
 ) -> Run:
     """Run a staged scenario; as `run_scenario`.
 
@@ -160,6 +161,7 @@ def run_stage(
         progress: called with the progress of the run.
         flush_dt: time between two writings of the log [s].
         at_end: called after the last tick, before the run is judged.
+        on_interrupt: called at once on Ctrl-C.
 
     Returns:
         The run with its signals and checks.
@@ -170,7 +172,7 @@ def run_stage(
     shown, ended_early, begin = 0.0, "", clock.perf_counter()
     with (
         open_viewer(plant) if view else nullcontext() as viewer,
-        _until_interrupted() as interrupted,
+        _until_interrupted(on_interrupt) as interrupted,
         closing(
             rollout(
                 plant,
@@ -217,7 +219,7 @@ def run_stage(
 
 
 @contextmanager
-def _until_interrupted() -> Generator[threading.Event]:
+def _until_interrupted(act: Callable[[], object]) -> Generator[threading.Event]:
     """Catch Ctrl-C, so that the run ends after a complete tick and the report is written.
 
     A second Ctrl-C interrupts as usual. Outside the main thread Python allows no handler, and a
@@ -231,6 +233,7 @@ def _until_interrupted() -> Generator[threading.Event]:
 
     def note(_number: int, _frame: FrameType | None) -> None:
         interrupted.set()
+        act()
         signal.signal(signal.SIGINT, before)
 
     signal.signal(signal.SIGINT, note)
