@@ -1,4 +1,4 @@
-"""`poise simulate` and `poise deploy`: a simulated robot behind its bus, and a robot behind a link."""
+"""`poise simulate` and `poise deploy`: both ends of a robot's bus."""
 
 import signal
 import sys
@@ -197,6 +197,7 @@ def linked_plant(
     body = LinkBody(robot, link, gains.check, gains.split, kp=gains.kp, kd=gains.kd)
     if not without_preflight:
         check_robot(robot, link, gains.check, body.q_start, motion=False)
+    _listen(body)
     return d.LinkedPlant(body, config)
 
 

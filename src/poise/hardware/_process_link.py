@@ -32,10 +32,11 @@ class ProcessLink:
     """A link in a process of its own, by shared memory without locks.
 
     The link's process looks for states and commands four times in a period of the link, and passes
-    each on when it comes. Without a fresh command for 10 ms, or two periods of a slow link, as from a
-    controller that stopped or died, it sends the last check's damping; a fresh command takes over
-    again. Nothing is sent before the first command. Every command passes the last check there. After `close`, or the end of the controller's process, it damps for a while longer,
-    then closes its link and ends.
+    each on when it comes. Nothing is sent before the first command. Every command passes the last
+    check there. Without a fresh one for 10 ms, or two periods of a slow link, as from a controller
+    that stopped or died, it sends the last check's damping; a fresh command takes over again. After
+    `close`, or the end of the controller's process, it damps for a while longer, then closes its
+    link and ends.
 
     The process is spawned: a script needs `if __name__ == "__main__":`. It imports neither
     Pinocchio nor MuJoCo unless `make` does. Ctrl-C and a lost terminal do not end it.

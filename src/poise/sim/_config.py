@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 
 from poise._schema import (
-    NOT_IN_FILES,
     Bounds,
     Duration,
     Number,

@@ -70,7 +70,7 @@ class LinkedPlant(Plant):
         if command is not None:
             self.body.step(command)
 
-    def push(self, *args: Any, **kwargs: Any) -> Push:
+    def push(self, *_: Any, **__: Any) -> Push:
         """Refuse a push."""
         raise ConfigurationError("a robot behind a link cannot be pushed", wanted="no pushes")
 

@@ -25,7 +25,6 @@ from poise.hardware import (
 from poise.robots import Robot
 from poise.sim import RunRecord, read_log, rollout
 
-
 _STORED = tuple(name for name in STATE_FIELDS if name != "wrenches")
 _UNKNOWN = {"wrenches": np.zeros((0, 6))}
 

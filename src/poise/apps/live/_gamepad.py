@@ -36,7 +36,7 @@ def sample_from(pressed: Callable[[str], bool], axis: Callable[[str], float]) ->
 
 
 class HostGamepad:
-    """Reads the first gamepad, sixty times a second, in a thread; its Back is the emergency stop."""
+    """Reads the first gamepad sixty times a second in a thread; Back is the emergency stop."""
 
     def __init__(self, inputs: OperatorInputs, stop: Callable[[], object] = lambda: None) -> None:
         # Without these SDL wants a screen, and pygame greets on the terminal.
