@@ -139,6 +139,8 @@ def _figure(outcomes: list[Outcome]) -> Figure:
             panel.axvline(EDGE, color="0.4", linestyle="--", linewidth=1.0)
             panel.axhline(1.0, color="0.4", linewidth=1.0)
             panel.set(xscale="log", yscale="log", xlabel="kd T of the stack")
+            panel.xaxis.set_major_formatter("{x:g}")
+            panel.yaxis.set_major_formatter("{x:g}")
             panel.set_title("kd = I / T in the drives" if damped else "pure torque")
         panels[0].set_ylabel("velocity above 20 Hz over noise")
         panels[0].legend(loc="upper left")
