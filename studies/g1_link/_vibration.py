@@ -16,6 +16,10 @@ A task makes accelerations -(kd s + kp) x with kp = kd^2 / 4; after a delay the 
 s^2 + (kd s + kp) exp(-s T). With s = i w kd its gain is one at w^4 = w^2 + 1 / 16, so
 w^2 = (1 + sqrt(5 / 4)) / 2, and its phase is -pi there with w kd T = atan(4 w)."""
 
+MARGIN = 2.0
+"""Gain margin of a loop that counts as stable, the 6 dB of textbooks: nearer to its edge it rings
+by itself after any disturbance."""
+
 WAYS: dict[str, dict[str, Any]] = {
     "published friction": {"ripple": None},
     "ripple as large as friction": {"ripple": 1.0},
@@ -30,7 +34,8 @@ _PROSE = (
     "on its damping with their squares on its stiffness.",
     "A joint vibrates where its velocity above 20 Hz is more than the noise that quantisation "
     "leaves in its measurement: below that the drives cannot tell it. A loop of damping gain kd "
-    "[1/s] and delay T oscillates by itself beyond kd T = 1.29.",
+    "[1/s] and delay T oscillates by itself beyond kd T = 1.29; its gain margin is 6 dB at half of "
+    "that.",
 )
 
 Outcome = tuple[str, Standing, Vibration]
@@ -84,14 +89,14 @@ def _findings(outcomes: list[Outcome]) -> tuple[Finding, ...]:
     pure = [o for o in outcomes if not o[1].damped]
     default = [v for way, t, v in pure if t.stiffness == 1.0 and way == "published friction"]
     quiet = max(v.ratio for v in default)
-    below = max(v.ratio for _, t, v in outcomes if v.gain * t.delay < EDGE)
+    below = max(v.ratio for _, t, v in outcomes if MARGIN * v.gain * t.delay < EDGE)
     beyond = min(v.ratio for _, t, v in outcomes if v.gain * t.delay > EDGE)
     damping = [
         damped.ratio / free.ratio
         for way, t, free in pure
         for other, s, damped in outcomes
         if s.damped and (way, t.latency, t.stiffness) == (other, s.latency, s.stiffness)
-        if free.gain * t.delay < EDGE
+        if t.stiffness == 1.0
     ]
     gain = math.exp(sum(math.log(ratio) for ratio in damping) / len(damping))
     falls = sum(v.fell for _, _, v in outcomes)
@@ -105,7 +110,7 @@ def _findings(outcomes: list[Outcome]) -> tuple[Finding, ...]:
             "ours: less than quantisation leaves in the drives' velocities",
         ),
         Finding(
-            name="least velocity beyond kd T = 1.29 over the largest below",
+            name="least velocity beyond kd T = 1.29 over the largest below half of it",
             ours=beyond / below,
             paper=1.0,
             ok=beyond > below,
@@ -113,11 +118,11 @@ def _findings(outcomes: list[Outcome]) -> tuple[Finding, ...]:
             "and without damping in the drives",
         ),
         Finding(
-            name="damping in the drives: velocity over that by pure torque, below kd T = 1.29",
+            name="damping in the drives, default gains: velocity over that by pure torque",
             ours=gain,
             paper=1.0,
             ok=gain < 1.0,
-            note="geometric mean over all other settings",
+            note="geometric mean over latencies, ripple and friction; stiffer stacks gain nothing",
         ),
         Finding(name="falls", ours=falls, paper=0, ok=falls == 0, note=f"of {len(outcomes)} runs"),
     )
@@ -134,6 +139,8 @@ def _figure(outcomes: list[Outcome]) -> Figure:
             panel.axvline(EDGE, color="0.4", linestyle="--", linewidth=1.0)
             panel.axhline(1.0, color="0.4", linewidth=1.0)
             panel.set(xscale="log", yscale="log", xlabel="kd T of the stack")
+            panel.xaxis.set_major_formatter("{x:g}")
+            panel.yaxis.set_major_formatter("{x:g}")
             panel.set_title("kd = I / T in the drives" if damped else "pure torque")
         panels[0].set_ylabel("velocity above 20 Hz over noise")
         panels[0].legend(loc="upper left")

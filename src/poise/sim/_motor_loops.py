@@ -28,7 +28,7 @@ class Drives(NamedTuple):
     damping: Joints
     ripple: Joints
     wave: Joints  # phase of the ripple over the angle of the output
-    count: Joints  # step of the encoder at the output [rad]
+    notch: Joints  # step of the encoder at the output [rad]
 
 
 class State(NamedTuple):
@@ -96,8 +96,8 @@ def advance(
             state.given[i] += state.impulse[i] / PERIOD
             state.angle[i] += PERIOD * state.speed[i] + state.slip[i]
             counted = state.angle[i]
-            if drives.count[i] > 0.0:
-                counted = drives.count[i] * round(counted / drives.count[i])
+            if drives.notch[i] > 0.0:
+                counted = drives.notch[i] * round(counted / drives.notch[i])
             rate = (counted - state.counted[i]) / PERIOD
             state.measured[i] += follow_speed * (rate - state.measured[i])
             state.counted[i] = counted

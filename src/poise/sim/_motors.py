@@ -55,7 +55,8 @@ class Motors:
         self._config, self._model, self._seed = motors, model, seed
         self._ticks = config.drive_ticks
         joints = [model.joint(name).id for name in robot.joint_names]
-        self._at_q, self._at_v = model.jnt_qposadr[joints], np.int64(model.jnt_dofadr[joints])
+        self._at_q = model.jnt_qposadr[joints]
+        self._at_v = np.array(model.jnt_dofadr[joints], dtype=np.int64)
         self._drives, self._rates = _make_drives(robot, motors)
         self._follow = _share(config.torque_bandwidth), _share(motors.velocity_bandwidth)
         self._inertia = np.empty((model.nv, model.nv))
@@ -80,7 +81,7 @@ class Motors:
         self._mean = state.torque.copy()
         state.angle[:] = self._rates @ data.qpos[self._at_q]
         self._look(data)
-        state.counted[:] = _counted(state.angle, self._drives.count)
+        state.counted[:] = _counted(state.angle, self._drives.notch)
         state.measured[:] = state.speed
 
     def send(self, set_points: Float64[np.ndarray, "5 nj"]) -> None:
@@ -156,9 +157,9 @@ def _share(bandwidth: float | None) -> float:
     return 1.0 if bandwidth is None else -math.expm1(-math.tau * bandwidth * PERIOD)
 
 
-def _counted(angle: Joints, count: Joints) -> Joints:
-    steps = np.where(count > 0.0, count, 1.0)
-    return np.where(count > 0.0, steps * np.rint(angle / steps), angle)
+def _counted(angle: Joints, notch: Joints) -> Joints:
+    steps = np.where(notch > 0.0, notch, 1.0)
+    return np.where(notch > 0.0, steps * np.rint(angle / steps), angle)
 
 
 def _make_drives(robot: Robot, config: MotorConfig) -> tuple[Drives, Square]:
@@ -184,7 +185,7 @@ def _make_drives(robot: Robot, config: MotorConfig) -> tuple[Drives, Square]:
         damping=np.array([kind.damping for kind in kinds]),
         ripple=np.array([kind.ripple for kind in kinds]),
         wave=np.array([kind.cycles * kind.gear for kind in kinds]),
-        count=np.array([kind.resolution / kind.gear for kind in kinds]),
+        notch=np.array([kind.resolution / kind.gear for kind in kinds]),
     )
     return drives, rates
 
