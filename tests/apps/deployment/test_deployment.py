@@ -54,8 +54,8 @@ def test_states_as_received_and_commands_as_sent_are_in_the_log(deployed):
     assert {text for _, text in record.notes("link")} == {"ok"}
     assert record.complete
     end = read_log(log.with_stem("log_end"))
-    assert end["sent/kd"][-1] == pytest.approx(check.damping.kd, rel=0.02)
-    assert np.abs(end["sent/tau"][-1]).max() < 0.02 * robot.tau_max.max()
+    assert end["sent/kd"][-1] == pytest.approx(check.damping.kd, rel=0.05)
+    assert np.abs(end["sent/tau"][-1]).max() < 0.05 * robot.tau_max.max()
 
 
 def test_replayed_states_give_the_commands_that_were_sent(deployed):
@@ -82,7 +82,7 @@ def test_a_log_without_states_cannot_be_replayed(get_robot, tmp_path):
 def test_a_scenario_that_commands_velocities_is_refused(get_robot):
     robot, _, link, check, _ = make(get_robot)
     scenario = replace(load_scenario("over_an_obstacle_velocity"), robot=robot.name)
-    with pytest.raises(ConfigurationError, match="commands velocities"):
+    with pytest.raises(ConfigurationError, match="control period|commands velocities"):
         deployment.stage_deployment(scenario, robot, link, check)
 
 

@@ -60,6 +60,12 @@ def stage_deployment(
         (WARM if ramp > 0.0 else 0.0) + 2.0 * ramp
     )
     rehearsed = stage_scenario(scenario, robot)
+    if rehearsed.scenario.plant.commanded != "torque":
+        raise ConfigurationError(
+            f"scenario {scenario.name!r} commands velocities",
+            got=rehearsed.scenario.plant.actuation,
+            wanted="torque",
+        )
     for _ in rollout(
         rehearsed.plant,
         rehearsed.controller,
@@ -160,11 +166,5 @@ class _LaterDevice:
 
 def _without_simulator(scenario: Scenario, period: float) -> Scenario:
     """The scenario at another control period, without what only a simulator does."""
-    if scenario.plant.commanded != "torque":
-        raise ConfigurationError(
-            f"scenario {scenario.name!r} commands velocities",
-            got=scenario.plant.actuation,
-            wanted="torque",
-        )
     plant = replace(scenario.plant, control_dt=period, sensors=type(scenario.plant.sensors)())
     return replace(scenario, plant=plant, pushes=(), ground_truth=False)

@@ -10,6 +10,7 @@ from poise._schema import Bounds, Seconds, checked
 from poise.errors import UnknownNameError
 from poise.hardware import MotorCommand, MotorState
 
+_ROUNDING = 1e-9  # of sums of periods [s]
 _Chance = Annotated[float, Bounds(least=0.0, most=1.0)]
 
 
@@ -19,10 +20,12 @@ class FaultPlan:
     """Faults of a simulated robot's bus and devices."""
 
     begin: Seconds = 0.0  # of all faults [s]
-    loss: _Chance = 0.0  # probability that a message does not arrive, in both directions
+    loss: _ROUNDING = 1e-9  # of sums of periods [s]
+_Chance = 0.0  # probability that a message does not arrive, in both directions
     delay: Seconds = 0.0  # of each state [s]
     jitter: Seconds = 0.0  # what a state is later than that at most, evenly distributed [s]
-    reorder: _Chance = 0.0  # probability that a state arrives after the next one
+    reorder: _ROUNDING = 1e-9  # of sums of periods [s]
+_Chance = 0.0  # probability that a state arrives after the next one
     frozen: tuple[str, ...] = ()  # joints whose encoder repeats its number
     dead: tuple[str, ...] = ()  # joints whose motor gives no torque
 
@@ -73,8 +76,9 @@ class Faults:
             late = plan.delay + plan.jitter * draw()
             late += 1.5 * self._period * (draw() < plan.reorder)
             self._under_way.append((time + late, state))
-        due = sorted((e for e in self._under_way if e[0] <= time), key=lambda e: e[0])
-        self._under_way = deque(e for e in self._under_way if e[0] > time)
+        now = time + _ROUNDING
+        due = sorted((e for e in self._under_way if e[0] <= now), key=lambda e: e[0])
+        self._under_way = deque(e for e in self._under_way if e[0] > now)
         return [state for _, state in due]
 
     def command(self, command: MotorCommand, time: float) -> MotorCommand:

@@ -19,11 +19,18 @@ _KD = {"knee": 2.0, "": 1.0}
 """Gains of Unitree's own example (unitree_sdk2_python, g1_low_level_example.py), by part of a name
 [N m/rad, N m s/rad]."""
 
-_KD_MAX = 5.0
-"""Largest damping of the drives [N m s/rad], as in LeRobot's configuration of a G1."""
+_KD_MAX = 8.0
+"""Largest damping of the drives [N m s/rad], that of a damping command of unitree_rl_gym."""
 
-_SHARE = 0.1
-"""Part of the example's gains that drives have beside a controller's torques."""
+_ROTOR = {"knee": 0.0251, "hip_roll": 0.0251, "hip": 0.0102, "waist_yaw": 0.0102,
+          "wrist_pitch": 0.00425, "wrist_yaw": 0.00425, "ankle": 0.0072, "waist": 0.0072,
+          "": 0.0036}  # fmt: skip
+"""Inertia of the rotors at their joint by part of its name (unitree_rl_lab, unitree_actuators.py);
+two motors share the ankles and the waist's roll and pitch [kg m^2]."""
+
+_BLIND = 0.004
+"""Time within which the computer cannot react: two periods of state and command [s]. The drives'
+damping beside torques takes a rotor's velocity within it: kd = I / t."""
 
 
 class G1Gains(NamedTuple):
@@ -42,13 +49,13 @@ def g1_gains(robot: Robot) -> G1Gains:
         robot: a model of it.
     """
 
-    def by_joint(gains: dict[str, float], share: float = 1.0) -> dict[str, float]:
+    def by_joint(gains: dict[str, float], scale: float = 1.0) -> dict[str, float]:
         names = robot.joint_names
-        return {n: share * next(g for part, g in gains.items() if part in n) for n in names}
+        return {n: scale * next(g for part, g in gains.items() if part in n) for n in names}
 
     kp, kd = by_joint(_KP), by_joint(_KD)
     check = LastCheck(robot, kp_max=kp, kd_max=_KD_MAX)
-    split = TorqueSplit(check, kp=by_joint(_KP, _SHARE), kd=by_joint(_KD, _SHARE))
+    split = TorqueSplit(check, kp=0.0, kd=by_joint(_ROTOR, 1.0 / _BLIND))
     return G1Gains(check, split, kp, kd)
 
 

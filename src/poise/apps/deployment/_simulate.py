@@ -3,7 +3,7 @@
 import gc
 import time as clock
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -19,6 +19,7 @@ _LATE = 0.1
 """Farther behind the clock, time that has passed is given up [s]; so does the live loop."""
 
 
+@runtime_checkable
 class RobotEnd(Protocol):
     """Robot's end of a bus, such as `poise.hardware.G1Robot`."""
 
