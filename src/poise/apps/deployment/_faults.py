@@ -20,12 +20,10 @@ class FaultPlan:
     """Faults of a simulated robot's bus and devices."""
 
     begin: Seconds = 0.0  # of all faults [s]
-    loss: _ROUNDING = 1e-9  # of sums of periods [s]
-_Chance = 0.0  # probability that a message does not arrive, in both directions
+    loss: _Chance = 0.0  # probability that a message does not arrive, in both directions
     delay: Seconds = 0.0  # of each state [s]
     jitter: Seconds = 0.0  # what a state is later than that at most, evenly distributed [s]
-    reorder: _ROUNDING = 1e-9  # of sums of periods [s]
-_Chance = 0.0  # probability that a state arrives after the next one
+    reorder: _Chance = 0.0  # probability that a state arrives after the next one
     frozen: tuple[str, ...] = ()  # joints whose encoder repeats its number
     dead: tuple[str, ...] = ()  # joints whose motor gives no torque
 
