@@ -12,8 +12,8 @@ from poise.sim import Plant, PlantConfig, SetPoints
 _STRETCH = 0.01
 """Stretch of the rope under the robot's weight [m]: less than the clearance of a swing foot."""
 
-_LIFT = 0.05
-"""Height of the soles above the ground [m], at which limp feet do not touch it."""
+_LIFT = 0.2
+"""Height of the soles above the ground by that of the CoM: bent knees that go limp straighten."""
 
 
 class HoistedPlant(Plant):
@@ -21,7 +21,7 @@ class HoistedPlant(Plant):
 
     The hoist is a spring and a damper at the base, critically damped, that stretches by 1 cm under
     the weight and turns the base back with twice the moment with which gravity tips the robot. At
-    first it holds the robot 5 cm above the ground. `RAMP` after the first stiffness it is lowered
+    first it holds the robot above the ground. `RAMP` after the first stiffness it is lowered
     within `RAMP`; `RAMP` after the first torque it is taken off within `RAMP`.
 
     Args:
@@ -40,7 +40,7 @@ class HoistedPlant(Plant):
         self._stiffness = np.repeat([push, turn], 3)
         roots = 2.0 * math.sqrt(push * robot.mass), 2.0 * math.sqrt(turn * inertia)
         self._damping = np.repeat(roots, 3)
-        self._floor = float(self.data.qpos[2])
+        self._lift, self._floor = _LIFT * height, float(self.data.qpos[2])
         self._place, self._turn = self.data.qpos[:3].copy(), self.data.qpos[3:7].copy()
 
     def drive(self, set_points: SetPoints) -> None:
@@ -57,7 +57,7 @@ class HoistedPlant(Plant):
 
     def _simulate(self, begin: float) -> None:
         share, up = 1.0 - _passed(begin - self._driven), 1.0 - _passed(begin - self._stiff)
-        self._place[2] = self._floor + _LIFT * up
+        self._place[2] = self._floor + self._lift * up
         self.data.qfrc_applied[:6] = 0.0 if share == 0.0 else share * self._pull()
         self.model.dof_damping[:6] = share * self._damping  # which MuJoCo integrates implicitly
         super()._simulate(begin)
