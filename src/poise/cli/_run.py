@@ -32,6 +32,8 @@ class RunVerb(Output):
             (whole_body, reduced); fused (osf); closed_form, hqp (differential_ik).
         seed: another seed than the file's of everything random: noise of sensors, bad operators,
             poor links.
+        replay_states: log of `poise deploy`: feed its states to the controller, and show where it
+            would have commanded otherwise, in replay.png.
         view: show the robot in a window.
         no_video: leave the video out.
     """
@@ -42,6 +44,7 @@ class RunVerb(Output):
     controller: str | None = None
     strategy: str | None = None
     seed: int | None = None
+    replay_states: str | None = None
     view: bool = False
     no_video: bool = False
 
@@ -56,6 +59,8 @@ class RunVerb(Output):
         scenario = load_scenario(self.scenario)
         controller = _changed(scenario.controller, name=self.controller, strategy=self.strategy)
         scenario = _changed(scenario, robot=self.robot, seed=self.seed, controller=controller)
+        if self.replay_states is not None:
+            return self._replay(scenario, self.replay_states)
         default = f"runs/{scenario.name}-{Path(scenario.robot).stem}"
         with output_folder(self.out, default) as folder:
             run, summary = run_and_report(
@@ -63,6 +68,32 @@ class RunVerb(Output):
             )
         self.show(summary)
         return 0 if run.ok else 1
+
+    def _replay(self, scenario: Any, log: str) -> int:
+        from poise.apps import deployment as d
+        from poise.robots import load_robot
+
+        robot = load_robot(scenario.robot)
+        gains = d.g1_gains(robot)
+        with (
+            output_folder(self.out, f"runs/replay-{scenario.name}-{robot.name}") as folder,
+            Bar("replaying", " states", lines=not self.json) as bar,
+        ):
+            found = d.replay_states(
+                log,
+                scenario,
+                robot,
+                gains.check,
+                gains.split,
+                kp=gains.kp,
+                kd=gains.kd,
+                progress=bar,
+            )
+            found.plot().savefig(folder / "replay.png")
+        time, joint, share = found.worst
+        figures = {"states": len(found.time), "time": time, "joint": joint, "difference": share}
+        about = f"largest difference {share:.2%} of the limit of {joint} at {time:.3f} s"
+        return self.show(figures, f"{len(found.time)} states: {about}", f"{folder / 'replay.png'}")
 
 
 def _changed(settings: Any, **changes: Any) -> Any:

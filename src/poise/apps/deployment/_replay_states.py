@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
+from poise._show import new_figure
 from poise.apps.deployment._deploy import stage_deployment
 from poise.apps.scenarios import Scenario
 from poise.errors import PoiseError
@@ -108,6 +110,26 @@ class StateReplay:
     def difference(self) -> Float64[np.ndarray, "T nj"]:
         """Difference by the joint's torque limit."""
         return np.abs(self.now - self.sent) / self.tau_max
+
+    @property
+    def worst(self) -> tuple[float, str, float]:
+        """Time [s] and joint of the largest difference, and that by the joint's limit."""
+        apart = self.difference
+        row, joint = divmod(int(np.argmax(apart)), len(self.joints))
+        return float(self.time[row]), self.joints[joint], float(apart[row, joint])
+
+    def plot(self) -> Any:
+        """Return a figure of the five joints that differ most: what was sent, and what would be."""
+        worst = np.argsort(self.difference.max(axis=0))[::-1][:5]
+        figure = new_figure(8.0, 8.0)
+        axes = figure.subplots(len(worst), 1, sharex=True, squeeze=False)[:, 0]
+        for ax, joint in zip(axes, worst.tolist(), strict=True):
+            ax.plot(self.time, self.sent[:, joint], label="sent", linewidth=1.0)
+            ax.plot(self.time, self.now[:, joint], label="replayed", linewidth=1.0)
+            ax.set_ylabel(f"{self.joints[joint]} [N m]", fontsize=7)
+        axes[0].legend(fontsize=7)
+        axes[-1].set_xlabel("time [s]")
+        return figure
 
 
 def replay_states(
