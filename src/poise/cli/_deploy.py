@@ -63,14 +63,14 @@ class SimulateVerb:
     def act(self) -> int:
         """Run until it is ended."""
         from poise.apps import deployment as d
-        from poise.sim import MotorConfig, PlantConfig, Recorder
+        from poise.sim import HoistedPlant, MotorConfig, PlantConfig, Recorder
 
         robot = _g1(self.robot)
         names = ("loss", "delay", "jitter", "reorder", "frozen", "dead", "begin")
         faults = d.FaultPlan(**{name: getattr(self, name) for name in names})
         config = PlantConfig(control_dt=0.002, motors=None if self.ideal else MotorConfig.g1())
         config = config.with_noise() if self.noise else config
-        plant = d.HoistedPlant(robot, config, seed=self.seed)
+        plant = HoistedPlant(robot, config, seed=self.seed)
         end = d.simulate_g1(robot, tag=self.tag)
         simulated = d.SimulatedRobot(plant, end, faults, seed=self.seed)
         recorder = None

@@ -24,6 +24,7 @@ from poise.sim._motor_config import (
     Motor as Motor,
     MotorConfig as MotorConfig,
 )
+from poise.sim._hoisted_plant import HoistedPlant as HoistedPlant
 from poise.sim._motors import SetPoints as SetPoints
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord, Value as Value

@@ -144,6 +144,17 @@ class Plant:
         self._state: RobotState | None = state
         return state
 
+    def place(self, q: Float64[np.ndarray, " nq"], v: Float64[np.ndarray, " nv"]) -> None:
+        """Move frames, bodies and CoM of `data` to a state, without time, forces or contacts.
+
+        Args:
+            q: configuration [m, rad].
+            v: velocity [m/s, rad/s].
+        """
+        self.data.qpos[:], self.data.qvel[:] = self.map.qpos(q), self.map.qvel(q, v)
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+
     def drawn_model(self) -> mujoco.MjModel:
         """Build the model with all its pictures, as a renderer needs it.
 

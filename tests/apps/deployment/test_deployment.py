@@ -10,12 +10,12 @@ from poise.apps import deployment
 from poise.apps.scenarios import load_scenario
 from poise.errors import ConfigurationError, PoiseError
 from poise.hardware import LastCheck, PlantLink, TorqueSplit
-from poise.sim import PlantConfig, read_log
+from poise.sim import HoistedPlant, PlantConfig, read_log
 
 
 def make(get_robot, name="biped20", **config):
     robot = get_robot(name)
-    plant = deployment.HoistedPlant(robot, PlantConfig(control_dt=0.002, **config).with_noise())
+    plant = HoistedPlant(robot, PlantConfig(control_dt=0.002, **config).with_noise())
     check = LastCheck(robot, kp_max=robot.tau_max, kd_max=robot.tau_max / robot.v_max)
     split = TorqueSplit(check, kp=0.1 * check.kp_max, kd=0.1 * check.kd_max)
     return robot, plant, PlantLink(plant, load_cells=False), check, split

@@ -9,10 +9,10 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from poise.apps.deployment import FaultPlan, Faults, HoistedPlant, SimulatedRobot
+from poise.apps.deployment import FaultPlan, Faults, SimulatedRobot
 from poise.errors import UnknownNameError
 from poise.hardware import RAMP, MotorCommand, MotorState
-from poise.sim import PlantConfig
+from poise.sim import HoistedPlant, PlantConfig
 
 JOINTS = "hip", "knee", "ankle"
 

@@ -11,7 +11,6 @@ from poise.apps.deployment._g1 import (
     g1_gains as g1_gains,
     simulate_g1 as simulate_g1,
 )
-from poise.apps.deployment._hoisted_plant import HoistedPlant as HoistedPlant
 from poise.apps.deployment._linked_plant import LinkedPlant as LinkedPlant
 from poise.apps.deployment._replay_states import replay_states as replay_states
 from poise.apps.deployment._simulate import SimulatedRobot as SimulatedRobot

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-import mujoco
 import numpy as np
 from jaxtyping import Float64
 
@@ -82,10 +81,7 @@ class LinkedPlant(Plant):
         """Show an estimate."""
         unknown = dict.fromkeys(self.robot.soles, np.full(6, np.nan))
         self._estimate = replace(estimate, contacts=unknown | dict(estimate.contacts))
-        self.data.qpos[:] = self.map.qpos(estimate.q)
-        self.data.qvel[:] = self.map.qvel(estimate.q, estimate.v)
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
+        self.place(estimate.q, estimate.v)
 
     def zmp(self, height: float = 0.0) -> Float64[np.ndarray, "2"]:
         """ZMP of the estimated sole wrenches on the plane z = height [m]; NaN without load."""

@@ -8,9 +8,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from poise.apps.deployment._faults import FaultPlan, Faults
-from poise.apps.deployment._hoisted_plant import HoistedPlant
 from poise.hardware import MotorCommand, MotorState, PlantLink
-from poise.sim import Recorder
+from poise.sim import HoistedPlant, Recorder
 
 PERIOD = 0.002
 """Of states and commands [s], as of a G1's bus."""

@@ -1,13 +1,18 @@
 """`HoistedPlant`: a plant whose robot hangs in a hoist until it stands."""
 
 import math
-from typing import Any
 
 import mujoco
 import numpy as np
+from jaxtyping import Float64
 
-from poise.hardware import RAMP
-from poise.sim import Plant, PlantConfig, SetPoints
+from poise.robots import Robot
+from poise.sim._config import PlantConfig
+from poise.sim._motors import SetPoints
+from poise.sim._plant import Plant
+
+RAMP = 3.0
+"""Length of each phase of the hoist [s], that of the ramps of a deployment."""
 
 _STRETCH = 0.01
 """Stretch of the rope under the robot's weight [m]: less than the clearance of a swing foot."""
@@ -30,7 +35,7 @@ class HoistedPlant(Plant):
         seed: of the sensor noise.
     """
 
-    def __init__(self, robot: Any, config: PlantConfig | None = None, *, seed: int = 0) -> None:
+    def __init__(self, robot: Robot, config: PlantConfig | None = None, *, seed: int = 0) -> None:
         self._stiff = self._driven = math.inf
         super().__init__(robot, config, seed=seed)
         weight, height = robot.weight, float(self.com[2])
@@ -62,7 +67,7 @@ class HoistedPlant(Plant):
         self.model.dof_damping[:6] = share * self._damping  # which MuJoCo integrates implicitly
         super()._simulate(begin)
 
-    def _pull(self) -> Any:
+    def _pull(self) -> Float64[np.ndarray, "6"]:
         """Return force in the world and moment in the base."""
         away = np.zeros(6)
         away[:3] = self.data.qpos[:3] - self._place
