@@ -1,6 +1,7 @@
 """Balance service: the robot stands and walks; another program commands arms, head and velocity."""
 
 from poise.apps.balance._leader import BalanceLeader as BalanceLeader
+from poise.apps.balance._lerobot import LeRobotController as LeRobotController
 from poise.apps.balance._messages import (
     BalanceState as BalanceState,
     HandTarget as HandTarget,
