@@ -8,8 +8,8 @@ import pinocchio as pin
 from jaxtyping import Float64
 
 from poise.apps import balance
-from poise.estimation import PayloadEstimator, StateEstimator
 from poise.dynamics import RobotState
+from poise.estimation import PayloadEstimator, StateEstimator
 from poise.robots import Robot, load_robot
 from poise.sim import Plant, PlantConfig, rollout
 from studies.plan import StudyOptions

@@ -3,7 +3,7 @@
 import numpy as np
 
 from poise._checks import checked_number
-from poise.apps.balance._limb_target import LimbTarget, interval_between
+from poise.apps.balance._limb_target import LimbTarget
 from poise.apps.balance._messages import Targets, check_targets
 from poise.control import WholeBodyController, is_usable
 from poise.dynamics import RobotState
@@ -42,6 +42,7 @@ class BalanceLeader:
         dt: control period [s].
         walker: leader of the legs.
         limbs: names of the joints of each limb, by its frame.
+        news: message for the next tick; None for none.
         refused: number of messages that did not count.
         reason: fault of the last of them; "" while there was none.
 
@@ -62,7 +63,7 @@ class BalanceLeader:
         self.stack = walking_stack(robot, hands.task, gaze.task)
         self.walker = Walker(robot, self.stack)
         self._clock, self._guard = SampleClock(), OperatorGuard(dt=dt)
-        self._news: Targets | None = None
+        self.news: Targets | None = None
         self._started, self.refused, self.reason = False, 0, ""
         self._time = 0.0
 
@@ -89,7 +90,7 @@ class BalanceLeader:
         except PoiseError as error:
             self.refuse(str(error))
             return False
-        self._news = targets
+        self.news = targets
         return True
 
     def refuse(self, reason: str) -> None:
@@ -125,17 +126,16 @@ class BalanceLeader:
 
     def _sample(self, time: float) -> OperatorSample | None:
         """Take the message that waits; return its velocity as a sample of the guard."""
-        news, self._news = self._news, None
+        news, self.news = self.news, None
         if news is None:
             return None
-        before = self._clock.newest
         if not self._clock.accepts(news.time, time):
             self.refuse(f"the message of {news.time:g} s is too late, or no later than another")
             return None
-        self._aim(news, time, interval_between(news.time, before))
+        self._aim(news, time)
         return OperatorSample(time=news.time, velocity=news.velocity)
 
-    def _aim(self, news: Targets, time: float, interval: float) -> None:
+    def _aim(self, news: Targets, time: float) -> None:
         """Set the targets of all limbs that a message names."""
         for part in self._parts:
             for name, limb in zip(part.names, part.limbs, strict=True):
@@ -143,12 +143,10 @@ class BalanceLeader:
                 if hand is not None:
                     rotation = rotation_of(hand.orientation)
                     place = np.array(hand.position, dtype=np.float64)
-                    target.take(place, time, interval, rotation=rotation, by_joints=False)
+                    target.take(place, news.time, time, rotation=rotation, by_joints=False)
                 elif any(joint in news.joints for joint in self.limbs[name]):
                     kept = target.last()
                     kept = part.q[limb.own] if kept is None else kept
                     pairs = zip(self.limbs[name], kept.tolist(), strict=True)
                     joints = np.array([news.joints.get(joint, at) for joint, at in pairs])
-                    target.take(joints, time, interval, by_joints=True)
-
-
+                    target.take(joints, news.time, time, by_joints=True)

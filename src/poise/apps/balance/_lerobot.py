@@ -13,7 +13,7 @@ from poise.apps.balance._messages import Targets
 from poise.errors import ConfigurationError
 from poise.estimation import StateEstimator
 from poise.hardware import LinkInfo, MotorState, robot_state
-from poise.locomotion import Vector, VelocityLimits
+from poise.locomotion import SILENT_AFTER, Vector, VelocityLimits
 from poise.robots import Robot
 
 _AXES = ("remote.lx", "remote.ly", "remote.rx")
@@ -26,7 +26,7 @@ _LEGS = ((150.0, 2.0), (150.0, 2.0), (150.0, 2.0), (300.0, 4.0), (40.0, 2.0), (4
 _WAIST = ((250.0, 5.0),) * 3
 _ARM = ((50.0, 3.0),) * 2 + ((80.0, 3.0),) * 2 + ((40.0, 1.5),) * 3
 _GAINS = np.array((*_LEGS, *_LEGS, *_WAIST, *_ARM, *_ARM))
-"""Stiffness [N m/rad] and damping [N m s/rad] of the motors, those of LeRobot's `UnitreeG1Config`."""
+"""Stiffness [N m/rad] and damping [N m s/rad] of the motors, as of LeRobot's `UnitreeG1Config`."""
 
 
 class LeRobotController:
@@ -41,7 +41,8 @@ class LeRobotController:
     kp (T / 2 + delay): shorter periods follow the torque more closely. Sticks command velocities:
     `remote.ly` ahead, -`remote.lx` to the left, -`remote.rx` a turn to the left, after they have
     been at rest once; `<joint>.q` of arms are targets, joints named as in LeRobot
-    (`kLeftElbow` for left_elbow_joint). The state is estimated without load cells.
+    (`kLeftElbow` for left_elbow_joint). The state is estimated without load cells. The usual period
+    is that at which LeRobot reads states.
 
     LeRobot's `send_action` publishes positions of arms by itself, too, unbounded, until the next
     step of this controller replaces them.
@@ -66,7 +67,7 @@ class LeRobotController:
         self,
         robot: Robot,
         *,
-        control_dt: float = 0.002,
+        control_dt: float = 0.004,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         if robot.nj != len(_GAINS):
@@ -88,16 +89,20 @@ class LeRobotController:
         pairs = zip(self._keys, self._robot.joint_names, strict=True)
         self._arms = {key: joint for key, joint in pairs if joint in arms}
         self._last: dict[str, float] = {}
+        self._sent: dict[str, float] = {}
+        self._sent_at = -math.inf
+        self._seen: Any = None
 
     def run_step(self, action: Mapping[str, Any], lowstate: Any) -> dict[str, float]:
-        """Return position targets of all joints by `<joint>.q`, those before without a good state.
+        """Return position targets by `<joint>.q`; without a new, good state those before.
 
         Args:
             action: sticks from -1 to 1, and positions of joints [rad].
-            lowstate: of the robot; None for none yet.
+            lowstate: of the robot, another object for each state; None for none yet.
         """
-        if lowstate is None:
+        if lowstate is None or lowstate is self._seen:
             return self._last
+        self._seen = lowstate
         measured = self._measured(lowstate)
         self.leader.take(self._targets(action, measured.time))
         state = self._estimator.update(robot_state(self._robot, self._info, measured))
@@ -128,12 +133,18 @@ class LeRobotController:
         )
 
     def _targets(self, action: Mapping[str, Any], now: float) -> Targets:
-        joints = {joint: action[key] for key, joint in self._arms.items() if key in action}
-        return Targets(
-            time=now,
-            velocity=_velocity(action, self.leader.walker.limits),
-            joints={joint: float(q) for joint, q in joints.items() if q is not None},
-        )
+        """Targets of a step: the action stays between those of a client, so joints are sent once.
+
+        They are sent again before they count as silent.
+        """
+        given = {joint: action[key] for key, joint in self._arms.items() if key in action}
+        joints = {joint: _number(q) for joint, q in given.items() if q is not None}
+        if joints == self._sent and now - self._sent_at < SILENT_AFTER:
+            joints = {}
+        else:
+            self._sent, self._sent_at = joints, now
+        velocity = _velocity(action, self.leader.walker.limits)
+        return Targets(time=now, velocity=velocity, joints=joints)
 
 
 def _name_of(joint: str) -> str:
@@ -145,13 +156,21 @@ def _numbers(values: Any, count: int) -> Float64[np.ndarray, " n"]:
     """A message's numbers, NaN where they are missing."""
     found = np.full(count, np.nan)
     if values is not None and len(values) == count:
-        found[:] = [math.nan if value is None else float(value) for value in values]
+        found[:] = [_number(value) for value in values]
     return found
+
+
+def _number(value: Any) -> float:
+    """A message's number, NaN for what is none."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
 
 
 def _velocity(action: Mapping[str, Any], limits: VelocityLimits) -> Vector:
     """Velocity that the sticks command."""
-    sticks = (float(action.get(axis) or 0.0) for axis in _AXES)
+    sticks = (_number(action.get(axis, 0.0)) for axis in _AXES)
     x, y, turn = (0.0 if abs(stick) <= _AT_REST else stick for stick in sticks)
     return (
         _SHARE * y * (limits.ahead if y > 0.0 else limits.back),

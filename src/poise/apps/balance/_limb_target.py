@@ -1,6 +1,5 @@
 """`LimbTarget`: the newest target of a limb, interpolated from message to message."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +9,9 @@ from poise.locomotion import SILENT_AFTER, Goal
 
 HELD_FOR = 5.0
 """Time for which a limb without targets holds, as long as a silent operator's seat is kept [s]."""
+
+_SHORTEST = 1e-3
+"""Interval of a client at the rate of motor drives, 1 kHz; stamps may be closer, or go back [s]."""
 
 
 class _Segment(NamedTuple):
@@ -36,22 +38,24 @@ class LimbTarget:
 
     def __init__(self) -> None:
         self._segment: _Segment | None = None
+        self._stamp = 0.0
 
     def take(
         self,
         target: Float64[np.ndarray, " n"],
+        stamp: float,
         time: float,
-        interval: float,
         *,
         rotation: Float64[np.ndarray, "3 3"] | None = None,
         by_joints: bool,
     ) -> None:
-        """Take a target that came at a time, an interval of messages after the one before [s]."""
+        """Take a target with its stamp on the client's clock, which came at a time [s]."""
         before, start = self._segment, target
         if before is not None and before.by_joints is by_joints and self.goal(time) is not None:
             start = self._place(before, time)
         # No device that is followed without gaps has a longer period.
-        duration = min(max(interval, 1e-3), SILENT_AFTER)
+        duration = min(max(stamp - self._stamp, _SHORTEST), SILENT_AFTER)
+        self._stamp = stamp
         self._segment = _Segment(start, target, rotation, by_joints, time, duration)
 
     def last(self) -> Float64[np.ndarray, " n"] | None:
@@ -75,8 +79,3 @@ class LimbTarget:
     def _place(segment: _Segment, time: float) -> Float64[np.ndarray, " n"]:
         part = min(max((time - segment.begin) / segment.duration, 0.0), 1.0)
         return segment.start + part * (segment.end - segment.start)
-
-
-def interval_between(stamp: float, before: float) -> float:
-    """Return the interval of two stamps, zero without one before [s]."""
-    return stamp - before if math.isfinite(before) else 0.0

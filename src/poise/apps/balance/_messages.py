@@ -9,6 +9,9 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.locomotion import Vector, rotation_of
 from poise.robots import Robot
 
+_FARTHEST = 100.0
+"""Largest number of a target [m, rad]: what is larger means no command, and may overflow."""
+
 
 class HandTarget(Struct, frozen=True, forbid_unknown_fields=True):
     """Pose of a hand's frame in the frame of the torso, whose axes are forward, left and up.
@@ -88,7 +91,7 @@ def read_targets(message: bytes) -> Targets:
 
 
 def check_targets(targets: Targets, limbs: dict[str, tuple[str, ...]], robot: Robot) -> None:
-    """Raise PoiseError for numbers that are not finite, and for unknown names.
+    """Raise PoiseError for numbers that mean no command, and for unknown names.
 
     Args:
         targets: the message.
@@ -108,9 +111,9 @@ def check_targets(targets: Targets, limbs: dict[str, tuple[str, ...]], robot: Ro
             raise ConfigurationError(f"orientation of {name}", got=hand.orientation, wanted=wanted)
         if any(joint in targets.joints for joint in limbs[name]):
             raise ConfigurationError(f"{name} has a pose and joints", wanted="one of them")
-    numbers = [targets.time, *targets.velocity, *targets.joints.values()]
+    numbers = [*targets.velocity, *targets.joints.values()]
     numbers += [x for hand in targets.hands.values() for x in hand.position]
-    if not all(map(math.isfinite, numbers)):
-        raise ConfigurationError("targets are not finite", got=numbers, wanted="finite numbers")
-
-
+    # Written so that NaN fails.
+    if not (math.isfinite(targets.time) and all(abs(x) <= _FARTHEST for x in numbers)):
+        wanted = f"finite numbers, of targets at most {_FARTHEST:g}"
+        raise ConfigurationError("numbers of targets", got=(targets.time, *numbers), wanted=wanted)

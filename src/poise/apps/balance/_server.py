@@ -100,9 +100,7 @@ class BalanceServer:
             paced: keep to the clock; for a simulation, which does not by itself.
         """
         controller, due = self.leader.controller(), clock.monotonic()
-        for tick in rollout(
-            body, controller, self.leader, estimator=estimator, duration=duration
-        ):
+        for tick in rollout(body, controller, self.leader, estimator=estimator, duration=duration):
             self.poll()
             self.publish(tick, fallen=body.fallen)
             if paced:
@@ -137,8 +135,7 @@ class BalanceServer:
             name: torso.actInv(pin.updateFramePlacement(robot.model, self._data, frame))
             for name, frame in self._hands.items()
         }
-        limit, walker = leader.stack.self_collision_limit, leader.walker
-        near = limit.near if limit is not None else ()
+        near, walker = leader.stack.self_collision_limit.near, leader.walker
         joints = zip(robot.joint_names, state.q[-robot.nj :].tolist(), strict=True)
         speeds = zip(robot.joint_names, state.v[-robot.nj :].tolist(), strict=True)
         return BalanceState(
