@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float64
 
-from poise.apps import balance
+import poise.apps.balance as balance
 from poise.dynamics import RobotState
 from poise.estimation import PayloadEstimator, StateEstimator
 from poise.robots import Robot, load_robot

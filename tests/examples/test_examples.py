@@ -36,7 +36,7 @@ SHORT = {
     "21_robot_loop.py": ["--seconds", "0.1", "--record", "run.parquet"],
     "22_own_device.py": ["--seconds", "2.0"],
     "23_own_simulator.py": ["--seconds", "1.0"],
-    "24_balance_client.py": ["--seconds", "0.6"],
+    "24_balance_client.py": ["--seconds", "0.3"],
 }
 
 

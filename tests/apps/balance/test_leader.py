@@ -8,7 +8,8 @@ from balance_runs import Posed, arm_room, run, swing
 
 pytest.importorskip("mujoco")
 
-from poise.apps.balance import HandTarget, Targets
+from poise import RobotState
+from poise.apps.balance import BalanceLeader, HandTarget, Targets
 
 ELBOW = "left_elbow_joint"
 
@@ -97,6 +98,16 @@ def test_joints_and_hands_come_where_they_are_asked(g1):
     # The other arm, which no message names, holds.
     at_right = posed.q[7 + g1.joint_index("right_shoulder_pitch_joint")]
     assert at_right == pytest.approx(-0.3, abs=1e-3)
+
+
+def test_a_neck_follows_its_joints(get_robot):
+    robot = get_robot("humanoid33")
+    leader = BalanceLeader(robot, dt=0.02)
+    (neck,) = (joints for frame, joints in leader.limbs.items() if frame not in robot.hands)
+    for k in range(100):
+        leader.take(Targets(0.02 * k + 1.0, joints=dict.fromkeys(neck, 0.2)))
+        leader.lead(RobotState(robot.q_home, np.zeros(robot.nv), time=0.02 * k))
+    np.testing.assert_allclose(leader.stack.task("neck").target_position, 0.2, atol=1e-3)
 
 
 def test_a_staircase_of_20_hz_becomes_a_line(g1):

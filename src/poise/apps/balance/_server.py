@@ -123,7 +123,8 @@ class BalanceServer:
             tick: of the rollout.
             fallen: the robot lies.
         """
-        if not tick.time < self._due:
+        # Its clock may go back.
+        if not 0.0 < self._due - tick.time <= STATE_PERIOD:
             self._due = tick.time + STATE_PERIOD
             self._outbox.send(msgspec.json.encode(self._state(tick, fallen=fallen)))
 
