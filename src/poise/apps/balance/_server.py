@@ -117,14 +117,14 @@ class BalanceServer:
             self.leader.refuse(str(error))
 
     def publish(self, tick: Tick, *, fallen: bool) -> None:
-        """Send the state, if one is due; one call a tick.
+        """Send the state, if one is due or the robot has fallen; one call a tick.
 
         Args:
             tick: of the rollout.
             fallen: the robot lies.
         """
         # Its clock may go back.
-        if not 0.0 < self._due - tick.time <= STATE_PERIOD:
+        if fallen or not 0.0 < self._due - tick.time <= STATE_PERIOD:
             self._due = tick.time + STATE_PERIOD
             self._outbox.send(msgspec.json.encode(self._state(tick, fallen=fallen)))
 
