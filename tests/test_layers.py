@@ -35,7 +35,7 @@ MUJOCO_USERS = ("sim/", "apps/scenarios/_replay.py")
 OPTIONAL = (
     "mujoco", "matplotlib", "mcap", "imageio", "qpsolvers", "osqp", "proxsuite", "piqp",
     "clarabel", "quadprog", "example_robot_data", "websockets", "pygame", "msgspec",
-    "pyarrow", "distributed", "submitit", "optuna", "jinja2", "unitree_interface",
+    "pyarrow", "distributed", "submitit", "optuna", "jinja2", "unitree_interface", "zmq",
 )  # fmt: skip
 
 

@@ -36,6 +36,7 @@ SHORT = {
     "21_robot_loop.py": ["--seconds", "0.1", "--record", "run.parquet"],
     "22_own_device.py": ["--seconds", "2.0"],
     "23_own_simulator.py": ["--seconds", "1.0"],
+    "24_balance_client.py": ["--seconds", "0.3"],
 }
 
 
@@ -262,3 +263,10 @@ def test_hands_prints_what_a_load_costs_and_who_is_at_the_edge(run, get_robot):
     printed = run("19_hands.py")
     numbers(r"load unknown: CoM ([\d.]+) mm off\n.*\nload known: CoM ([\d.]+) mm off", printed)
     assert printed.count("hands: at the edge of its reach: it comes no further, follows") == 2
+
+
+def test_a_client_swings_the_arms_of_a_robot_that_stands(run, get_robot):
+    get_robot("g1")
+    pytest.importorskip("zmq", reason="the extra zmq is not installed: no pyzmq")
+    printed = run("24_balance_client.py")
+    assert "command ok, 0 messages refused" in printed

@@ -89,3 +89,29 @@ with watchdog.signals():  # Ctrl-C and kill are rows of the table
     verdict = watchdog.evaluate(link, link.read(), answer)
     if verdict.response is Action.DAMP:
         link.write(check.damping)
+
+# %% LinkBody
+from poise.estimation import StateEstimator
+from poise.hardware import LinkBody
+
+plant = poise.Plant(robot, poise.sim.PlantConfig(control_dt=0.002))
+body = LinkBody(robot, PlantLink(plant), check, split, ramp=0.0)  # it stands already
+estimator = StateEstimator(robot)
+for _ in poise.rollout(body, controller, estimator=estimator, duration=0.02):
+    assert body.verdict.response is Action.RUN
+body.close()
+
+# %% preflight
+from poise.hardware import preflight
+
+
+class Limp(Inertias):
+    """A robot whose time passes while it is read."""
+
+    def read(self):
+        self.write(MotorCommand.damping(zero))
+        return super().read()
+
+
+found = preflight(robot, Limp(), check, start=robot.q_home[-robot.nj :], seconds=0.2)
+print(found)  # a table: seen, wanted, and what to do

@@ -72,3 +72,15 @@ bridge.apply(controller.step(bridge.state(data)), data)
 for _ in poise.rollout(poise.Plant(robot), controller, observers=[Count()], duration=0.01):
     pass
 assert np.isfinite(data.ctrl).all()
+
+# %% MotorConfig
+from poise.sim import MotorConfig
+
+drives = PlantConfig(control_dt=0.002, motors=MotorConfig.g1())
+g1_motors = [motor.joints for motor in drives.motors.motors]
+
+# %% HoistedPlant
+from poise.sim import HoistedPlant
+
+hanging = HoistedPlant(robot, PlantConfig(control_dt=0.002))
+hanging.step(None)

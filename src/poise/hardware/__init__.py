@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from poise.hardware._preflight import (
         Preflight as Preflight,
         PreflightCheck as PreflightCheck,
-        preflight as preflight,
+        preflight,
     )
     from poise.hardware._preflight_moves import Move as Move
     from poise.hardware._torque_split import TorqueSplit
@@ -49,6 +49,7 @@ __all__ = [
     "ProcessLink",
     "TorqueSplit",
     "Watchdog",
+    "preflight",
     "robot_state",
 ]
 

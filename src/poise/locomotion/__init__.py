@@ -20,6 +20,7 @@ from poise.locomotion._stepping import (
     FieldError as FieldError,
     FootTracker as FootTracker,
     GazeLeader as GazeLeader,
+    Goal as Goal,
     HandLeader,
     HandStatus,
     OperatorGuard,

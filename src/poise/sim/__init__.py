@@ -22,9 +22,9 @@ from poise.sim._mapping import StateMap as StateMap
 from poise.sim._motor_config import (
     Linkage as Linkage,
     Motor as Motor,
-    MotorConfig as MotorConfig,
+    MotorConfig,
 )
-from poise.sim._hoisted_plant import HoistedPlant as HoistedPlant
+from poise.sim._hoisted_plant import HoistedPlant
 from poise.sim._motors import SetPoints as SetPoints
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord, Value as Value
@@ -56,7 +56,9 @@ __all__ = [
     "Block",
     "Body",
     "Camera",
+    "HoistedPlant",
     "Marker",
+    "MotorConfig",
     "MujocoBridge",
     "Observer",
     "Plant",

@@ -28,6 +28,7 @@ from poise.locomotion._stepping._hands import (
     HandLeader as HandLeader,
     HandStatus as HandStatus,
 )
+from poise.locomotion._stepping._limbs import Goal as Goal
 from poise.locomotion._stepping._sample import (
     BodyCommand as BodyCommand,
     Device as Device,

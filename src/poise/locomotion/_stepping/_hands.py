@@ -65,6 +65,7 @@ class HandLeader:
         ConfigurationError: a number that is not positive.
 
     Attributes:
+        arms: model of the arms.
         task: of the arms' joints; None without arms.
         names: of the hands.
         status: state of each hand.
@@ -95,7 +96,7 @@ class HandLeader:
         for what, number in numbers.items():
             checked_number(number, what, above=0.0)
         self._scale = scale
-        self._arms = LimbTracking(
+        self.arms = LimbTracking(
             robot,
             _arm_chains(robot),
             q_rest,
@@ -106,19 +107,19 @@ class HandLeader:
             name="arms",
             servos=servos,
         )
-        self.names, self.task = self._arms.names, self._arms.task
+        self.names, self.task = self.arms.names, self.arms.task
         # Of a third hand, which no operator has.
         self._no_hand = Tracker(dt)
         self._sides = [
             _side(robot, name, arm.place)
-            for name, arm in zip(self.names, self._arms.limbs, strict=True)
+            for name, arm in zip(self.names, self.arms.limbs, strict=True)
         ]
         self.reset()
 
     def reset(self) -> None:
         """Restart with arms at rest."""
-        self._arms.reset()
-        self.places = [arm.place for arm in self._arms.limbs]
+        self.arms.reset()
+        self.places = [arm.place for arm in self.arms.limbs]
         self.rotations: list[Float64[np.ndarray, "3 3"] | None] = [None for _ in self.names]
         self.status = [HandStatus.REST for _ in self.names]
 
@@ -130,15 +131,15 @@ class HandLeader:
             state: as it is measured or estimated.
         """
         left, right = operator.hands
-        if self._arms.rests and not (left.engaged or right.engaged):
+        if self.arms.rests and not (left.engaged or right.engaged):
             return
         trackers = [(left, right, self._no_hand)[min(side, 2)] for side in self._sides]
         goals = [
             self._goal(hand, tracker, rest=operator.rest, time=state.time)
             for hand, tracker in enumerate(trackers)
         ]
-        self._arms.follow(goals, state.q)
-        for hand, arm in enumerate(self._arms.limbs):
+        self.arms.follow(goals, state.q)
+        for hand, arm in enumerate(self.arms.limbs):
             self._stop_at_edge(hand, arm)
 
     def _goal(self, hand: int, tracker: Tracker, *, rest: bool, time: float) -> Goal | None:
@@ -178,11 +179,11 @@ class HandLeader:
         turned = self.rotations[hand]
         if turned is None:
             if tracker.turns:
-                self.rotations[hand] = self._arms.limbs[hand].rotation
+                self.rotations[hand] = self.arms.limbs[hand].rotation
             return
         if tracker.turn.any():
             turned = pin.exp3(tracker.turn) @ turned
-        here = self._arms.limbs[hand].rotation
+        here = self.arms.limbs[hand].rotation
         way = rotation_vector(turned, here)
         far = math.hypot(*way)
         self.rotations[hand] = (
@@ -236,6 +237,7 @@ class GazeLeader:
         servos: servos of commanded velocities move the neck; else torques do.
 
     Attributes:
+        neck: model of the neck.
         task: of the neck's joints; None without a neck.
         status: of the head; None where nothing can turn it.
         gaze: commanded turn against straight ahead, along the torso's axes.
@@ -253,7 +255,7 @@ class GazeLeader:
         servos: bool = False,
     ) -> None:
         self._step = dt * speed_max
-        self._neck = LimbTracking(
+        self.neck = LimbTracking(
             robot,
             _neck_chain(robot),
             q_rest,
@@ -264,13 +266,13 @@ class GazeLeader:
             name="neck",
             servos=servos,
         )
-        self.task = self._neck.task
+        self.task = self.neck.task
         self._turns_torso = turns_torso and self.task is None
         self.reset()
 
     def reset(self) -> None:
         """Restart with the head straight ahead."""
-        self._neck.reset()
+        self.neck.reset()
         # No jump: the speed of the head is limited, whatever the source of the command.
         self._limiter = RateLimiter(self._step, self._step)
         self.gaze: Float64[np.ndarray, "3 3"] = LEVEL
@@ -295,15 +297,15 @@ class GazeLeader:
         goal = LEVEL if rests else operator.head
         if goal is not None:
             self.gaze, _ = self._limiter.turn(self.gaze, goal)
-        for neck in self._neck.limbs:
+        for neck in self.neck.limbs:
             goal = None if rests else Goal(rotation=self.gaze @ neck.rest_rotation)
-            self._neck.follow([goal])
+            self.neck.follow([goal])
         if led and self._at_edge():
             self.status = HandStatus.REACH
 
     def _at_edge(self) -> bool:
         if self.task is not None:
-            return self._neck.limbs[0].stuck
+            return self.neck.limbs[0].stuck
         _, pitch, yaw = self.torso
         return bool(abs(pitch) > TORSO_MOST[1] or abs(yaw) > TORSO_MOST[2])
 

@@ -30,6 +30,10 @@ _BRAKING = 0.6
 TURN_ACCELERATION, _JOINT_ACCELERATION = 20.0, 50.0
 """Largest angular accelerations of a frame and of joints [rad/s^2]."""
 
+_JOINT_SPEED = 5.0
+"""Largest norm of the velocities of a limb's joints towards their goal: an elbow's, whose forearm
+of 0.3 m moves the hand by 1.5 m/s [rad/s]."""
+
 _ARRIVED = 1e-3
 """Joints no farther from rest than this, and no faster, are at rest [rad, rad/s]."""
 
@@ -91,11 +95,15 @@ class Approach(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """Pose of a frame in the torso, each part None for any, and the velocity of its place."""
+    """Pose of a frame in the torso, each part None for any, and the velocity of its place.
+
+    Or positions and velocities of the limb's joints.
+    """
 
     place: Float64[np.ndarray, "3"] | None = None
     rotation: Float64[np.ndarray, "3 3"] | None = None
-    rate: Float64[np.ndarray, "3"] | None = None
+    rate: Float64[np.ndarray, " n"] | None = None
+    joints: Float64[np.ndarray, " k"] | None = None
 
 
 class Limb:
@@ -173,6 +181,12 @@ class Limb:
         self.turn_task.set_velocity(self._asked[1])
         self.turn_task.set_weight(_FREE ** (1.0 - self._share) if rotation is not None else _FREE)
 
+    def slowed(self, v: Float64[np.ndarray, " k"]) -> Float64[np.ndarray, " k"]:
+        """Shorten velocities of its joints to the largest speed of its frame."""
+        if self._move is None:
+            return v
+        return v * min(1.0, self._move.speed / max(math.hypot(*(self._jacobian[:3] @ v)), 1e-9))
+
     def look(self, v: Float64[np.ndarray, " n"]) -> None:
         """Update `blocked` and `stuck` by the solved joint velocities."""
         found = (self._jacobian @ v[self.own]).reshape(2, 3)
@@ -213,6 +227,7 @@ class LimbTracking:
         q_rest = robot.q_home if q_rest is None else q_rest
         self.names, self._dt, self._move, self._servos = tuple(chains), dt, move, servos
         self._home = Approach(home_speed, _JOINT_ACCELERATION)
+        self._by_joints = Approach(_JOINT_SPEED, TURN_ACCELERATION)
         self.index = index = np.sort(np.concatenate([*chains.values(), np.zeros(0, np.int64)]))
         joints = tuple(robot.joint_names[j] for j in index)
         self._q_rest, self._still = q_rest.copy(), np.zeros(robot.nv)
@@ -234,6 +249,10 @@ class LimbTracking:
             first = [] if move is None else [[limb.place_task for limb in limbs]]
             second = [*(limb.turn_task for limb in limbs), self._posture]
             self._model = self._controller(joints, [*first, second])
+            # Frames come first in the other one: a limb that is blocked would leave its joints'
+            # goal so as to have its frame there.
+            self._wanted = JointTask(joints)
+            self._joint_model = self._controller(joints, [[self._wanted]])
         self.reset()
 
     def _controller(
@@ -268,6 +287,14 @@ class LimbTracking:
             limit_time=_FASTEST / _JOINT_ACCELERATION,
             dynamics=self._dynamics,
         )
+
+    def start(self, q: Float64[np.ndarray, " nq"]) -> None:
+        """Begin where the joints are, at rest; they carry nothing."""
+        self.reset()
+        self.q, self._arrived = np.clip(q[self._at], self._lower, self._upper), False
+        self._update()
+        if self.task is not None:
+            self.task.set_target(self.q, self.v, self.a)
 
     def reset(self) -> None:
         """Put all limbs at rest; they carry nothing."""
@@ -323,13 +350,15 @@ class LimbTracking:
         # What frames leave to their joints goes back to rest, by what is missing in a second.
         posture = self._rest - self.q
         for limb, goal in zip(self.limbs, goals, strict=True):
-            if goal:
-                limb.follow(goal)
-            else:
+            if goal is None:
                 posture[limb.own] = home.velocity(posture[limb.own])
                 limb.go(posture[limb.own])
-        self._posture.set_velocity(posture)
-        found = self._solve()
+            elif goal.joints is not None:
+                posture[limb.own] = self._towards(goal.joints, goal.rate, limb)
+                limb.go(posture[limb.own])
+            else:
+                limb.follow(goal)
+        found = self._solve(goals, posture)
         v = self.v.copy()
         for limb in self.limbs:
             own = limb.own
@@ -341,8 +370,37 @@ class LimbTracking:
         self.q, self.v, self.a = self.q + dt * v, v, (v - self.v) / dt
         self._update()
 
-    def _solve(self) -> Float64[np.ndarray, " n"]:
-        velocity = self._model.step(self._dynamics.state).velocity
+    def _towards(
+        self,
+        joints: Float64[np.ndarray, " k"],
+        rate: Float64[np.ndarray, " k"] | None,
+        limb: Limb,
+    ) -> Float64[np.ndarray, " k"]:
+        """Velocities of a limb's joints towards their goal, which is moved within their limits."""
+        own = limb.own
+        way = np.clip(joints, self._lower[own], self._upper[own]) - self.q[own]
+        wanted = limb.slowed(self._by_joints.velocity(way, rate))
+        return self._by_joints.step(wanted, self.v[own], self._dt)
+
+    def _solve(
+        self, goals: Sequence[Goal | None], posture: Float64[np.ndarray, " k"]
+    ) -> Float64[np.ndarray, " k"]:
+        """Velocities of all limbs, off each other: as frames ask, then as joints ask."""
+        by_joints = [goal is not None and goal.joints is not None for goal in goals]
+        found = posture
+        if not any(by_joints) or any(g and g.joints is None for g in goals):
+            self._posture.set_velocity(posture)
+            found = self._step(self._model)
+        if any(by_joints):
+            for limb, goal in zip(self.limbs, goals, strict=True):
+                if goal is not None and goal.joints is None:
+                    posture[limb.own] = found[limb.own]
+            self._wanted.set_velocity(posture)
+            found = self._step(self._joint_model)
+        return found
+
+    def _step(self, model: DifferentialIK) -> Float64[np.ndarray, " k"]:
+        velocity = model.step(self._dynamics.state).velocity
         return self.v if velocity is None else velocity[self.index]
 
     def _update(self) -> None:
