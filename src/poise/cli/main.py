@@ -18,6 +18,7 @@ _VERBS = {
     "drive": ("_live", "a person drives the robot by velocities, in a browser"),
     "simulate": ("_deploy", "a simulated robot behind the real one's bus"),
     "deploy": ("_deploy", "a scenario on a robot behind a link"),
+    "balance": ("_balance", "balance for another program that moves the arms"),
     "warmup": ("_warmup", "compile ahead what controllers need"),
     "doctor": ("_doctor", "check this installation and name what mends it"),
 }

@@ -17,6 +17,7 @@ from poise.sim._config import (
     Push as Push,
     SensorConfig,
 )
+from poise.sim._hoisted_plant import HoistedPlant
 from poise.sim._log import finish_log as finish_log, read_log, write_log as write_log
 from poise.sim._mapping import StateMap as StateMap
 from poise.sim._motor_config import (
@@ -24,7 +25,6 @@ from poise.sim._motor_config import (
     Motor as Motor,
     MotorConfig,
 )
-from poise.sim._hoisted_plant import HoistedPlant
 from poise.sim._motors import SetPoints as SetPoints
 from poise.sim._plant import Plant
 from poise.sim._record import RunRecord, Value as Value

@@ -44,7 +44,7 @@ def test_a_scenario_holds_on_a_robot_behind_a_link_without_load_cells(deployed):
 
 
 def test_states_as_received_and_commands_as_sent_are_in_the_log(deployed):
-    robot, _, check, _, _, run, log = deployed
+    robot, _, check, _, _, _, log = deployed
     record = read_log(log)
     times, tau = record.signal("sent/tau")
     assert tau.shape == (len(times), robot.nj)

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from importlib.util import find_spec
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -58,7 +59,7 @@ def test_jitter_and_reordering():
     late = [k - n for k, states in enumerate(passed(FaultPlan(jitter=0.006))) for n in states]
     assert set(late) == {1, 2, 3}  # the first tick after it has come
     order = [n for states in passed(FaultPlan(reorder=0.2)) for n in states]
-    assert any(a > b for a, b in zip(order, order[1:], strict=False))
+    assert any(a > b for a, b in pairwise(order))
 
 
 def test_a_frozen_encoder_and_a_dead_motor():

@@ -120,6 +120,15 @@ class BalanceLeader:
         for part in self._parts:
             part.follow([self._targets[name].goal(time) for name in part.names], state.q)
 
+    def pause(self, state: RobotState) -> None:
+        """Lead without the other program: come to rest.
+
+        Args:
+            state: of the robot, as estimated.
+        """
+        self.news = None
+        self.lead(state)
+
     def signals(self) -> dict[str, np.ndarray | float | str]:
         """Signals of the last tick for a recorder."""
         return {**self.walker.signals(), "refused": float(self.refused)}

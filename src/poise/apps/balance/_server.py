@@ -2,6 +2,7 @@
 
 import math
 import time as clock
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -9,8 +10,10 @@ import pinocchio as pin
 
 from poise.apps.balance._leader import BalanceLeader
 from poise.apps.balance._messages import BalanceState, read_targets
+from poise.apps.deployment import LinkedPlant
 from poise.errors import ConfigurationError, PoiseError, import_extra
-from poise.sim import Body, Estimator, Tick, rollout
+from poise.hardware import LinkBody
+from poise.sim import Body, Estimator, Observer, Tick, rollout
 
 STATE_PERIOD = 0.02
 """From one state to the next [s]: five in a period of the slowest device that is followed."""
@@ -87,6 +90,7 @@ class BalanceServer:
         self,
         body: Body,
         *,
+        observers: Sequence[Observer[Any]] = (),
         estimator: Estimator | None = None,
         duration: float | None = None,
         paced: bool = False,
@@ -94,13 +98,21 @@ class BalanceServer:
         """Control a body until its time is up or it has fallen.
 
         Args:
-            body: a plant, or the link to a robot, with the leader's period.
+            body: a plant, a `LinkBody` or a plant that shows one, with the leader's period.
+            observers: as of `rollout`.
             estimator: as of `rollout`.
             duration: as of `rollout` [s].
             paced: keep to the clock; for a simulation, which does not by itself.
         """
-        controller, due = self.leader.controller(), clock.monotonic()
-        for tick in rollout(body, controller, self.leader, estimator=estimator, duration=duration):
+        controller, due, leader = self.leader.controller(), clock.monotonic(), self.leader
+        linked = body.body if isinstance(body, LinkedPlant) else body
+        if isinstance(linked, LinkBody):
+            leader = linked.follow(leader)
+        if isinstance(body, LinkedPlant) and estimator is not None:
+            estimator = body.watch(estimator)
+        for tick in rollout(
+            body, controller, leader, observers, estimator=estimator, duration=duration
+        ):
             self.poll()
             self.publish(tick, fallen=body.fallen)
             if paced:
