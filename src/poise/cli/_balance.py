@@ -64,8 +64,13 @@ class BalanceVerb:
                 server.run(plant, estimator=estimator, duration=0.1)  # compiles what is missing
                 estimator.reset()
                 server.leader = BalanceLeader(robot, dt=config.control_dt)
-                about = {"tag": self.tag, "without_preflight": self.without_preflight}
-                plant = linked_plant(robot, config, interface=self.link, **about)
+                plant = linked_plant(
+                    robot,
+                    config,
+                    interface=self.link,
+                    tag=self.tag,
+                    without_preflight=self.without_preflight,
+                )
             print(f"{robot.name}: targets to {server.targets}, states from {server.states}")
             print("Ctrl-C ends.", flush=True)
             paced, seconds = self.link is None, None if self.seconds == inf else self.seconds

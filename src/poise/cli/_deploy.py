@@ -106,9 +106,10 @@ class DeployVerb(Output):
 
     Attributes:
         scenario: a shipped scenario or a YAML file, whose pushes are left out.
-        robot: the robot: g1.
+        robot: the robot: g1, or a file with joints of that name, as of one with 23.
         interface: network interface of the robot; lo for a simulated one.
-        model: model of the robot, as it says in its mode_machine.
+        model: model of the robot, as it says in its mode_machine: its name in unitree_ros, revision
+            1.0 with as many joints by default.
         tag: of the participants on the bus, that of a simulated robot.
         release: release the robot's own motion mode.
         priority: of the link's process under SCHED_FIFO, 1 to 99.
@@ -121,7 +122,7 @@ class DeployVerb(Output):
     scenario: Annotated[Positional[str], arg(metavar="SCENARIO")] = "stand"
     robot: str = "g1"
     interface: str = "eth0"
-    model: str = "g1_29dof_rev_1_0"
+    model: str | None = None
     tag: str = ""
     release: bool = False
     priority: int | None = None
@@ -191,7 +192,7 @@ def linked_plant(
     from poise.apps import deployment as d
     from poise.hardware import LinkBody
 
-    _g1(robot.name)
+    _require_g1(robot)
     gains = d.g1_gains(robot)
     link = d.connect_g1(robot, gains.check, interface=interface, tag=tag)
     body = LinkBody(robot, link, gains.check, gains.split, kp=gains.kp, kd=gains.kd)
@@ -204,9 +205,18 @@ def linked_plant(
 def _g1(name: str) -> Any:
     from poise.robots import load_robot
 
-    if name != "g1":
-        raise ConfigurationError("no link to this robot", got=name, choices=("g1",))
-    return load_robot(name)
+    robot = load_robot(name)
+    _require_g1(robot)
+    return robot
+
+
+def _require_g1(robot: Any) -> None:
+    from poise.robots import JointOrder
+
+    strange = [j for j in robot.joint_names if j not in JointOrder.unitree_dds("g1").names]
+    if strange:
+        got = f"{robot.name} with {strange[0]}"
+        raise ConfigurationError("no link to this robot", got=got, wanted="g1, or the file of one")
 
 
 def _listen(body: Any) -> None:

@@ -3,6 +3,7 @@
 from functools import partial
 from typing import NamedTuple
 
+from poise.errors import UnknownNameError
 from poise.hardware import (
     MODE_MACHINES,
     G1Link,
@@ -59,12 +60,20 @@ def g1_gains(robot: Robot) -> G1Gains:
     return G1Gains(check, split, kp, kd)
 
 
+def mode_machine(robot: Robot, model: str | None) -> int:
+    """Return the number by which a G1 names its model."""
+    name = f"g1_{robot.nj}dof_rev_1_0" if model is None else model
+    if name not in MODE_MACHINES:
+        raise UnknownNameError("no such model of a G1", got=name, choices=MODE_MACHINES)
+    return MODE_MACHINES[name]
+
+
 def connect_g1(
     robot: Robot,
     check: LastCheck,
     *,
     interface: str,
-    model: str = "g1_29dof_rev_1_0",
+    model: str | None = None,
     tag: str = "",
     release: bool = False,
     priority: int | None = None,
@@ -75,7 +84,7 @@ def connect_g1(
         robot: the robot's model.
         check: the last check.
         interface: network interface; "lo" for a simulated robot.
-        model: its name in `MODE_MACHINES`.
+        model: its name in unitree_ros; by default revision 1.0 with as many joints.
         tag: that of the simulated robot.
         release: release the motion mode of the robot.
         priority: of the link's process, as of `ProcessLink`.
@@ -88,7 +97,7 @@ def connect_g1(
         G1Link,
         robot.joint_names,
         motors,
-        mode_machines=(MODE_MACHINES[model],),
+        mode_machines=(mode_machine(robot, model),),
         interface=interface,
         tag=tag,
         release=release,
@@ -96,13 +105,13 @@ def connect_g1(
     return ProcessLink(make, check, priority=priority)
 
 
-def simulate_g1(robot: Robot, *, model: str = "g1_29dof_rev_1_0", tag: str = "") -> G1Robot:
+def simulate_g1(robot: Robot, *, model: str | None = None, tag: str = "") -> G1Robot:
     """Return the robot's end of a G1's bus on the loopback interface.
 
     Args:
         robot: the robot's model.
-        model: its name in `MODE_MACHINES`.
+        model: its name in unitree_ros; by default revision 1.0 with as many joints.
         tag: that of the link.
     """
     motors = JointOrder.unitree_dds("g1").names
-    return G1Robot(robot.joint_names, motors, mode_machine=MODE_MACHINES[model], tag=tag)
+    return G1Robot(robot.joint_names, motors, mode_machine=mode_machine(robot, model), tag=tag)

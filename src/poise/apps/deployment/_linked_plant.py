@@ -1,5 +1,6 @@
 """`LinkedPlant`: a robot behind a link with the interface of a plant."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -73,7 +74,7 @@ class LinkedPlant(Plant):
         """Refuse a push."""
         raise ConfigurationError("a robot behind a link cannot be pushed", wanted="no pushes")
 
-    def signals(self) -> dict[str, Value | str]:
+    def signals(self) -> Mapping[str, Value | str]:
         """Return what was received and sent in the last tick, for a recorder."""
         return self.body.signals()
 

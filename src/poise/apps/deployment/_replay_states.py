@@ -63,8 +63,12 @@ class ReplayLink:
         self.info = LinkInfo(name="replay of a log", rate=rate, joints=joints)
         # A state that was answered twice is read once.
         _, once = np.unique(record["received/time"], return_index=True)
-        known = {name: list(record[f"received/{name}"][once]) for name in _STORED}
-        known |= {name: list(map(float, known[name])) for name in ("time", "arrived")}
+        known: dict[str, Any] = {
+            name: record[f"received/{name}"][once].tolist()
+            if name in ("time", "arrived")
+            else list(record[f"received/{name}"][once])
+            for name in _STORED
+        }
         self._states = [
             MotorState(**{name: column[k] for name, column in known.items()}, **_UNKNOWN)
             for k in range(len(once))
