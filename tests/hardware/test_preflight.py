@@ -35,9 +35,7 @@ class Replay:
     def __init__(self, link):
         self.info, self.status, self.refused, self.reason = link.info, LinkStatus.OK, 0, ""
         self.parts, self.link = {(): self.states(link, 2.1)}, link
-        self.now = iter(self.parts[()])
-        self.last = self.parts[()][0]
-        self.over = 0.0
+        self.rest()
 
     @staticmethod
     def states(link, seconds):
@@ -45,15 +43,18 @@ class Replay:
 
     def rest(self):
         """Begin anew, at rest."""
-        self.now, self.over = iter(self.parts[()]), 0.0
+        self.play(self.parts[()])
         return self
+
+    def play(self, states):
+        self.now, self.last, self.over = iter(states), states[0], 0.0
 
     def ask(self, move):
         if (move.joints, move.sign) not in self.parts:
             self.link.ask(move)
             states = self.states(self.link, 1.2 if move.joints else 6.0)
             self.parts[move.joints, move.sign] = states
-        self.now, self.over = iter(self.parts[move.joints, move.sign]), 0.0
+        self.play(self.parts[move.joints, move.sign])
 
     def read(self):
         state = next(self.now, None)
@@ -306,7 +307,7 @@ def test_requests_name_the_way_that_the_simulator_moves(robot, replay):
 
     def ask(move):
         moves.append(move)
-        replay.now, replay.over = iter(states), 0.0
+        replay.play(states)
 
     found = preflight(
         robot, replay.rest(), check_of(robot), seconds=2.0, motion=ask, each_joint=True

@@ -8,11 +8,19 @@ import numpy as np
 
 from poise._checks import checked_kind, checked_number
 from poise.errors import ConfigurationError
-from poise.hardware import _preflight_checks as rest, _preflight_link as wire
+from poise.hardware import _preflight_checks as at_rest
 from poise.hardware._last_check import LastCheck
 from poise.hardware._link import Joints, Link, MotorState
-from poise.hardware._preflight_checks import PreflightCheck, Samples
-from poise.hardware._preflight_moves import ROCK, Move, joint_move, limb_moves, motion_checks
+from poise.hardware._preflight_checks import PreflightCheck, Samples, stacked
+from poise.hardware._preflight_moves import (
+    MOVED,
+    ROCK,
+    WINDOW,
+    Move,
+    joint_move,
+    limb_moves,
+    motion_checks,
+)
 from poise.robots import Robot
 
 PATIENCE = 15.0
@@ -95,31 +103,19 @@ def preflight(
     checked_number(seconds, "seconds of the preflight [s]", above=0.0)
     if start is not None and (np.shape(start) != (robot.nj,) or not np.isfinite(start).all()):
         raise ConfigurationError("start [rad]", got=start, wanted=f"{robot.nj} finite numbers")
-    checks = wire.wiring_checks(robot, link, check)
+    checks = at_rest.wiring_checks(robot, link, check)
     if all(c.ok for c in checks[:2]):
-        checks += _listened(robot, link, start, seconds)
+        begin = link.clock()
+        states = _listen(link, seconds)
+        elapsed, numbers = link.clock() - begin, at_rest.numbers_check(robot, states)
+        checks.append(numbers)
+        if numbers.ok:
+            samples = stacked(states)
+            checks += at_rest.timing_checks(link, samples, elapsed, seconds)
+            checks += at_rest.rest_checks(robot, link, samples, start)
     if motion is not None and all(c.ok is not False for c in checks):
         checks += _moved(robot, link, motion, each_joint)
     return Preflight(checks=tuple(checks))
-
-
-def _listened(
-    robot: Robot, link: Link, start: Joints | None, seconds: float
-) -> list[PreflightCheck]:
-    begin = link.clock()
-    states = _listen(link, seconds)
-    elapsed, numbers = link.clock() - begin, wire.numbers_check(robot, states)
-    if not numbers.ok:
-        return [numbers]
-    samples = Samples.of(states)
-    return [
-        numbers,
-        *wire.timing_checks(link, samples, elapsed, seconds),
-        rest.rest_check(samples),
-        *rest.joint_checks(robot, samples, start),
-        *rest.imu_checks(samples),
-        *wire.supply_checks(robot, link, samples),
-    ]
 
 
 def _moved(
@@ -128,12 +124,12 @@ def _moved(
     moves, records = list[Move](), list[Samples]()
     for move in _requests(robot, link, each_joint):
         motion(move)
-        states = _listen(link, PATIENCE, lambda seen, move=move: move.done(robot, Samples.of(seen)))
-        numbers = wire.numbers_check(robot, states)
+        states = _listen(link, PATIENCE, move)
+        numbers = at_rest.numbers_check(robot, states)
         if not numbers.ok:
             return [numbers]
         moves.append(move)
-        records.append(Samples.of(states))
+        records.append(stacked(states))
     return motion_checks(robot, moves, records)
 
 
@@ -146,22 +142,20 @@ def _requests(robot: Robot, link: Link, each_joint: bool) -> Iterator[Move]:
         yield joint_move(robot, joint, link.read().q)
 
 
-def _listen(
-    link: Link, seconds: float, done: Callable[[list[MotorState]], bool] | None = None
-) -> list[MotorState]:
-    """Collect states for a time by the link's clock, or until done; ten looks a second."""
-    states, last, each = list[MotorState](), None, max(2, round(0.1 * link.info.rate))
+def _listen(link: Link, seconds: float, move: Move | None = None) -> list[MotorState]:
+    """Collect states for a time by the link's clock, or until a move is made."""
+    states, last, each = list[MotorState](), None, max(2, round(WINDOW * link.info.rate))
     begin = now = link.clock()
-    end = begin + seconds
     progress = time.monotonic()
-    while now < end and time.monotonic() - progress < _STALLED:
+    while now < begin + seconds and time.monotonic() - progress < _STALLED:
         state = link.read()
         if (state.time, state.arrived) == last:
             time.sleep(0.25 / link.info.rate)
         else:
             last = state.time, state.arrived
             states.append(state)
-            if done is not None and not len(states) % each and done(states):
+            looked = move is not None and not len(states) % each
+            if looked and np.all(move.reach(stacked(states)) >= MOVED):
                 break
         before, now = now, link.clock()
         if now > before:

@@ -6,11 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from poise._show import few
 from poise.hardware._link import Joints
-from poise.hardware._preflight_checks import PreflightCheck, Samples, limbs, of_joints
+from poise.hardware._preflight_checks import (
+    PreflightCheck,
+    Samples,
+    attitudes,
+    limbs,
+    of_joints,
+    vertical,
+)
 from poise.robots import Robot
 
 MOVED = 0.15
@@ -30,6 +37,10 @@ unit or gear differs by a factor of two or more, a wrong sign by two, another ax
 a delay of 10 ms differs by less than a third at 5 Hz, which no hand exceeds."""
 
 
+Windows = Float64[np.ndarray, "rows n"]
+_RIGHT = "x, y, z"
+
+
 class Move(NamedTuple):
     """Request for a motion by hand.
 
@@ -37,7 +48,7 @@ class Move(NamedTuple):
         prompt: the request, as a sentence.
         joints: indices of the joints that have to move; none for the base.
         still: indices of those that have to move less.
-        sign: of the motion of a single joint, which has to be the first to move; zero for several.
+        sign: of the motion of a single joint; zero for several.
     """
 
     prompt: str
@@ -45,37 +56,25 @@ class Move(NamedTuple):
     still: tuple[int, ...] = ()
     sign: int = 0
 
-    def done(self, robot: Robot, samples: Samples) -> bool:
-        """Return whether enough has moved."""
-        if self.sign:
-            return bool(np.any(_farthest(samples) >= MOVED))
+    def reach(self, samples: Samples) -> Float64[np.ndarray, " n"]:
+        """Return the ranges of the joints, or of the base's turn about its axes."""
         if self.joints:
-            return bool(np.all(np.ptp(samples.q[:, list(self.joints)], axis=0) >= MOVED))
-        return not self.lacking(robot, samples)
+            return np.ptp(samples["q"][:, list(self.joints)], axis=0)
+        return np.ptp(_turns(samples, from_first=True), axis=0)
 
     def lacking(self, robot: Robot, samples: Samples) -> list[str]:
         """Return what has not moved as requested, in words."""
-        names, reach = robot.joint_names, np.ptp(samples.q, axis=0)
+        names, q, reach = robot.joint_names, samples["q"], self.reach(samples)
+        moved = [names[k] for k in self.joints] or [f"base about {axis}" for axis in "xyz"]
+        lacking = [f"{name} stays" for name, r in zip(moved, reach, strict=True) if r < MOVED]
+        # The others swing with what is moved, but less.
+        farther = np.ptp(q, axis=0) >= reach.max()
+        lacking += [f"{names[k]} moves more" for k in self.still if farther[k]]
         if self.sign:
-            return self._single(robot, samples)
-        if not self.joints:
-            turned = np.append(np.ptp(samples.up[:, :2], axis=0)[::-1], np.ptp(_heading(samples)))
-            return [f"base about {a}" for a, t in zip("xyz", turned, strict=True) if t < MOVED]
-        lacking = [f"{names[k]} stays" for k in self.joints if reach[k] < MOVED]
-        # The other limbs swing with the pelvis, less than the one that is moved.
-        most = reach[list(self.joints)].max()
-        return lacking + [f"{names[k]} moves more" for k in self.still if reach[k] >= most]
-
-    def _single(self, robot: Robot, samples: Samples) -> list[str]:
-        far, joint = _farthest(samples), self.joints[0]
-        moved = np.flatnonzero(np.any(far >= MOVED, axis=1))
-        if not len(moved):
-            return [f"{robot.joint_names[joint]} stays"]
-        first = int(np.argmax(far[moved[0]]))
-        if first != joint:
-            return [f"{robot.joint_names[first]} moves in place of {robot.joint_names[joint]}"]
-        forward = samples.q[moved[0], joint] > samples.q[0, joint]
-        return [] if forward == (self.sign > 0) else [f"{robot.joint_names[joint]} moves backwards"]
+            away = q[:, self.joints[0]] - q[0, self.joints[0]]
+            if away[np.argmax(np.abs(away) >= MOVED)] * self.sign < 0.0:
+                lacking.append(f"{moved[0]} moves backwards")
+        return lacking
 
 
 ROCK = Move("Tilt the pelvis slowly by 15 degrees to each side, forward and back, and turn it.")
@@ -108,109 +107,62 @@ def joint_move(robot: Robot, joint: int, q: Joints) -> Move:
     way = _way(sign * rotation @ axis, rotation @ data.com[index])
     name = robot.joint_names[joint]
     text = f"Hold the link above {name} and move the one below by it: {way}."
-    return Move(text, (joint,), (), sign)
+    return Move(text, (joint,), tuple(k for k in range(robot.nj) if k != joint), sign)
 
 
 def motion_checks(
     robot: Robot, moves: Sequence[Move], records: Sequence[Samples]
 ) -> list[PreflightCheck]:
-    """Check what has been measured during the moves, of which the first is `ROCK`.
-
-    Args:
-        robot: the model.
-        moves: the requests.
-        records: measurements of each.
-    """
+    """Check what has been measured during each of the moves, of which the first is `ROCK`."""
     pairs = [_changes(record) for record in records]
     rates, changes = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-    wrong = _differ(rates, changes)
+    wrong, whole = _differ(rates, changes), np.concatenate(records)
     lacking = [
-        text
-        for move, record in zip(moves, records, strict=True)
-        for text in move.lacking(robot, record)
+        text for move, s in zip(moves, records, strict=True) for text in move.lacking(robot, s)
     ]
-    gyro, accelerometer = (
-        _axes(rates[:, -3:], changes[:, -3:]),
-        _axes(records[0].acceleration, records[0].up),
-    )
-    return [
-        PreflightCheck(
-            name="moves",
-            seen=few(lacking, 2) or f"{len(moves)} as requested",
-            wanted=f"{MOVED:g} rad of what was requested",
-            remedy="repeat the motion; if it was right, correct order, sign or encoder",
-            ok=not lacking,
-        ),
-        of_joints(
-            robot,
-            wrong[:-3],
-            name="encoders",
-            good="velocities are the positions' rates",
-            bad="velocity is no rate of the position",
-            wanted=f"equal within {HALF:.0%}",
-            remedy="check order, sign and unit of velocities; look for encoders that stand",
-        ),
-        of_joints(
-            robot,
-            _driven(
-                np.concatenate([r.tau for r in records]), np.concatenate([r.dq for r in records])
-            ),
-            name="torque signs",
-            good="no torque drives a motion",
-            bad="torque along the motion",
-            wanted="torques that damp",
-            remedy="check order and sign of these torques",
-        ),
-        PreflightCheck(
-            name="gyro",
-            seen=f"best as {gyro}" + ("" if not wrong[-3:].any() else ", no rate of the attitude"),
-            wanted=f"x, y, z of the base, equal within {HALF:.0%}",
-            remedy="turn the gyro by the mounting of the inertial unit; check units and signs",
-            ok=gyro == "x, y, z" and not wrong[-3:].any(),
-        ),
-        PreflightCheck(
-            name="accelerometer axes",
-            seen=f"best as {accelerometer}",
-            wanted="x, y, z of the base",
-            remedy="turn the accelerometer by the mounting of the inertial unit; check signs",
-            ok=accelerometer == "x, y, z",
-        ),
-    ]
+    gyro = _axes(rates[:, -3:], changes[:, -3:])
+    accelerometer = _axes(records[0]["acceleration"], vertical(records[0]))
+    seen, wanted = few(lacking, 2) or f"{len(moves)} as requested", f"{MOVED:g} rad as requested"
+    remedy = "repeat the motion; if it was right, correct order, sign or encoder"
+    checks = [PreflightCheck("moves", seen, wanted, remedy, not lacking)]
+    wanted, bad = f"equal within {HALF:.0%}", "velocity is no rate of the position"
+    remedy = "check order, sign and unit of velocities; look for encoders that stand"
+    checks.append(of_joints(robot, "encoders", wrong[:-3], bad, wanted, remedy))
+    driven, bad = _driven(whole["tau"], whole["dq"]), "torque along the motion"
+    remedy = "check order and sign of these torques"
+    checks.append(of_joints(robot, "torque signs", driven, bad, "torques that damp", remedy))
+    seen = f"best as {gyro}" + (", no rate of the attitude" if wrong[-3:].any() else "")
+    good, remedy = gyro == _RIGHT and not wrong[-3:].any(), "turn it by its mounting; check units"
+    checks.append(PreflightCheck("gyro", seen, f"{_RIGHT}, {wanted}", remedy, good))
+    seen, good = f"best as {accelerometer}", accelerometer == _RIGHT
+    return [*checks, PreflightCheck("accelerometer axes", seen, _RIGHT, remedy, good)]
 
 
-def _farthest(samples: Samples) -> Float64[np.ndarray, "n nj"]:
-    return np.abs(samples.q - samples.q[0])
+def _ends(samples: Samples) -> slice:
+    """Return the ends of windows."""
+    period = max(float(np.median(np.diff(samples["time"]))), 1e-9)
+    return slice(None, None, max(1, round(WINDOW / period)))
 
 
-def _turns(
-    quaternion: Float64[np.ndarray, "n 4"], later: Float64[np.ndarray, "n 4"]
-) -> Float64[np.ndarray, "n 3"]:
-    """Return the rotation vectors from the one to the other, in the former's axes; small ones."""
-    (a, aw), (b, bw) = ((q[:, :3], q[:, 3:]) for q in (quaternion, later))
-    scalar = aw * bw + np.sum(a * b, axis=1, keepdims=True)
-    return 2.0 * np.sign(scalar) * (aw * b - bw * a - np.cross(a, b))
+def _turns(samples: Samples, *, from_first: bool = False) -> Float64[np.ndarray, "windows 3"]:
+    """Return the rotation vectors of the windows, or from the first attitude to their ends."""
+    frames = [pin.Quaternion(q).matrix() for q in attitudes(samples)[_ends(samples)]]
+    before = [frames[0]] * (len(frames) - 1) if from_first else frames[:-1]
+    turns = [pin.log3(a.T @ b) for a, b in zip(before, frames[1:], strict=True)]
+    return np.array([np.zeros(3), *turns])[not from_first :]
 
 
-def _heading(samples: Samples) -> Float64[np.ndarray, " n"]:
-    x, y, z, w = samples.quaternion.T
-    return np.unwrap(np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)))
-
-
-def _changes(
-    samples: Samples,
-) -> tuple[Float64[np.ndarray, "windows n"], Float64[np.ndarray, "windows n"]]:
+def _changes(samples: Samples) -> tuple[Windows, Windows]:
     """Return integrated rates and changes of all joints and of the base, window by window."""
-    periods = np.diff(samples.time)
-    count = max(1, round(WINDOW / max(float(np.median(periods)), 1e-9)))
-    ends = np.arange(0, len(samples.time), count)
-    rates = np.hstack([samples.dq, samples.gyro])
-    integral = np.zeros_like(rates)
-    integral[1:] = np.cumsum(0.5 * (rates[1:] + rates[:-1]) * periods[:, None], axis=0)
-    turns = _turns(samples.quaternion[ends[:-1]], samples.quaternion[ends[1:]])
-    return np.diff(integral[ends], axis=0), np.hstack([np.diff(samples.q[ends], axis=0), turns])
+    periods, ends = np.diff(samples["time"])[:, None], _ends(samples)
+    rates = np.hstack([samples["dq"], samples["gyro"]])
+    steps = 0.5 * (rates[1:] + rates[:-1]) * periods
+    integral = np.vstack([np.zeros_like(rates[:1]), np.cumsum(steps, axis=0)])
+    changes = np.hstack([np.diff(samples["q"][ends], axis=0), _turns(samples)])
+    return np.diff(integral[ends], axis=0), changes
 
 
-def _differ(rates: Float64[np.ndarray, "w n"], changes: Float64[np.ndarray, "w n"]) -> np.ndarray:
+def _differ(rates: Windows, changes: Windows) -> Bool[np.ndarray, " n"]:
     """Return which columns differ, in windows in which either is large enough."""
     large = np.maximum(np.abs(rates), np.abs(changes)) >= FLOOR
     error, one, other = (
@@ -219,7 +171,7 @@ def _differ(rates: Float64[np.ndarray, "w n"], changes: Float64[np.ndarray, "w n
     return error > HALF**2 * np.maximum(one, other)
 
 
-def _driven(tau: Float64[np.ndarray, "n nj"], dq: Float64[np.ndarray, "n nj"]) -> np.ndarray:
+def _driven(tau: Windows, dq: Windows) -> Bool[np.ndarray, " n"]:
     """Return the joints whose torques are along their velocities: cosine above one half."""
     tau = np.nan_to_num(tau)
     return np.sum(tau * dq, axis=0) > HALF * np.sqrt(np.sum(tau**2, axis=0) * np.sum(dq**2, axis=0))

@@ -9,7 +9,14 @@ import numpy as np
 from poise._checks import checked_number
 from poise.errors import ConfigurationError, RobotError
 from poise.hardware._last_check import LastCheck
-from poise.hardware._link import COMMAND_FIELDS, Link, LinkInfo, LinkStatus, MotorCommand, MotorState
+from poise.hardware._link import (
+    COMMAND_FIELDS,
+    Link,
+    LinkInfo,
+    LinkStatus,
+    MotorCommand,
+    MotorState,
+)
 from poise.hardware._mailbox import Mailbox, Record
 from poise.hardware._server import STATUSES, command_kind, serve, state_kind
 
