@@ -124,9 +124,7 @@ class LinkBody:
         self.late = 0
         self.measured = link.read()
         self._listen = checked_number(listen, "listen of the link's body [s]")
-        self.begin = (
-            self._listen + self._ramp + checked_number(stand, "stand of the link's body [s]")
-        )
+        self.begin = self._listen + self._ramp + checked_number(stand, "stand of the link's body [s]")
         self._zero, self._age = math.nan, 0.0
 
     @property

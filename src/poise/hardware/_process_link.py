@@ -11,6 +11,7 @@ from poise.errors import ConfigurationError, RobotError
 from poise.hardware._last_check import LastCheck
 from poise.hardware._link import (
     COMMAND_FIELDS,
+    STATE_FIELDS,
     Link,
     LinkInfo,
     LinkStatus,
@@ -20,9 +21,7 @@ from poise.hardware._link import (
 from poise.hardware._mailbox import Mailbox, Record
 from poise.hardware._server import STATUSES, command_kind, serve, state_kind
 
-START_TIME = 60.0
-"""Longest start and end of the link's process; importing a simulator takes some seconds [s]."""
-
+START_TIME = 60.0  # longest start and end of its process [s]; importing a simulator takes some
 LINGER = 2.0
 """Damping after the end of the controller [s]: a robot that tips over from 0.05 rad lies within
 ln(pi / 0.05) / omega = 1.3 s, with omega = 3.1 1/s of a CoM 1 m high."""
@@ -32,10 +31,11 @@ class ProcessLink:
     """A link in a process of its own, by shared memory without locks.
 
     The link's process looks for states and commands four times in a period of the link, and passes
-    each on when it comes. Without a fresh command for 10 ms, or two periods of a slow link, as from a
-    controller that stopped or died, it sends the last check's damping; a fresh command takes over
-    again. Nothing is sent before the first command. Every command passes the last check there. After `close`, or the end of the controller's process, it damps for a while longer,
-    then closes its link and ends.
+    each on when it comes. Nothing is sent before the first command. Every command passes the last
+    check there. Without a fresh one for 10 ms, or two periods of a slow link, as from a controller
+    that stopped or died, it sends the last check's damping; a fresh command takes over again. After
+    `close`, or the end of the controller's process, it damps for a while longer, then closes its
+    link and ends.
 
     The process is spawned: a script needs `if __name__ == "__main__":`. It imports neither
     Pinocchio nor MuJoCo unless `make` does. Ctrl-C and a lost terminal do not end it.
@@ -88,11 +88,8 @@ class ProcessLink:
         self.info: LinkInfo = answer
         if (answer.joints, answer.soles) != (check.joints, soles):
             self._process.join()
-            raise ConfigurationError(
-                "the link has other joints or soles",
-                got=(answer.joints, answer.soles),
-                wanted=f"{check.joints} and {soles}",
-            )
+            got, wanted = (answer.joints, answer.soles), f"{check.joints} and {soles}"
+            raise ConfigurationError("the link has other joints or soles", got=got, wanted=wanted)
 
     @property
     def status(self) -> LinkStatus:
@@ -125,18 +122,7 @@ class ProcessLink:
     def read(self) -> MotorState:
         """Return the newest state; the last one for ever where the link's process has ended."""
         record = self._read()
-        return MotorState(
-            time=float(record["time"]),
-            arrived=float(record["arrived"]),
-            q=record["q"],
-            dq=record["dq"],
-            tau=record["tau"],
-            temperature=record["temperature"],
-            quaternion=record["quaternion"],
-            gyro=record["gyro"],
-            acceleration=record["acceleration"],
-            wrenches=record["wrenches"],
-        )
+        return MotorState(**{name: record[name] for name in STATE_FIELDS})
 
     def write(self, command: MotorCommand) -> None:
         """Hand a command over to the link's process.
