@@ -202,7 +202,7 @@ def none_of(
     name: str, names: Sequence[str], faulty: np.ndarray, bad: str, wanted: str, remedy: str
 ) -> PreflightCheck:
     """Return the check that nothing of that name is faulty."""
-    found = [names[k] for k in np.flatnonzero(faulty)]
+    found = [one for one, bad_one in zip(names, faulty, strict=True) if bad_one]
     seen = f"{bad}: {few(found)}" if found else "all"
     return PreflightCheck(name, seen, wanted, remedy, not found)
 
@@ -214,5 +214,6 @@ def _between(
     if value is None:
         return PreflightCheck(name, "not measured", "", remedy, None)
     low, high = bounds
-    wanted = f"{low:.4g} to {high:.4g}" if low > 0.0 else f"at most {high:g}"
+    wanted = f"at most {high:g}" if low <= 0.0 else f"{low:.4g} to {high:.4g}"
+    wanted = wanted if high < math.inf else f"at least {low:g}"
     return PreflightCheck(name, f"{value:.4g} {unit}", wanted, remedy, low <= value <= high)
