@@ -17,7 +17,7 @@ pytest.importorskip("mujoco")
 from studies.g1_link._hanging import HangingRobot  # isort: skip
 from studies.g1_link._mistakes import Mistaken, scaled, swapped, turned  # isort: skip
 
-PERIOD = 0.004
+PERIOD = 0.008
 """Of the link: slower than a robot's, for the sake of the tests' time [s]."""
 
 ABOUT_Z, MIRROR = pin.utils.rotate("z", np.pi / 2), np.diag([1.0, -1.0, 1.0])
@@ -35,9 +35,7 @@ class Replay:
     def __init__(self, link):
         self.info, self.status, self.refused, self.reason = link.info, LinkStatus.OK, 0, ""
         self.parts, self.link = {(): self.states(link, 2.1)}, link
-        self.now = iter(self.parts[()])
-        self.last = self.parts[()][0]
-        self.over = 0.0
+        self.rest()
 
     @staticmethod
     def states(link, seconds):
@@ -45,15 +43,18 @@ class Replay:
 
     def rest(self):
         """Begin anew, at rest."""
-        self.now, self.over = iter(self.parts[()]), 0.0
+        self.play(self.parts[()])
         return self
+
+    def play(self, states):
+        self.now, self.last, self.over = iter(states), states[0], 0.0
 
     def ask(self, move):
         if (move.joints, move.sign) not in self.parts:
             self.link.ask(move)
             states = self.states(self.link, 1.2 if move.joints else 6.0)
             self.parts[move.joints, move.sign] = states
-        self.now, self.over = iter(self.parts[move.joints, move.sign]), 0.0
+        self.play(self.parts[move.joints, move.sign])
 
     def read(self):
         state = next(self.now, None)
@@ -271,7 +272,7 @@ def test_masses_show_where_motors_hold_limbs(robot, mass, passes):
     limits = robot.tau_max
     zero = np.zeros(robot.nj)
     hold = MotorCommand(q=HOLD, dq=zero, kp=3.0 * limits, kd=0.04 * limits, tau=zero)
-    config = PlantConfig(mass_scale=mass, joint_friction=0.2, control_dt=PERIOD).with_noise()
+    config = PlantConfig(mass_scale=mass, joint_friction=0.2, control_dt=0.004).with_noise()
     check = LastCheck(robot, kp_max=1000.0, kd_max=20.0)
     link = HangingRobot(robot, check, hold=hold, config=config)
     found = preflight(robot, link, check, seconds=1.0)
@@ -306,7 +307,7 @@ def test_requests_name_the_way_that_the_simulator_moves(robot, replay):
 
     def ask(move):
         moves.append(move)
-        replay.now, replay.over = iter(states), 0.0
+        replay.play(states)
 
     found = preflight(
         robot, replay.rest(), check_of(robot), seconds=2.0, motion=ask, each_joint=True

@@ -10,11 +10,9 @@ from poise._checks import checked_number
 from poise.errors import RobotError
 from poise.hardware._g1_mode import end_mode
 from poise.hardware._g1_sdk import MODE_MACHINES, PEERS, MotorOrder, open_sdk, silence
-from poise.hardware._link import LinkInfo, LinkStatus, MotorCommand, MotorState
+from poise.hardware._link import STATE_FIELDS, LinkInfo, LinkStatus, MotorCommand, MotorState
 
-RATE = 500.0
-"""States and commands in a second: the SDK's thread sends each 2 ms [1/s]."""
-
+RATE = 500.0  # of states and commands: the SDK's thread sends each 2 ms [1/s]
 _TIMEOUT = 5.0  # ten times what discovery takes on loopback, measured [s]
 _CABLE = "rt/lowstate: check power, cable, the interface's address (192.168.123.x) and firewall"
 _LISTEN = 0.5  # for commanders: discovery once more, and 250 of their periods [s]
@@ -97,19 +95,9 @@ class G1Link:
         if numbers == self._numbers:
             return self._state
         self._numbers, now, (w, x, y, z) = numbers, self.clock(), imu.quat
-        q, dq, tau, temperature = map(self._order.pick, measured)
-        self._state = MotorState(
-            time=now,
-            arrived=now,
-            q=q,
-            dq=dq,
-            tau=tau,
-            temperature=temperature,
-            quaternion=np.array([x, y, z, w]),
-            gyro=np.array(imu.omega),
-            acceleration=np.array(imu.accel),
-            wrenches=np.zeros((0, 6)),
-        )
+        base = np.array([x, y, z, w]), np.array(imu.omega), np.array(imu.accel), np.zeros((0, 6))
+        values: tuple[Any, ...] = (now, now, *map(self._order.pick, measured), *base)
+        self._state = MotorState(**dict(zip(STATE_FIELDS, values, strict=True)))
         return self._state
 
     def write(self, command: MotorCommand) -> None:

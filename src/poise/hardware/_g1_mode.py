@@ -13,25 +13,23 @@ _WAIT = 1.0  # for an answer, as Unitree's own client [s]
 _POLL = 0.05  # between requests; an answer takes 2.4 ms on loopback, measured [s]
 
 
-def _structure(name: str, *fields: dict[str, Any]) -> Any:
-    listed = [field for some in fields for field in some.items()]
-    return type(name, (c.Structure,), {"_fields_": listed})
+def _structure(name: str, /, **fields: Any) -> Any:
+    return type(name, (c.Structure,), {"_fields_": list(fields.items())})
 
 
-_SIZES = {"maximum": c.c_uint32, "length": c.c_uint32}
-_OCTETS = _structure("Octets", _SIZES, {"buffer": c.c_void_p, "release": c.c_bool})
-_IDENTITY = {"id": c.c_int64, "api": c.c_int64}
-_POLICY = {"lease": c.c_int64, "priority": c.c_int32, "no_reply": c.c_bool}
+_WORD, _LONG = c.c_uint32, c.c_int64
+_OCTETS = _structure("Octets", maximum=_WORD, length=_WORD, buffer=c.c_void_p, release=c.c_bool)
+_POLICY = {"lease": _LONG, "priority": c.c_int32, "no_reply": c.c_bool}
 _TEXT = {"text": c.c_char_p, "binary": _OCTETS}
-Request = _structure("Request_", _IDENTITY, _POLICY, _TEXT)
-Response = _structure("Response_", _IDENTITY, {"code": c.c_int32}, _TEXT)
+Request = _structure("Request_", id=_LONG, api=_LONG, **_POLICY, **_TEXT)
+Response = _structure("Response_", id=_LONG, api=_LONG, code=c.c_int32, **_TEXT)
 
 _KINDS = {c.c_int64: 4, c.c_int32: 3, c.c_bool: 1, c.c_char_p: 5}  # DDS_OP_VAL of Cyclone
-_WORDS: dict[str, Any] = dict.fromkeys(("size", "align", "flags", "keys"), c.c_uint32)
-_TYPE = {"name": c.c_char_p, "key_list": c.c_void_p, "count": c.c_uint32}
-_REST = {"operations": c.POINTER(c.c_uint32), "meta": c.c_char_p, "types": c.c_int64 * 5}
-_DESCRIPTOR = _structure("Descriptor", _WORDS, _TYPE, _REST)
-"""`dds_topic_descriptor_t` of Cyclone DDS 0.10, whose last fields are zero."""
+_WORDS = dict.fromkeys(("size", "align", "flags", "keys"), _WORD)
+_TYPE = {"name": c.c_char_p, "key_list": c.c_void_p, "count": _WORD}
+_REST = {"operations": c.POINTER(_WORD), "meta": c.c_char_p, "types": _LONG * 5}
+# `dds_topic_descriptor_t` of Cyclone DDS 0.10, whose last fields are zero.
+_DESCRIPTOR = _structure("Descriptor", **_WORDS, **_TYPE, **_REST)
 
 
 class Channel:
@@ -53,7 +51,6 @@ class Channel:
         return bool(counts[0][2] and counts[1][2])  # current_count
 
     def write(self, message: Any) -> None:
-        """Send a message."""
         self._dds.dds_write(self._writer, c.byref(message))
 
     def take(self) -> Any:
@@ -63,7 +60,6 @@ class Channel:
         return c.cast(sample, self._got).contents if taken > 0 else None
 
     def close(self) -> None:
-        """Leave the topics."""
         self._dds.dds_delete(self._own)
 
     def _topic(self, kind: Any) -> int:
@@ -71,15 +67,10 @@ class Channel:
         for name, of in kind._fields_:
             code = 0x0701 if of is _OCTETS else _KINDS[of] << 8  # a sequence's elements below it
             operations += [0x01000000 | code << 8, getattr(kind, name).offset]
-        count, name = len(kind._fields_) + 1, kind.__name__
-        described = _DESCRIPTOR(
-            size=c.sizeof(kind),
-            align=c.alignment(kind),
-            name=f"unitree_api::msg::dds_::{name}".encode(),
-            count=count,
-            operations=(c.c_uint32 * (2 * count))(*operations),
-            meta=b"",
-        )
+        name, words = kind.__name__, len(operations) + 2  # with the end, zero
+        described = _DESCRIPTOR(size=c.sizeof(kind), align=c.alignment(kind), count=words // 2)
+        described.name, described.meta = f"unitree_api::msg::dds_::{name}".encode(), b""
+        described.operations = (c.c_uint32 * words)(*operations)
         topic = f"rt/api/motion_switcher/{name[:-1].lower()}".encode()
         return self._dds.dds_create_topic(self._own, c.byref(described), topic, None, None)
 
@@ -87,8 +78,8 @@ class Channel:
 def end_mode(sdk: Any, release: bool, timeout: float) -> bool:
     """Return True if a motion mode has been released, False if there is none; else raise."""
     channel = Channel(sdk, Request, Response)
+    end = time.monotonic() + _WAIT
     try:
-        end = time.monotonic() + _WAIT
         while not channel.found():
             if time.monotonic() > end:
                 return False  # a simulated robot without the service

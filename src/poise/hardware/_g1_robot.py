@@ -9,13 +9,11 @@ from poise.errors import ConfigurationError
 from poise.hardware._g1_sdk import MODE_MACHINES, MotorOrder, open_sdk
 from poise.hardware._link import MotorCommand, MotorState
 
-_COUNTS = 1000  # states until the voltages repeat: two seconds at 500 Hz
+_COUNTS = 1000  # states until the voltages repeat, which nothing simulates: 2 s at 500 Hz
 
 
 class G1Robot:
-    """Robot's end of a G1's topics on the loopback interface, with no motion mode active.
-
-    There is one in a process.
+    """Robot's end of a G1's topics on loopback, one in a process, with no motion mode active.
 
     Args:
         joints: names of the joints, in the order of all arrays.
@@ -43,15 +41,11 @@ class G1Robot:
         self._robot.enable_motion_switcher_responder()
         self._raw = sdk.LowState(len(motors))
         self._raw.mode_machine = mode_machine
-        still = np.zeros(len(joints))
         self._numbers: Any = ([0.0] * len(motors),) * 5
-        self._command = MotorCommand.damping(still)
+        self._command = MotorCommand.damping(np.zeros(len(joints)))
 
     def publish(self, state: MotorState) -> None:
         """Send a state; torques and temperatures that are not measured are sent as zero.
-
-        Its voltages, which nothing simulates, count states in mV, so that a link sees one that
-        repeats the last as new.
 
         Args:
             state: measurements; the messages have no wrenches, and times are left out.
@@ -62,6 +56,7 @@ class G1Robot:
         motor.q, motor.dq = spread(state.q), spread(state.dq)
         motor.tau_est = spread(np.nan_to_num(state.tau))
         motor.temperature = list(map(int, spread(np.nan_to_num(state.temperature))))
+        # In mV, so that a link sees a state that repeats the last as new.
         motor.voltage = [0.001 * (self._published % _COUNTS)] * len(motor.q)
         imu.quat, imu.omega = [w, x, y, z], state.gyro.tolist()
         imu.accel = state.acceleration.tolist()

@@ -56,8 +56,7 @@ def open_sdk(interface: str, tag: str) -> tuple[Any, Any]:
 
 
 def library_of(sdk: Any) -> c.CDLL:
-    """Return the DDS library that the SDK's extension has loaded."""
-    return c.CDLL(sdk.unitree_interface.__file__)
+    return c.CDLL(sdk.unitree_interface.__file__)  # with DDS, loaded already
 
 
 PEERS = (

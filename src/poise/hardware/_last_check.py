@@ -101,20 +101,10 @@ class LastCheck:
         kd = per_joint(kd, joints, "damping [N m s/rad]")
         if np.any(kd > self.kd_max):
             high = int(np.argmax(kd - self.kd_max))
-            raise ConfigurationError(
-                f"damping of {joints[high]} [N m s/rad]",
-                got=float(kd[high]),
-                wanted=f"at most kd_max, {self.kd_max[high]:g}",
-            )
-        for numbers in (
-            self.lower,
-            self.upper,
-            self.v_max,
-            self.tau_max,
-            self.kp_max,
-            self.kd_max,
-            kd,
-        ):
+            message, wanted = f"damping of {joints[high]}", f"at most kd_max, {self.kd_max[high]:g}"
+            raise ConfigurationError(message, got=float(kd[high]), wanted=wanted)
+        gains = self.kp_max, self.kd_max, kd
+        for numbers in (self.lower, self.upper, self.v_max, self.tau_max, *gains):
             numbers.flags.writeable = False
         self.damping = self._last = MotorCommand.damping(kd)
         self.refused, self.reason = 0, ""

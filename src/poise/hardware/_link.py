@@ -115,16 +115,11 @@ class LinkInfo:
 class LinkStatus(Enum):
     """State of the connection."""
 
-    IDLE = "idle"
-    """Nothing has been sent yet."""
-    OK = "ok"
-    """The last command went out as given."""
-    REFUSED = "refused"
-    """The last command failed the last check: damping went out."""
-    DAMPING = "damping"
-    """No fresh command: the link sends damping by itself."""
-    LOST = "lost"
-    """Nothing reaches the robot any more."""
+    IDLE = "idle"  # nothing has been sent yet
+    OK = "ok"  # the last command went out as given
+    REFUSED = "refused"  # the last command failed the last check: damping went out
+    DAMPING = "damping"  # no fresh command: the link sends damping by itself
+    LOST = "lost"  # nothing reaches the robot any more
 
 
 @runtime_checkable
@@ -184,9 +179,8 @@ def per_joint(values: Gains, joints: Sequence[str], what: str) -> Joints:
             raise UnknownNameError(f"{what}: no such joint", got=unknown[0], choices=joints)
         values = [float(values.get(name, 0.0)) for name in joints]
     numbers = np.asarray(values, dtype=np.float64)
-    if numbers.shape not in ((), (len(joints),)) or not np.all(
-        (numbers >= 0.0) & (numbers < np.inf)
-    ):
+    good = (numbers >= 0.0) & (numbers < np.inf)
+    if numbers.shape not in ((), (len(joints),)) or not np.all(good):
         wanted = f"a finite number >= 0, or {len(joints)} of them, or a mapping by joint"
         raise ConfigurationError(f"{what} is out of range", got=values, wanted=wanted)
     return np.array(np.broadcast_to(numbers, (len(joints),)))

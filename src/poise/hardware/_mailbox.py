@@ -5,9 +5,7 @@ from zlib import crc32
 
 import numpy as np
 
-_TRIES = 3
-"""Reads until one is intact: each other fault takes a writer that overtakes the reader again."""
-
+_TRIES = 3  # reads until one is intact: each fault takes a writer that overtakes the reader again
 
 Record = Any  # a structured scalar of NumPy
 

@@ -60,32 +60,15 @@ class PlantLink:
             wanted = f"a multiple of the plant's control period, {dt:g} s"
             raise ConfigurationError("period of the link [s]", got=period, wanted=wanted)
         if check is not None and check.joints != robot.joint_names:
-            raise ConfigurationError(
-                "the last check has other joints than the plant",
-                got=check.joints,
-                wanted=f"those of {robot.name}",
-            )
-        self._plant, self._check, self._status = plant, check, LinkStatus.OK
+            message, wanted = "the last check has other joints than the plant", f"{robot.name}'s"
+            raise ConfigurationError(message, got=check.joints, wanted=wanted)
+        self._plant, self._check = plant, check
+        self.status, self.refused, self.reason = LinkStatus.OK, 0, ""
         measured = plant.state().contacts if load_cells else {}
         soles = tuple(name for name in robot.soles if name in measured)
         self.info = LinkInfo(
             name=f"simulated {robot.name}", rate=1.0 / period, joints=robot.joint_names, soles=soles
         )
-
-    @property
-    def status(self) -> LinkStatus:
-        """State of the connection."""
-        return self._status
-
-    @property
-    def refused(self) -> int:
-        """Number of commands that failed the last check."""
-        return 0 if self._check is None else self._check.refused
-
-    @property
-    def reason(self) -> str:
-        """Fault of the last refused command."""
-        return "" if self._check is None else self._check.reason
 
     def clock(self) -> float:
         """Return the plant's time [s]."""
@@ -114,13 +97,13 @@ class PlantLink:
         Args:
             command: set-points of all joints.
         """
-        if self._status is LinkStatus.LOST:
+        if self.status is LinkStatus.LOST:
             return
         if self._check is not None:
-            refused = self._check.refused
             command = self._check.check(command, self.read())
-            failed = self._check.refused > refused
-            self._status = LinkStatus.REFUSED if failed else LinkStatus.OK
+            failed = self._check.refused > self.refused
+            self.status = LinkStatus.REFUSED if failed else LinkStatus.OK
+            self.refused, self.reason = self._check.refused, self._check.reason
         for _ in range(self._ticks):
             self._plant.drive(command)
 
@@ -128,7 +111,7 @@ class PlantLink:
         """Send damping for one period and disconnect."""
         if self._check is not None:
             self.write(self._check.damping)
-        self._status = LinkStatus.LOST
+        self.status = LinkStatus.LOST
 
 
 def robot_state(robot: Robot, info: LinkInfo, state: MotorState) -> RobotState:

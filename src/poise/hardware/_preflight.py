@@ -1,25 +1,23 @@
 """`preflight`: checks of a robot behind a link, before the first command is sent."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
 from poise._checks import checked_kind, checked_number
 from poise.errors import ConfigurationError
-from poise.hardware import _preflight_checks as rest, _preflight_link as wire
+from poise.hardware import _preflight_checks as at_rest, _preflight_moves as by_hand
 from poise.hardware._last_check import LastCheck
 from poise.hardware._link import Joints, Link, MotorState
-from poise.hardware._preflight_checks import PreflightCheck, Samples
-from poise.hardware._preflight_moves import ROCK, Move, joint_move, limb_moves, motion_checks
+from poise.hardware._preflight_checks import PreflightCheck
+from poise.hardware._preflight_moves import Move
 from poise.robots import Robot
 
-PATIENCE = 15.0
-"""Longest time for a motion [s]: two seconds for each of an arm's seven joints, and one more."""
-
-_STALLED = 1.0
-"""Wall time without progress of the link's clock after which it stands [s]."""
+_PATIENCE = 15.0  # for a motion [s]: two seconds for each of an arm's seven joints, and one more
+_STALLED = 1.0  # wall time without progress of the link's clock after which it stands [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,13 +42,10 @@ class Preflight:
 
     def __str__(self) -> str:
         marks = {True: "ok", False: "FAILED", None: "-"}
-        rows = [(marks[c.ok], c.name, c.seen, c.wanted) for c in self.checks]
-        head = ("", "check", "seen", "wanted")
-        widths = [max(len(row[k]) for row in (head, *rows)) for k in range(3)]
-        lines = list[str]()
-        for row in (head, *rows):
-            cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
-            lines.append("  ".join((*cells, row[3])).rstrip())
+        rows = [("", "check", "seen", "wanted")]
+        rows += [(marks[c.ok], c.name, c.seen, c.wanted) for c in self.checks]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
         lines += [f"{c.name}: {c.remedy}." for c in self.checks if c.ok is False]
         return "\n".join((*lines, "Preflight passed." if self.ok else "Preflight FAILED."))
 
@@ -72,11 +67,10 @@ def preflight(
     failed before are left out.
 
     At rest, mistakes of order and sign are found where they move the posture out of the position
-    limits, or where the model's gravity torques there are not those measured. Joints at like angles
-    can be interchanged unseen, and no sign shows near zero, nor a gyro or accelerometer turned
-    about the vertical. Rocking finds the latter; moving whole limbs finds joints interchanged
-    between limbs and encoders that stand; moving each joint finds joints interchanged within a limb
-    and signs. A sign of position, velocity and torque together shows in no other way.
+    limits, or where the model's gravity torques there are not those measured. Rocking finds a gyro
+    or accelerometer turned about the vertical; moving whole limbs finds joints interchanged between
+    limbs and encoders that stand; moving each joint finds joints interchanged within a limb and a
+    sign of position, velocity and torque together.
 
     Args:
         robot: the model.
@@ -95,75 +89,55 @@ def preflight(
     checked_number(seconds, "seconds of the preflight [s]", above=0.0)
     if start is not None and (np.shape(start) != (robot.nj,) or not np.isfinite(start).all()):
         raise ConfigurationError("start [rad]", got=start, wanted=f"{robot.nj} finite numbers")
-    checks = wire.wiring_checks(robot, link, check)
+    checks = at_rest.wiring_checks(robot, link, check)
     if all(c.ok for c in checks[:2]):
-        checks += _listened(robot, link, start, seconds)
+        begin = link.clock()
+        states = _listen(link, seconds)
+        elapsed, (samples, numbers) = link.clock() - begin, at_rest.stacked(robot, states)
+        checks.append(numbers)
+        if numbers.ok:
+            checks += at_rest.timing_checks(link, samples, elapsed, seconds)
+            checks += at_rest.rest_checks(robot, link, samples, start)
     if motion is not None and all(c.ok is not False for c in checks):
         checks += _moved(robot, link, motion, each_joint)
     return Preflight(checks=tuple(checks))
 
 
-def _listened(
-    robot: Robot, link: Link, start: Joints | None, seconds: float
-) -> list[PreflightCheck]:
-    begin = link.clock()
-    states = _listen(link, seconds)
-    elapsed, numbers = link.clock() - begin, wire.numbers_check(robot, states)
-    if not numbers.ok:
-        return [numbers]
-    samples = Samples.of(states)
-    return [
-        numbers,
-        *wire.timing_checks(link, samples, elapsed, seconds),
-        rest.rest_check(samples),
-        *rest.joint_checks(robot, samples, start),
-        *rest.imu_checks(samples),
-        *wire.supply_checks(robot, link, samples),
-    ]
-
-
 def _moved(
     robot: Robot, link: Link, motion: Callable[[Move], None], each_joint: bool
 ) -> list[PreflightCheck]:
-    moves, records = list[Move](), list[Samples]()
-    for move in _requests(robot, link, each_joint):
+    singles = (by_hand.joint_move(robot, k, link.read().q) for k in range(robot.nj))
+    moves, records = list[Move](), list[at_rest.Samples]()
+    for move in chain([by_hand.ROCK], singles if each_joint else by_hand.limb_moves(robot)):
+
+        def done(seen: list[MotorState], move: Move = move) -> bool:
+            return bool(np.all(move.reach(at_rest.stacked(robot, seen)[0]) >= by_hand.MOVED))
+
         motion(move)
-        states = _listen(link, PATIENCE, lambda seen, move=move: move.done(robot, Samples.of(seen)))
-        numbers = wire.numbers_check(robot, states)
+        samples, numbers = at_rest.stacked(robot, _listen(link, _PATIENCE, done))
         if not numbers.ok:
             return [numbers]
         moves.append(move)
-        records.append(Samples.of(states))
-    return motion_checks(robot, moves, records)
-
-
-def _requests(robot: Robot, link: Link, each_joint: bool) -> Iterator[Move]:
-    yield ROCK
-    if not each_joint:
-        yield from limb_moves(robot)
-        return
-    for joint in range(robot.nj):
-        yield joint_move(robot, joint, link.read().q)
+        records.append(samples)
+    return by_hand.motion_checks(robot, moves, records)
 
 
 def _listen(
-    link: Link, seconds: float, done: Callable[[list[MotorState]], bool] | None = None
+    link: Link, seconds: float, done: Callable[[list[MotorState]], bool] = lambda _: False
 ) -> list[MotorState]:
-    """Collect states for a time by the link's clock, or until done; ten looks a second."""
-    states, last, each = list[MotorState](), None, max(2, round(0.1 * link.info.rate))
+    """Collect states for a time by the link's clock, or until done."""
+    states, last, each = list[MotorState](), None, max(2, round(by_hand.WINDOW * link.info.rate))
     begin = now = link.clock()
-    end = begin + seconds
     progress = time.monotonic()
-    while now < end and time.monotonic() - progress < _STALLED:
+    while now < begin + seconds and time.monotonic() - progress < _STALLED:
         state = link.read()
         if (state.time, state.arrived) == last:
             time.sleep(0.25 / link.info.rate)
         else:
             last = state.time, state.arrived
             states.append(state)
-            if done is not None and not len(states) % each and done(states):
+            if len(states) % each == 1 and done(states[::each]):
                 break
         before, now = now, link.clock()
-        if now > before:
-            progress = time.monotonic()
+        progress = time.monotonic() if now > before else progress
     return states

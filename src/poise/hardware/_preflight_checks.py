@@ -1,44 +1,34 @@
-"""Checks of a robot at rest: joints, gravity and inertial unit."""
+"""Checks of a link, and of its robot at rest."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float64
+import pinocchio as pin
+from jaxtyping import Float64
 
 from poise._show import few
-from poise.dynamics import Dynamics, RobotState
-from poise.hardware._link import Joints, MotorState
+from poise.hardware._last_check import LastCheck
+from poise.hardware._link import Joints, Link, LinkStatus, MotorState
+from poise.hardware._server import state_kind
 from poise.hardware._watchdog import RULES, Trouble
 from poise.robots import GRAVITY, Robot
 
-GRAVITY_SHARE = 0.05
-"""Largest error of the accelerometer at rest, along the vertical or across, by gravity: a unit
-mounted askew by two degrees, and a bias of four times that of `SensorConfig.typical`."""
+_GRAVITY_SHARE = 0.05  # accelerometer's error at rest: two degrees askew, or four typical biases
+_REST = 0.2  # rms [rad/s]: 0.02 m/s^2 for a torso 0.5 m below its hooks, less than a typical bias
+_STOP = 0.05  # reach of a mechanical stop [rad]: zeros set with a jig are within two degrees
+_FRICTION = 0.04  # by torque limit: twice that of the maker's model of G1, 0.1 of 5 N m at wrists
+_MODEL_SHARE = 0.1  # error of gravity torques: cables and covers are a tenth of a limb's mass
+_START_REACH = 1.0  # [rad]: within its ramp a `LinkBody` turns such a joint at 0.6 rad/s at most
+_UNIT = 1e-3  # error of a quaternion's norm: single precision has 1e-6, lost components far more
+_LIMIT = {rule.trouble: rule.limit for rule in RULES}
+_BASE = "quaternion", "gyro", "acceleration"
 
-REST = 0.2
-"""Largest root mean square of a speed at rest [rad/s]: a torso half a metre below its hooks that
-swings so has a centripetal acceleration of 0.02 m/s^2, less than an accelerometer's bias."""
-
-STOP = 0.05
-"""Reach of a mechanical stop around its position limit [rad]: zeros set with a jig are within two
-degrees, and a joint that rests on its stop presses it in."""
-
-FRICTION = 0.04
-"""Stiction by the torque limit: twice the dry friction in the maker's model of G1, which is 2 % at
-the wrists (0.1 of 5 N m) and less elsewhere."""
-
-MODEL_SHARE = 0.1
-"""Error of a model's gravity torque: cables and covers are a tenth of a limb's mass."""
-
-START_REACH = 0.1
-"""Largest distance to the start [rad]: at the ankles it moves the CoM of a humanoid, 0.65 m above,
-by 65 mm, which is more than the length of its heel."""
+Samples = Any  # a structured array of NumPy, as of `state_kind`
 
 
-@dataclass(frozen=True, kw_only=True)
-class PreflightCheck:
+class PreflightCheck(NamedTuple):
     """One check of a preflight.
 
     Attributes:
@@ -56,192 +46,174 @@ class PreflightCheck:
     ok: bool | None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Samples:
-    """Measurements of several states, one a row."""
+def stacked(robot: Robot, states: Sequence[MotorState]) -> tuple[Samples, PreflightCheck]:
+    """Return states as rows, and the check that they are finite, torques and temperatures aside."""
+    samples = np.zeros(len(states), state_kind(robot.nj, 0))
+    names, wanted = (*robot.joint_names, *_BASE), "finite arrays of all joints and of the base"
+    remedy = "look at the motors' power and at the drivers' log"
+    try:
+        for name in ("time", "arrived", "q", "dq", "tau", "temperature", *_BASE):
+            samples[name] = [getattr(state, name) for state in states]
+    except ValueError:
+        return samples, PreflightCheck("numbers", "another size", wanted, remedy, ok=False)
+    good = np.isfinite(samples["q"]) & np.isfinite(samples["dq"])
+    good = np.append(good.all(axis=0), [np.isfinite(samples[name]).all() for name in _BASE])
+    check = none_of("numbers", names, ~good, "not finite", wanted, remedy)
+    few_states = check._replace(seen=f"{len(samples)} states", ok=False)
+    return samples, check if len(samples) > 1 else few_states
 
-    q: Float64[np.ndarray, "n nj"]
-    dq: Float64[np.ndarray, "n nj"]
-    tau: Float64[np.ndarray, "n nj"]
-    temperature: Float64[np.ndarray, "n nj"]
-    quaternion: Float64[np.ndarray, "n 4"]
-    gyro: Float64[np.ndarray, "n 3"]
-    acceleration: Float64[np.ndarray, "n 3"]
-    time: Float64[np.ndarray, " n"]
-    arrived: Float64[np.ndarray, " n"]
 
-    @staticmethod
-    def of(states: Sequence[MotorState]) -> "Samples":
-        """Stack states."""
-        names = Samples.__dataclass_fields__
-        return Samples(**{n: np.array([getattr(s, n) for s in states], float) for n in names})
-
-    @property
-    def up(self) -> Float64[np.ndarray, "n 3"]:
-        """Vertical in the base's frame, by the quaternion."""
-        unit = self.quaternion / np.linalg.norm(self.quaternion, axis=1, keepdims=True)
-        x, y, z, w = unit.T
-        return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+def attitudes(samples: Samples) -> Float64[np.ndarray, "n 3 3"]:
+    """Return the orientations of the base; their third rows are the vertical in its frame."""
+    return np.array([pin.Quaternion(q).normalized().matrix() for q in samples["quaternion"]])
 
 
 def limbs(robot: Robot) -> dict[str, tuple[int, ...]]:
     """Return the joints that move one hand or sole alone, by its name."""
-    ends = [*robot.soles, *robot.hands]
-    above = {end: set(robot.joints_above(end)) for end in ends}
-    counts = {
-        j: sum(j in joints for joints in above.values()) for j in set().union(*above.values())
-    }
-    first = robot.base_dofs
-    return {
-        end: tuple(
-            sorted(robot.model.joints[j].idx_v - first for j in above[end] if counts[j] == 1)
-        )
-        for end in ends
-    }
+    above = {end: set(robot.joints_above(end)) for end in (*robot.soles, *robot.hands)}
+    parts = dict[str, tuple[int, ...]]()
+    for end, joints in above.items():
+        own = joints.difference(*(others for other, others in above.items() if other != end))
+        parts[end] = tuple(sorted(robot.model.joints[j].idx_v - robot.base_dofs for j in own))
+    return parts
 
 
-def rest_check(samples: Samples) -> PreflightCheck:
-    """Check that base and joints are at rest, which the checks of gravity need."""
-    fastest = math.sqrt(np.square(np.hstack([samples.dq, samples.gyro])).mean(axis=0).max())
-    return PreflightCheck(
-        name="at rest",
-        seen=f"up to {fastest:.3f} rad/s",
-        wanted=f"at most {REST:g} rad/s",
-        remedy="wait until nothing swings, and repeat",
-        ok=fastest <= REST,
-    )
-
-
-def joint_checks(robot: Robot, samples: Samples, start: Joints | None) -> list[PreflightCheck]:
-    """Check that all joints are heard, within limits, in balance with gravity and at the start."""
-    silent = np.all(
-        (np.ptp(samples.q, axis=0) == 0.0) & (np.ptp(samples.dq, axis=0) == 0.0)[None], 0
-    )
-    beyond = np.maximum(samples.q - robot.q_max, robot.q_min - samples.q).max(axis=0) > STOP
+def wiring_checks(robot: Robot, link: Link, check: LastCheck) -> list[PreflightCheck]:
+    """Check the link's status, names of joints and the last check's limits."""
+    names, given = robot.joint_names, {"link": link.info.joints, "last check": check.joints}
+    others = [whose for whose, joints in given.items() if tuple(joints) != names]
+    status, on = f"{link.status.value} {link.reason}", link.status is not LinkStatus.LOST
+    cable = "look at cable, network interface and the robot's power"
+    seen = f"other joints or another order: {few(others)}" if others else "the robot's"
+    wanted = f"the {robot.nj} joints of {robot.name}, in their order"
+    convert = "load the model of this robot, or convert with poise.robots.JointOrder"
     checks = [
-        of_joints(
-            robot,
-            silent,
-            name="joints heard",
-            good="all",
-            bad="without any noise",
-            wanted="positions and velocities that change",
-            remedy="look at these motors' power, bus and addresses",
-        ),
-        of_joints(
-            robot,
-            beyond,
-            name="position limits",
-            good="all within",
-            bad="outside",
-            wanted=f"within the model's limits by {STOP:g} rad",
-            remedy="check order, sign, unit and zero of these joints",
-        ),
-        _gravity_check(robot, samples),
+        PreflightCheck("link", status, "not lost", cable, on),
+        PreflightCheck("joints", seen, wanted, convert, not others),
     ]
-    if start is not None:
-        distance = np.abs(np.median(samples.q, axis=0) - start)
-        checks.append(
-            of_joints(
-                robot,
-                distance > START_REACH,
-                name="start posture",
-                good=f"within {distance.max():.3f} rad",
-                bad=f"up to {distance.max():.3f} rad away",
-                wanted=f"within {START_REACH:g} rad",
-                remedy="bring the robot to the start posture",
-            )
-        )
+    if not others:
+        wide = (check.lower < robot.q_min) | (check.upper > robot.q_max)
+        wide |= (check.v_max > robot.v_max) | (check.tau_max > robot.tau_max)
+        limits, make = "the robot's limits", "make the LastCheck of this robot, with margin >= 0"
+        checks.append(none_of("last check", names, wide, "wider", limits, make))
     return checks
 
 
-def imu_checks(samples: Samples) -> list[PreflightCheck]:
-    """Check attitude and accelerometer at rest."""
-    force, up = samples.acceleration.mean(axis=0), samples.up.mean(axis=0)
-    size = float(np.linalg.norm(force))
-    norm = float(np.abs(np.linalg.norm(samples.quaternion, axis=1) - 1.0).max())
-    tilt = math.acos(np.clip(up[2], -1.0, 1.0))
-    tilt_limit = 0.5 * limit_of(Trouble.FALL)
-    cosine = float(force @ up) / max(size * float(np.linalg.norm(up)), 1e-12)
-    askew = math.acos(np.clip(cosine, -1.0, 1.0))
+def timing_checks(
+    link: Link, samples: Samples, elapsed: float, seconds: float
+) -> list[PreflightCheck]:
+    """Check rate, gaps, arrivals and clocks against the rules of the watchdog, in periods."""
+    rate, late, gap = link.info.rate, _LIMIT[Trouble.LATE_STATE], _LIMIT[Trouble.GAP]
+    stamps, arrivals = np.diff(samples["time"]) * rate, np.diff(samples["arrived"]) * rate
+    span, back = max(float(arrivals.sum()), 1.0), int(np.count_nonzero(stamps <= 0.0))
+    pace, whole = float(stamps.sum()) / span, elapsed >= seconds and not back
+    # Two lost states, three periods, must not be a gap, nor four periods none.
+    rates, cable = (3.0 / gap * rate, 4.0 / gap * rate), "use a cable instead of a radio link"
+    # The first and the last state may each arrive as late as the watchdog permits.
+    paces, stamp = (1.0 - late / span, 1.0 + late / span), "stamp states by one clock, in seconds"
+    unload, trip = "give the link's process a real-time priority", getattr(link, "round_trip", None)
+    clock = _between("clock", pace if whole else math.nan, paces, "", stamp)
+    seen = f"{pace:.4f} s of stamps a second, {back} back, in {elapsed:.3f} of {seconds:g} s"
+    measured = len(arrivals) * rate / span
     return [
-        PreflightCheck(
-            name="gravity",
-            seen=f"{size:.3f} m/s^2",
-            wanted=f"{GRAVITY:g} within {GRAVITY_SHARE:.0%}",
-            remedy="check unit and scale of the accelerometer; keep the robot at rest",
-            ok=abs(size - GRAVITY) <= GRAVITY_SHARE * GRAVITY,
-        ),
-        PreflightCheck(
-            name="upright",
-            seen=f"tilt {tilt:.3f} rad, norm of the quaternion off by {norm:.1g}",
-            # A quaternion of single precision is a unit one to 1e-6; components that are lost or
-            # interchanged are farther off.
-            wanted=f"at most {tilt_limit:g} rad, a unit quaternion",
-            remedy="hang the robot upright; the quaternion's order is (x, y, z, w)",
-            ok=tilt <= tilt_limit and norm <= 1e-3,
-        ),
-        PreflightCheck(
-            name="accelerometer",
-            seen=f"{askew:.3f} rad off the quaternion's vertical",
-            wanted=f"at most {GRAVITY_SHARE:g} rad",
-            remedy="turn both by the mounting of the inertial unit into the base's axes",
-            ok=askew <= GRAVITY_SHARE,
-        ),
+        _between("rate", measured, rates, "states a second", "correct the publisher's rate"),
+        _between("gaps", float(np.abs(stamps).max()), (0.0, gap), "periods of stamps", cable),
+        _between("arrivals", float(arrivals.max()), (0.0, late), "periods apart", unload),
+        clock._replace(seen=seen),
+        _between("round trip", trip, (0.0, late / rate), "s", cable),
+    ]
+
+
+def rest_checks(
+    robot: Robot, link: Link, samples: Samples, start: Joints | None
+) -> list[PreflightCheck]:
+    """Check joints, inertial unit and supply."""
+    names, q, dq = robot.joint_names, samples["q"], samples["dq"]
+    speed = math.sqrt(np.square(np.hstack([dq, samples["gyro"]])).mean(axis=0).max())
+    silent = (np.ptp(q, axis=0) == 0.0) & (np.ptp(dq, axis=0) == 0.0)
+    beyond = np.maximum(q - robot.q_max, robot.q_min - q).max(axis=0) > _STOP
+    wait, power = "wait until nothing swings", "look at these motors' power, bus and addresses"
+    limits, remedy = f"limits, within {_STOP:g} rad", "check order, sign, unit and zero"
+    checks = [
+        _between("at rest", speed, (0.0, _REST), "rad/s", wait),
+        none_of("joints heard", names, silent, "no noise", "values that change", power),
+        none_of("position limits", names, beyond, "outside", limits, remedy),
+        _gravity_check(robot, samples),
+    ]
+    if start is not None:
+        far, remedy = np.abs(np.median(q, axis=0) - start), "bring the robot to the start posture"
+        bad, wanted = f"up to {far.max():.3f} rad away", f"within {_START_REACH:g} rad"
+        checks.append(none_of("start posture", names, far > _START_REACH, bad, wanted, remedy))
+    return [*checks, *_imu_checks(samples), *_supply_checks(robot, link, samples)]
+
+
+def _imu_checks(samples: Samples) -> list[PreflightCheck]:
+    force, up = samples["acceleration"].mean(axis=0), attitudes(samples)[:, 2].mean(axis=0)
+    size, length = float(np.linalg.norm(force)), float(np.linalg.norm(up))
+    cosines = up[2], force @ up / max(size * length, 1e-12)
+    tilt, askew = np.arccos(np.clip(cosines, -1.0, 1.0)).tolist()
+    norm = float(np.abs(np.linalg.norm(samples["quaternion"], axis=1) - 1.0).max())
+    sizes = GRAVITY * (1.0 - _GRAVITY_SHARE), GRAVITY * (1.0 + _GRAVITY_SHARE)
+    tilts, scale = (0.0, 0.5 * _LIMIT[Trouble.FALL]), "check the accelerometer's unit and scale"
+    order = "the quaternion's order is (x, y, z, w)"
+    turn, off = "turn both by the unit's mounting into the base's axes", "rad off the vertical"
+    return [
+        _between("gravity", size, sizes, "m/s^2", scale),
+        _between("upright", tilt, tilts, "rad", f"hang the robot upright; {order}"),
+        _between("quaternion", norm, (0.0, _UNIT), "off a unit one", order),
+        _between("accelerometer", askew, (0.0, _GRAVITY_SHARE), off, turn),
+    ]
+
+
+def _supply_checks(robot: Robot, link: Link, samples: Samples) -> list[PreflightCheck]:
+    hot = np.nan_to_num(np.fmax.reduce(samples["temperature"], axis=0), nan=-math.inf)
+    warmest, unit = float(hot.max()), f"deg C at {robot.joint_names[int(hot.argmax())]}"
+    warm = (warmest if warmest > -math.inf else None), (-math.inf, _LIMIT[Trouble.HEAT])
+    volts, least = getattr(link, "battery", (None, 0.0))
+    return [
+        _between("temperature", *warm, unit, "let the motors cool down"),
+        _between("battery", volts, (least, math.inf), "V", "charge the battery"),
     ]
 
 
 def _gravity_check(robot: Robot, samples: Samples) -> PreflightCheck:
     """Compare measured torques with the model's gravity; a stop may carry what pushes into it."""
-    q = np.median(samples.q, axis=0)
-    tau = samples.tau.mean(axis=0)
-    base = robot.q_home[: -robot.nj].copy()
+    q, tau = np.median(samples["q"], axis=0), samples["tau"].mean(axis=0)
+    at = np.append(robot.q_home[: -robot.nj], q)
     if robot.floating_base:
-        base[3:7] = samples.quaternion[len(samples.quaternion) // 2]
-        base[3:7] /= max(float(np.linalg.norm(base[3:7])), 1e-12)
-    dynamics = Dynamics(robot)
-    dynamics.update(RobotState(np.append(base, q), np.zeros(robot.nv)))
-    gravity = dynamics.h[robot.base_dofs :]
-    missing = gravity - tau
-    stop = (missing > 0.0) & (q <= robot.q_min + STOP) | (missing < 0.0) & (q >= robot.q_max - STOP)
-    unknown = ~np.isfinite(tau)
+        at[3:7] = samples["quaternion"][-1]
+        pin.normalize(robot.model, at)
+    torques = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), at)
+    gravity, missing = torques[robot.base_dofs :], torques[robot.base_dofs :] - tau
+    low, high = q <= robot.q_min + _STOP, q >= robot.q_max - _STOP
+    stop = (missing > 0.0) & low | (missing < 0.0) & high
     # The hoist holds the trunk: what joints between it and the base carry depends on the ropes.
     hanging = np.isin(np.arange(robot.nj), [k for joints in limbs(robot).values() for k in joints])
-    off = np.abs(missing) > FRICTION * robot.tau_max + MODEL_SHARE * np.abs(gravity)
-    worst = float(np.max(np.where(hanging & ~stop & ~unknown, np.abs(missing), 0.0)))
-    check = of_joints(
-        robot,
-        off & hanging & ~stop & ~unknown,
-        name="gravity torques",
-        good=f"off by {worst:.2f} N m at most",
-        bad=f"off by up to {worst:.2f} N m",
-        wanted=f"the model's, within friction ({FRICTION:.0%} of the limit) and {MODEL_SHARE:.0%}",
-        remedy="check order and sign of these joints, and the model's masses; lift the feet",
-    )
-    return check if not unknown.all() else _unseen(check, "torques not measured")
+    judged = hanging & ~stop & np.isfinite(tau)
+    off = judged & (np.abs(missing) > _FRICTION * robot.tau_max + _MODEL_SHARE * np.abs(gravity))
+    worst = f"off by up to {np.max(np.abs(missing[judged]), initial=0.0):.2f} N m"
+    wanted = f"the model's, within {_FRICTION:.0%} of the limit and {_MODEL_SHARE:.0%}"
+    remedy = "check order and sign of these joints, and the model's masses; lift the feet"
+    check = none_of("gravity torques", robot.joint_names, off, worst, wanted, remedy)
+    return check if judged.any() else check._replace(seen="not measured", ok=None)
 
 
-def _unseen(check: PreflightCheck, seen: str) -> PreflightCheck:
-    return PreflightCheck(
-        name=check.name, seen=seen, wanted=check.wanted, remedy=check.remedy, ok=None
-    )
-
-
-def of_joints(
-    robot: Robot,
-    faulty: Bool[np.ndarray, " nj"],
-    *,
-    name: str,
-    good: str,
-    bad: str,
-    wanted: str,
-    remedy: str,
+def none_of(
+    name: str, names: Sequence[str], faulty: np.ndarray, bad: str, wanted: str, remedy: str
 ) -> PreflightCheck:
-    names = [robot.joint_names[k] for k in np.flatnonzero(faulty)]
-    seen = f"{bad}: {few(names)}" if names else good
-    return PreflightCheck(name=name, seen=seen, wanted=wanted, remedy=remedy, ok=not names)
+    """Return the check that nothing of that name is faulty."""
+    found = [one for one, bad_one in zip(names, faulty, strict=True) if bad_one]
+    seen = f"{bad}: {few(found)}" if found else "all"
+    return PreflightCheck(name, seen, wanted, remedy, not found)
 
 
-def limit_of(trouble: Trouble) -> float:
-    """Return the limit of the watchdog's default table."""
-    return min(rule.limit for rule in RULES if rule.trouble is trouble)
+def _between(
+    name: str, value: float | None, bounds: tuple[float, float], unit: str, remedy: str
+) -> PreflightCheck:
+    """Return the check of a number; None is one that is not measured."""
+    if value is None:
+        return PreflightCheck(name, "not measured", "", remedy, None)
+    low, high = bounds
+    wanted = f"at most {high:g}" if low <= 0.0 else f"{low:.4g} to {high:.4g}"
+    wanted = wanted if high < math.inf else f"at least {low:g}"
+    return PreflightCheck(name, f"{value:.4g} {unit}", wanted, remedy, low <= value <= high)

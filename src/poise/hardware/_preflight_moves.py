@@ -1,33 +1,28 @@
 """Motions by hand before a run, and what they show of encoders, order, signs and axes."""
 
-import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from poise._show import few
+from poise.hardware import _preflight_checks as at_rest
 from poise.hardware._link import Joints
-from poise.hardware._preflight_checks import PreflightCheck, Samples, limbs, of_joints
+from poise.hardware._preflight_checks import PreflightCheck, Samples, none_of
 from poise.robots import Robot
 
-MOVED = 0.15
-"""Smallest motion that counts [rad]: nine degrees, which a person sees, and which a joint can make
-that rests in the middle of a range of 0.5 rad, the smallest of G1, with a good margin."""
+MOVED = 0.15  # [rad]: nine degrees, seen by eye, within half of G1's smallest range of 0.5 rad
+WINDOW = 0.1  # over which changes are compared with integrated rates [s]
+_FLOOR = 0.01  # smallest change in a window [rad]: seven times two attitudes' noise of 1 mrad
+# Largest difference of a change and its integrated rate, by the larger of the two: a wrong unit or
+# gear differs by a factor of two or more, a sign by two, another axis by more than one, and a delay
+# of 10 ms by less than a third at 5 Hz, which no hand exceeds.
+_HALF = 0.5
 
-WINDOW = 0.1
-"""Time over which changes are compared with integrated rates [s]."""
-
-FLOOR = 0.01
-"""Smallest change in a window that counts [rad]: seven times the noise of the difference of two
-attitudes with 1 mrad each, and the rates' noise averages out."""
-
-HALF = 0.5
-"""Largest difference between a change and its integrated rate, by the larger of the two. A wrong
-unit or gear differs by a factor of two or more, a wrong sign by two, another axis by more than one;
-a delay of 10 ms differs by less than a third at 5 Hz, which no hand exceeds."""
+Rows = Float64[np.ndarray, "rows n"]
 
 
 class Move(NamedTuple):
@@ -35,204 +30,112 @@ class Move(NamedTuple):
 
     Attributes:
         prompt: the request, as a sentence.
-        joints: indices of the joints that have to move; none for the base.
-        still: indices of those that have to move less.
-        sign: of the motion of a single joint, which has to be the first to move; zero for several.
+        joints: indices of the joints that have to move, one of them farther than any other; none
+            for the base.
+        sign: of the motion of a single joint; zero for several.
     """
 
     prompt: str
     joints: tuple[int, ...] = ()
-    still: tuple[int, ...] = ()
     sign: int = 0
 
-    def done(self, robot: Robot, samples: Samples) -> bool:
-        """Return whether enough has moved."""
-        if self.sign:
-            return bool(np.any(_farthest(samples) >= MOVED))
+    def reach(self, samples: Samples) -> Float64[np.ndarray, " n"]:
+        """Return the ranges of the joints, or of the base's turn about its axes."""
         if self.joints:
-            return bool(np.all(np.ptp(samples.q[:, list(self.joints)], axis=0) >= MOVED))
-        return not self.lacking(robot, samples)
+            return np.ptp(samples["q"][:, list(self.joints)], axis=0)
+        frames = at_rest.attitudes(samples)
+        return np.ptp([pin.log3(frames[0].T @ frame) for frame in frames], axis=0)
 
     def lacking(self, robot: Robot, samples: Samples) -> list[str]:
         """Return what has not moved as requested, in words."""
-        names, reach = robot.joint_names, np.ptp(samples.q, axis=0)
+        q, reach = samples["q"], self.reach(samples)
+        moved = [robot.joint_names[k] for k in self.joints] or [f"base about {x}" for x in "xyz"]
+        lacking = [f"{name} stays" for name, r in zip(moved, reach, strict=True) if r < MOVED]
+        farthest = int(np.argmax(np.ptp(q, axis=0)))
+        if self.joints and farthest not in self.joints:
+            lacking.append(f"{robot.joint_names[farthest]} moves more")
         if self.sign:
-            return self._single(robot, samples)
-        if not self.joints:
-            turned = np.append(np.ptp(samples.up[:, :2], axis=0)[::-1], np.ptp(_heading(samples)))
-            return [f"base about {a}" for a, t in zip("xyz", turned, strict=True) if t < MOVED]
-        lacking = [f"{names[k]} stays" for k in self.joints if reach[k] < MOVED]
-        # The other limbs swing with the pelvis, less than the one that is moved.
-        most = reach[list(self.joints)].max()
-        return lacking + [f"{names[k]} moves more" for k in self.still if reach[k] >= most]
-
-    def _single(self, robot: Robot, samples: Samples) -> list[str]:
-        far, joint = _farthest(samples), self.joints[0]
-        moved = np.flatnonzero(np.any(far >= MOVED, axis=1))
-        if not len(moved):
-            return [f"{robot.joint_names[joint]} stays"]
-        first = int(np.argmax(far[moved[0]]))
-        if first != joint:
-            return [f"{robot.joint_names[first]} moves in place of {robot.joint_names[joint]}"]
-        forward = samples.q[moved[0], joint] > samples.q[0, joint]
-        return [] if forward == (self.sign > 0) else [f"{robot.joint_names[joint]} moves backwards"]
+            away = q[:, self.joints[0]] - q[0, self.joints[0]]
+            if away[np.argmax(np.abs(away) >= MOVED)] * self.sign < 0.0:
+                lacking.append(f"{moved[0]} moves backwards")
+        return lacking
 
 
 ROCK = Move("Tilt the pelvis slowly by 15 degrees to each side, forward and back, and turn it.")
 """For the inertial unit."""
 
 
-def limb_moves(robot: Robot) -> tuple[Move, ...]:
-    """Return one move for each limb, of all its joints in any way."""
-    parts = limbs(robot)
-    return tuple(
-        Move(
-            f"Move all {len(joints)} joints of the limb with {end}, and no other limb.",
-            joints,
-            tuple(k for other, others in parts.items() if other != end for k in others),
-        )
-        for end, joints in parts.items()
-    )
+def limb_moves(robot: Robot) -> Iterator[Move]:
+    """Yield one move for each limb, of all its joints in any way."""
+    for end, joints in at_rest.limbs(robot).items():
+        text = f"Move all {len(joints)} joints of the limb with {end}, and no other limb."
+        yield Move(text, joints)
 
 
 def joint_move(robot: Robot, joint: int, q: Joints) -> Move:
     """Return the move of one joint from a posture, away from its nearer limit, in words."""
-    data, sign = robot.model.createData(), 1
-    at = np.append(robot.q_home[: robot.nq - robot.nj], q)
-    pin.centerOfMass(robot.model, data, at, True)
-    if robot.q_max[joint] - q[joint] < q[joint] - robot.q_min[joint]:
-        sign = -1
-    index = next(k for k, j in enumerate(robot.model.joints) if j.idx_v == robot.base_dofs + joint)
+    model, data = robot.model, robot.model.createData()
+    at, column = np.append(robot.q_home[: robot.nq - robot.nj], q), robot.base_dofs + joint
+    pin.centerOfMass(model, data, at, True)
+    sign = 1 if robot.q_max[joint] - q[joint] >= q[joint] - robot.q_min[joint] else -1
+    index = next(k for k, j in enumerate(model.joints) if j.idx_v == column)
     rotation = data.oMi[index].rotation
-    axis = pin.computeJointJacobian(robot.model, data, at, index)[3:, robot.base_dofs + joint]
-    way = _way(sign * rotation @ axis, rotation @ data.com[index])
-    name = robot.joint_names[joint]
+    axis = sign * rotation @ pin.computeJointJacobian(model, data, at, index)[3:, column]
+    name, way = robot.joint_names[joint], _way(axis, rotation @ data.com[index])
     text = f"Hold the link above {name} and move the one below by it: {way}."
-    return Move(text, (joint,), (), sign)
+    return Move(text, (joint,), sign)
 
 
 def motion_checks(
     robot: Robot, moves: Sequence[Move], records: Sequence[Samples]
 ) -> list[PreflightCheck]:
-    """Check what has been measured during the moves, of which the first is `ROCK`.
-
-    Args:
-        robot: the model.
-        moves: the requests.
-        records: measurements of each.
-    """
-    pairs = [_changes(record) for record in records]
-    rates, changes = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-    wrong = _differ(rates, changes)
-    lacking = [
-        text
-        for move, record in zip(moves, records, strict=True)
-        for text in move.lacking(robot, record)
-    ]
-    gyro, accelerometer = (
-        _axes(rates[:, -3:], changes[:, -3:]),
-        _axes(records[0].acceleration, records[0].up),
-    )
+    """Check what has been measured during each of the moves, of which the first is `ROCK`."""
+    names, rock, whole = robot.joint_names, records[0], np.concatenate(records)
+    wrong = _differ(*map(np.concatenate, zip(*map(_changes, records), strict=True)))
+    texts = [move.lacking(robot, record) for move, record in zip(moves, records, strict=True)]
+    lacking = [text for some in texts for text in some]
+    seen, wanted = few(lacking, 2) or f"{len(moves)} as requested", f"{MOVED:g} rad as requested"
+    repeat = "repeat the motion; if it was right, correct order, sign or encoder"
+    driven = _cosines(np.nan_to_num(whole["tau"]), whole["dq"]) > _HALF
+    askew = _cosines(rock["acceleration"], at_rest.attitudes(rock)[:, 2]) < _HALF
+    equal, unlike = f"equal within {_HALF:.0%}", "velocity is no rate of the position"
+    units = "check order, sign and unit of velocities; look for encoders that stand"
+    order, turn = "check order and sign", "turn it by its mounting; check signs"
     return [
-        PreflightCheck(
-            name="moves",
-            seen=few(lacking, 2) or f"{len(moves)} as requested",
-            wanted=f"{MOVED:g} rad of what was requested",
-            remedy="repeat the motion; if it was right, correct order, sign or encoder",
-            ok=not lacking,
-        ),
-        of_joints(
-            robot,
-            wrong[:-3],
-            name="encoders",
-            good="velocities are the positions' rates",
-            bad="velocity is no rate of the position",
-            wanted=f"equal within {HALF:.0%}",
-            remedy="check order, sign and unit of velocities; look for encoders that stand",
-        ),
-        of_joints(
-            robot,
-            _driven(
-                np.concatenate([r.tau for r in records]), np.concatenate([r.dq for r in records])
-            ),
-            name="torque signs",
-            good="no torque drives a motion",
-            bad="torque along the motion",
-            wanted="torques that damp",
-            remedy="check order and sign of these torques",
-        ),
-        PreflightCheck(
-            name="gyro",
-            seen=f"best as {gyro}" + ("" if not wrong[-3:].any() else ", no rate of the attitude"),
-            wanted=f"x, y, z of the base, equal within {HALF:.0%}",
-            remedy="turn the gyro by the mounting of the inertial unit; check units and signs",
-            ok=gyro == "x, y, z" and not wrong[-3:].any(),
-        ),
-        PreflightCheck(
-            name="accelerometer axes",
-            seen=f"best as {accelerometer}",
-            wanted="x, y, z of the base",
-            remedy="turn the accelerometer by the mounting of the inertial unit; check signs",
-            ok=accelerometer == "x, y, z",
-        ),
+        PreflightCheck("moves", seen, wanted, repeat, not lacking),
+        none_of("encoders", names, wrong[:-3], unlike, equal, units),
+        none_of("torque signs", names, driven, "along the motion", "torques that damp", order),
+        none_of("gyro", "xyz", wrong[-3:], "no rate of the attitude", equal, turn),
+        none_of("accelerometer axes", "xyz", askew, "not vertical", "the attitude's", turn),
     ]
 
 
-def _farthest(samples: Samples) -> Float64[np.ndarray, "n nj"]:
-    return np.abs(samples.q - samples.q[0])
-
-
-def _turns(
-    quaternion: Float64[np.ndarray, "n 4"], later: Float64[np.ndarray, "n 4"]
-) -> Float64[np.ndarray, "n 3"]:
-    """Return the rotation vectors from the one to the other, in the former's axes; small ones."""
-    (a, aw), (b, bw) = ((q[:, :3], q[:, 3:]) for q in (quaternion, later))
-    scalar = aw * bw + np.sum(a * b, axis=1, keepdims=True)
-    return 2.0 * np.sign(scalar) * (aw * b - bw * a - np.cross(a, b))
-
-
-def _heading(samples: Samples) -> Float64[np.ndarray, " n"]:
-    x, y, z, w = samples.quaternion.T
-    return np.unwrap(np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)))
-
-
-def _changes(
-    samples: Samples,
-) -> tuple[Float64[np.ndarray, "windows n"], Float64[np.ndarray, "windows n"]]:
+def _changes(samples: Samples) -> tuple[Rows, Rows]:
     """Return integrated rates and changes of all joints and of the base, window by window."""
-    periods = np.diff(samples.time)
-    count = max(1, round(WINDOW / max(float(np.median(periods)), 1e-9)))
-    ends = np.arange(0, len(samples.time), count)
-    rates = np.hstack([samples.dq, samples.gyro])
-    integral = np.zeros_like(rates)
-    integral[1:] = np.cumsum(0.5 * (rates[1:] + rates[:-1]) * periods[:, None], axis=0)
-    turns = _turns(samples.quaternion[ends[:-1]], samples.quaternion[ends[1:]])
-    return np.diff(integral[ends], axis=0), np.hstack([np.diff(samples.q[ends], axis=0), turns])
+    periods = np.diff(samples["time"])[:, None]
+    ends = slice(None, None, max(1, round(WINDOW / max(float(np.median(periods)), 1e-9))))
+    rates = np.hstack([samples["dq"], samples["gyro"]])
+    steps = 0.5 * (rates[1:] + rates[:-1]) * periods
+    integral = np.vstack([np.zeros_like(rates[:1]), np.cumsum(steps, axis=0)])
+    frames = at_rest.attitudes(samples[ends])
+    turns = [pin.log3(one.T @ other) for one, other in pairwise(frames)]
+    changes = np.hstack([np.diff(samples["q"][ends], axis=0), np.reshape(turns, (-1, 3))])
+    return np.diff(integral[ends], axis=0), changes
 
 
-def _differ(rates: Float64[np.ndarray, "w n"], changes: Float64[np.ndarray, "w n"]) -> np.ndarray:
+def _differ(rates: Rows, changes: Rows) -> Bool[np.ndarray, " n"]:
     """Return which columns differ, in windows in which either is large enough."""
-    large = np.maximum(np.abs(rates), np.abs(changes)) >= FLOOR
+    large = np.maximum(np.abs(rates), np.abs(changes)) >= _FLOOR
     error, one, other = (
         np.sum(np.where(large, x, 0.0) ** 2, axis=0) for x in (rates - changes, rates, changes)
     )
-    return error > HALF**2 * np.maximum(one, other)
+    return error > _HALF**2 * np.maximum(one, other)
 
 
-def _driven(tau: Float64[np.ndarray, "n nj"], dq: Float64[np.ndarray, "n nj"]) -> np.ndarray:
-    """Return the joints whose torques are along their velocities: cosine above one half."""
-    tau = np.nan_to_num(tau)
-    return np.sum(tau * dq, axis=0) > HALF * np.sqrt(np.sum(tau**2, axis=0) * np.sum(dq**2, axis=0))
-
-
-def _axes(measured: Float64[np.ndarray, "n 3"], true: Float64[np.ndarray, "n 3"]) -> str:
-    """Return the signed permutation of the true axes that is nearest to the measured ones."""
-    products = measured.T @ true
-    best = max(
-        itertools.product(itertools.permutations(range(3)), itertools.product((1, -1), repeat=3)),
-        key=lambda axes: sum(s * products[k, axes[0][k]] for k, s in enumerate(axes[1])),
-    )
-    return ", ".join(("" if s > 0 else "-") + "xyz"[k] for k, s in zip(*best, strict=True))
+def _cosines(one: Rows, other: Rows) -> Float64[np.ndarray, " n"]:
+    """Return the cosines between columns; zero where one is zero."""
+    product = np.linalg.norm(one, axis=0) * np.linalg.norm(other, axis=0)
+    return np.sum(one * other, axis=0) / np.maximum(product, 1e-12)
 
 
 def _way(axis: Float64[np.ndarray, "3"], arm: Float64[np.ndarray, "3"]) -> str:

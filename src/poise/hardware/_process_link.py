@@ -11,6 +11,7 @@ from poise.errors import ConfigurationError, RobotError
 from poise.hardware._last_check import LastCheck
 from poise.hardware._link import (
     COMMAND_FIELDS,
+    STATE_FIELDS,
     Link,
     LinkInfo,
     LinkStatus,
@@ -20,9 +21,7 @@ from poise.hardware._link import (
 from poise.hardware._mailbox import Mailbox, Record
 from poise.hardware._server import STATUSES, command_kind, serve, state_kind
 
-START_TIME = 60.0
-"""Longest start and end of the link's process; importing a simulator takes some seconds [s]."""
-
+START_TIME = 60.0  # longest start and end of its process [s]; importing a simulator takes some
 LINGER = 2.0
 """Damping after the end of the controller [s]: a robot that tips over from 0.05 rad lies within
 ln(pi / 0.05) / omega = 1.3 s, with omega = 3.1 1/s of a CoM 1 m high."""
@@ -89,11 +88,8 @@ class ProcessLink:
         self.info: LinkInfo = answer
         if (answer.joints, answer.soles) != (check.joints, soles):
             self._process.join()
-            raise ConfigurationError(
-                "the link has other joints or soles",
-                got=(answer.joints, answer.soles),
-                wanted=f"{check.joints} and {soles}",
-            )
+            got, wanted = (answer.joints, answer.soles), f"{check.joints} and {soles}"
+            raise ConfigurationError("the link has other joints or soles", got=got, wanted=wanted)
 
     @property
     def status(self) -> LinkStatus:
@@ -126,18 +122,7 @@ class ProcessLink:
     def read(self) -> MotorState:
         """Return the newest state; the last one for ever where the link's process has ended."""
         record = self._read()
-        return MotorState(
-            time=float(record["time"]),
-            arrived=float(record["arrived"]),
-            q=record["q"],
-            dq=record["dq"],
-            tau=record["tau"],
-            temperature=record["temperature"],
-            quaternion=record["quaternion"],
-            gyro=record["gyro"],
-            acceleration=record["acceleration"],
-            wrenches=record["wrenches"],
-        )
+        return MotorState(**{name: record[name] for name in STATE_FIELDS})
 
     def write(self, command: MotorCommand) -> None:
         """Hand a command over to the link's process.

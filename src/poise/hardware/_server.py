@@ -20,14 +20,10 @@ from poise.hardware._link import COMMAND_FIELDS, STATE_FIELDS, Link, LinkStatus,
 from poise.hardware._mailbox import Mailbox
 
 FRESH = 0.01
-"""Age of a command from which the link damps, or two of its periods where that is more [s].
+"""Age of a command from which the link damps, or two of its periods where that is more [s]: half of
+the 20 ms within which a robot has to be damped, and five ticks of 500 Hz."""
 
-Half of the 20 ms within which a robot has to be damped, and five ticks of 500 Hz, so that one late
-tick damps nothing."""
-
-LOOKS = 4
-"""Looks for states and commands in a period of the link: each waits for a quarter of it at most."""
-
+LOOKS = 4  # for states and commands in a period: each waits for a quarter of it at most
 STATUSES = tuple(LinkStatus)
 _MEASURED = tuple(name for name in STATE_FIELDS if name != "arrived")
 _REASON = 200  # bytes: the longest reason has a joint's name and two numbers
@@ -35,16 +31,12 @@ _REASON = 200  # bytes: the longest reason has a joint's name and two numbers
 
 def state_kind(joints: int, soles: int) -> np.dtype[np.void]:
     """Return the record of a state."""
-    sizes = dict.fromkeys(("q", "dq", "tau", "temperature"), (joints,))
+    sizes: dict[str, tuple[int, ...]] = dict.fromkeys(STATE_FIELDS, (joints,))
+    sizes |= {"time": (), "arrived": (), "wrenches": (soles, 6)}
     sizes |= {"quaternion": (4,), "gyro": (3,), "acceleration": (3,)}
     numbers = [(name, np.float64, size) for name, size in sizes.items()]
-    return np.dtype(
-        [
-            *(("time", np.float64), ("arrived", np.float64), *numbers),
-            *(("wrenches", np.float64, (soles, 6)), ("status", np.int64), ("refused", np.int64)),
-            ("reason", f"S{_REASON}"),
-        ]
-    )
+    notes = [("status", np.int64), ("refused", np.int64), ("reason", f"S{_REASON}")]
+    return np.dtype([*numbers, *notes])
 
 
 def command_kind(joints: int) -> np.dtype[np.void]:

@@ -11,12 +11,9 @@ from poise.hardware._last_check import LastCheck
 from poise.hardware._link import Gains, Joints, MotorCommand, MotorState, per_joint
 
 LEAKAGE = 50.0
-"""Leakage rate of the targets towards the measured state [1/s].
-
-Its time constant of 20 ms is above the delay of state and command, some ticks of 2 ms, within which
-the targets have to stand for what is not measured yet; and a fifth of that of the fastest task of
-`poise.default_stack`, 1 / sqrt(kp) = 100 ms, so the drives add no stiffness to slower motions: a
-constant error e of the acceleration moves the targets by e / LEAKAGE^2 alone."""
+"""Leakage rate of the targets towards the measured state [1/s]: its time constant of 20 ms is above
+the delay of state and command, some ticks of 2 ms, and a fifth of that of the fastest task of
+`poise.default_stack`, 1 / sqrt(kp) = 100 ms, so the drives add no stiffness to slower motions."""
 
 
 class TorqueSplit:
@@ -62,11 +59,9 @@ class TorqueSplit:
         for name, gains, most in (("kp", self.kp, check.kp_max), ("kd", self.kd, check.kd_max)):
             if np.any(gains > most):
                 worst = int(np.argmax(gains - most))
-                raise ConfigurationError(
-                    f"{name} of {check.joints[worst]} is above that of the last check",
-                    got=float(gains[worst]),
-                    wanted=f"at most {most[worst]:g}",
-                )
+                message = f"{name} of {check.joints[worst]} is above that of the last check"
+                wanted = f"at most {most[worst]:g}"
+                raise ConfigurationError(message, got=float(gains[worst]), wanted=wanted)
             gains.flags.writeable = False
         self._period = checked_number(period, "period of the torque split [s]", above=0.0)
         leakage = checked_number(leakage, "leakage of the torque split [1/s]")
@@ -91,15 +86,9 @@ class TorqueSplit:
         tau = np.full(count, np.nan) if command.torque is None else command.torque
         return MotorCommand(q=q, dq=dq, kp=self.kp, kd=self.kd, tau=tau)
 
-    def reset(self) -> None:
-        """Start the targets anew at the next measured state."""
-        self._last = None
-
     def _integrated(self, q: Joints, dq: Joints, acceleration: Joints) -> tuple[Joints, Joints]:
         check, (q_last, dq_last) = self._check, self._last or (q, dq)
         dq_next = dq_last + self._period * acceleration + self._leak * (dq - dq_last)
         q_next = q_last + self._period * dq_next + self._leak * (q - q_last)
-        return (
-            np.clip(q_next, check.lower, check.upper),
-            np.clip(dq_next, -check.v_max, check.v_max),
-        )
+        dq_next = np.clip(dq_next, -check.v_max, check.v_max)
+        return np.clip(q_next, check.lower, check.upper), dq_next

@@ -20,50 +20,32 @@ from poise.hardware._link import Link, LinkStatus, MotorState
 class Action(IntEnum):
     """Action on a trouble, the strongest last."""
 
-    RUN = 0
-    """None: send the command."""
-    HOLD = 1
-    """Freeze the leader's targets; the controller goes on balancing."""
-    DAMP = 2
-    """Send the last check's damping, from here on."""
-    STOP = 3
-    """Send nothing any more."""
+    RUN = 0  # send the command
+    HOLD = 1  # freeze the leader's targets; the controller goes on balancing
+    DAMP = 2  # send the last check's damping, from here on
+    STOP = 3  # send nothing any more
 
 
 class Trouble(Enum):
     """Kinds of trouble; each is a number that grows with it."""
 
-    LATE_STATE = "late state"
-    """Age of the newest state [periods of the link]."""
-    GAP = "gap between states"
-    """Between the stamps of two states; infinite for one that goes back [periods of the link]."""
-    BAD_STATE = "bad state"
-    """Numbers of the state that are not finite, temperatures and torques aside."""
-    FALL = "fall"
-    """Tilt of the base; infinite where the controller reports a fall [rad]."""
-    JOINT_STOP = "joint near its stop"
-    """Distance of the worst joint beyond its position limit, negative within [rad]."""
-    HEAT = "over-temperature"
-    """Temperature of the hottest motor [deg C]."""
-    LATE_TICK = "late controller"
-    """Ticks one after another that began more than a period late."""
-    NO_ANSWER = "no answer of the solver"
-    """Time since the last solved command [s]."""
-    REFUSED = "refused command"
-    """Commands that the last check refused since the last tick."""
-    OPERATOR = "operator gone"
-    """Age of the operator's newest sample [s]."""
-    STOP_BUTTON = "emergency stop"
-    """Number of calls of `Watchdog.stop`."""
-    INTERRUPT = "Ctrl-C"
-    """Number of SIGINT."""
-    KILL = "kill"
-    """Number of SIGTERM; SIGKILL is for the process of a `ProcessLink`."""
-    LINK = "link lost"
-    """One where nothing reaches the robot."""
+    LATE_STATE = "late state"  # age of the newest one [periods of the link]
+    GAP = "gap between states"  # of their stamps; infinite for one that goes back [periods]
+    BAD_STATE = "bad state"  # numbers that are not finite, temperatures and torques aside
+    FALL = "fall"  # tilt of the base; infinite where the controller reports a fall [rad]
+    JOINT_STOP = "joint near its stop"  # worst distance beyond its limit, negative within [rad]
+    HEAT = "over-temperature"  # of the hottest motor [deg C]
+    LATE_TICK = "late controller"  # successive ticks that began more than a period late
+    NO_ANSWER = "no answer of the solver"  # time since the last solved command [s]
+    REFUSED = "refused command"  # by the last check, since the last tick
+    OPERATOR = "operator gone"  # age of the operator's newest sample [s]
+    STOP_BUTTON = "emergency stop"  # number of calls of `Watchdog.stop`
+    INTERRUPT = "Ctrl-C"  # number of SIGINT
+    KILL = "kill"  # number of SIGTERM; SIGKILL is for the process of a `ProcessLink`
+    LINK = "link lost"  # one where nothing reaches the robot
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Rule:
     """One row of the table: the response to a trouble that exceeds a limit.
 
@@ -85,28 +67,21 @@ class Rule:
 
 
 RULES = (
-    # 10 ms at 500 Hz, half of the 20 ms within which a robot has to be damped.
-    Rule(trouble=Trouble.LATE_STATE, limit=5.0, response=Action.DAMP),
-    # Two lost states; an estimator integrates over them. The half is for the rounding of stamps.
-    Rule(trouble=Trouble.GAP, limit=3.5, response=Action.HOLD),
-    Rule(trouble=Trouble.BAD_STATE, limit=0, response=Action.DAMP),
-    # A humanoid tilted by 1 rad has its CoM beyond any foot it could still put down.
-    Rule(trouble=Trouble.FALL, limit=1.0, response=Action.DAMP),
-    # Half of the default margin of `JointLimit`, which controllers keep.
-    Rule(trouble=Trouble.JOINT_STOP, limit=-0.005, response=Action.HOLD),
-    # Neodymium magnets of grade N lose magnetisation above 80 deg C.
-    Rule(trouble=Trouble.HEAT, limit=80.0, response=Action.DAMP),
-    # Twice in succession.
-    Rule(trouble=Trouble.LATE_TICK, limit=1, response=Action.DAMP),
-    # Half of the time constant with which a controller's fallback decays.
-    Rule(trouble=Trouble.NO_ANSWER, limit=0.05, response=Action.DAMP),
-    Rule(trouble=Trouble.REFUSED, limit=0, response=Action.DAMP),
-    # Time for which step teleoperation holds the last sample.
-    Rule(trouble=Trouble.OPERATOR, limit=0.5, response=Action.HOLD),
-    Rule(trouble=Trouble.STOP_BUTTON, limit=0, response=Action.DAMP),
-    Rule(trouble=Trouble.INTERRUPT, limit=0, response=Action.DAMP),
-    Rule(trouble=Trouble.KILL, limit=0, response=Action.DAMP),
-    Rule(trouble=Trouble.LINK, limit=0, response=Action.STOP),
+    Rule(Trouble.LATE_STATE, 5.0, Action.DAMP),  # 10 ms: half of those to damp within
+    # Two lost states, over which an estimator integrates; the half is for rounded stamps.
+    Rule(Trouble.GAP, 3.5, Action.HOLD),
+    Rule(Trouble.BAD_STATE, 0, Action.DAMP),
+    Rule(Trouble.FALL, 1.0, Action.DAMP),  # the CoM is beyond any foot it could still put down
+    Rule(Trouble.JOINT_STOP, -0.005, Action.HOLD),  # half of the default margin of `JointLimit`
+    Rule(Trouble.HEAT, 80.0, Action.DAMP),  # neodymium magnets of grade N lose magnetisation
+    Rule(Trouble.LATE_TICK, 1, Action.DAMP),  # twice in succession
+    Rule(Trouble.NO_ANSWER, 0.05, Action.DAMP),  # half of a fallback's time constant
+    Rule(Trouble.REFUSED, 0, Action.DAMP),
+    Rule(Trouble.OPERATOR, 0.5, Action.HOLD),  # for which step teleoperation holds a sample
+    Rule(Trouble.STOP_BUTTON, 0, Action.DAMP),
+    Rule(Trouble.INTERRUPT, 0, Action.DAMP),
+    Rule(Trouble.KILL, 0, Action.DAMP),
+    Rule(Trouble.LINK, 0, Action.STOP),
 )
 """The default table."""
 
@@ -212,12 +187,12 @@ class Watchdog:
         beyond = np.maximum(state.q - self._q_max, self._q_min - state.q)
         numbers = (state.q, state.dq, state.quaternion, state.gyro, state.acceleration)
         x, y = state.quaternion[:2].tolist()
-        upright = 1.0 - 2.0 * (x * x + y * y)  # cosine of the tilt
+        tilt = math.acos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))  # NaN is a trouble
         measured = {
             Trouble.LATE_STATE: (now - state.arrived) * link.info.rate,
             Trouble.GAP: self._gap(state.time) * link.info.rate,
             Trouble.BAD_STATE: float(sum(np.count_nonzero(~np.isfinite(n)) for n in numbers)),
-            Trouble.FALL: math.inf if status is CommandStatus.FALLEN else _angle(upright),
+            Trouble.FALL: math.inf if status is CommandStatus.FALLEN else tilt,
             Trouble.JOINT_STOP: float(beyond.max()),
             Trouble.HEAT: float(np.fmax.reduce(state.temperature, initial=-math.inf)),
             Trouble.LATE_TICK: self._late,
@@ -239,8 +214,3 @@ class Watchdog:
 
     def _count(self, kind: int, _: Any) -> None:
         self._signals[signal.Signals(kind)] += 1
-
-
-def _angle(cosine: float) -> float:
-    """Return the angle; NaN, which is a trouble, for NaN."""
-    return math.acos(np.clip(cosine, -1.0, 1.0))
