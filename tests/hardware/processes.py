@@ -69,7 +69,8 @@ def write_line(log, given, torque, speed):
 def commands_of(log):
     """Lines of a log, as an array."""
     with open(log, "rb") as file:
-        return np.array(list(LINE.iter_unpack(file.read())))
+        whole = file.read()
+        return np.array(list(LINE.iter_unpack(whole[: len(whole) // LINE.size * LINE.size])))
 
 
 def swing(make, check, ready, priority=None):

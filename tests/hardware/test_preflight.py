@@ -200,7 +200,7 @@ AT_REST = {
     "a hot motor": ("temperature", lambda robot: {"change": at_joints(robot, "temperature", 85.0)}),
     "a low battery": ("battery", always(battery=(41.0, 43.0))),
     "a slow network": ("round trip", always(round_trip=0.2)),
-    "another posture": ("start posture", lambda robot: {"start": robot.q_home[7:]}),
+    "another posture": ("start posture", lambda robot: {"start": robot.q_home[7:] + 1.5}),
     "limits wider than the robot's": ("last check", wider),
 }
 """The check that has to find a mistake of a robot at rest, and the mistake."""
