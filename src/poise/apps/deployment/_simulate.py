@@ -44,7 +44,8 @@ class SimulatedRobot:
 
     Attributes:
         plant: the robot.
-        late: ticks that began more than half a period late.
+        late: ticks that ended more than half a period late.
+        worst: largest lateness of a tick [s].
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class SimulatedRobot:
         self._faults = Faults(
             faults or FaultPlan(), plant.robot.joint_names, period=plant.control_dt, seed=seed
         )
-        self.late = 0
+        self.late, self.worst = 0, 0.0
 
     def tick(self) -> MotorCommand:
         """Publish the state, and advance under the newest command; return it."""
@@ -102,6 +103,7 @@ class SimulatedRobot:
                 due += period
                 now = clock.monotonic()
                 self.late += now > due + 0.5 * period
+                self.worst = max(self.worst, now - due)
                 if now > due + _LATE:
                     due = now
                 clock.sleep(max(0.0, due - now))
