@@ -87,7 +87,8 @@ class SimulateVerb:
         finally:
             signal.signal(signal.SIGTERM, before)
         where = "fallen" if plant.fallen else "up"
-        print(f"{plant.time:.1f} s, {simulated.late} late ticks (worst {1e3 * simulated.worst:.1f} ms), {end.received} commands: {where}")
+        late = f"{simulated.late} late ticks, worst {1e3 * simulated.worst:.1f} ms"
+        print(f"{plant.time:.1f} s, {late}, {end.received} commands: {where}")
         return OK
 
 

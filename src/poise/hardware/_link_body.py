@@ -34,18 +34,16 @@ RAMP = 3.0
 moves by at most 15 / 8 / 3 s = 0.6 rad/s, which a person with a hand on the stop can follow."""
 
 WARM = 0.2
-"""Time for which all of a tick runs before its command counts [s]: its first hundred runs take
-several times as long as the later ones, until memory and caches are warm."""
+"""Time for which a tick runs before its command counts [s], until memory and caches are warm."""
 
-_POLL = 1e-4
-"""Pause between two looks for a new state [s], a twentieth of a period of 500 Hz."""
+_POLL = 1e-4  # pause between two looks for a new state [s], a twentieth of 500 Hz
 
 
 class LinkBody:
     """Robot behind a link, as the `Body` of `poise.rollout`.
 
-    A step evaluates the watchdog, splits the command's torque, blends it by the ramp, writes, and
-    waits for the next state, at most one and a half periods after the last.
+    A step evaluates the watchdog, splits the torque, blends it by the ramp, writes, and waits for
+    the next state, at most one and a half periods after the last.
 
     The first call of `state` brings a hanging robot into its posture by position control,
 
@@ -75,20 +73,16 @@ class LinkBody:
         stand: time for which the controller stands before the leader begins [s].
         ready: returns True once the robot stands on its feet; if None it counts as standing
             `stand` after it has its posture.
-        operator: returns the time of the operator's newest sample by the link's clock [s]; None
-            without an operator.
+        operator: returns the time of the operator's newest sample by the link's clock [s].
 
     Attributes:
-        robot: the robot.
-        link: connection to it.
+        robot, link, ready, operator: as given.
         begin: time at which the leader begins [s].
         q_start: posture of the joints within the last check's bounds.
         verdict: of the watchdog in the last step.
         measured: state of the present tick, as read.
         sent: set-points of the last tick; None before the first and after an end.
         late: ticks in which no new state arrived.
-        ready: as given.
-        operator: as given.
 
     Raises:
         ConfigurationError: the link has other joints than the robot, or a setting is out of range.
@@ -125,7 +119,8 @@ class LinkBody:
         self._split = split or TorqueSplit(check, kp=self._still, kd=self._still, period=dt)
         self.watchdog = watchdog or Watchdog(robot, period=dt)
         home = robot.q_home[-robot.nj :] if q_start is None else q_start
-        self.q_start = np.clip(home, check.lower, check.upper)
+        self._bounds = check.lower, check.upper
+        self.q_start = np.clip(home, *self._bounds)
         self._posture = posture and ramp > 0.0
         self._ramp = checked_number(ramp, "ramp of the link's body [s]")
         self._stand = checked_number(stand, "stand of the link's body [s]")
@@ -144,12 +139,12 @@ class LinkBody:
 
     @property
     def fallen(self) -> bool:
-        """True once the watchdog damps or stops, and after the ramp-out: a rollout ends."""
+        """True once the watchdog damps or stops, and after the ramp-out."""
         return self.verdict.response >= Action.DAMP or self.time >= self._end + self._ramp
 
     @property
     def held(self) -> bool:
-        """True where the leader's targets are frozen: before its begin, and on HOLD."""
+        """True before the leader begins, and on HOLD."""
         return self.time < self.begin or self.verdict.response is Action.HOLD
 
     def state(self) -> RobotState:
@@ -159,8 +154,7 @@ class LinkBody:
             if self._posture:
                 self._take_posture()
             self._zero = self.measured.time
-        state = robot_state(self.robot, self.link.info, self.measured)
-        return replace(state, time=self.time)
+        return replace(robot_state(self.robot, self.link.info, self.measured), time=self.time)
 
     def true_state(self) -> RobotState:
         """Return the measured state; the true one is not known."""
@@ -172,32 +166,28 @@ class LinkBody:
         Args:
             command: of the controller, for the present state.
         """
-        if self.time < self._warm:
-            self._answered = self.measured
+        state = self._answered = self.measured
+        if self.time < self._warm and self.verdict.response < Action.DAMP:
             self._send(self._hold(self.q_start))
             return
         operator = None if self.operator is None else self.operator()
-        state, before = self.measured, self.verdict.response
-        self._answered = state
         self.verdict = self.watchdog.evaluate(self.link, state, command, operator=operator)
         self._age = self.link.clock() - state.arrived
-        response = self.verdict.response
-        if response < Action.DAMP:
-            self.sent = self._ramped(self._split.split(command, state))
-            self.link.write(self.sent)
-        else:
-            if response is Action.DAMP and before is not Action.STOP:
-                self.link.write(self._check.damping)
-            self.sent = None
+        if self.verdict.response < Action.DAMP:
+            self._send(self._ramped(self._split.split(command, state)))
+            return
+        if self.verdict.response is Action.DAMP:
+            self.link.write(self._check.damping)
+        self.sent = None
         self._wait()
 
-    def follow(self, leader: Leader) -> "HeldLeader":
-        """Return the leader, frozen while the body is `held`.
+    def follow(self, leader: Leader) -> "_HeldLeader":
+        """Return the leader, not called before `begin`; on HOLD its `pause` is, if it has one.
 
         Args:
             leader: sets the targets of the controller's stack.
         """
-        return HeldLeader(leader, self)
+        return _HeldLeader(leader, self)
 
     def signals(self) -> dict[str, np.ndarray | float | str]:
         """Return the state that the last tick received and the command that it sent.
@@ -222,13 +212,11 @@ class LinkBody:
 
     def close(self) -> None:
         """Damp the robot and disconnect."""
-        self.sent = None
         self.link.close()
 
     def _take_posture(self) -> None:
         """Bring the robot into its posture, and hold it until it is ready."""
-        first, begin = self.measured, self.measured.time
-        q_0 = np.clip(first.q, self._check.lower, self._check.upper)
+        begin, q_0 = self.measured.time, np.clip(self.measured.q, *self._bounds)
         while True:
             since = self.measured.time - begin
             self.verdict = self.watchdog.evaluate(self.link, self.measured)
@@ -277,35 +265,18 @@ class LinkBody:
         self._began = now
 
 
-class HeldLeader:
-    """Leader that is held with its body.
-
-    Before the body's `begin` it is not called; on HOLD its `pause` is in place of its `lead`, or
-    nothing where it has none.
-
-    Args:
-        leader: the leader.
-        body: of the robot.
-    """
+class _HeldLeader:
+    """Leader of `LinkBody.follow`."""
 
     def __init__(self, leader: Leader, body: LinkBody) -> None:
         self.stack, self._leader, self._body = leader.stack, leader, body
-        self._pause = getattr(leader, "pause", None)
+        self._pause = getattr(leader, "pause", lambda _: None)
         self._signals = getattr(leader, "signals", dict)
 
     def lead(self, state: RobotState) -> None:
-        """Set the stack's targets, or leave them.
-
-        Args:
-            state: as estimated.
-        """
         body = self._body
-        if body.time < body.begin:
-            return
-        if not body.held:
-            self._leader.lead(state)
-        elif self._pause is not None:
-            self._pause(state)
+        if body.time >= body.begin:
+            (self._pause if body.held else self._leader.lead)(state)
 
     def signals(self) -> Mapping[str, Any]:
         """Return the leader's signals, for a recorder; none before it begins."""
@@ -316,7 +287,5 @@ class HeldLeader:
 
 
 def _blend(first: MotorCommand, second: MotorCommand, share: float) -> MotorCommand:
-    """Return (1 - share) first + share second, field by field."""
-    rest = 1.0 - share
-    mixed = {n: rest * getattr(first, n) + share * getattr(second, n) for n in COMMAND_FIELDS}
-    return MotorCommand(**mixed)
+    pairs = ((n, getattr(first, n), getattr(second, n)) for n in COMMAND_FIELDS)
+    return MotorCommand(**{n: (1.0 - share) * a + share * b for n, a, b in pairs})

@@ -63,14 +63,11 @@ class ReplayLink:
         self.info = LinkInfo(name="replay of a log", rate=rate, joints=joints)
         # A state that was answered twice is read once.
         _, once = np.unique(record["received/time"], return_index=True)
-        known: dict[str, Any] = {
-            name: record[f"received/{name}"][once].tolist()
-            if name in ("time", "arrived")
-            else list(record[f"received/{name}"][once])
-            for name in _STORED
-        }
+        known = {name: record[f"received/{name}"][once] for name in _STORED}
+        times: dict[str, Any] = {n: known.pop(n).tolist() for n in ("time", "arrived")}
+        columns = known | times
         self._states = [
-            MotorState(**{name: column[k] for name, column in known.items()}, **_UNKNOWN)
+            MotorState(**{name: column[k] for name, column in columns.items()}, **_UNKNOWN)
             for k in range(len(once))
         ]
         self.count, self.at, self.began = len(once), 0, float(self._states[0].time)
