@@ -20,7 +20,6 @@ from poise.hardware._link import (
     Joints,
     Link,
     MotorCommand,
-    MotorState,
     per_joint,
 )
 from poise.hardware._plant_link import robot_state
@@ -55,9 +54,9 @@ class LinkBody:
 
         u = (1 - s) hold + s split
 
-    field by field, with a phase over `ramp`. Position control at the ankles does not balance a
-    humanoid: the hoist goes with it until the controller stands alone, for `stand`, before the
-    leader begins. After `end` the set-points fade to the last check's damping over `ramp`.
+    field by field, with a phase over `ramp`. Position control does not balance a humanoid: the
+    hoist goes once the controller stands alone, for `stand` before the leader begins. After `end`
+    the set-points fade to the last check's damping over `ramp`.
 
     Args:
         robot: the robot.
@@ -71,8 +70,7 @@ class LinkBody:
         posture: False for a robot that is in its posture already, and stands.
         ramp: length of each ramp; zero for a robot that stands under no control [s].
         stand: time for which the controller stands before the leader begins [s].
-        ready: returns True once the robot stands on its feet; if None it counts as standing
-            `stand` after it has its posture.
+        ready: returns True once it stands on its feet; None for `stand` after it has its posture.
         operator: returns the time of the operator's newest sample by the link's clock [s].
 
     Attributes:
@@ -148,7 +146,7 @@ class LinkBody:
         return self.time < self.begin or self.verdict.response is Action.HOLD
 
     def state(self) -> RobotState:
-        """Return the measured state, for an estimator: `robot_state`; the first begins the run."""
+        """Return the measured state, as `robot_state`; the first call begins the run."""
         if math.isnan(self._zero):
             self.measured, self._began = self.link.read(), self.link.clock()
             if self._posture:
@@ -258,10 +256,10 @@ class LinkBody:
             if now >= begin + 1.5 * period:
                 self.late += 1
                 break
-            time.sleep(_POLL)
+            time.sleep(max(_POLL, begin + 0.5 * period - now))
             if link.clock() == now:  # Its time passes by commands, and there was none.
                 break
-        self.measured: MotorState = state
+        self.measured = state
         self._began = now
 
 

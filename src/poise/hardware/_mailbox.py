@@ -8,6 +8,7 @@ import numpy as np
 _TRIES = 3  # reads until one is intact: each fault takes a writer that overtakes the reader again
 
 Record = Any  # a structured scalar of NumPy
+_NONE: tuple[int, Record] | None = None
 
 
 class Mailbox:
@@ -25,7 +26,7 @@ class Mailbox:
     def __init__(self, memory: Any, kind: np.dtype[np.void]) -> None:
         slots = np.frombuffer(memory, dtype=_slot(kind), count=2)
         self._record, self._number, self._checksum = slots["record"], slots["number"], slots["crc"]
-        self._kind, self._written = kind, 0
+        self._written, self._found = 0, _NONE
 
     @staticmethod
     def size_of(kind: np.dtype[np.void]) -> int:
@@ -41,14 +42,17 @@ class Mailbox:
         self._checksum[slot] = crc32(record.tobytes(), number & _WORD)
 
     def read(self) -> tuple[int, Record] | None:
-        """Return number and copy of the newest intact record; None if there is none."""
-        for _ in range(_TRIES):
-            for slot in np.argsort(self._number)[::-1]:
-                number, checksum = int(self._number[slot]), int(self._checksum[slot])
-                record = self._record[slot].copy()
-                if number and crc32(record.tobytes(), number & _WORD) == checksum:
-                    return number, record
-        return None
+        """Return number and copy of the newest intact record, the same until another; else None."""
+        found = self._found
+        if found is not None and found[0] == self._number.max():
+            return found
+        for slot in [*np.argsort(self._number)[::-1]] * _TRIES:
+            number, checksum = int(self._number[slot]), int(self._checksum[slot])
+            record = self._record[slot].copy()
+            if number and crc32(record.tobytes(), number & _WORD) == checksum:
+                self._found = number, record
+                break
+        return self._found
 
 
 _WORD = 0xFFFFFFFF  # of CRC-32

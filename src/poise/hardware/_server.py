@@ -68,7 +68,6 @@ def serve(
     except Exception as error:
         answer.send(f"{type(error).__name__}: {error}")
         return
-    # One that does not fit is for the controller's process to name.
     answer.send(link.info)
     answer.close()
     if server is None:
@@ -92,9 +91,9 @@ class _Server:
         self._fault, self._longest = "", max(FRESH, 2.0 / link.info.rate)
         self._number: int | None = None  # of the last command; nothing is sent before the first
         self._written = -math.inf
-        self._record["time"] = np.nan
+        self._record["time"], self._told = np.nan, None
         self._publish()
-        signal.signal(signal.SIGTERM, self._end)
+        signal.signal(signal.SIGTERM, lambda *_: setattr(self, "_ending", True))
 
     def run(self, linger: float) -> None:
         """Tick until the controller has gone, then damp for a while."""
@@ -124,9 +123,8 @@ class _Server:
         now, period = time.monotonic(), 1.0 / self._link.info.rate
         # A command goes out when it comes; without one something does after one and a half periods.
         waited = now - self._written
-        if self._number is None and command is None:
-            return
-        if waited < (0.5 if number != self._number else 1.5) * period:
+        idle = self._number is None and command is None
+        if idle or waited < (0.5 if number != self._number else 1.5) * period:
             return
         self._number, self._written = number, now
         check, refused = self._check, self._refused
@@ -157,6 +155,9 @@ class _Server:
 
     def _publish(self) -> None:
         state, record = self._state, self._record
+        if (told := (state.time, self._status, self._refused)) == self._told:
+            return
+        self._told = told
         if state.time != record["time"]:
             record["arrived"] = time.monotonic()
             for name in _MEASURED:
@@ -165,6 +166,3 @@ class _Server:
         reason = self._fault or self._check.reason or self._link.reason
         record["reason"] = reason.encode()[:_REASON]
         self._states.write(record[()])
-
-    def _end(self, *_: object) -> None:
-        self._ending = True
