@@ -25,7 +25,7 @@ DT, RAMP = 0.01, 0.3
 
 
 class Bus:
-    """A link whose time passes by commands, to joints that take each target at once."""
+    """A link whose time passes by commands, to joints that take each target immediately."""
 
     def __init__(self, joints, q):
         self.info = LinkInfo(name="bus", rate=1.0 / DT, joints=joints)

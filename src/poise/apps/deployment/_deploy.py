@@ -113,7 +113,7 @@ def deploy(
 ) -> Run:
     """Run a staged deployment; whatever ends it, the robot is damped.
 
-    Ctrl-C damps at once; after the scenario the set-points fade to damping.
+    Ctrl-C damps; after the scenario the set-points fade to damping.
 
     Args:
         stage: of `stage_deployment`.

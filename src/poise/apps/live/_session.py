@@ -49,7 +49,7 @@ class LiveSession:
         seed: of the sensor noise.
         parameters: of the teleoperator; scaled to the robot when None.
         solved_by: name of the controller that solves the teleoperator's stack.
-        connect: returns the robot behind a link that is led in place of a simulated one, by its
+        connect: returns the robot behind a link in place of a simulated one, by its
             posture at the start; it is called when everything has been compiled.
 
     Raises:

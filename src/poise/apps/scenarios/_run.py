@@ -161,7 +161,7 @@ def run_stage(
         progress: called with the progress of the run.
         flush_dt: time between two writings of the log [s].
         at_end: called after the last tick, before the run is judged.
-        on_interrupt: called at once on Ctrl-C.
+        on_interrupt: called on Ctrl-C.
 
     Returns:
         The run with its signals and checks.
