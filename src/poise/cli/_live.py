@@ -26,8 +26,8 @@ class _Live:
         seed: seed of --noise, and of the places of bumps; a recording has its own.
         seconds: end after so many seconds.
         no_open: do not open the page in a browser.
-        link: interface of a robot behind a link, as eth0, or lo for a simulated one, in place of the
-            simulated robot of the page; it has to be a g1.
+        link: interface of a robot behind a link, as eth0, or lo for a simulated one, in place of
+            the simulated robot of the page; it has to be a g1.
         tag: of the participants on its bus.
         without_preflight: leave its preflight out.
         out: folder to write into.
