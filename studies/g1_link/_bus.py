@@ -57,8 +57,6 @@ class Bus:
         largest: torque of ideal drives that was asked for, by its limit.
     """
 
-    reason = ""
-
     def __init__(
         self, plant: Plant, check: LastCheck, plan: FaultPlan = ON_THE_WAY, *, seed: int = 0
     ) -> None:
@@ -75,6 +73,11 @@ class Bus:
     def refused(self) -> int:
         """Number of commands that failed the last check."""
         return self.check.refused
+
+    @property
+    def reason(self) -> str:
+        """Fault of the last refused command."""
+        return self.check.reason
 
     def clock(self) -> float:
         """Return the plant's time [s]."""

@@ -79,20 +79,26 @@ class Killed:
 
 
 class _Robot(PlantLink):
-    """Simulated robot that writes down its commands; its time passes by them."""
+    """Simulated robot that writes down its commands.
+
+    Its time passes by them, and while its controller lives by those with stiffness alone: a robot
+    does not fall because a busy machine delays its controller until the link damps.
+    """
 
     def __init__(self, plant: HoistedPlant, path: str) -> None:
         super().__init__(plant, load_cells=False)
-        self._robot = plant
+        self._robot, self._controller = plant, multiprocessing.parent_process()
         self._file = open(path, "ab", buffering=0)  # noqa: SIM115
 
     def write(self, command: MotorCommand) -> None:
         """Apply a command, and write it down."""
-        super().write(command)
+        controller, stiffness = self._controller, float(command.kp.max())
+        if stiffness > 0.0 or controller is None or not controller.is_alive():
+            super().write(command)
         state, plant = self.read(), self._robot
         torque = float(np.max(np.abs(plant.applied_torque) / plant.robot.tau_max))
         numbers = [command.q, command.dq, command.kp, command.kd, command.tau, state.q, state.dq]
-        total, stiffness = float(np.concatenate(numbers).sum()), float(command.kp.max())
+        total = float(np.concatenate(numbers).sum())
         line = time.monotonic(), state.time, stiffness, torque, float(plant.fallen), total
         self._file.write(_LINE.pack(*line))
 
@@ -164,7 +170,7 @@ def _kill(folder: str, at: float, seed: int) -> dict[str, float] | None:
         pid = near.recv()
         assert isinstance(pid, int)
         path, end = Path(folder, "robot"), time.monotonic() + _PATIENCE
-        while _last(path) < at:
+        while not _walks(path, at):
             if controller.exitcode is not None or time.monotonic() > end:
                 return None
             time.sleep(0.5 * PERIOD)
@@ -192,14 +198,15 @@ def _kill(folder: str, at: float, seed: int) -> dict[str, float] | None:
     }
 
 
-def _last(path: Path) -> float:
-    """Return the robot's time in the last whole line."""
+def _walks(path: Path, at: float) -> bool:
+    """Return True once the last command has stiffness, and the robot's time has come."""
     size = path.stat().st_size // _LINE.size if path.exists() else 0
     if not size:
-        return -math.inf
+        return False
     with path.open("rb") as file:
         file.seek((size - 1) * _LINE.size)
-        return _LINE.unpack(file.read(_LINE.size))[1]
+        _, time, stiffness, *_ = _LINE.unpack(file.read(_LINE.size))
+    return time >= at and stiffness > 0.0
 
 
 def _lines(path: Path) -> Float64[np.ndarray, "n 6"]:

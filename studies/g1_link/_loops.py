@@ -50,7 +50,7 @@ class Looped:
     """The end of a run."""
 
     fell: bool  # of the plant
-    ended: str  # reason of the watchdog for an end
+    ended: str  # reasons of the watchdog for an end and of the last check
     seconds: float  # until the end, of the scenario alone [s]
     ticks: int  # periods in all
     missed: int  # in which no state arrived
@@ -153,7 +153,7 @@ def run_loop(trial: Loop) -> Looped:
         lifted = single
     return Looped(
         fell=plant.fallen,
-        ended=stage.plant.trouble,
+        ended=" ".join(filter(None, (stage.plant.trouble, bus.reason))),
         seconds=plant.time - body.begin,
         ticks=ticks,
         missed=bus.missed,
@@ -161,7 +161,7 @@ def run_loop(trial: Loop) -> Looped:
         refused=bus.refused,
         wrong=bus.wrong,
         torque=bus.largest,
-        steps=steps if by_hand else getattr(leader, "steps_made", 0),
+        steps=steps if by_hand else getattr(leader.walker, "steps_made", 0),
     )
 
 
