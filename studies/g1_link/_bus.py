@@ -5,6 +5,7 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from poise.apps.deployment import FaultPlan, Faults, g1_gains, stage_deployment
 from poise.apps.scenarios import Scenario, Stage
@@ -118,7 +119,7 @@ class Bus:
 
     def _received(self, state: MotorState) -> MotorState:
         now = self._plant.time
-        numbers = {n: np.float64(np.float32(getattr(state, n))) for n in _SENT}
+        numbers = {name: _as_sent(getattr(state, name)) for name in _SENT}
         return self.change(replace(state, time=now, arrived=now, **numbers))
 
     def _within_limits(self, command: MotorCommand) -> bool:
@@ -178,5 +179,8 @@ def ticks_of(stage: Stage, plant: Plant) -> Generator[Tick]:
 
 
 def _rounded(command: MotorCommand) -> MotorCommand:
-    fields = {name: np.float64(np.float32(getattr(command, name))) for name in COMMAND_FIELDS}
-    return MotorCommand(**fields)
+    return MotorCommand(**{name: _as_sent(getattr(command, name)) for name in COMMAND_FIELDS})
+
+
+def _as_sent(numbers: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+    return numbers.astype(np.float32).astype(np.float64)

@@ -12,6 +12,7 @@ from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
@@ -156,11 +157,13 @@ def kill_at(phase: float, seed: int) -> Killed:
             found = _kill(folder, _BEGIN + _STRIDE * phase, seed)
             if found is not None:
                 return Killed(phase=phase, tries=tries, **found)
-    worst = dict.fromkeys(("damped", "torque", "lost"), math.inf)
-    return Killed(phase=phase, tries=_TRIES, stiff=0, finite=False, **worst)
+    none = math.inf
+    return Killed(
+        phase=phase, tries=_TRIES, damped=none, stiff=0, torque=none, finite=False, lost=none
+    )
 
 
-def _kill(folder: str, at: float, seed: int) -> dict[str, float] | None:
+def _kill(folder: str, at: float, seed: int) -> dict[str, Any] | None:
     spawn = multiprocessing.get_context("spawn")
     near, far = spawn.Pipe(duplex=False)
     controller = spawn.Process(target=walk, args=(folder, seed, permitted_priority(), far))

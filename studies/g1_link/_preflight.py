@@ -139,7 +139,7 @@ def preflight_section(options: StudyOptions, progress: Progress) -> Section:
     seeded = [Mistake(name="none"), *mistakes(robot)]
     for k, mistake in enumerate(seeded):
         progress(float(k), float(len(seeded)))
-        wrong = Mistaken(link.rest(), mistake.change, mistake.fresh)
+        wrong: Any = Mistaken(link.rest(), mistake.change, mistake.fresh)
         found[mistake.name] = preflight(robot, wrong, check, seconds=_REST, motion=link.ask)
     progress(float(len(seeded)), float(len(seeded)))
     well, missed = found.pop("none"), [name for name, f in found.items() if f.ok]

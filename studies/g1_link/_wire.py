@@ -155,7 +155,8 @@ def differing_commands(count: int, progress: Progress) -> int:
             progress(float(arrived), float(count))
         got = robot.recv() if robot.poll(_PATIENCE) else np.zeros((0, 0))
     sent = [_numbers(c) for c in random_commands(count, load_robot("g1").nj)]
-    same = (np.array_equal(np.float32(a), np.float32(b)) for a, b in zip(sent, got, strict=False))
+    pairs = zip(sent, got, strict=False)
+    same = (np.array_equal(a.astype(np.float32), b.astype(np.float32)) for a, b in pairs)
     return count - sum(same)
 
 
