@@ -27,7 +27,7 @@ class StudyVerb:
     """
 
     # Which study: bias-acceleration, step-teleoperation, reduced-dynamics, torque-teleoperation,
-    # locomotion, quiet or ablation
+    # locomotion, quiet, ablation or g1-link
     name: Annotated[Positional[str], arg(metavar="NAME")]
     quick: bool = False  # a shorter version of the same, to try it out
     # Compute this part alone; may be given several times

@@ -207,6 +207,7 @@ _MODULES = {
     "locomotion": "studies.locomotion",
     "quiet": "studies.quiet",
     "ablation": "studies.ablation",
+    "g1-link": "studies.g1_link",
 }
 """Where each study's `PLAN` is."""
 
