@@ -1,6 +1,6 @@
 """The link to a G1: deployments, faults, kills, the wire, preflight, vibration and balance."""
 
-from studies.finding import Section
+from studies.g1_link._balance import balance_section
 from studies.g1_link._faults import faults_section
 from studies.g1_link._kill import kill_section
 from studies.g1_link._loops import loops_section
@@ -8,14 +8,7 @@ from studies.g1_link._preflight import preflight_section
 from studies.g1_link._real_time import real_time_section
 from studies.g1_link._vibration import vibration_section
 from studies.g1_link._wire import wire_section
-from studies.plan import Part, Progress, StudyOptions, StudyPlan
-
-
-def _balance_section(options: StudyOptions, progress: Progress) -> Section:
-    from studies.g1_link._balance import balance_section
-
-    return balance_section(options, progress)
-
+from studies.plan import Part, StudyPlan
 
 PLAN = StudyPlan(
     name="g1-link",
@@ -34,7 +27,7 @@ PLAN = StudyPlan(
         Part("wire", "Commands and the checksum on the wire", wire_section),
         Part("preflight", "Mistakes that the preflight has to find", preflight_section),
         Part("vibration", "Vibration by motors, delay and gains", vibration_section),
-        Part("balance", "Arms that swing under the balance service", _balance_section),
+        Part("balance", "Arms that swing under the balance service", balance_section),
     ),
 )
 """The study."""

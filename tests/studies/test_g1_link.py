@@ -63,6 +63,9 @@ def test_vibration_is_what_is_above_the_lowest_frequency():
 
 
 RUN = """
+import json
+from studies.g1_link._vibration import run
+
 print(json.dumps([[f.name, f.ok] for f in run(quick=True).findings]))
 """
 

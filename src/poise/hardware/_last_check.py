@@ -49,8 +49,8 @@ class LastCheck:
         kd_max: largest damping that they may have [N m s/rad].
         margin: distance of position targets from the limits [rad].
         scale: fraction of the torque limits that may be used.
-        step: largest change of a torque in a tick, by its limit. One allows twice the rate of
-            `poise.default_stack` at 500 Hz, so only a jump between opposite torques is refused.
+        step: largest change of a torque in a tick, by its limit: that of the rate limiter of
+            `poise.default_stack` within 3.5 periods of 500 Hz, the longest gap between states.
         damping: of the damping command; by default `DAMPING_RATIO` of the torque limit at the
             velocity limit [N m s/rad].
 
@@ -79,7 +79,7 @@ class LastCheck:
         kd_max: Gains,
         margin: float = 0.0,
         scale: float = 1.0,
-        step: float = 1.0,
+        step: float = 1.75,
         damping: Gains | None = None,
     ) -> None:
         self.joints = joints = tuple(limits.joint_names)
