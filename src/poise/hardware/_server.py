@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from copy import copy
-from multiprocessing import parent_process
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -97,12 +96,12 @@ class _Server:
 
     def run(self, linger: float) -> None:
         """Tick until the controller has gone, then damp for a while."""
-        period, parent = 1.0 / (LOOKS * self._link.info.rate), parent_process()
+        period, parent = 1.0 / (LOOKS * self._link.info.rate), os.getppid()
         due, end = time.monotonic(), math.inf
         try:
             while due < end:
                 self._tick()
-                if end == math.inf and (self._ending or parent is None or not parent.is_alive()):
+                if end == math.inf and (self._ending or os.getppid() != parent):
                     self._ending, end = True, time.monotonic() + linger
                 due = max(due + period, time.monotonic())
                 time.sleep(max(0.0, due - time.monotonic()))
