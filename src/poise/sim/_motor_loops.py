@@ -18,7 +18,7 @@ _QUADRATIC = int(mujoco.mjtConstraintState.mjCNSTRSTATE_QUADRATIC)
 _CONE = int(mujoco.mjtConstraintState.mjCNSTRSTATE_CONE)
 
 
-class Drives(NamedTuple):
+class DriveLoops(NamedTuple):
     """Constants of the motors; motor i is on joint i and, by a linkage, on joint `mate[i]`."""
 
     mate: Int64[np.ndarray, " nj"]  # itself without a linkage
@@ -31,7 +31,7 @@ class Drives(NamedTuple):
     notch: Joints  # step of the encoder at the output [rad]
 
 
-class State(NamedTuple):
+class DriveState(NamedTuple):
     """State of the motors, at their outputs."""
 
     angle: Joints
@@ -49,8 +49,8 @@ class State(NamedTuple):
 
 @compiled
 def advance(
-    drives: Drives,
-    state: State,
+    drives: DriveLoops,
+    state: DriveState,
     set_points: Float64[np.ndarray, "5 nj"],
     dynamics: tuple[Joints, Square],
     follow: tuple[float, float],

@@ -14,7 +14,7 @@ from poise.errors import ConfigurationError, UnknownNameError
 from poise.robots import Robot
 from poise.sim._config import PlantConfig
 from poise.sim._motor_config import PERIOD, Motor, MotorConfig
-from poise.sim._motor_loops import Drives, Joints, Square, State, advance, respond
+from poise.sim._motor_loops import DriveLoops, DriveState, Joints, Square, advance, respond
 
 
 @runtime_checkable
@@ -62,7 +62,7 @@ class Motors:
         self._inertia = np.empty((model.nv, model.nv))
         self._columns = np.empty((robot.nj, model.nv))
         self._set_points = np.zeros((5, robot.nj))
-        self._state = State(*np.zeros((len(State._fields), robot.nj)))
+        self._state = DriveState(*np.zeros((len(DriveState._fields), robot.nj)))
         self._mean, self._free = np.zeros((2, robot.nj))
         self._response = np.eye(robot.nj)
         say_if_slow(advance, "the loops of motors")
@@ -162,7 +162,7 @@ def _counted(angle: Joints, notch: Joints) -> Joints:
     return np.where(notch > 0.0, steps * np.rint(angle / steps), angle)
 
 
-def _make_drives(robot: Robot, config: MotorConfig) -> tuple[Drives, Square]:
+def _make_drives(robot: Robot, config: MotorConfig) -> tuple[DriveLoops, Square]:
     """Constants of the motors, and the matrix R of their turns in those of the joints."""
     kinds = [_kind_of(name, config.motors) for name in robot.joint_names]
     mate, rates = np.arange(robot.nj), np.eye(robot.nj)
@@ -177,7 +177,7 @@ def _make_drives(robot: Robot, config: MotorConfig) -> tuple[Drives, Square]:
     inverse, own = np.linalg.inv(rates), np.arange(robot.nj)
     across = np.where(mate == own, 0.0, inverse[own, mate])
     limits = zip(kinds, robot.tau_max.tolist(), strict=True)
-    drives = Drives(
+    drives = DriveLoops(
         mate=mate,
         inverse=np.array([inverse[own, own], across]),
         limit=np.array([most if kind.limit is None else kind.limit for kind, most in limits]),
