@@ -25,6 +25,7 @@ class BalanceVerb:
         robot: a humanoid: a name that `poise robots` lists, or a file; with --link g1.
         link: interface of a robot behind a link, as eth0, or lo for a simulated one.
         tag: of the participants on its bus.
+        priority: of the link's process under SCHED_FIFO, 1 to 99.
         without_preflight: leave its preflight out.
         host: address of this machine on which the service listens.
         port: of targets, and the one before that of states.
@@ -35,6 +36,7 @@ class BalanceVerb:
     robot: str = "g1"
     link: str | None = None
     tag: str = ""
+    priority: int | None = None
     without_preflight: bool = False
     host: str = "127.0.0.1"
     port: int = 5570
@@ -69,6 +71,7 @@ class BalanceVerb:
                     config,
                     interface=self.link,
                     tag=self.tag,
+                    priority=self.priority,
                     without_preflight=self.without_preflight,
                 )
             print(f"{robot.name}: targets to {server.targets}, states from {server.states}")

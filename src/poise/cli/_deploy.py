@@ -187,7 +187,13 @@ def _ask(move: Any) -> None:
 
 
 def linked_plant(
-    robot: Any, config: Any, *, interface: str, tag: str, without_preflight: bool
+    robot: Any,
+    config: Any,
+    *,
+    interface: str,
+    tag: str,
+    priority: int | None,
+    without_preflight: bool,
 ) -> Any:
     """Connect to a robot that an operator leads."""
     from poise.apps import deployment as d
@@ -195,7 +201,7 @@ def linked_plant(
 
     _require_g1(robot)
     gains = d.g1_gains(robot)
-    link = d.connect_g1(robot, gains.check, interface=interface, tag=tag)
+    link = d.connect_g1(robot, gains.check, interface=interface, tag=tag, priority=priority)
     body = LinkBody(robot, link, gains.check, gains.split, kp=gains.kp, kd=gains.kd)
     if not without_preflight:
         check_robot(robot, link, gains.check, body.q_start, motion=False)

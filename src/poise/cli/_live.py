@@ -29,6 +29,7 @@ class _Live:
         link: interface of a robot behind a link, as eth0, or lo for a simulated one, in place of
             the simulated robot of the page; it has to be a g1.
         tag: of the participants on its bus.
+        priority: of the link's process under SCHED_FIFO, 1 to 99.
         without_preflight: leave its preflight out.
         out: folder to write into.
     """
@@ -40,6 +41,7 @@ class _Live:
     no_open: bool = False
     link: str | None = None
     tag: str = ""
+    priority: int | None = None
     without_preflight: bool = False
     out: Annotated[str | None, arg(metavar="DIR")] = None
 
@@ -61,6 +63,7 @@ class _Live:
                 robot,
                 interface=self.link,
                 tag=self.tag,
+                priority=self.priority,
                 without_preflight=self.without_preflight,
             )
         session = LiveSession(
