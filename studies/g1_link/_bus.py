@@ -2,16 +2,15 @@
 
 from collections.abc import Callable, Generator
 from copy import copy
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
 from poise.apps.deployment import FaultPlan, Faults, g1_gains, stage_deployment
-from poise.apps.scenarios import Scenario, Stage
+from poise.apps.scenarios import Scenario
 from poise.hardware import (
-    COMMAND_FIELDS,
-    RAMP,
     LastCheck,
     LinkStatus,
     MotorCommand,
@@ -20,6 +19,8 @@ from poise.hardware import (
 )
 from poise.robots import Robot
 from poise.sim import MotorConfig, Plant, PlantConfig, Tick, rollout
+
+FIELDS = tuple(field.name for field in fields(MotorCommand))
 
 PERIOD = 0.002
 """Of states and commands of a G1 [s]."""
@@ -125,7 +126,7 @@ class Bus:
     def _within_limits(self, command: MotorCommand) -> bool:
         """Return True for finite numbers in the limits of the robot's description and drives."""
         robot, slack = self._plant.robot, 1.0 + _ROUNDING
-        q, dq, kp, kd, tau = (getattr(command, name) for name in COMMAND_FIELDS)
+        q, dq, kp, kd, tau = (getattr(command, name) for name in FIELDS)
         middle, half = 0.5 * (robot.q_min + robot.q_max), 0.5 * (robot.q_max - robot.q_min)
         inside = np.abs(q - middle) <= half + _ROUNDING * (half + np.abs(middle))
         slow = np.abs(dq) <= slack * robot.v_max
@@ -148,7 +149,7 @@ def g1_plant(*loads: PlantConfig.Payload, ideal: bool = False) -> PlantConfig:
     return config if ideal else replace(config, motors=MotorConfig.g1()).with_noise()
 
 
-def stage_on(bus: Bus, scenario: Scenario, robot: Robot, *, ramp: float = RAMP) -> Stage:
+def stage_on(bus: Bus, scenario: Scenario, robot: Robot, *, ramp: float = 3.0) -> Any:
     """Stage a scenario on a G1 behind the bus."""
     gains = g1_gains(robot)
     return stage_deployment(
@@ -164,7 +165,7 @@ def stage_on(bus: Bus, scenario: Scenario, robot: Robot, *, ramp: float = RAMP) 
     )
 
 
-def ticks_of(stage: Stage, plant: Plant) -> Generator[Tick]:
+def ticks_of(stage: Any, plant: Plant) -> Generator[Tick]:
     """Run a stage to its end, an end by the watchdog or a fall of the plant."""
     for tick in rollout(
         stage.plant,
@@ -179,7 +180,7 @@ def ticks_of(stage: Stage, plant: Plant) -> Generator[Tick]:
 
 
 def _rounded(command: MotorCommand) -> MotorCommand:
-    return MotorCommand(**{name: _as_sent(getattr(command, name)) for name in COMMAND_FIELDS})
+    return MotorCommand(**{name: _as_sent(getattr(command, name)) for name in FIELDS})
 
 
 def _as_sent(numbers: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:

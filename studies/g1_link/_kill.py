@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from poise.apps.deployment import HoistedPlant, deploy, g1_gains, stage_deployment
+from poise.apps.deployment import deploy, g1_gains, stage_deployment
 from poise.hardware import (
-    RAMP,
     RULES,
     Link,
     MotorCommand,
@@ -29,7 +28,7 @@ from poise.hardware import (
     Watchdog,
 )
 from poise.robots import load_robot
-from poise.sim import read_log
+from poise.sim import HoistedPlant, read_log
 from studies.finding import Finding, Section, Table
 from studies.g1_link._bus import PERIOD, g1_plant
 from studies.g1_link._loops import driven
@@ -38,7 +37,7 @@ from studies.plan import Progress, Steps, StudyOptions
 _PHASES, _QUICK = 10, 2
 """Kills, and with `--quick`."""
 
-_BEGIN, _STRIDE = 2.0 * RAMP + 3.0, 1.2
+_BEGIN, _STRIDE = 9.0, 1.2
 """Time of the first kill, two seconds into a walk, and length of two steps with their double
 supports, over which the kills are spread; either is of the simulated robot [s]."""
 

@@ -3,16 +3,20 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import yaml
 
-from poise.apps.deployment import FaultPlan, HoistedPlant, g1_gains
-from poise.apps.scenarios import Scenario, make_scenario, read_scenario
+from poise.apps.deployment import FaultPlan, g1_gains
+from poise.apps.scenarios import Scenario, load_scenario
 from poise.hardware import Action
 from poise.locomotion import StepTeleoperator
 from poise.robots import Robot, load_robot
-from poise.sim import PlantConfig
+from poise.sim import HoistedPlant, PlantConfig
 from studies.finding import Cell, Finding, Section, Table
 from studies.g1_link._bus import ON_THE_WAY, Bus, g1_plant, stage_on, ticks_of
 from studies.plan import Progress, StudyOptions
@@ -69,10 +73,14 @@ def shipped(name: str, seconds: float, **values: Any) -> Scenario:
         seconds: its length [s].
         values: of further fields, as in files.
     """
-    data, where = read_scenario(name)
+    text = (files("poise.apps.scenarios") / "shipped" / f"{name}.yaml").read_text()
+    data = yaml.safe_load(text)
     for key in ("motions", "pushes", "checks"):
         data.pop(key, None)
-    return make_scenario({**data, "robot": "g1", "duration": seconds, **values}, where)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / f"{name}.yaml"
+        file.write_text(yaml.safe_dump({**data, "robot": "g1", "duration": seconds, **values}))
+        return load_scenario(file)
 
 
 def driven(velocities: list[dict[str, Any]], seconds: float, seed: int = 0) -> Scenario:

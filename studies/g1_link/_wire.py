@@ -17,14 +17,13 @@ from jaxtyping import Float64
 
 from poise.apps.deployment import simulate_g1
 from poise.hardware import (
-    COMMAND_FIELDS,
-    MODE_MACHINES,
     G1Link,
     MotorCommand,
     MotorState,
 )
 from poise.robots import JointOrder, Robot, load_robot
 from studies.finding import Finding, Section
+from studies.g1_link._bus import FIELDS
 from studies.plan import Progress, StudyOptions
 
 _COUNT, _QUICK = 1000, 100
@@ -98,7 +97,7 @@ def marked(robot: Robot) -> MotorCommand:
 
 
 def _open(tag: str) -> G1Link:
-    modes = (MODE_MACHINES["g1_29dof_rev_1_0"],)
+    modes = (5,)  # g1_29dof_rev_1_0
     motors = JointOrder.unitree_dds("g1").names
     names = load_robot("g1").joint_names
     return G1Link(names, motors, mode_machines=modes, interface="lo", tag=tag, timeout=_PATIENCE)
@@ -121,7 +120,7 @@ def _at_rest(robot: Robot) -> MotorState:
 
 
 def _numbers(command: MotorCommand) -> Float64[np.ndarray, " n"]:
-    return np.concatenate([getattr(command, name) for name in COMMAND_FIELDS])
+    return np.concatenate([getattr(command, name) for name in FIELDS])
 
 
 @contextmanager

@@ -26,10 +26,11 @@ from poise.apps.deployment import replay_states
 again = replay_states(log, squat, robot, check)
 time, joint, share = again.worst  # of a difference by the torque limit
 
-# %% FaultPlan
-from poise.apps.deployment import FaultPlan
+# %% FaultPlan Faults
+from poise.apps.deployment import FaultPlan, Faults
 
 faults = FaultPlan(loss=0.01, jitter=0.002, dead=("left_knee",), begin=5.0)
+channel = Faults(faults, robot.joint_names, period=0.002)
 
 # %% simulate_g1 SimulatedRobot
 from poise.apps.deployment import SimulatedRobot, simulate_g1

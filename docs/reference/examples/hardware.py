@@ -11,7 +11,7 @@ zero = np.zeros(robot.nj)
 command = MotorCommand(q=zero, dq=zero, kp=zero, kd=zero + 2.0, tau=zero)
 torque = command.torque(zero, zero + 0.1)  # of ideal drives at 0.1 rad/s [N m]
 
-# %% Link LinkInfo MotorState
+# %% Link LinkInfo LinkStatus MotorState
 from poise.hardware import Link, LinkInfo, LinkStatus, MotorState
 
 
@@ -81,10 +81,11 @@ if __name__ == "__main__":
     remote.write(command)
     remote.close()
 
-# %% Watchdog
-from poise.hardware import Action, Watchdog
+# %% Watchdog Action Rule Trouble RULES
+from poise.hardware import RULES, Action, Rule, Trouble, Watchdog
 
-watchdog = Watchdog(robot)
+warm = Rule(trouble=Trouble.HEAT, limit=60.0, response=Action.HOLD)  # [deg C]
+watchdog = Watchdog(robot, rules=[*RULES, warm])
 with watchdog.signals():  # Ctrl-C and kill are rows of the table
     verdict = watchdog.evaluate(link, link.read(), answer)
     if verdict.response is Action.DAMP:
@@ -101,8 +102,8 @@ for _ in poise.rollout(body, controller, estimator=estimator, duration=0.02):
     assert body.verdict.response is Action.RUN
 body.close()
 
-# %% preflight
-from poise.hardware import preflight
+# %% preflight Preflight Move
+from poise.hardware import Move, Preflight, preflight
 
 
 class Limp(Inertias):
@@ -113,5 +114,23 @@ class Limp(Inertias):
         return super().read()
 
 
-found = preflight(robot, Limp(), check, start=robot.q_home[-robot.nj :], seconds=0.2)
+def ask(move: Move) -> None:
+    """Ask a person for a motion; `preflight(..., motion=ask)`."""
+    input(f"{move.prompt}; Enter begins.")
+
+
+found: Preflight = preflight(robot, Limp(), check, start=robot.q_home[-robot.nj :], seconds=0.2)
 print(found)  # a table: seen, wanted, and what to do
+
+# %% G1Link
+from functools import partial
+
+from poise.hardware import G1Link
+from poise.robots import JointOrder
+
+
+def connect(g1):
+    """Connect to a G1 by its cable, in a process of its own."""
+    motors = JointOrder.unitree_dds("g1").names
+    make = partial(G1Link, g1.joint_names, motors, interface="eth0", mode_machines=(5,))
+    return ProcessLink(make, LastCheck(g1, kp_max=100.0, kd_max=8.0))

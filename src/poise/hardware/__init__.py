@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from poise.hardware._g1 import G1Link as G1Link
+from poise.hardware._g1 import G1Link
 from poise.hardware._g1_robot import G1Robot as G1Robot
 from poise.hardware._g1_sdk import MODE_MACHINES as MODE_MACHINES
 from poise.hardware._last_check import LastCheck
@@ -13,7 +13,7 @@ from poise.hardware._link import (
     Gains as Gains,
     Link,
     LinkInfo,
-    LinkStatus as LinkStatus,
+    LinkStatus,
     MotorCommand,
     MotorState,
 )
@@ -23,31 +23,39 @@ if TYPE_CHECKING:
     from poise.hardware._link_body import RAMP as RAMP, WARM as WARM, LinkBody
     from poise.hardware._plant_link import PlantLink, robot_state
     from poise.hardware._preflight import (
-        Preflight as Preflight,
+        Preflight,
         PreflightCheck as PreflightCheck,
         preflight,
     )
-    from poise.hardware._preflight_moves import Move as Move
+    from poise.hardware._preflight_moves import Move
     from poise.hardware._torque_split import TorqueSplit
     from poise.hardware._watchdog import (
-        RULES as RULES,
-        Action as Action,
-        Rule as Rule,
-        Trouble as Trouble,
+        RULES,
+        Action,
+        Rule,
+        Trouble,
         Verdict as Verdict,
         Watchdog,
     )
 
 __all__ = [
+    "RULES",
+    "Action",
+    "G1Link",
     "LastCheck",
     "Link",
     "LinkBody",
     "LinkInfo",
+    "LinkStatus",
     "MotorCommand",
     "MotorState",
+    "Move",
     "PlantLink",
+    "Preflight",
     "ProcessLink",
+    "Rule",
     "TorqueSplit",
+    "Trouble",
     "Watchdog",
     "preflight",
     "robot_state",
