@@ -160,7 +160,6 @@ def stage_on(bus: Bus, scenario: Scenario, robot: Robot, *, ramp: float = 3.0) -
         gains.split,
         kp=gains.kp,
         kd=gains.kd,
-        listen=0.0,
         ramp=ramp,
     )
 

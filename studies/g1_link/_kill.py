@@ -37,7 +37,7 @@ from studies.plan import Progress, Steps, StudyOptions
 _PHASES, _QUICK = 10, 2
 """Kills, and with `--quick`."""
 
-_BEGIN, _STRIDE = 9.0, 1.2
+_BEGIN, _STRIDE = 15.2, 1.2
 """Time of the first kill, two seconds into a walk, and length of two steps with their double
 supports, over which the kills are spread; either is of the simulated robot [s]."""
 
@@ -124,7 +124,6 @@ def walk(folder: str, seed: int, priority: int | None, ready: Connection) -> Non
         gains.split,
         kp=gains.kp,
         kd=gains.kd,
-        listen=0.0,  # its time passes by commands
     )
     rules = [rule for rule in RULES if rule.trouble not in _LATE]
     stage.plant.body.watchdog = Watchdog(robot, rules=rules)  # type: ignore[attr-defined]

@@ -162,7 +162,7 @@ def run_loop(trial: Loop) -> Looped:
     return Looped(
         fell=plant.fallen,
         ended=" ".join(filter(None, (stage.plant.trouble, bus.reason))),
-        seconds=plant.time - body.begin,
+        seconds=body.time - body.begin,
         ticks=ticks,
         missed=bus.missed,
         held=held,

@@ -65,7 +65,7 @@ def run_controller(pipe: Connection, tag: str, seconds: float, seed: int) -> Non
         run = deploy(stage, log=Path(folder, "log.mcap"))
     record, body = run.record, stage.plant.body  # type: ignore[attr-defined]
     stamps = np.unique(record["received/time"])
-    # While it listens, and where it ends before its first command, nothing goes out.
+    # Where it ends before its first command, nothing goes out.
     ages = record["age"][record["age"] > 0.0]
     ages = ages if len(ages) else np.array([np.nan])
     median, most, worst = np.percentile(ages, [50.0, 99.0, 100.0]).tolist()

@@ -211,7 +211,7 @@ def wrong_slots(numbers: tuple[Any, ...]) -> int:
     fields = np.column_stack([sent.q, sent.dq, sent.tau, sent.kp, sent.kd])
     wanted = np.zeros((35, 7))
     for name, row in zip(robot.joint_names, fields, strict=True):
-        wanted[motors.index(name)] = [1.0, *np.float32(row), 0.0]
+        wanted[motors.index(name)] = [1.0, *row.astype(np.float32), 0.0]
     return int(np.any(slots != wanted, axis=1).sum())
 
 

@@ -28,7 +28,7 @@ from poise.robots import Robot
 from poise.sim import RunRecord, read_log, rollout
 
 _STORED = tuple(name for name in STATE_FIELDS if name != "wrenches")
-_UNKNOWN = {"wrenches": np.zeros((0, 6))}
+_UNKNOWN: dict[str, Any] = {"wrenches": np.zeros((0, 6))}
 
 
 class ReplayLink:
