@@ -72,7 +72,7 @@ class Killed:
     phase: float  # of the two steps
     tries: int  # runs that it took
     damped: float  # from the kill to the first damping [s]; infinite without a kill
-    stiff: int  # commands with stiffness later than `_DAMPED`
+    stiff: int  # commands with stiffness or torque later than `_DAMPED`
     torque: float  # largest torque of a motor from the kill on, by its limit
     finite: bool  # whether all numbers of the robot and its commands are
     lost: float  # from the last row of the log to the kill [s]
@@ -81,8 +81,8 @@ class Killed:
 class _Robot(PlantLink):
     """Simulated robot that writes down its commands.
 
-    Its time passes by them, and while its controller lives by those with stiffness alone: a robot
-    does not fall because a busy machine delays its controller until the link damps.
+    Its time passes by them, and while its controller lives by those with stiffness or torque: a
+    robot does not fall because a busy machine delays its controller until the link damps.
     """
 
     def __init__(self, plant: HoistedPlant, path: str) -> None:
@@ -92,14 +92,15 @@ class _Robot(PlantLink):
 
     def write(self, command: MotorCommand) -> None:
         """Apply a command, and write it down."""
-        controller, stiffness = self._controller, float(command.kp.max())
-        if stiffness > 0.0 or controller is None or not controller.is_alive():
+        controller = self._controller
+        driven = float(max(command.kp.max(), np.abs(command.tau).max()))
+        if driven > 0.0 or controller is None or not controller.is_alive():
             super().write(command)
         state, plant = self.read(), self._robot
         torque = float(np.max(np.abs(plant.applied_torque) / plant.robot.tau_max))
         numbers = [command.q, command.dq, command.kp, command.kd, command.tau, state.q, state.dq]
         total = float(np.concatenate(numbers).sum())
-        line = time.monotonic(), state.time, stiffness, torque, float(plant.fallen), total
+        line = time.monotonic(), state.time, driven, torque, float(plant.fallen), total
         self._file.write(_LINE.pack(*line))
 
 
@@ -200,14 +201,14 @@ def _kill(folder: str, at: float, seed: int) -> dict[str, Any] | None:
 
 
 def _walks(path: Path, at: float) -> bool:
-    """Return True once the last command has stiffness, and the robot's time has come."""
+    """Return True once the last command drives the robot, and the robot's time has come."""
     size = path.stat().st_size // _LINE.size if path.exists() else 0
     if not size:
         return False
     with path.open("rb") as file:
         file.seek((size - 1) * _LINE.size)
-        _, time, stiffness, *_ = _LINE.unpack(file.read(_LINE.size))
-    return time >= at and stiffness > 0.0
+        _, time, driven, *_ = _LINE.unpack(file.read(_LINE.size))
+    return time >= at and driven > 0.0
 
 
 def _lines(path: Path) -> Float64[np.ndarray, "n 6"]:
@@ -235,7 +236,7 @@ def kill_section(options: StudyOptions, progress: Progress) -> Section:
             _at_most("time to damping", 1e3 * max(k.damped for k in found), 1e3 * _DAMPED, note),
             _at_most("rows of the log lost", 1e3 * max(k.lost for k in found), 1e3 * _DAMPED, note),
             Finding(
-                name="commands with stiffness 20 ms after a kill",
+                name="commands with stiffness or torque 20 ms after a kill",
                 ours=sum(k.stiff for k in found),
                 paper=0,
                 ok=not any(k.stiff for k in found),
