@@ -1,18 +1,13 @@
 """`simulate`: a simulated robot behind the robot's end of a bus, in real time."""
 
-import gc
 import time as clock
-from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from poise.apps.deployment._faults import FaultPlan, Faults
-from poise.hardware import MotorCommand, MotorState, PlantLink
-from poise.sim import HoistedPlant, Recorder
-
-PERIOD = 0.002
-"""Of states and commands [s], as of a G1's bus."""
+from poise.hardware import COMMAND_FIELDS, MotorCommand, MotorState, PlantLink
+from poise.sim import HoistedPlant, Recorder, garbage_frozen
 
 _LATE = 0.1
 """Farther behind the clock, time that has passed is given up [s]; so does the live loop."""
@@ -34,7 +29,7 @@ class SimulatedRobot:
     """Plant with motors behind the robot's end of a bus.
 
     It hangs in a hoist until it is commanded stiffness or torque, and is then lowered onto its
-    feet. The motors have no watchdog: they hold the last command, as those of a G1.
+    feet. The motors have no watchdog: they hold the last command.
 
     Args:
         plant: the robot; its control period is that of the bus.
@@ -77,37 +72,34 @@ class SimulatedRobot:
         seconds: float = np.inf,
         *,
         recorder: Recorder | None = None,
-        stop: Callable[[], bool] = lambda: False,
     ) -> None:
         """Tick in real time.
 
         Args:
             seconds: length of the run [s].
             recorder: of the truth and the commands.
-            stop: ends the run when it returns True; called each tick.
         """
-        plant, period = self.plant, self.plant.control_dt
         if recorder is not None:
-            recorder.begin(plant)
-        gc.collect()
-        gc.freeze()
-        due = clock.monotonic()
+            recorder.begin(self.plant)
         try:
-            while plant.time < seconds and not stop():
-                command = self.tick()
-                if recorder is not None:
-                    recorder.look()
-                    names = ("q", "dq", "kp", "kd", "tau")
-                    got = {f"received/{n}": getattr(command, n) for n in names}
-                    recorder.sample(plant.time, **got)
-                due += period
-                now = clock.monotonic()
-                self.late += now > due + 0.5 * period
-                self.worst = max(self.worst, now - due)
-                if now > due + _LATE:
-                    due = now
-                clock.sleep(max(0.0, due - now))
+            with garbage_frozen():
+                self._keep_time(seconds, recorder)
         finally:
-            gc.unfreeze()
             if recorder is not None:
                 recorder.end()
+
+    def _keep_time(self, seconds: float, recorder: Recorder | None) -> None:
+        plant, period, due = self.plant, self.plant.control_dt, clock.monotonic()
+        while plant.time < seconds:
+            command = self.tick()
+            if recorder is not None:
+                recorder.look()
+                got = {f"received/{n}": getattr(command, n) for n in COMMAND_FIELDS}
+                recorder.sample(plant.time, **got)
+            due += period
+            now = clock.monotonic()
+            self.late += now > due + 0.5 * period
+            self.worst = max(self.worst, now - due)
+            if now > due + _LATE:
+                due = now
+            clock.sleep(max(0.0, due - now))
