@@ -171,7 +171,7 @@ def ticks_of(stage: Any, plant: Plant) -> Generator[Tick]:
         stage.controller,
         stage.leader,
         estimator=stage.estimator,
-        duration=stage.duration,
+        duration=stage.scenario.duration,
     ):
         yield tick
         if plant.fallen:

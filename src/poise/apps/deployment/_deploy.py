@@ -130,7 +130,7 @@ def deploy(
     body, controller = plant.body, stage.controller
 
     def ramp_out() -> None:
-        if plant.fallen or body.time < stage.duration - 0.5 * body.control_dt:
+        if plant.fallen or body.time < stage.scenario.duration - 0.5 * body.control_dt:
             return
         path = None if log is None else log.with_stem(f"{log.stem}_end")
         recorder = Recorder(path, config=RecorderConfig(flush_dt=FLUSH))

@@ -180,7 +180,7 @@ def run_stage(
                 stage.leader,
                 [recorder],
                 estimator=stage.estimator,
-                duration=stage.duration,
+                duration=scenario.duration,
             )
         ) as ticks,
     ):

@@ -51,7 +51,6 @@ class Stage:
     leader: Leader
     estimator: Estimator | None  # None where controller and leader have the plant's own state
     pushes: tuple[Push, ...]
-    duration: float  # of the rollout [s]
 
 
 def controller_names() -> tuple[str, ...]:
@@ -105,7 +104,6 @@ def stage_scenario(scenario: Scenario, robot: Robot | None = None) -> Stage:
         leader=leader,
         estimator=estimator,
         pushes=pushes,
-        duration=scenario.duration,
     )
 
 
