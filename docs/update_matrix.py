@@ -28,7 +28,9 @@ PLATFORMS = {
 """Names in the table, and those of uv. glibc 2.28 is the oldest that Pinocchio's wheels take."""
 
 _PYTHON = re.compile(r"Programming Language :: Python :: (3\.\d+)$")
-_NO_WHEEL = re.compile(r"(?:Because |and )([\w.-]+?)[=<>~!,.\d]* has no (?:usable )?wheels")
+_NO_WHEEL = re.compile(
+    r"(?:Because |and )([\w.-]+?)(?:\{[^}]*\})?[=<>~!,.\d]* has no (?:usable )?wheels"
+)
 
 
 def main() -> int:
