@@ -46,7 +46,7 @@ class MomentumObserver:
 
     def __init__(self, robot: Robot, gain: float = 150.0) -> None:
         self._model, self._data = robot.model, robot.model.createData()
-        self._gain, self._lower = gain, np.tril_indices(robot.nv, -1)
+        self._gain, self._still = gain, np.zeros(robot.nv)
         self._soles = {name: robot.frame_id(name) for name in robot.soles}
         self._rows = _rows_of_legs(robot, list(self._soles.values()))
         self._legs = np.where(self._rows < 6, 0.0, 1.0)
@@ -78,11 +78,10 @@ class MomentumObserver:
                 and the base's rows, which contain other forces on the robot, do not count [N, N m].
         """
         model, data, v = self._model, self._data, state.v
-        M = pin.crba(model, data, state.q)
-        M[self._lower] = M.T[self._lower]
-        momentum = M @ v
+        gravity = pin.computeGeneralizedGravity(model, data, state.q)
+        momentum = pin.rnea(model, data, state.q, self._still, v) - gravity
         coriolis = pin.computeCoriolisMatrix(model, data, state.q, v)
-        drive = coriolis.T @ v - pin.computeGeneralizedGravity(model, data, state.q)
+        drive = coriolis.T @ v - gravity
         drive[6:] += torque
         if self._momentum is None:
             self.disturbance = -drive

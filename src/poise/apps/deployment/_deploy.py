@@ -14,8 +14,9 @@ from poise.locomotion import Device, OperatorSample, StepTeleoperator
 from poise.robots import Robot
 from poise.sim import Recorder, RecorderConfig, garbage_frozen, rollout
 
-FLUSH = 0.01
-"""Time between two writings of the log [s]: half of the 20 ms that a killed run may lose."""
+FLUSH = 4e-3
+"""Time between two writings of the log [s]: two ticks of a G1. A killed run may lose 20 ms, and the
+writer's thread may wait for Python's interpreter for 5 ms beside the tick."""
 
 _REHEARSAL = 0.1
 """Length of the rehearsal [s]: all of a tick runs in its first few, and is compiled then."""
@@ -117,7 +118,7 @@ def deploy(
 
     Args:
         stage: of `stage_deployment`.
-        log: MCAP file, written every 10 ms; that of the ramp-out has `_end` behind its name.
+        log: MCAP file, written every 4 ms; that of the ramp-out has `_end` behind its name.
         view: show the estimate in a window.
         progress: called with the progress of the run.
 

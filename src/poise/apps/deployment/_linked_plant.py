@@ -33,6 +33,7 @@ class LinkedPlant(Plant):
         # Not the body's own state, which begins the run.
         self._estimate, self._made = robot_state(body.robot, body.link.info, body.measured), False
         super().__init__(body.robot, config)
+        self._sites = {name: self.model.site(name).id for name in body.robot.soles}
         self.show(self._estimate)
         self._made = True
 
@@ -86,16 +87,16 @@ class LinkedPlant(Plant):
 
     def zmp(self, height: float = 0.0) -> Float64[np.ndarray, "2"]:
         """ZMP of the estimated sole wrenches on the plane z = height [m]; NaN without load."""
-        force, moment = np.zeros(3), np.zeros(3)
+        data, load, roll, pitch = self.data, 0.0, 0.0, 0.0
         for name, wrench in self._estimate.contacts.items():
-            site = self.data.site(name)
-            turn = site.xmat.reshape(3, 3)
-            push = turn @ wrench[:3]
-            force += push
-            moment += turn @ wrench[3:] + np.cross(site.xpos - [0.0, 0.0, height], push)
-        if not force[2] > 0.0:
-            return np.full(2, np.nan)
-        return np.array([-moment[1], moment[0]]) / force[2]
+            site = self._sites[name]
+            turned = data.site_xmat[site].reshape(3, 3) @ wrench.reshape(2, 3).T
+            (fx, nx), (fy, ny), (fz, _) = turned.tolist()
+            x, y, z = data.site_xpos[site].tolist()
+            load += fz
+            roll += nx + y * fz - (z - height) * fy
+            pitch += ny + (z - height) * fx - x * fz
+        return np.array([-pitch, roll]) / load if load > 0.0 else np.full(2, np.nan)
 
     @property
     def _true(self) -> RobotState:
