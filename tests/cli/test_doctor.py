@@ -97,6 +97,7 @@ def test_missing_and_old_packages_are_named_with_the_extra_to_install(doctor, mo
     [
         ("2.0", ">=2.0.0", True), ("2.0rc1", ">=2", True), ("1.10.0+cu12", ">=1.9,<2", True),
         ("2", "<2.0", False), ("0.61.9", "<0.69,>=0.62", False), ("1.0.post1", ">=1.0", True),
+        ("0.1.8", "==0.1.8", True), ("0.1.9", "==0.1.8", False),
     ],
 )  # fmt: skip
 def test_versions_are_compared_by_their_numbers(version, bounds, good):

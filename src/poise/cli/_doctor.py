@@ -21,7 +21,8 @@ from poise import __version__
 from poise.cli._command import FAILED, OK, Figures
 from poise.errors import PoiseError
 
-_RELATIONS = {">=": operator.ge, "<": operator.lt}  # those of the requirements in pyproject.toml
+# Those of the requirements in pyproject.toml
+_RELATIONS = {">=": operator.ge, "<": operator.lt, "==": operator.eq}
 _REQUIREMENT = re.compile(r"([\w.-]+)[^<>=;]*([^;]*)(?:;.*extra == ['\"](.*)['\"])?")
 _ROOM = 32_000_000  # machine code takes 5 MB, a report with video and log 10 MB [bytes]
 _PATIENCE = 600.0  # a slow machine compiles the first controller in less [s]
