@@ -9,9 +9,6 @@ from poise.apps.deployment._faults import FaultPlan, Faults
 from poise.hardware import COMMAND_FIELDS, MotorCommand, MotorState, PlantLink
 from poise.sim import HoistedPlant, Recorder, garbage_frozen
 
-_LATE = 0.1
-"""Farther behind the clock, time that has passed is given up [s]; so does the live loop."""
-
 
 @runtime_checkable
 class RobotEnd(Protocol):
@@ -100,6 +97,7 @@ class SimulatedRobot:
             now = clock.monotonic()
             self.late += now > due + 0.5 * period
             self.worst = max(self.worst, now - due)
-            if now > due + _LATE:
+            # A robot's states never come faster than its rate: time that is lost stays lost.
+            if now > due + period:
                 due = now
             clock.sleep(max(0.0, due - now))
