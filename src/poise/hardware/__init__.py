@@ -22,21 +22,10 @@ from poise.hardware._process_link import ProcessLink
 if TYPE_CHECKING:
     from poise.hardware._link_body import RAMP as RAMP, WARM as WARM, LinkBody
     from poise.hardware._plant_link import PlantLink, robot_state
-    from poise.hardware._preflight import (
-        Preflight,
-        PreflightCheck as PreflightCheck,
-        preflight,
-    )
+    from poise.hardware._preflight import Preflight, PreflightCheck as PreflightCheck, preflight
     from poise.hardware._preflight_moves import Move
     from poise.hardware._torque_split import TorqueSplit
-    from poise.hardware._watchdog import (
-        RULES,
-        Action,
-        Rule,
-        Trouble,
-        Verdict as Verdict,
-        Watchdog,
-    )
+    from poise.hardware._watchdog import RULES, Action, Rule, Trouble, Verdict as Verdict, Watchdog
 
 __all__ = [
     "RULES",

@@ -13,6 +13,9 @@ DAMPING_RATIO = 0.3
 a fall has no joint reach its torque limit below three times its velocity limit."""
 
 
+_ROWS = *COMMAND_FIELDS, "change of torque"
+
+
 @runtime_checkable
 class RobotLimits(Protocol):
     """Limits of joints, as `Robot` has them; a process that imports no robot has them, too."""
@@ -56,8 +59,7 @@ class LastCheck:
 
     Attributes:
         joints: names of the joints.
-        lower: lower bounds of position targets [rad].
-        upper: upper bounds of position targets [rad].
+        lower, upper: bounds of position targets [rad].
         v_max: bounds of velocity targets [rad/s].
         tau_max: bounds of torques [N m].
         kp_max: largest stiffness [N m/rad].
@@ -94,7 +96,7 @@ class LastCheck:
             raise ConfigurationError("scale of the last check", got=scale, wanted="in (0, 1]")
         step = checked_number(step, "step of the last check", above=0.0)
         self.v_max, self.tau_max = np.array(limits.v_max), scale * limits.tau_max
-        self._step = step * limits.tau_max
+        change = step * limits.tau_max
         self.kp_max = per_joint(kp_max, joints, "kp_max [N m/rad]")
         self.kd_max = per_joint(kd_max, joints, "kd_max [N m s/rad]")
         kd = DAMPING_RATIO * limits.tau_max / limits.v_max if damping is None else damping
@@ -103,9 +105,12 @@ class LastCheck:
             high = int(np.argmax(kd - self.kd_max))
             message, wanted = f"damping of {joints[high]}", f"at most kd_max, {self.kd_max[high]:g}"
             raise ConfigurationError(message, got=float(kd[high]), wanted=wanted)
-        gains = self.kp_max, self.kd_max, kd
-        for numbers in (self.lower, self.upper, self.v_max, self.tau_max, *gains):
+        most = self.upper, self.v_max, self.kp_max, self.kd_max, self.tau_max, change
+        none = np.zeros(len(joints))
+        least = self.lower, -self.v_max, none, none, -self.tau_max, -change
+        for numbers in (self.lower, *most[:5], kd):
             numbers.flags.writeable = False
+        self._bounds = np.array([least, most])  # by row of `_ROWS`
         self.damping = self._last = MotorCommand.damping(kd)
         self.refused, self.reason = 0, ""
 
@@ -142,20 +147,13 @@ class LastCheck:
         taken = MotorCommand(**dict(zip(COMMAND_FIELDS, rows, strict=True)))
         with np.errstate(invalid="ignore", over="ignore"):  # infinite or huge ones, refused below
             change = taken.torque(*measured) - self._last.torque(*measured)
-        # Targets without a gain may be any number; infinite ones make the change NaN.
-        free_q, free_dq = (np.where(gain > 0.0, 0.0, np.inf) for gain in (taken.kp, taken.kd))
-        for what, values, lower, upper in (
-            ("q", taken.q, self.lower - free_q, self.upper + free_q),
-            ("dq", taken.dq, -self.v_max - free_dq, self.v_max + free_dq),
-            ("kp", taken.kp, np.zeros(count), self.kp_max),
-            ("kd", taken.kd, np.zeros(count), self.kd_max),
-            ("tau", taken.tau, -self.tau_max, self.tau_max),
-            ("change of torque", change, -self._step, self._step),
-        ):
-            good = (lower <= values) & (values <= upper)
-            if not good.all():
-                k = int(np.argmin(good))
-                wanted = f"{lower[k]:.4g} to {upper[k]:.4g}"
-                return f"{what} of {self.joints[k]} is {values[k]:.4g}, wanted {wanted}"
+        values, (least, most) = np.vstack((rows, change)), self._bounds
+        good = (least <= values) & (values <= most)
+        # Targets without a gain may be any number.
+        good[:2] |= (rows[2:4] == 0.0) & np.isfinite(rows[:2])
+        if not good.all():
+            row, k = np.argwhere(~good)[0].tolist()
+            wanted = f"{least[row, k]:.4g} to {most[row, k]:.4g}"
+            return f"{_ROWS[row]} of {self.joints[k]} is {values[row, k]:.4g}, wanted {wanted}"
         self._last = taken
         return ""
