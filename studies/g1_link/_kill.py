@@ -27,7 +27,7 @@ from poise.hardware import (
     Trouble,
     Watchdog,
 )
-from poise.robots import load_robot
+from poise.robots import Robot, load_robot
 from poise.sim import HoistedPlant, read_log
 from studies.finding import Finding, Section, Table
 from studies.g1_link._bus import PERIOD, g1_plant
@@ -126,10 +126,14 @@ def walk(folder: str, seed: int, priority: int | None, ready: Connection) -> Non
         kp=gains.kp,
         kd=gains.kd,
     )
-    rules = [rule for rule in RULES if rule.trouble not in _LATE]
-    stage.plant.body.watchdog = Watchdog(robot, rules=rules)  # type: ignore[attr-defined]
+    stage.plant.body.watchdog = patient_watchdog(robot)  # type: ignore[attr-defined]
     ready.send(link.pid)
     deploy(stage, log=Path(folder, "log.mcap"))
+
+
+def patient_watchdog(robot: Robot) -> Watchdog:
+    """Make a watchdog without rules of lateness."""
+    return Watchdog(robot, rules=[rule for rule in RULES if rule.trouble not in _LATE])
 
 
 def prefer_this_process() -> None:
