@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from tyro.conf import arg
 
-from poise.cli._command import OK
+from poise.cli._command import FAILED, OK
 from poise.cli._deploy import linked_plant
 
 
@@ -18,6 +18,7 @@ class BalanceVerb:
 
     The program sends JSON with joint or hand targets and a velocity, and gets the state; see
     examples/24_balance_client.py. Without --link the robot is simulated. Ctrl-C ends.
+    Exit status: 0 the robot is up, 1 it fell or was damped, 2 bad input.
 
     example: poise balance --link eth0
 
@@ -87,5 +88,6 @@ class BalanceVerb:
                 signal.signal(signal.SIGTERM, before)
                 if self.link is not None:
                     plant.body.close()
-        print(f"{plant.time:.1f} s, {server.leader.refused} messages refused{plant.trouble}")
-        return OK
+        trouble = f"; {plant.trouble}" if plant.trouble else ""
+        print(f"{plant.time:.1f} s, {server.leader.refused} messages refused{trouble}")
+        return FAILED if trouble else OK
