@@ -93,7 +93,7 @@ class McapLog:
     def _run(self) -> None:
         part: list[Any] | None = None
         try:
-            while (part := self._queue.get()) is not None:
+            while (part := self._waiting()) is not None:
                 for place, items in part:
                     self._write(place, items)
                 self._writer.flush()
@@ -108,6 +108,16 @@ class McapLog:
             # Nothing of what comes piles up in memory.
             while part is not None:
                 part = self._queue.get()
+
+    def _waiting(self) -> list[Any] | None:
+        """All that waits, for one chunk: a writer that is behind catches up; None at the end."""
+        part = self._queue.get()
+        while part is not None and not self._queue.empty():
+            if (more := self._queue.get()) is None:
+                self._queue.put(None)
+                break
+            part += more
+        return part
 
     def _write(self, place: Table | str, items: list[Any]) -> None:
         """Write rows of a table, or events of a topic."""
