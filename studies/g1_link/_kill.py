@@ -58,7 +58,7 @@ _LINE = struct.Struct("6d")
 one after a fall, and the sum of all numbers."""
 
 _PRIORITY = 80
-"""Of the link's process."""
+"""Of a link's process that simulates no robot."""
 
 _LATE = Trouble.LATE_STATE, Trouble.LATE_TICK, Trouble.GAP
 """Rules that the controller's watchdog does without: it is to walk until it is killed, on machines
@@ -109,13 +109,14 @@ def make_robot(path: str, seed: int) -> Link:
     return _Robot(HoistedPlant(load_robot("g1"), g1_plant(), seed=seed), path)
 
 
-def walk(folder: str, seed: int, priority: int | None, ready: Connection) -> None:
+def walk(folder: str, seed: int, ready: Connection) -> None:
     """Walk until the end of the process."""
     prefer_this_process()
     robot = load_robot("g1")
     gains = g1_gains(robot)
     make = partial(make_robot, f"{folder}/robot", seed)
-    link = ProcessLink(make, gains.check, priority=priority)
+    # Without priority: beside a simulated robot that has it other threads wait for a processor.
+    link = ProcessLink(make, gains.check)
     scenario = driven([{"at": 1.0, "velocity": [0.3, 0.0, 0.0]}], 60.0, seed)
     stage = stage_deployment(
         scenario,
@@ -169,7 +170,7 @@ def kill_at(phase: float, seed: int) -> Killed:
 def _kill(folder: str, at: float, seed: int) -> dict[str, Any] | None:
     spawn = multiprocessing.get_context("spawn")
     near, far = spawn.Pipe(duplex=False)
-    controller = spawn.Process(target=walk, args=(folder, seed, permitted_priority(), far))
+    controller = spawn.Process(target=walk, args=(folder, seed, far))
     controller.start()
     far.close()
     try:
@@ -228,8 +229,7 @@ def kill_section(options: StudyOptions, progress: Progress) -> Section:
         steps.next()
         found.append(kill_at(k / count, options.first_seed + k))
     steps.finish()
-    priority, load = permitted_priority(), os.getloadavg()[0]
-    note = f"{'under SCHED_FIFO' if priority else 'without real-time priority'}, load {load:.1f}"
+    note = f"without real-time priority, load {os.getloadavg()[0]:.1f}"
     return Section(
         prose=(
             "A G1 with motors, simulated in the process of a `ProcessLink`, walks at 0.3 m/s under "
