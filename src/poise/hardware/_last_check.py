@@ -12,7 +12,6 @@ DAMPING_RATIO = 0.3
 """Damping torque at a joint's velocity limit, by its torque limit, as of the controllers' fallback:
 a fall has no joint reach its torque limit below three times its velocity limit."""
 
-
 _ROWS = *COMMAND_FIELDS, "change of torque"
 
 

@@ -21,7 +21,7 @@ writer's thread waits for the tick."""
 
 _TURN = 5e-4
 """Time after which a thread gets Python's interpreter from another [s]: a quarter of a tick. The
-writer asks for it some five times a chunk, with 5 ms each by default."""
+writer asks for it several times a chunk, and Python's default is 5 ms."""
 
 _REHEARSAL = 0.1
 """Length of the rehearsal [s]: all of a tick runs in its first few, and is compiled then."""
